@@ -1,0 +1,49 @@
+# `make demo` and `make test` are the whole set-up: each builds its own environment from a committed lock file.
+PYTHON ?= python3
+RUN = .venv/run
+DEV = .venv/dev
+WHAT_IS_BUILT = pyproject.toml Makefile
+
+.PHONY: demo test bench lint types docs check lock clean
+
+demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
+	$(RUN)/bin/contactwrench demo --out contactwrench-demo
+
+test: $(DEV)/ready  ## all tests
+	$(DEV)/bin/python -m pytest
+
+bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against memcpy
+	$(DEV)/bin/python -m benchmarks
+
+lint: $(DEV)/ready
+	$(DEV)/bin/ruff check
+	$(DEV)/bin/ruff format --check
+
+types: $(DEV)/ready
+	$(DEV)/bin/mypy
+
+docs: $(DEV)/ready  ## every link resolves and every code block of README and docs/ runs
+	$(DEV)/bin/python -m pytest tests/test_docs.py
+
+check: lint types test
+
+$(RUN)/ready: requirements.lock $(WHAT_IS_BUILT)
+	$(PYTHON) -m venv --clear $(RUN)
+	$(RUN)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(RUN)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+$(DEV)/ready: requirements-dev.lock $(WHAT_IS_BUILT)
+	$(PYTHON) -m venv --clear $(DEV)
+	$(DEV)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	$(DEV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+LOCK = $(DEV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --custom-compile-command "make lock" --upgrade pyproject.toml --extra all
+lock: $(DEV)/ready  ## exact versions with hashes, no addresses
+	$(LOCK) --group build -o requirements.lock
+	$(LOCK) --group dev -o requirements-dev.lock
+
+clean:
+	rm -rf .venv contactwrench-demo

@@ -1,0 +1,10 @@
+"""contactwrench: from a raw wrist force/torque sensor to the pure contact wrench."""
+
+from .calibrate import calibrate
+from .calibration import Calibration
+from .errors import ContactWrenchError
+from .recording import read
+from .samples import Samples
+from .version import __version__
+
+__all__ = ["Calibration", "ContactWrenchError", "Samples", "__version__", "calibrate", "read"]

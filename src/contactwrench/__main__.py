@@ -1,0 +1,5 @@
+"""`python -m contactwrench`."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,233 @@
+"""The calibration file: JSON with the fields of `Calibration` under their names, checked on reading (design: 6)."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from .calibration import Calibration
+from .errors import FileFormatError, InputError
+from .files import read_bytes, write_text
+from .model import PARAMETERS, RigidTool, wrench_matrix
+from .observability import Observability
+from .orientation import Array, nearest_rotations
+from .poses import Pose, PoseMoments
+
+SCHEMA = "contactwrench/calibration/1"
+_FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
+B_TOLERANCE = 1e-9
+
+
+class _Pose(msgspec.Struct):
+    R_base_flange: list[list[float]]
+    wrench: list[float]
+    wrench_cov: list[list[float]]
+    n: int
+    t_start: float | None
+    t_end: float | None
+    rejected: str | None
+
+
+class _Moments(msgspec.Struct):
+    n: int
+    design: list[list[float]]
+    cross: list[list[float]]
+    wrench: list[list[float]]
+
+
+class _Observability(msgspec.Struct):
+    rank: int
+    singular_values: list[float]
+    condition: float
+    tilt_range: list[float]
+    trade_offs: list[str]
+
+
+class _Std(msgspec.Struct):
+    weight: float | None
+    com: list[float] | None
+    bias: list[float]
+    yaw: float | None
+    mount: list[float] | None
+    gravity: list[float] | None
+
+
+class _File(msgspec.Struct):
+    """The file, key by key; msgspec names a key that is missing or of the wrong type."""
+
+    schema: str
+    requested_model: str
+    model: str
+    weight: float | None
+    mass: float | None
+    com: list[float] | None
+    bias: list[float]
+    R_flange_sensor: list[list[float]] | None
+    yaw: float | None
+    gravity_direction: list[float]
+    B: list[list[float]]
+    B_covariance: list[list[float]]
+    parameter_names: list[str]
+    parameters: list[float]
+    covariance: list[list[float]]
+    std: _Std
+    noise: list[float]
+    residual_rms: list[float]
+    held_out_rms: list[float] | None
+    reduced_chi2: float
+    dof: float
+    observability: _Observability
+    warnings: list[str]
+    provenance: dict[str, str | int | float | bool | None]
+    poses: list[_Pose]
+    moments: _Moments | None
+    weight_xy: float | None
+    weight_z: float | None
+
+
+def to_json(calibration: Calibration) -> str:
+    """The saved form: one key a line, every number in the shortest form that reads back exactly."""
+    values: dict[str, Any] = {"schema": SCHEMA}
+    for field in fields(Calibration):
+        values[field.name] = _plain(getattr(calibration, field.name))
+        if field.name == "covariance":
+            values["std"] = _plain(calibration.std)
+    lines = [f"  {_encoded(key)}: {_encoded(value)}" for key, value in values.items()]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def save(calibration: Calibration, path: str | Path) -> None:
+    """Write the saved form to `path`; see files.py."""
+    write_text(path, to_json(calibration))
+
+
+def load(path: str | Path) -> Calibration:
+    """Read and check a calibration file. Raises `FileAccessError`; `FileFormatError` naming what is wrong with it."""
+    content = read_bytes(path)
+    try:
+        values = msgspec.json.decode(content)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
+    schema = values.get("schema") if isinstance(values, dict) else None
+    if not isinstance(schema, str) or not schema.startswith(f"{_FAMILY}/"):
+        raise FileFormatError(f"{path}: found schema {schema!r}, expected {SCHEMA!r}: name a file that calibrate wrote")
+    if schema != SCHEMA:
+        number = schema.rpartition("/")[2]
+        newer = number.isdecimal() and int(number) > int(_NUMBER)
+        remedy = "upgrade contactwrench" if newer else _AGAIN
+        raise FileFormatError(f"{path}: found schema {schema!r}, this version reads {SCHEMA!r}: {remedy}")
+    try:
+        file = msgspec.convert(values, _File)
+    except msgspec.ValidationError as error:
+        raise FileFormatError(f"{path}: {error}, expected a saved calibration: {_AGAIN}") from None
+    try:
+        _check(file)
+        return _calibration(file)
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}: {_AGAIN}") from None
+
+
+_AGAIN = "calibrate again or restore the file"
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as nested lists, records as objects."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, Pose | PoseMoments | Observability):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    return value
+
+
+def _encoded(value: Any) -> str:
+    return msgspec.json.encode(value).decode()
+
+
+def _check(file: _File) -> None:
+    """Raise `InputError` unless the shapes fit, the rotation is one, and B follows from the parameters."""
+    if file.model not in PARAMETERS:
+        raise InputError(f"model is {file.model!r}, expected one of {', '.join(PARAMETERS)}")
+    names = PARAMETERS[file.model]
+    if tuple(file.parameter_names) != names:
+        raise InputError(f"parameter_names do not fit model {file.model}, expected {', '.join(names)}")
+    p = len(names)
+    shapes: dict[str, tuple[int, ...]] = {
+        "bias": (6,),
+        "gravity_direction": (3,),
+        "B": (6, 4),
+        "B_covariance": (24, 24),
+        "parameters": (p,),
+        "covariance": (p, p),
+        "noise": (6,),
+        "residual_rms": (6,),
+    }
+    arrays = {name: _array(name, getattr(file, name), shape) for name, shape in shapes.items()}
+    if file.held_out_rms is not None:
+        _array("held_out_rms", file.held_out_rms, (6,))
+    for k, pose in enumerate(file.poses):
+        _array(f"poses[{k}].wrench", pose.wrench, (6,))
+        _array(f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6))
+        _rotation(f"poses[{k}].R_base_flange", pose.R_base_flange)
+    if abs(float(np.linalg.norm(arrays["gravity_direction"])) - 1.0) > B_TOLERANCE:
+        raise InputError("gravity_direction has not length 1")
+    _check_B(file, arrays)
+
+
+def _check_B(file: _File, arrays: dict[str, Array]) -> None:
+    rigid = (file.weight, file.mass, file.com, file.R_flange_sensor, file.yaw)
+    if file.model == "affine":
+        if any(value is not None for value in rigid):
+            raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
+        if np.abs(arrays["B"][:, 3] - arrays["bias"]).max() > B_TOLERANCE:
+            raise InputError("the last column of B differs from bias")
+        return
+    if file.weight is None or file.mass is None or file.com is None or file.R_flange_sensor is None or file.yaw is None:
+        raise InputError(f"model {file.model} lacks weight, mass, com, R_flange_sensor or yaw, expected numbers")
+    R_flange_sensor = _rotation("R_flange_sensor", file.R_flange_sensor)
+    com = _array("com", file.com, (3,))
+    tool = RigidTool(file.weight, com, arrays["bias"], R_flange_sensor, arrays["gravity_direction"])
+    off = float(np.abs(wrench_matrix(tool) - arrays["B"]).max())
+    if off > B_TOLERANCE:
+        raise InputError(
+            f"B differs by {off:.3g} from what weight, com, bias and R_flange_sensor give: the file was edited"
+        )
+    linear = np.r_[file.weight, com, arrays["bias"]]
+    if np.abs(linear - arrays["parameters"][:10]).max() > B_TOLERANCE:
+        raise InputError("parameters differ from weight, com and bias: the file was edited")
+
+
+def _array(name: str, values: Any, shape: tuple[int, ...]) -> Array:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except ValueError:
+        array = np.empty(0)
+    if array.shape != shape:
+        raise InputError(f"{name} has not the shape {shape}")
+    return array
+
+
+def _rotation(name: str, values: list[list[float]]) -> Array:
+    R = _array(name, values, (3, 3))
+    try:
+        nearest = nearest_rotations(R[None])[0]
+    except InputError:
+        raise InputError(f"{name} is no rotation matrix") from None
+    if np.abs(nearest - R).max() > 1e-6:
+        raise InputError(f"{name} is no rotation matrix")
+    return R
+
+
+def _calibration(file: _File) -> Calibration:
+    values = {field.name: getattr(file, field.name) for field in fields(Calibration)}
+    values["observability"] = Observability(**msgspec.structs.asdict(file.observability))
+    values["poses"] = tuple(Pose(**msgspec.structs.asdict(pose)) for pose in file.poses)
+    values["moments"] = None if file.moments is None else PoseMoments(**msgspec.structs.asdict(file.moments))
+    return Calibration(**values)

@@ -1,0 +1,101 @@
+"""A calibration in plain words and columns, for a terminal or a log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .model import AXES
+
+if TYPE_CHECKING:
+    from .calibration import Calibration
+
+Row = tuple[str, str, str, str]
+"""Name, value, standard deviation, unit."""
+
+
+def describe(calibration: Calibration) -> str:
+    """Every parameter with its standard deviation and unit, how well it fits, the verdict and the warnings."""
+    rows = parameter_rows(calibration)
+    width = [max(len(row[k]) for row in rows) for k in range(3)]
+    lines = [headline(calibration), ""]
+    lines += [
+        f"  {name:<{width[0]}}  {value:>{width[1]}}  {'+- ' + std if std else '':<{width[2] + 3}}  {unit}".rstrip()
+        for name, value, std, unit in rows
+    ]
+    lines += ["", *fit_lines(calibration), "", f"Verdict  {calibration.verdict}"]
+    lines += [f"Warning  {warning}" for warning in calibration.warnings]
+    return "\n".join(lines)
+
+
+def headline(calibration: Calibration) -> str:
+    """Model, and what it was fitted on."""
+    c = calibration
+    n = len(c.poses) if c.moments is None else c.moments.n
+    rows = c.provenance.get("rows", n)
+    asked = "" if c.requested_model == c.model else f" (asked: {c.requested_model})"
+    of_rows = "" if rows == n else f" from {rows} rows"
+    return f"Calibration, model {c.model}{asked}, {n} poses{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
+
+
+def parameter_rows(calibration: Calibration) -> list[Row]:
+    """Every parameter as text, in the units that people speak: N, kg, mm, N m, deg."""
+    c, std = calibration, calibration.std
+    rows: list[Row] = []
+    if c.weight is not None and c.mass is not None and c.com is not None and c.yaw is not None:
+        g = c.weight / c.mass
+        rows.append(_row("weight", c.weight, std["weight"], "N"))
+        if c.weight_xy is not None and c.weight_z is not None:
+            rows.append(("weight_xy", f"{c.weight_xy:.4g}", "", "N, from the x and y rows of Eq. 13"))
+            rows.append(("weight_z", f"{c.weight_z:.4g}", "", "N, from the z rows; the paper's G"))
+        rows.append(_row("mass", c.mass, std["weight"] / g, "kg"))
+        rows += [_row(f"com_{x}", 1e3 * v, 1e3 * s, "mm") for x, v, s in zip("xyz", c.com, std["com"], strict=True)]
+    rows += [
+        _row(f"bias_{axis}", v, s, "N" if axis[0] == "f" else "N m")
+        for axis, v, s in zip(AXES, c.bias, std["bias"], strict=True)
+    ]
+    if c.yaw is not None and c.R_flange_sensor is not None:
+        side = "along" if c.sensor_z_along_flange else "against"
+        rows.append(_row("yaw", np.rad2deg(c.yaw), np.rad2deg(std["yaw"]), f"deg, sensor's z {side} the flange's"))
+        tilt = np.rad2deg(np.arccos(min(1.0, abs(float(c.R_flange_sensor[2, 2])))))
+        if std["mount"] is not None:
+            rows.append(_row("tilt", tilt, np.rad2deg(np.linalg.norm(std["mount"][:2])), "deg between those two axes"))
+    if std["gravity"] is not None:
+        rows += [
+            _row(f"gravity_{x}", v, float(np.linalg.norm(std["gravity"])), "in base axes")
+            for x, v in zip("xyz", c.gravity_direction, strict=True)
+        ]
+    return rows
+
+
+def fit_lines(calibration: Calibration) -> list[str]:
+    """How well the model explains its poses: noise, residual and held-out error, an axis a column."""
+    c = calibration
+    table = [
+        ("noise of a pose", c.noise),
+        ("residual rms", c.residual_rms),
+        ("held-out rms", c.held_out_rms),
+    ]
+    lines = [f"  {'':<16}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m"]
+    for name, values in table:
+        if values is None:
+            lines.append(f"  {name:<16}" + f"{'-':>9}" * 6)
+        else:
+            in_units = [*values[:3], *(1e3 * values[3:])]
+            lines.append(f"  {name:<16}" + "".join(f"{value:9.3g}" for value in in_units))
+    low, high = np.rad2deg(c.observability.tilt_range)
+    lines.append(
+        f"  reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom, condition number "
+        f"{c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z"
+    )
+    return lines
+
+
+def _row(name: str, value: float, std: float, unit: str) -> Row:
+    """Value and std with the digits that the std leaves meaningful: two of its own."""
+    if not std > 0.0:
+        return name, f"{value:.6g}", "0", unit
+    digits = max(0, 1 - int(np.floor(np.log10(std))))
+    digits = min(digits, 9)
+    return name, f"{value:.{digits}f}", f"{std:.{digits}f}", unit

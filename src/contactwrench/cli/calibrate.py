@@ -1,0 +1,88 @@
+"""`contactwrench calibrate`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .reading import (
+    DEFAULT_G,
+    Gravity,
+    InverseOrientation,
+    Json,
+    Orientation,
+    Recording,
+    Sign,
+    StandardGravity,
+    WrenchFrame,
+    gravity_direction,
+    read_recording,
+)
+
+
+def calibrate(
+    file: Recording,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="CAL.json", help="Write the calibration; - is stdout."),
+    ] = None,
+    model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
+    report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
+    require_force: Annotated[
+        float | None, typer.Option(metavar="N", help="Exit 1 if the calibration adds more force error (std).")
+    ] = None,
+    require_torque: Annotated[
+        float | None,
+        typer.Option(metavar="NM", help="Exit 1 if the calibration adds more torque error (std)."),
+    ] = None,
+    json: Json = False,
+    orientation: Orientation = "auto",
+    wrench_frame: WrenchFrame = "sensor",
+    sign: Sign = "pull",
+    inverse_orientation: InverseOrientation = False,
+    gravity: Gravity = None,
+    g: StandardGravity = DEFAULT_G,
+) -> int:
+    """Identify weight, centre of mass, bias and mounting from contact-free poses."""
+    from ..calibrate import calibrate as fit
+    from ..calibration_file import to_json
+
+    samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
+    calibration = fit(samples, model, gravity=gravity_direction(gravity), g=g)
+    reading = {
+        "orientation": orientation,
+        "wrench_frame": wrench_frame,
+        "sign": sign,
+        "inverse_orientation": inverse_orientation,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    calibration = replace(calibration, provenance={**calibration.provenance, **reading})
+    if output is not None:
+        calibration.save(output)
+    if report is not None:
+        from ..report.html import write_calibration_report
+
+        write_calibration_report(report, calibration)
+    if json:
+        typer.echo(to_json(calibration), nl=False)
+    elif str(output) != "-":
+        typer.echo(str(calibration))
+        for path, what in ((output, "calibration"), (report, "report")):
+            if path is not None:
+                typer.echo(f"Wrote the {what} to {path}")
+    force, torque = calibration.largest_std
+    failed = [
+        f"{name} {value:.3g} {unit} over {limit:g}"
+        for name, value, limit, unit in (
+            ("force", force, require_force, "N"),
+            ("torque", torque, require_torque, "N m"),
+        )
+        if limit is not None and not value <= limit
+    ]
+    if failed:
+        typer.echo(f"Required accuracy missed: largest std of the contact {' and '.join(failed)}", err=True)
+    return 1 if failed else 0

@@ -1,0 +1,78 @@
+"""The program: verbs, exit status, and one line on stderr for whatever the user can mend.
+
+0 done; 1 a check failed; 2 bad use, bad input, or data that cannot give the answer.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import typer
+
+from ..errors import ContactWrenchError
+from ..version import __version__
+from .calibrate import calibrate
+from .compensate import compensate
+from .demo import demo
+from .diff import diff
+from .show import show
+from .verify import verify
+
+CHECK_FAILED = 1
+BAD = 2
+
+app = typer.Typer(
+    name="contactwrench",
+    help="From a raw wrist force/torque sensor to the pure contact wrench.",
+    epilog="Every verb has --help. Exit status: 0 done; 1 a check failed; 2 bad use, bad input, or poses that cannot "
+    "give the answer, with one line on stderr that says what to do.",
+    add_completion=False,
+    no_args_is_help=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
+for verb in (calibrate, compensate, verify, show, diff, demo):
+    app.command()(verb)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"contactwrench {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _program(
+    version: bool = typer.Option(False, "--version", help="Print the version.", callback=_print_version, is_eager=True),
+) -> None:
+    """From a raw wrist force/torque sensor to the pure contact wrench."""
+
+
+def main() -> None:
+    """Run the program and leave with its exit status."""
+    sys.exit(_status())
+
+
+def _status() -> int:
+    try:
+        status = app(standalone_mode=False)
+        sys.stdout.flush()
+    except ContactWrenchError as error:
+        return _say(str(error))
+    except typer.TyperException as error:
+        return _say(f"{error.format_message()} Try 'contactwrench --help'.")
+    except typer.Abort:
+        return _say("interrupted")
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BAD
+    except OSError as error:
+        return _say(f"standard output cannot be written ({error.strerror}): check where it goes")
+    return status if isinstance(status, int) else 0
+
+
+def _say(message: str) -> int:
+    print(f"contactwrench: {' '.join(message.split())}", file=sys.stderr)
+    return BAD

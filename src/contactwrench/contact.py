@@ -1,0 +1,67 @@
+"""The contact wrench of a recording in the axes and about the point that its user works with, std carried along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .calibration import ROWS_AT_ONCE, Calibration
+from .errors import InputError
+from .orientation import Array
+from .samples import Samples, read_only
+from .wrench import wrench_transform
+
+OUTPUT_FRAMES = ("sensor", "flange", "base")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWrenches:
+    """Contact wrenches `wrench` (n, 6), N and N m, their `std` (n, 6) from the calibration alone, and `t` (n,) s."""
+
+    wrench: Array
+    std: Array
+    t: Array | None
+
+    def __post_init__(self) -> None:
+        for name in ("wrench", "std"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def contact_wrenches(
+    calibration: Calibration,
+    samples: Samples,
+    output_frame: str = "sensor",
+    point: Array | None = None,
+    gravity: Array | None = None,
+) -> ContactWrenches:
+    """Compensate every sample.
+
+    `output_frame`: sensor, flange or base axes. `point` (3,) m in SENSOR axes: where the torque is taken, the TCP,
+    default the sensor's origin. `gravity` (3,): its direction in the base axes of this recording, where that differs
+    from the calibration's. Raises `InputError` for an unknown frame, or one that `affine` cannot give.
+    """
+    if output_frame not in OUTPUT_FRAMES:
+        raise InputError(f"output frame is {output_frame!r}, expected {', '.join(OUTPUT_FRAMES)}")
+    if output_frame != "sensor" and calibration.R_flange_sensor is None:
+        raise InputError(f"model affine has no mounting, so no {output_frame} axes: use sensor, or another model")
+    calibration = calibration.with_gravity(gravity)
+    R = samples.R_base_flange
+    wrench, std = calibration.compensate(samples.wrench, R), np.empty((len(samples), 6))
+    if output_frame == "sensor" and point is None:
+        return ContactWrenches(wrench, calibration.wrench_std(R), samples.t)
+    for start in range(0, len(samples), ROWS_AT_ONCE):
+        rows = slice(start, start + ROWS_AT_ONCE)
+        transform = wrench_transform(_axes(calibration, R[rows], output_frame), np.zeros(3) if point is None else point)
+        wrench[rows] = np.einsum("nij,nj->ni", transform, wrench[rows])
+        covariance = transform @ calibration.wrench_covariance(R[rows]) @ transform.transpose(0, 2, 1)
+        std[rows] = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
+    return ContactWrenches(wrench, std, samples.t)
+
+
+def _axes(calibration: Calibration, R_base_flange: Array, output_frame: str) -> Array:
+    """Rotations (n, 3, 3) from sensor axes to `output_frame`."""
+    R_flange_sensor = np.eye(3) if calibration.R_flange_sensor is None else calibration.R_flange_sensor
+    if output_frame == "base":
+        return R_base_flange @ R_flange_sensor
+    return np.broadcast_to(np.eye(3) if output_frame == "sensor" else R_flange_sensor, R_base_flange.shape)

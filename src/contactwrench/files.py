@@ -1,0 +1,82 @@
+"""Read and write files so that a failure is one clear message and never half a file."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from .errors import FileAccessError
+
+STDOUT = "-"
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """The content of a file. Raises `FileAccessError` naming the path and why it cannot be read."""
+    try:
+        return Path(path).read_bytes()
+    except IsADirectoryError:
+        raise FileAccessError(f"{path}: found a directory, expected a file: name the file in it") from None
+    except FileNotFoundError:
+        raise FileAccessError(f"{path}: there is no such file, expected a readable file: check the path") from None
+    except OSError as error:
+        raise FileAccessError(
+            f"{path}: cannot be read ({_reason(error)}): check the path and its permissions"
+        ) from None
+
+
+def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
+    """Write UTF-8 text: beside the file, then renamed over it, so that the file is whole or untouched.
+
+    `-` is standard output; devices and pipes are written directly. Raises `FileAccessError`.
+    """
+    pieces = [pieces] if isinstance(pieces, str) else pieces
+    if str(path) == STDOUT:
+        for piece in pieces:
+            sys.stdout.write(piece)
+        sys.stdout.flush()
+        return
+    target = Path(os.path.realpath(path))
+    try:
+        if target.is_dir():
+            raise FileAccessError(f"{path}: found a directory, expected a file to write: name a file in it")
+        if target.exists() and not stat.S_ISREG(target.stat().st_mode):
+            with target.open("w", encoding="utf-8", newline="") as device:
+                device.writelines(pieces)
+        else:
+            _write_beside_then_rename(target, pieces)
+    except FileNotFoundError:
+        raise FileAccessError(f"{path}: there is no folder {target.parent}: make it first") from None
+    except OSError as error:
+        if isinstance(error, FileAccessError):
+            raise
+        raise FileAccessError(
+            f"{path}: cannot be written ({_reason(error)}): check the space on the disk and the permissions"
+        ) from None
+
+
+def _write_beside_then_rename(target: Path, pieces: Iterable[str]) -> None:
+    handle, beside = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with open(handle, "w", encoding="utf-8", newline="") as file:
+            file.writelines(pieces)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(beside).chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask())
+        Path(beside).replace(target)
+    except BaseException:
+        Path(beside).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

@@ -1,0 +1,186 @@
+"""The measurement model: what a free tool reads, and how that changes with every parameter.
+
+    u = R_flange_sensor^T R_base_flange^T d           unit "down" in sensor axes
+    F = weight * u + F0      T = com x (weight * u) + T0
+
+(paper, Eq. 1-2 and 10-12, with any mounting and any direction of gravity d). In one line: `B @ [r, 1]` with
+`r = R_base_flange^T d` and B (6, 4); everything that was identified, but d, is in B.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .orientation import Array
+from .rotations import rotation_exp
+from .wrench import cross_matrix
+
+LINEAR_PARAMETERS = (
+    "weight",
+    "com_x",
+    "com_y",
+    "com_z",
+    "bias_fx",
+    "bias_fy",
+    "bias_fz",
+    "bias_tx",
+    "bias_ty",
+    "bias_tz",
+)
+MOUNT = ("mount_x", "mount_y", "mount_z")
+GRAVITY = ("gravity_a", "gravity_b")
+AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+PARAMETERS: dict[str, tuple[str, ...]] = {
+    "paper": (*LINEAR_PARAMETERS, "yaw"),
+    "yaw": (*LINEAR_PARAMETERS, "yaw"),
+    "mount": (*LINEAR_PARAMETERS, *MOUNT),
+    "mount+base": (*LINEAR_PARAMETERS, *MOUNT, *GRAVITY),
+    "affine": tuple(f"B_{axis}_{column}" for axis in AXES for column in ("rx", "ry", "rz", "1")),
+}
+"""The parameters of each model, in the order of every covariance (design: section 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTool:
+    """The parameters of the rigid models, unpacked.
+
+    `weight` N; `com` (3,) m, sensor frame; `bias` (6,) N and N m; `R_flange_sensor` (3, 3); `gravity_direction`
+    (3,) unit vector in base axes.
+    """
+
+    weight: float
+    com: Array
+    bias: Array
+    R_flange_sensor: Array
+    gravity_direction: Array
+
+
+def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
+    """Two unit vectors a, b (base axes) that complete `gravity_direction` to a right-handed base (a, b, d)."""
+    d = gravity_direction
+    least = np.eye(3)[int(np.argmin(np.abs(d)))]
+    a = np.cross(least, d)
+    a /= np.linalg.norm(a)
+    return a, np.cross(d, a)
+
+
+def gravity_in_flange(R_base_flange: Array, gravity_direction: Array) -> Array:
+    """`r = R_base_flange^T d`, (n, 3), unit "down" in flange axes, for orientations (n, 3, 3)."""
+    r: Array = gravity_direction @ R_base_flange
+    return r
+
+
+def wrench_matrix(tool: RigidTool) -> Array:
+    """B (6, 4): the free wrench is `B @ [r, 1]`."""
+    R_sensor_flange = tool.R_flange_sensor.T
+    B = np.empty((6, 4))
+    B[:3, :3] = tool.weight * R_sensor_flange
+    B[3:, :3] = cross_matrix(tool.com) @ B[:3, :3]
+    B[:, 3] = tool.bias
+    return B
+
+
+def free_wrench(B: Array, r: Array) -> Array:
+    """The wrench (n, 6) of a free tool for gravity directions `r` (n, 3) in flange axes."""
+    wrench: Array = r @ B[:, :3].T + B[:, 3]
+    return wrench
+
+
+def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...]) -> Array:
+    """Derivative (n, 6, p) of the free wrench with respect to the rigid parameters `names`.
+
+    Mounting: `R_flange_sensor @ exp([delta]x)`, sensor axes, so du = u x delta. `yaw` is the z component of delta.
+    Gravity: `exp([alpha a + beta b]x) d` with `horizontal_axes` a, b.
+    """
+    n = len(R_base_flange)
+    R_sensor_flange = tool.R_flange_sensor.T
+    u = gravity_in_flange(R_base_flange, tool.gravity_direction) @ tool.R_flange_sensor
+    com = cross_matrix(tool.com)
+    J = np.zeros((n, 6, len(names)))
+    J[:, :3, 0] = u
+    J[:, 3:, 0] = u @ com.T
+    J[:, 3:, 1:4] = -tool.weight * cross_matrix(u)
+    J[:, :, 4:10] = np.eye(6)
+    if "yaw" in names or "mount_x" in names:
+        dF = tool.weight * cross_matrix(u)
+        if "yaw" in names:
+            dF = dF[:, :, 2:]
+        columns = slice(10, 10 + dF.shape[2])
+        J[:, :3, columns] = dF
+        J[:, 3:, columns] = com @ dF
+    if "gravity_a" in names:
+        a, b = horizontal_axes(tool.gravity_direction)
+        turned = np.stack([-b, a])
+        dF = tool.weight * R_sensor_flange @ (turned @ R_base_flange).transpose(0, 2, 1)
+        J[:, :3, -2:] = dF
+        J[:, 3:, -2:] = com @ dF
+    return J
+
+
+def matrix_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
+    """Derivative (24, p) of B, row-major, with respect to the rigid parameters `names`.
+
+    B is linear in [r, 1], so its columns are the free wrenches at r = x, y, z less the one at r = 0; the
+    derivative follows the same way. The direction of gravity does not enter B.
+    """
+    J = np.zeros((6, 4, len(names)))
+    unit_r = RigidTool(tool.weight, tool.com, tool.bias, tool.R_flange_sensor, np.array([0.0, 0.0, 1.0]))
+    for column, R in enumerate(_R_BASE_FLANGE_WITH_DOWN_ALONG):
+        J[:, column] = wrench_jacobian(unit_r, R[None], names)[0]
+    J[:, :3, 4:10] = 0.0
+    J[:, 3, 4:10] = np.eye(6)
+    if "gravity_a" in names:
+        J[:, :, -2:] = 0.0
+    return J.reshape(24, len(names))
+
+
+_R_BASE_FLANGE_WITH_DOWN_ALONG = np.array(
+    [
+        [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
+        [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    ]
+)
+"""Rotations whose `R^T z` is x, y and z."""
+
+
+def stepped(tool: RigidTool, step: Array, names: tuple[str, ...]) -> RigidTool:
+    """The tool after a step (p,) in the parameters `names`: additive, but on the manifold for the two rotations."""
+    moved = replace(tool, weight=tool.weight + float(step[0]), com=tool.com + step[1:4], bias=tool.bias + step[4:10])
+    if "yaw" in names:
+        turn = np.array([0.0, 0.0, step[10]])
+        moved = replace(moved, R_flange_sensor=tool.R_flange_sensor @ rotation_exp(turn))
+    if "mount_x" in names:
+        moved = replace(moved, R_flange_sensor=tool.R_flange_sensor @ rotation_exp(step[10:13]))
+    if "gravity_a" in names:
+        a, b = horizontal_axes(tool.gravity_direction)
+        turn = step[-2] * a + step[-1] * b
+        moved = replace(moved, gravity_direction=rotation_exp(turn) @ tool.gravity_direction)
+    return moved
+
+
+FLIP = np.diag([1.0, -1.0, -1.0])
+"""Half a turn about the flange's x: a sensor whose z points against the flange's, at yaw 0."""
+
+
+def yaw_of_mounting(R_flange_sensor: Array) -> tuple[float, bool, Array]:
+    """The paper's theta for any mounting: yaw (rad), whether the sensor's z points against the flange's, and the
+    derivative (3,) of yaw with respect to a small rotation `R_flange_sensor @ exp([delta]x)`.
+
+    The mounting is the smallest rotation that tilts z, after `Rz(yaw)` or `FLIP @ Rz(yaw)`; so yaw is the twist
+    of the (unflipped) mounting about z: with its quaternion, tan(yaw / 2) = qz / qw.
+    """
+    flipped = bool(R_flange_sensor[2, 2] < 0.0)
+    R = FLIP @ R_flange_sensor if flipped else R_flange_sensor
+    qw, qz = 1.0 + np.trace(R), R[1, 0] - R[0, 1]
+    qx, qy = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0]
+    if qw < 1e-6:
+        half = 1.0 + R[2, 2] - R[0, 0] - R[1, 1]
+        qw, qx, qy, qz = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], half
+    yaw = 2.0 * np.arctan2(qz, qw)
+    twist = qw * qw + qz * qz
+    derivative = np.array([(qz * qx - qw * qy) / twist, (qw * qx + qz * qy) / twist, 1.0])
+    return float((yaw + np.pi) % (2.0 * np.pi) - np.pi), flipped, derivative

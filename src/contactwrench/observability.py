@@ -1,0 +1,171 @@
+"""Which parameters the poses separate: rank, singular values, and what a deficiency means in words.
+
+The rank is judged on the Jacobian in natural units (the tool's weight, 50 mm, 1 rad), where a singular value says by
+how much the readings change: a combination of parameters that changes them a thousand times less than the best one
+does, less than an arm's error in orientation of 0.06 deg would, is not observed. The singular values that are reported
+are those of the whitened Jacobian with columns of unit length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import UnobservableError
+from .model import RigidTool, gravity_in_flange, wrench_jacobian
+from .orientation import Array
+from .poses import SAME_POSE_ANGLE
+from .samples import read_only
+
+LEVER = 0.05
+"""m: the length that compares a torque with a force, and a centre of mass with a weight."""
+
+LEAST_SINGULAR_VALUE = 1e-3
+"""Relative to the largest, in natural units."""
+
+TRADE_OFF = 0.95
+"""Parameters whose estimates correlate more than this are said to trade off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """How well the poses separate the parameters.
+
+    `rank` of the Jacobian; its `singular_values` (p,), whitened, columns of unit length, largest first; `condition`
+    their ratio; `tilt_range` (2,) rad, the least and largest angle between gravity and the flange's z; `trade_offs`
+    the pairs of parameters that trade off, in words.
+    """
+
+    rank: int
+    singular_values: Array
+    condition: float
+    tilt_range: Array
+    trade_offs: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "singular_values", read_only(self.singular_values))
+        object.__setattr__(self, "tilt_range", read_only(self.tilt_range))
+        object.__setattr__(self, "trade_offs", tuple(self.trade_offs))
+
+
+def require_full_rank(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...]) -> None:
+    """Raise `UnobservableError`, naming the parameters, unless the poses (n, 3, 3) separate all of `names`."""
+    require_separable(natural_jacobian(tool, R_base_flange, names), names, R_base_flange, tool.gravity_direction)
+
+
+def natural_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...]) -> Array:
+    """Derivative (6 n, p) of the readings, in units of the weight and the weight at `LEVER`, with respect to the
+    parameters in units of the weight, `LEVER` and 1 rad: every column is of order one where it is observed.
+    """
+    of_unit_weight = RigidTool(1.0, tool.com, tool.bias, tool.R_flange_sensor, tool.gravity_direction)
+    J = wrench_jacobian(of_unit_weight, R_base_flange, names)
+    J[:, 3:] /= LEVER
+    J[:, :, 1:4] *= LEVER
+    J[:, :, 7:10] *= LEVER
+    return J.reshape(-1, len(names))
+
+
+def require_separable(J: Array, names: tuple[str, ...], R_base_flange: Array, gravity_direction: Array) -> None:
+    """Raise `UnobservableError` unless the natural Jacobian J (m, p) has full rank."""
+    missing = np.zeros((max(len(names) - len(J), 0), len(names)))
+    _, s, Vt = np.linalg.svd(np.vstack([J, missing]), full_matrices=False)
+    unseen = s < LEAST_SINGULAR_VALUE * s[0]
+    if not unseen.any():
+        return
+    share = np.sqrt(np.sum(Vt[unseen] ** 2, axis=0))
+    named = [name for name, part in zip(names, share, strict=True) if part > 0.1]
+    raise UnobservableError(
+        f"cannot separate {', '.join(named)} (rank {int(np.sum(~unseen))} of {len(names)}): "
+        f"{_why(R_base_flange, gravity_direction)}"
+    )
+
+
+def _why(R_base_flange: Array, gravity_direction: Array) -> str:
+    """The reason for a deficiency in terms of the poses, and what to do."""
+    n = len(R_base_flange)
+    if n == 1:
+        return "all rows have one orientation (within 0.2 deg); record at least 6 orientations that tilt the tool"
+    r = gravity_in_flange(R_base_flange, gravity_direction)
+    spread = np.linalg.svd(r - r.mean(axis=0), compute_uv=False) / np.sqrt(n)
+    if spread[0] < SAME_POSE_ANGLE:
+        return f"the {n} poses differ by turns about the vertical only; tilt the tool between poses"
+    if n == 2:
+        return "there are two distinct poses; record at least 6 that tilt the tool about two axes"
+    relative = R_base_flange[0].T @ R_base_flange
+    axes = np.stack(
+        [
+            relative[:, 2, 1] - relative[:, 1, 2],
+            relative[:, 0, 2] - relative[:, 2, 0],
+            relative[:, 1, 0] - relative[:, 0, 1],
+        ],
+        axis=1,
+    )
+    if np.linalg.svd(axes, compute_uv=False)[1] < SAME_POSE_ANGLE * np.sqrt(n):
+        return f"the {n} poses turn about a single axis; turn the tool about a second one"
+    low, high = np.rad2deg(tilt_range(R_base_flange, gravity_direction))
+    return (
+        f"gravity stays {low:.1f} to {high:.1f} deg from the flange's z in all {n} poses; "
+        "add poses that tilt the tool further"
+    )
+
+
+def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:
+    """Least and largest angle (2,), rad, between gravity and the flange's z over the poses (n, 3, 3)."""
+    along = np.clip(gravity_in_flange(R_base_flange, gravity_direction)[:, 2], -1.0, 1.0)
+    angle = np.arccos(along)
+    return np.array([angle.min(), angle.max()])
+
+
+def describe(
+    R_base_flange: Array,
+    gravity_direction: Array,
+    singular_values: Array,
+    covariance: Array,
+    names: tuple[str, ...],
+) -> Observability:
+    """The observability of a fit of full rank, from its whitened singular values and covariance (p, p)."""
+    return Observability(
+        rank=len(names),
+        singular_values=singular_values,
+        condition=float(singular_values[0] / singular_values[-1]),
+        tilt_range=tilt_range(R_base_flange, gravity_direction),
+        trade_offs=_trade_offs(covariance, names),
+    )
+
+
+def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
+    std = np.sqrt(np.diag(covariance))
+    scale = np.outer(std, std)
+    correlation = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
+    pairs = [
+        (abs(correlation[i, j]), f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.3f})")
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if abs(correlation[i, j]) > TRADE_OFF
+    ]
+    return tuple(text for _, text in sorted(pairs, reverse=True))
+
+
+def weak_parameters(
+    weight: float, std_weight: float, std_com: Array, std_bias_force: Array, trade_offs: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Warnings for a weight known to worse than 10 %, a com to worse than 10 mm, a force bias to worse than 10 % of
+    the weight; each names its parameter, its std, and what it trades off with.
+    """
+    warnings = []
+
+    def warn(name: str, what: str) -> None:
+        rivals = [pair for pair in trade_offs if name in pair.split(" (")[0].split(" and ")]
+        because = f"; {rivals[0]} trade off" if rivals else ""
+        warnings.append(f"weak: {what}{because}: add poses that tilt the tool further")
+
+    if std_weight > 0.1 * weight:
+        warn("weight", f"the weight {weight:.3g} N has a std of {std_weight:.2g} N, over 10 %")
+    for axis, std in zip("xyz", std_com, strict=True):
+        if std > 0.010:
+            warn(f"com_{axis}", f"com_{axis} has a std of {1e3 * std:.1f} mm, over 10 mm")
+    for axis, std in zip("xyz", std_bias_force, strict=True):
+        if std > 0.1 * weight:
+            warn(f"bias_f{axis}", f"bias_f{axis} has a std of {std:.2g} N, over 10 % of the weight")
+    return tuple(warnings)

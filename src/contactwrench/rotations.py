@@ -1,0 +1,55 @@
+"""Rotations by formula, and rotations and directions spread evenly: the geometry that several layers share."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from .orientation import Array
+from .wrench import cross_matrix
+
+
+def rotation_exp(vector: Array) -> Array:
+    """The rotation matrix of a rotation vector (3,), rad (Rodrigues)."""
+    angle = float(np.sqrt(vector @ vector))
+    K = cross_matrix(vector)
+    if angle < 1e-8:
+        return np.eye(3) + K + 0.5 * K @ K
+    R: Array = np.eye(3) + (np.sin(angle) / angle) * K + ((1.0 - np.cos(angle)) / angle**2) * K @ K
+    return R
+
+
+def rotations_about_z(angle: Array) -> Array:
+    """`Rz(angle)`, (m, 3, 3) for angles (m,), rad (paper, Eq. 9)."""
+    R = np.zeros((len(angle), 3, 3))
+    R[:, 0, 0] = R[:, 1, 1] = np.cos(angle)
+    R[:, 1, 0] = np.sin(angle)
+    R[:, 0, 1] = -R[:, 1, 0]
+    R[:, 2, 2] = 1.0
+    return R
+
+
+@cache
+def spread_directions(n: int) -> Array:
+    """N unit vectors (n, 3) spread evenly over the sphere (Fibonacci lattice)."""
+    k = np.arange(n) + 0.5
+    z = 1.0 - 2.0 * k / n
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+@cache
+def spread_rotations(directions: int, turns: int) -> Array:
+    """Rotations (directions * turns, 3, 3): the z axis spread over the sphere, and equal turns about it.
+
+    With 24 directions and 12 turns none is further than about 30 deg from any rotation; with 288 and 24, about 10.
+    """
+    z = spread_directions(directions)
+    helper = np.where(np.abs(z[:, :1]) < 0.9, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]))
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    frames = np.stack([x, np.cross(z, x), z], axis=2)
+    about_z = rotations_about_z(np.linspace(0.0, 2.0 * np.pi, turns, endpoint=False))
+    return (frames[:, None] @ about_z[None]).reshape(-1, 3, 3)

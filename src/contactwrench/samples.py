@@ -1,0 +1,98 @@
+"""Samples: paired readings and orientations, checked once, then read-only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import InputError
+from .orientation import Array, nearest_rotations
+
+
+def read_only(values: ArrayLike) -> Array:
+    """A float64 copy that cannot be written to."""
+    copy = np.array(values, dtype=np.float64, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Readings of the sensor, each with the arm's orientation at that moment.
+
+    `wrench` (n, 6) N and N m, sensor axes, pull sign; `R_base_flange` (n, 3, 3); `t` (n,) s; `position` (n, 3) m
+    of the flange in base axes; `load_mass` (n,) kg hung on the tool (0: none). `source` says where they come from.
+    Raises `InputError` for a wrong shape, a NaN or infinity, a matrix that is no rotation, a negative load.
+    """
+
+    wrench: Array
+    R_base_flange: Array
+    t: Array | None = None
+    position: Array | None = None
+    load_mass: Array | None = None
+    source: str = "arrays"
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(np.asarray(self.wrench)))
+        shapes = {
+            "wrench": (n, 6),
+            "R_base_flange": (n, 3, 3),
+            "t": (n,),
+            "position": (n, 3),
+            "load_mass": (n,),
+        }
+        for name, shape in shapes.items():
+            values = getattr(self, name)
+            if values is None:
+                continue
+            array = read_only(values)
+            if array.shape != shape:
+                raise InputError(f"{name} has shape {array.shape}, expected {_with_n(name)} with n = {n}")
+            if not np.isfinite(array.sum()):
+                self._refuse_not_finite(name, array)
+            if name == "R_base_flange":
+                array = read_only(nearest_rotations(array)) if n else array
+            object.__setattr__(self, name, array)
+        if self.load_mass is not None and (self.load_mass < 0.0).any():
+            row = int(np.argmax(self.load_mass < 0.0))
+            raise InputError(f"load_mass in sample {row} is {self.load_mass[row]:g} kg, expected 0 or more")
+
+    @staticmethod
+    def _refuse_not_finite(name: str, array: Array) -> None:
+        bad = np.argwhere(~np.isfinite(array))
+        if len(bad):
+            raise InputError(
+                f"{name} in sample {bad[0][0]} is {array[tuple(bad[0])]}, expected a finite number: "
+                "leave such samples out"
+            )
+
+    def __len__(self) -> int:
+        return len(self.wrench)
+
+    def select(self, rows: ArrayLike) -> Samples:
+        """The samples that `rows` (a mask, indices or a slice) picks, in that order."""
+        pick = rows if isinstance(rows, slice) else np.asarray(rows)
+
+        def of(values: Array | None) -> Array | None:
+            return None if values is None else values[pick]
+
+        return Samples(
+            self.wrench[pick],
+            self.R_base_flange[pick],
+            of(self.t),
+            of(self.position),
+            of(self.load_mass),
+            self.source,
+        )
+
+
+def _with_n(name: str) -> str:
+    return {
+        "wrench": "(n, 6)",
+        "R_base_flange": "(n, 3, 3)",
+        "t": "(n,)",
+        "position": "(n, 3)",
+        "load_mass": "(n,)",
+    }[name]

@@ -1,0 +1,188 @@
+"""Is a calibration still right? A second, contact-free recording against it; and weighing known loads.
+
+The residual of a pose has the covariance of its reading's noise plus that of the prediction, which all poses share;
+so the test is one chi-square over all of them (an F test where the noise itself was estimated). With loads hung on
+the tool, the contact force along "down" is a weighing: the paper's Table IX.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .calibration import Calibration
+from .errors import InputError
+from .model import gravity_in_flange
+from .orientation import Array
+from .poses import Pose, poses_from_samples
+from .samples import Samples, read_only
+from .wrench import STANDARD_GRAVITY
+
+SIGNIFICANCE = 0.01
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """One load: its `actual` mass (kg), how it was `weighed` on average over `n` poses, and the std of that."""
+
+    actual: float
+    weighed: float
+    std: float
+    n: int
+
+    @property
+    def error(self) -> float:
+        """Relative error, (weighed - actual) / actual."""
+        return (self.weighed - self.actual) / self.actual
+
+    @property
+    def error_std(self) -> float:
+        """Standard deviation of `error`."""
+        return self.std / self.actual
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """How a recording agrees with a calibration.
+
+    `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
+    norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds;
+    the `limits` asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words.
+    """
+
+    residuals: Array
+    rms: Array
+    largest_force: float
+    largest_torque: float
+    chi2: float | None
+    probability: float | None
+    limit_force: float | None
+    limit_torque: float | None
+    weighings: tuple[Weighing, ...]
+    passed: bool
+    reason: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "residuals", read_only(self.residuals))
+        object.__setattr__(self, "rms", read_only(self.rms))
+
+
+def verify(
+    calibration: Calibration,
+    samples: Samples,
+    *,
+    limit_force: float | None = None,
+    limit_torque: float | None = None,
+    g: float = STANDARD_GRAVITY,
+) -> Verification:
+    """Hold `samples` against `calibration`.
+
+    Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
+    those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
+    weighed, with `g` m/s^2; without limits, and where there are no others, the weighings must agree with the loads
+    at that level. Raises `InputError` where there is nothing to judge by.
+    """
+    load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
+    if not len(samples):
+        raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
+    weighings, misfit, weighed = _weigh(calibration, samples, load, g)
+    poses = poses_from_samples(samples.select(load == 0.0))
+    residuals = np.empty((0, 6))
+    if poses:
+        R = np.array([pose.R_base_flange for pose in poses])
+        residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
+        noise = np.tile(calibration.noise**2, len(poses))
+        J = calibration.free_wrench_jacobian(R).reshape(len(noise), -1)
+        misfit, readings = _misfit(residuals.ravel(), noise, J, calibration.covariance), len(noise)
+    else:
+        readings = weighed
+    force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
+    torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
+    chi2, probability = misfit / readings, _probability(misfit, readings, calibration.dof)
+    if limit_force is None and limit_torque is None:
+        passed = probability >= SIGNIFICANCE
+        what = "residual" if poses else "error of the weighings"
+        reason = (
+            f"the {what} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
+            f"(chi-square {chi2:.3g} per reading, probability {_percent(probability)})"
+        )
+    else:
+        if not poses:
+            raise InputError(f"{samples.source}: found poses with a load only, expected free ones to hold to a limit")
+        exceeded = [
+            f"{name} {value:.3g} {unit} over {limit:g}"
+            for name, value, limit, unit in (
+                ("force", force, limit_force, "N"),
+                ("torque", torque, limit_torque, "N m"),
+            )
+            if limit is not None and value > limit
+        ]
+        passed = not exceeded
+        reason = "every pose is within the limits" if passed else f"largest {' and '.join(exceeded)}"
+    return Verification(
+        residuals=residuals,
+        rms=np.sqrt(np.mean(residuals**2, axis=0)) if poses else np.zeros(6),
+        largest_force=force,
+        largest_torque=torque,
+        chi2=chi2,
+        probability=probability,
+        limit_force=limit_force,
+        limit_torque=limit_torque,
+        weighings=weighings,
+        passed=passed,
+        reason=reason,
+    )
+
+
+def _weigh(
+    calibration: Calibration, samples: Samples, load: Array, g: float
+) -> tuple[tuple[Weighing, ...], float, int]:
+    """Each load's weighing, the joint misfit of all of them, and their number."""
+    poses: list[Pose] = []
+    masses: list[float] = []
+    for mass in np.unique(load[load > 0.0]):
+        of_load = poses_from_samples(samples.select(load == mass))
+        poses += of_load
+        masses += [float(mass)] * len(of_load)
+    if not poses:
+        return (), 0.0, 0
+    R = np.array([pose.R_base_flange for pose in poses])
+    contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
+    down = gravity_in_flange(R, calibration.gravity_direction) @ calibration.B[:3, :3].T
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    each = np.einsum("ni,ni->n", contact[:, :3], down) / g
+    noise = down**2 @ calibration.noise[:3] ** 2 / g**2
+    J = np.einsum("ni,nip->np", down, calibration.free_wrench_jacobian(R)[:, :3]) / g
+    actual = np.array(masses)
+    weighings = []
+    for mass in np.unique(actual):
+        rows = actual == mass
+        n = int(np.sum(rows))
+        of_mean = J[rows].mean(axis=0)
+        variance = noise[rows].mean() / n + of_mean @ calibration.covariance @ of_mean
+        weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
+    return tuple(weighings), _misfit(each - actual, noise, J, calibration.covariance), len(poses)
+
+
+def _misfit(errors: Array, noise: Array, J: Array, covariance: Array) -> float:
+    """`e^T C^-1 e` for errors (m,) with independent noise variances (m,) and the parameters' covariance (p, p) in
+    common, C = diag(noise) + J covariance J^T, by the inversion lemma: nothing of size (m, m) is built.
+    """
+    std = np.sqrt(np.maximum(noise, 1e-300))
+    values, vectors = np.linalg.eigh(covariance)
+    A = (J / std[:, None]) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    z = errors / std
+    along = A.T @ z
+    return float(z @ z - along @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along))
+
+
+def _probability(misfit: float, readings: int, dof: float) -> float:
+    """Probability of a misfit this large or larger: chi-square, or F where the noise was estimated with `dof`."""
+    from scipy.special import chdtrc, fdtrc
+
+    return float(fdtrc(readings, dof, misfit / readings) if dof > 0.0 else chdtrc(readings, misfit))
+
+
+def _percent(probability: float) -> str:
+    return f"{100.0 * probability:.2g} %" if probability >= 1e-4 else "under 0.01 %"
