@@ -198,9 +198,10 @@ class Calibration:
         """In one sentence, how good the contact wrench is because of this calibration."""
         force, torque = self.largest_std
         quality = "weak" if any(warning.startswith("weak") for warning in self.warnings) else "good"
+        force, torque = float(f"{force:.2g}"), float(f"{1e3 * torque:.2g}")
         return (
-            f"{quality}: the calibration adds at most {force:.2g} N and {1e3 * torque:.2g} mN m (one standard "
-            "deviation) to the contact wrench, at any orientation"
+            f"{quality}: at any orientation the calibration's error in the contact wrench is at most {force:g} N and "
+            f"{torque:g} mN m (one std)"
         )
 
     def with_gravity(self, gravity: Array | None) -> Calibration:

@@ -28,6 +28,14 @@ def read_bytes(path: str | Path) -> bytes:
         ) from None
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it; one that is there is fine. Raises `FileAccessError`."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileAccessError(f"{path}: cannot be made a folder ({_reason(error)}): name another") from None
+
+
 def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
     """Write UTF-8 text: beside the file, then renamed over it, so that the file is whole or untouched.
 

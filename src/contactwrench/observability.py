@@ -139,7 +139,7 @@ def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     scale = np.outer(std, std)
     correlation = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
     pairs = [
-        (abs(correlation[i, j]), f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.3f})")
+        (abs(correlation[i, j]), f"{names[i]} and {names[j]}: correlation {correlation[i, j]:+.3f}")
         for i in range(len(names))
         for j in range(i + 1, len(names))
         if abs(correlation[i, j]) > TRADE_OFF
@@ -156,12 +156,12 @@ def weak_parameters(
     warnings = []
 
     def warn(name: str, what: str) -> None:
-        rivals = [pair for pair in trade_offs if name in pair.split(" (")[0].split(" and ")]
-        because = f"; {rivals[0]} trade off" if rivals else ""
-        warnings.append(f"weak: {what}{because}: add poses that tilt the tool further")
+        rivals = [pair for pair in trade_offs if name in pair.split(": ")[0].split(" and ")]
+        because = f" ({rivals[0]})" if rivals else ""
+        warnings.append(f"weak: {what}{because}: tilt the tool further")
 
     if std_weight > 0.1 * weight:
-        warn("weight", f"the weight {weight:.3g} N has a std of {std_weight:.2g} N, over 10 %")
+        warn("weight", f"weight {weight:.3g} +- {std_weight:.2g} N, a std over 10 %")
     for axis, std in zip("xyz", std_com, strict=True):
         if std > 0.010:
             warn(f"com_{axis}", f"com_{axis} has a std of {1e3 * std:.1f} mm, over 10 mm")

@@ -49,7 +49,8 @@ def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
     if not len(label):
         return ()
     in_order = bool((np.diff(label) >= 0).all())
-    order = slice(None) if in_order else np.argsort(label, kind="stable")
+    small = label.astype(np.min_scalar_type(int(label.max())))  # numpy sorts 16-bit integers by radix, far faster
+    order = slice(None) if in_order else np.argsort(small, kind="stable")
     wrench, R, label = samples.wrench[order], samples.R_base_flange[order], label[order]
     t = None if samples.t is None else samples.t[order]
     starts = np.flatnonzero(np.r_[True, label[1:] != label[:-1]])

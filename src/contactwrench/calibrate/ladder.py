@@ -165,11 +165,12 @@ def _require_sign(fit: Fit, readings: PoseReadings, model: str, stated: Array, n
     rival = fit_rigid(readings, model, stated, noise, sign=-1.0)
     dof = max(6 * len(readings) - len(PARAMETERS[model]), 1)
     misfit = float(np.sum((fit.residuals / rival.noise) ** 2) / np.sum((rival.residuals / rival.noise) ** 2))
-    if misfit <= float(fdtri(dof, dof, 1.0 - RIVAL_SIGNIFICANCE)):
-        return
+    significant = misfit > float(fdtri(dof, dof, 1.0 - RIVAL_SIGNIFICANCE))
     left, left_negated = (
         float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (fit.residuals, rival.residuals)
     )
+    if not (significant and left_negated < 0.5 * left):
+        return
     raise AmbiguityError(
         f"a tool explains these readings only with a negative weight: {left:.3g} N are left as given, "
         f"{left_negated:.3g} N with force and torque negated; either the sensor reports the reaction (--sign "

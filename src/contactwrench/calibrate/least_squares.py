@@ -138,9 +138,8 @@ class Solved:
 def relative_variances(noise: Array | None) -> Array:
     """Variances (6,) to begin with: of the given noise, or of torques as forces at a lever."""
     if noise is not None:
-        given: Array = noise**2
-        return given
-    return np.r_[1.0, 1.0, 1.0, LEVER**2, LEVER**2, LEVER**2]
+        return np.asarray(noise**2, dtype=np.float64)
+    return np.array([1.0, 1.0, 1.0, LEVER**2, LEVER**2, LEVER**2])
 
 
 def iterate(problem: Problem[State], state: State, readings: PoseReadings, noise: Array | None) -> tuple[State, Solved]:

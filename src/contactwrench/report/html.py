@@ -1,9 +1,201 @@
-"""The report."""
+"""The report: one HTML file with everything in it, no network and no script."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
+import numpy as np
+
+from ..baselines import LeftOver, compare
 from ..calibration import Calibration
+from ..calibration_text import headline, parameter_rows
+from ..files import write_text
+from ..model import AXES
+from ..orientation import Array
+from ..version import __version__
+from . import figures
+from .style import STYLE
+
+PURPOSE = {
+    "full": "this calibration: bias and the turning weight subtracted",
+    "tare": "the sensor zeroed in the first pose only",
+    "gravity only": "the turning weight subtracted, the bias left in (the paper's Table VIII)",
+    "raw": "what the sensor reads",
+}
 
 
-def write_calibration_report(path: Path, calibration: Calibration) -> None:
-    """Write it."""
+@dataclass(frozen=True)
+class Section:
+    """A part of a report: a calibration with its figures, under a title and a few paragraphs of plain words."""
+
+    title: str
+    paragraphs: tuple[str, ...]
+    calibration: Calibration
+
+
+def write_calibration_report(path: str | Path, calibration: Calibration) -> None:
+    """Write the report of one calibration. Raises `FileAccessError`, and `MissingExtraError` without matplotlib."""
+    write_report(path, "Calibration report", (), (Section(headline(calibration), (), calibration),))
+
+
+def write_report(path: str | Path, title: str, introduction: tuple[str, ...], sections: tuple[Section, ...]) -> None:
+    """Write a report of several calibrations, one after the other."""
+    body = "".join(_section(section) for section in sections)
+    page = (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{escape(title)}</title>\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<header><h1>{escape(title)}</h1>{_paragraphs(introduction)}</header>"
+        f"\n{body}<footer>contactwrench {__version__}</footer>\n</body>\n</html>\n"
+    )
+    write_text(path, page)
+
+
+def _section(section: Section) -> str:
+    c = section.calibration
+    parts = [f"<section><h2>{escape(section.title)}</h2>", _paragraphs(section.paragraphs), _verdict(c)]
+    parts += [
+        '<div class="side-by-side"><div><h3>Parameters</h3>',
+        _parameters(c),
+        "</div><div><h3>Fit</h3>",
+        _fit(c),
+        "</div></div>",
+    ]
+    if c.poses:
+        parts += _poses(c)
+    else:
+        parts.append("<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>")
+    parts.append(_provenance(c))
+    return "".join(parts) + "</section>\n"
+
+
+def _poses(c: Calibration) -> list[str]:
+    R = np.array([pose.R_base_flange for pose in c.poses])
+    ways = compare(c, c.poses)
+    return [
+        "<h3>What is left in each contact-free pose</h3>",
+        "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
+        _figure(figures.left_over_per_pose(ways), "Norm of what each way of compensation leaves, log scale."),
+        _ways(ways),
+        _pose_table(ways),
+        "<h3>Residuals</h3>",
+        _figure(
+            figures.residuals_per_pose(c, ways[0]),
+            "What the fit leaves, axis by axis. The band is two standard deviations of the noise of a pose's reading.",
+        ),
+        "<h3>Directions of gravity that the poses covered</h3>",
+        _figure(
+            figures.gravity_on_sphere(c, R),
+            "Gravity as seen from the flange, on the two halves of the sphere in equal-area projection. Poses that "
+            "differ by a turn about the vertical fall on one point, and one such point fixes nothing.",
+        ),
+        "<h3>Standard deviation of the contact wrench over orientations</h3>",
+        _figure(figures.std_over_orientations(c, R, "force"), "White dots: the poses."),
+        _figure(
+            figures.std_over_orientations(c, R, "torque"),
+            "What the calibration's own uncertainty does to the contact wrench, for any direction of gravity.",
+        ),
+    ]
+
+
+def _verdict(c: Calibration) -> str:
+    quality, _, sentence = c.verdict.partition(": ")
+    warnings = "".join(f"<li>{_typeset(warning)}</li>" for warning in c.warnings)
+    listed = f"<ul>{warnings}</ul>" if warnings else ""
+    said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(sentence))}"
+    return f'<div class="verdict {quality}">{said}{listed}</div>'
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:] + "."
+
+
+def _parameters(c: Calibration) -> str:
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th><td>{value}</td><td>{'± ' + std if std else ''}</td>"
+        f"<td class='unit'>{escape(unit)}</td></tr>"
+        for name, value, std, unit in parameter_rows(c)
+    )
+    return f"<table><thead><tr><th></th><th>value</th><th>std</th><th class='unit'>unit</th></tr></thead>{rows}</table>"
+
+
+def _fit(c: Calibration) -> str:
+    rows = {"noise of a pose": c.noise, "residual rms": c.residual_rms, "held-out rms": c.held_out_rms}
+    body = "".join(
+        f"<tr><th>{name}</th>{'<td>-</td>' * 6 if values is None else _cells(values)}</tr>"
+        for name, values in rows.items()
+    )
+    low, high = np.rad2deg(c.observability.tilt_range)
+    facts = {
+        "reduced chi-square": f"{c.reduced_chi2:.3g}",
+        "degrees of freedom": f"{c.dof:.3g}",
+        "condition number": f"{c.observability.condition:.3g}",
+        "gravity to the flange's z": f"{low:.0f} to {high:.0f} deg",
+    }
+    listed = "".join(
+        f"<tr><th>{name}</th><td colspan=6 class='fact'>{value}</td></tr>" for name, value in facts.items()
+    )
+    trade_offs = "".join(f"<li>{escape(pair)}</li>" for pair in c.observability.trade_offs[:4])
+    trading = f"<p>Trading off against each other:</p><ul>{trade_offs}</ul>" if trade_offs else ""
+    return f"<table>{_axis_head()}{body}{listed}</table><p class='unit'>N and mN m</p>{trading}"
+
+
+def _ways(ways: tuple[LeftOver, ...]) -> str:
+    rows = "".join(
+        f"<tr><th title='{escape(PURPOSE[way.name])}'>{escape(way.name)}</th>"
+        f"<td class='unit'>{kind}</td>{_cells(values)}</tr>"
+        for way in ways
+        for kind, values in (("mean", way.mean_abs), ("largest", way.max_abs))
+    )
+    meaning = "; ".join(f"<b>{name}</b>: {escape(text)}" for name, text in PURPOSE.items())
+    said = f"Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII. {meaning}."
+    return f"<table>{_axis_head('<th></th>')}{rows}</table><p class='unit'>{said}</p>"
+
+
+def _pose_table(ways: tuple[LeftOver, ...]) -> str:
+    head = "".join(f"<th>{escape(way.name)}</th>" for way in ways)
+    rows = []
+    for k in range(len(ways[0].wrench)):
+        force = "".join(f"<td>{np.linalg.norm(way.wrench[k, :3]):.3g}</td>" for way in ways)
+        torque = "".join(f"<td>{1e3 * np.linalg.norm(way.wrench[k, 3:]):.3g}</td>" for way in ways)
+        rows.append(f"<tr><th>{k + 1}</th>{force}{torque}</tr>")
+    return (
+        "<details><summary>Every pose in numbers</summary><table><thead>"
+        f"<tr><th></th><th colspan={len(ways)}>force, N</th><th colspan={len(ways)}>torque, mN m</th></tr>"
+        f"<tr><th>pose</th>{head}{head}</tr></thead>{''.join(rows)}</table></details>"
+    )
+
+
+def _provenance(c: Calibration) -> str:
+    rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in c.provenance.items())
+    return f"<details><summary>Where this comes from</summary><table class='facts'>{rows}</table></details>"
+
+
+def _axis_head(before: str = "") -> str:
+    return f"<thead><tr><th></th>{before}{''.join(f'<th>{axis}</th>' for axis in AXES)}</tr></thead>"
+
+
+def _cells(values: Array) -> str:
+    in_units = [*values[:3], *(1e3 * values[3:])]
+    return "".join(f"<td>{_significant(value)}</td>" for value in in_units)
+
+
+def _significant(value: float) -> str:
+    """Three significant figures without an exponent."""
+    if value == 0.0 or not np.isfinite(value):
+        return f"{value:g}"
+    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    return f"{value:.{min(digits, 6)}f}"
+
+
+def _figure(svg: str, caption: str) -> str:
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _paragraphs(paragraphs: tuple[str, ...]) -> str:
+    return "".join(f"<p>{_typeset(paragraph)}</p>" for paragraph in paragraphs)
+
+
+def _typeset(text: str) -> str:
+    return escape(text).replace("+-", "±")

@@ -1,0 +1,218 @@
+"""The report's figures, each a function of a calibration, drawn by matplotlib (extra `report`) as SVG text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..baselines import LeftOver
+from ..calibration import Calibration
+from ..errors import MissingExtraError
+from ..model import gravity_in_flange
+from ..orientation import Array
+from ..rotations import rotations_about_z
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+SIDES = (1.0, -1.0)
+AXIS_COLOURS = ("#c1443c", "#3a7d44", "#2f5fa8")
+WAY_COLOURS = {"full": "#1b6e9c", "tare": "#c98a1b", "gravity only": "#8a5a9e", "raw": "#8a8f94"}
+WAY_MARKERS = {"full": "o", "tare": "s", "gravity only": "^", "raw": "x"}
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "contactwrench",
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#6a7178",
+    "axes.labelcolor": "#2a3036",
+    "xtick.color": "#6a7178",
+    "ytick.color": "#6a7178",
+    "legend.frameon": False,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+}
+
+
+def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
+    """What the fit leaves in each pose, axis by axis; the band is two standard deviations of a pose's noise."""
+    with _drawing(2, (8.2, 2.9)) as (figure, axes):
+        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
+            number = np.arange(1, len(left.wrench) + 1)
+            band = 2.0 * scale * float(calibration.noise[part : part + 3].max())
+            ax.axhspan(-band, band, color="#e9eef2", lw=0)
+            ax.axhline(0.0, color="#9aa2a9", lw=0.8)
+            for k in range(3):
+                shift = 0.18 * (k - 1)
+                values = scale * left.wrench[:, part + k]
+                ax.plot(number + shift, values, "o", ms=4, color=AXIS_COLOURS[k], label="xyz"[k])
+            _label(ax, "pose", f"residual {name}")
+            _whole_numbers(ax, len(number))
+        axes[1].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=1.0)
+        return _svg(figure)
+
+
+def left_over_per_pose(ways: tuple[LeftOver, ...]) -> str:
+    """The norm of force and torque left in each contact-free pose, by each way of compensation; log scale."""
+    with _drawing(2, (8.2, 3.0)) as (figure, axes):
+        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
+            for way in ways:
+                norm = scale * np.linalg.norm(way.wrench[:, part : part + 3], axis=1)
+                norm = np.where(norm > 0.0, norm, np.nan)
+                colour, marker = WAY_COLOURS[way.name], WAY_MARKERS[way.name]
+                ax.plot(np.arange(1, len(norm) + 1), norm, marker, ms=4, color=colour, label=way.name, ls="-", lw=0.7)
+            ax.set_yscale("log")
+            ax.yaxis.set_major_formatter("{x:g}")
+            _label(ax, "pose", f"left over, {name}")
+            _whole_numbers(ax, len(ways[0].wrench))
+        axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
+        return _svg(figure)
+
+
+def gravity_on_sphere(calibration: Calibration, R_base_flange: Array) -> str:
+    """The directions of gravity in flange axes that the poses covered: both halves of the sphere, equal areas."""
+    r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+    with _drawing(2, (6.4, 3.3)) as (figure, axes):
+        for ax, side in zip(axes, SIDES, strict=True):
+            _globe(ax, side)
+            here = side * r[:, 2] >= 0.0
+            x, y = _equal_area(r[here], side)
+            ax.plot(x, y, "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
+            ax.set_title(f"{_side(side)}: {int(here.sum())} poses", fontsize=9, color="#2a3036")
+        return _svg(figure)
+
+
+def std_over_orientations(calibration: Calibration, R_base_flange: Array, quantity: str) -> str:
+    """The standard deviation of the contact `force` or `torque` that the calibration causes, over the direction of
+    gravity in flange axes; the poses' directions as dots.
+    """
+    part, scale, unit = {"force": (slice(0, 3), 1.0, "N"), "torque": (slice(3, 6), 1e3, "mN m")}[quantity]
+    poses = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-1.0, 1.0, 41))
+    within = 1.0 / np.maximum(np.hypot(x, y), 1.0)
+    std = [
+        scale * _std(calibration, _from_equal_area((x * within).ravel(), (y * within).ravel(), side), part)
+        for side in SIDES
+    ]
+    with _drawing(2, (6.9, 3.2)) as (figure, axes):
+        for ax, half, side in zip(axes, std, SIDES, strict=True):
+            shown = ax.pcolormesh(
+                x, y, half.reshape(x.shape), vmin=np.min(std), vmax=np.max(std), cmap="YlGnBu", shading="gouraud",
+                rasterized=True, clip_path=_disc(ax),
+            )  # fmt: skip
+            _globe(ax, side)
+            here = side * poses[:, 2] >= 0.0
+            ax.plot(*_equal_area(poses[here], side), "o", ms=4, mfc="white", mec="#2a3036", mew=0.7)
+            ax.set_title(_side(side), fontsize=9, color="#2a3036")
+        bar = figure.colorbar(shown, ax=list(axes), shrink=0.8, pad=0.02)
+        bar.set_label(f"std of the contact {quantity}, {unit}")
+        bar.outline.set_visible(False)
+        return _svg(figure)
+
+
+def _std(calibration: Calibration, r: Array, part: slice) -> Array:
+    """Root of the summed variances of three axes for gravity along r (n, 3), the mean over turns about it."""
+    d = calibration.gravity_direction
+    tilts = np.array([_rotation_between(direction, d) for direction in r])
+    z_to_d = _rotation_between(np.array([0.0, 0.0, 1.0]), d)
+    variance = np.zeros(len(r))
+    turns = rotations_about_z(np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False))
+    for turn in turns:
+        about_d = z_to_d @ turn @ z_to_d.T
+        variance += np.sum(calibration.wrench_std(about_d @ tilts)[:, part] ** 2, axis=1)
+    std: Array = np.sqrt(variance / len(turns))
+    return std
+
+
+def _disc(ax: Axes) -> Circle:
+    from matplotlib.patches import Circle
+
+    return Circle((0.0, 0.0), 1.0, transform=ax.transData)
+
+
+def _rotation_between(start: Array, end: Array) -> Array:
+    """A rotation R with `R @ start = end` for unit vectors."""
+    total = start + end
+    square = float(total @ total)
+    if square < 1e-12:
+        across = np.cross(start, np.eye(3)[int(np.argmin(np.abs(start)))])
+        across /= np.linalg.norm(across)
+        return 2.0 * np.outer(across, across) - np.eye(3)
+    half_turn: Array = 2.0 * np.outer(total, total) / square - np.eye(3)
+    flip: Array = 2.0 * np.outer(start, start) - np.eye(3)
+    return half_turn @ flip
+
+
+def _equal_area(r: Array, side: float) -> tuple[Array, Array]:
+    """Lambert's azimuthal projection of directions (n, 3) of one half, onto the unit disc."""
+    scale = 1.0 / np.sqrt(1.0 + side * r[:, 2])
+    return r[:, 0] * scale, r[:, 1] * scale
+
+
+def _from_equal_area(x: Array, y: Array, side: float) -> Array:
+    square = np.minimum(x**2 + y**2, 1.0)
+    scale = np.sqrt(2.0 - square)
+    return np.stack([x * scale, y * scale, side * (1.0 - square)], axis=1)
+
+
+def _globe(ax: Axes, side: float) -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    for degrees in (30.0, 60.0, 90.0):
+        radius = np.sqrt(1.0 - np.cos(np.deg2rad(degrees)))
+        rim = degrees == 90.0
+        ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="#9aa2a9", lw=1.0 if rim else 0.5)
+        if not rim:
+            ax.text(0.0, radius + 0.02, f"{degrees:.0f}°", fontsize=7, color="#6a7178", ha="center")
+    for name, (x, y) in {"+x": (1.0, 0.0), "+y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}.items():
+        ax.text(1.1 * x, 1.1 * y, name, fontsize=8, color="#6a7178", ha="center", va="center")
+    ax.text(0.03, 0.03, "+z" if side > 0.0 else "-z", fontsize=8, color="#6a7178")
+    ax.plot(0.0, 0.0, "+", ms=5, color="#9aa2a9")
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    ax.set_xlim(-1.2, 1.2)
+    ax.set_ylim(-1.2, 1.2)
+
+
+def _side(side: float) -> str:
+    return f"gravity towards the flange's {'+' if side > 0.0 else '-'}z"
+
+
+@contextmanager
+def _drawing(columns: int, size: tuple[float, float]) -> Iterator[tuple[Figure, list[Axes]]]:
+    try:
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingExtraError(
+            "the report needs matplotlib, which is not installed: pip install 'contactwrench[report]'"
+        ) from None
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure, list(figure.subplots(1, columns))
+
+
+def _label(ax: Axes, x: str, y: str) -> None:
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
+
+
+def _whole_numbers(ax: Axes, n: int) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    ax.xaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
+    ax.set_xlim(0.4, n + 0.6)
+
+
+def _svg(figure: Figure) -> str:
+    text = StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None}, dpi=150)
+    svg = text.getvalue()
+    return svg[svg.index("<svg") :]
