@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from .calibration import Calibration
 from .errors import FileFormatError, InputError
 from .files import read_bytes, write_text
-from .model import PARAMETERS, RigidTool, wrench_matrix
+from .model import PARAMETERS, RigidTool, matrix_jacobian, wrench_matrix, yaw_of_mounting
 from .observability import Observability
 from .orientation import Array, nearest_rotations
 from .poses import Pose, PoseMoments
@@ -20,6 +21,7 @@ from .poses import Pose, PoseMoments
 SCHEMA = "contactwrench/calibration/1"
 _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 B_TOLERANCE = 1e-9
+COVARIANCE_TOLERANCE = 1e-6
 
 
 class _Pose(msgspec.Struct):
@@ -107,17 +109,17 @@ def save(calibration: Calibration, path: str | Path) -> None:
 
 def load(path: str | Path) -> Calibration:
     """Read and check a calibration file. Raises `FileAccessError`; `FileFormatError` naming what is wrong with it."""
-    content = read_bytes(path)
+    content = read_bytes(path).removeprefix(codecs.BOM_UTF8)
     try:
         values = msgspec.json.decode(content)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
     schema = values.get("schema") if isinstance(values, dict) else None
     if not isinstance(schema, str) or not schema.startswith(f"{_FAMILY}/"):
         raise FileFormatError(f"{path}: found schema {schema!r}, expected {SCHEMA!r}: name a file that calibrate wrote")
     if schema != SCHEMA:
         number = schema.rpartition("/")[2]
-        newer = number.isdecimal() and int(number) > int(_NUMBER)
+        newer = number.isdecimal() and float(number) > float(_NUMBER)
         remedy = "upgrade contactwrench" if newer else _AGAIN
         raise FileFormatError(f"{path}: found schema {schema!r}, this version reads {SCHEMA!r}: {remedy}")
     try:
@@ -125,8 +127,11 @@ def load(path: str | Path) -> Calibration:
     except msgspec.ValidationError as error:
         raise FileFormatError(f"{path}: {error}, expected a saved calibration: {_AGAIN}") from None
     try:
-        _check(file)
-        return _calibration(file)
+        with np.errstate(over="ignore", invalid="ignore"):
+            _check(file)
+            calibration = _calibration(file)
+            _check_std(file.std, calibration)
+        return calibration
     except InputError as error:
         raise FileFormatError(f"{path}: {error}: {_AGAIN}") from None
 
@@ -152,7 +157,7 @@ def _encoded(value: Any) -> str:
 
 
 def _check(file: _File) -> None:
-    """Raise `InputError` unless the shapes fit, the rotation is one, and B follows from the parameters."""
+    """Raise `InputError` unless the shapes fit, the rotation is one, and whatever follows from other numbers does."""
     if file.model not in PARAMETERS:
         raise InputError(f"model is {file.model!r}, expected one of {', '.join(PARAMETERS)}")
     names = PARAMETERS[file.model]
@@ -170,38 +175,88 @@ def _check(file: _File) -> None:
         "residual_rms": (6,),
     }
     arrays = {name: _array(name, getattr(file, name), shape) for name, shape in shapes.items()}
+    arrays["observability.tilt_range"] = _array("observability.tilt_range", file.observability.tilt_range, (2,))
     if file.held_out_rms is not None:
-        _array("held_out_rms", file.held_out_rms, (6,))
+        arrays["held_out_rms"] = _array("held_out_rms", file.held_out_rms, (6,))
+    if file.moments is not None:
+        for name, shape in {"design": (10, 10), "cross": (10, 6), "wrench": (6, 6)}.items():
+            _array(f"moments.{name}", getattr(file.moments, name), shape)
+    for name in ("noise", "residual_rms", "held_out_rms", "observability.tilt_range"):
+        if (arrays.get(name, np.zeros(1)) < 0.0).any():
+            raise InputError(f"{name} has a number below 0, expected 0 or more")
+    if file.dof < 0.0 or file.reduced_chi2 < 0.0:
+        raise InputError(f"dof is {file.dof:g} and reduced_chi2 {file.reduced_chi2:g}, expected 0 or more")
+    if (np.diag(arrays["covariance"]) < 0.0).any():
+        raise InputError("covariance has a variance below 0, expected 0 or more")
     for k, pose in enumerate(file.poses):
         _array(f"poses[{k}].wrench", pose.wrench, (6,))
         _array(f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6))
         _rotation(f"poses[{k}].R_base_flange", pose.R_base_flange)
-    if abs(float(np.linalg.norm(arrays["gravity_direction"])) - 1.0) > B_TOLERANCE:
+    if not abs(float(np.linalg.norm(arrays["gravity_direction"])) - 1.0) <= B_TOLERANCE:
         raise InputError("gravity_direction has not length 1")
-    _check_B(file, arrays)
-
-
-def _check_B(file: _File, arrays: dict[str, Array]) -> None:
-    rigid = (file.weight, file.mass, file.com, file.R_flange_sensor, file.yaw)
     if file.model == "affine":
-        if any(value is not None for value in rigid):
-            raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
-        if np.abs(arrays["B"][:, 3] - arrays["bias"]).max() > B_TOLERANCE:
-            raise InputError("the last column of B differs from bias")
-        return
+        _check_affine(file, arrays)
+    else:
+        _check_rigid(file, arrays)
+
+
+def _check_affine(file: _File, arrays: dict[str, Array]) -> None:
+    rigid = (file.weight, file.mass, file.com, file.R_flange_sensor, file.yaw)
+    if any(value is not None for value in rigid):
+        raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
+    _require_near("the last column of B", arrays["B"][:, 3], arrays["bias"], "bias")
+    _require_near("parameters", arrays["parameters"], arrays["B"].ravel(), "B")
+    _check_B_covariance(arrays, np.eye(24))
+
+
+def _check_rigid(file: _File, arrays: dict[str, Array]) -> None:
     if file.weight is None or file.mass is None or file.com is None or file.R_flange_sensor is None or file.yaw is None:
         raise InputError(f"model {file.model} lacks weight, mass, com, R_flange_sensor or yaw, expected numbers")
     R_flange_sensor = _rotation("R_flange_sensor", file.R_flange_sensor)
     com = _array("com", file.com, (3,))
     tool = RigidTool(file.weight, com, arrays["bias"], R_flange_sensor, arrays["gravity_direction"])
-    off = float(np.abs(wrench_matrix(tool) - arrays["B"]).max())
-    if off > B_TOLERANCE:
-        raise InputError(
-            f"B differs by {off:.3g} from what weight, com, bias and R_flange_sensor give: the file was edited"
-        )
-    linear = np.r_[file.weight, com, arrays["bias"]]
-    if np.abs(linear - arrays["parameters"][:10]).max() > B_TOLERANCE:
-        raise InputError("parameters differ from weight, com and bias: the file was edited")
+    _require_near("B", arrays["B"], wrench_matrix(tool), "weight, com, bias and R_flange_sensor")
+    if not (file.weight > 0.0 and file.mass > 0.0):
+        raise InputError(f"weight is {file.weight:g} N and mass {file.mass:g} kg, expected numbers above 0")
+    g = file.provenance.get("g")
+    if isinstance(g, int | float):
+        _require_near("weight", np.array(file.weight), np.array(file.mass * g), "mass and g")
+    if file.weight_z is not None:
+        _require_near("weight_z", np.array(file.weight_z), np.array(file.weight), "weight")
+    turned = file.yaw - yaw_of_mounting(R_flange_sensor)[0]
+    _require_near("yaw", np.exp(np.array(1j * turned)), np.array(1.0), "R_flange_sensor")
+    names = PARAMETERS[file.model]
+    parameters = np.zeros(len(names))
+    parameters[:10] = np.r_[file.weight, com, arrays["bias"]]
+    if "yaw" in names:
+        parameters[10] = file.yaw
+    _require_near("parameters", arrays["parameters"], parameters, "weight, com, bias and yaw")
+    _check_B_covariance(arrays, matrix_jacobian(tool, names))
+
+
+def _check_B_covariance(arrays: dict[str, Array], J: Array) -> None:
+    """Raise `InputError` unless the covariance of B is that of the parameters, J (24, p) being B's derivative."""
+    size = np.abs(J) @ np.abs(arrays["covariance"]) @ np.abs(J).T
+    off = np.abs(J @ arrays["covariance"] @ J.T - arrays["B_covariance"])
+    if not (off <= COVARIANCE_TOLERANCE * size).all():
+        raise InputError("found B_covariance off what follows from covariance: the file was edited")
+
+
+def _check_std(std: _Std, calibration: Calibration) -> None:
+    for name, value in calibration.std.items():
+        stored = getattr(std, name)
+        if (stored is None) != (value is None):
+            raise InputError(f"std.{name} does not fit model {calibration.model}")
+        if value is not None:
+            expected = np.asarray(value)
+            _require_near(f"std.{name}", _array(f"std.{name}", stored, expected.shape), expected, "covariance")
+
+
+def _require_near(name: str, found: Any, expected: Any, source: str) -> None:
+    """Raise `InputError` where a number is off by more than `B_TOLERANCE` from what others in the file give."""
+    off = float(np.abs(found - expected).max())
+    if not off <= B_TOLERANCE:
+        raise InputError(f"found {name} {off:.3g} off what follows from {source}: the file was edited")
 
 
 def _array(name: str, values: Any, shape: tuple[int, ...]) -> Array:

@@ -93,8 +93,8 @@ def _paper(folder: Path) -> _Set:
         "says so before anyone pushes. Poses that tilt the tool by 90 deg would settle the weight.",
         "What holds of the printed tables: VII follows from VI, VIII from VI and V, Eq. 16 gives T0x and T0y of Table "
         f"V, and the error column of IX. What does not: Table V ({PRINTED_WEIGHT:.3f} N) does not follow from Tables "
-        f"III and IV under any reading; the forces of poses 1 and 3 alone demand {_least_weight(samples):.2f} N or more. "
-        "docs/reproduction.md has every figure, with the command that shows it.",
+        f"III and IV under any reading; the forces of poses 1 and 3 alone demand {_least_weight(samples):.2f} N or "
+        "more. docs/reproduction.md has every figure, with the command that shows it.",
     )
     return _Set("paper_six_poses", "The paper's six poses, KUKA iiwa with an SRI M8125", samples, calibration, words)
 

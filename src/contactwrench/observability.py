@@ -24,6 +24,9 @@ LEVER = 0.05
 LEAST_SINGULAR_VALUE = 1e-3
 """Relative to the largest, in natural units."""
 
+WELL_SPREAD = 0.1
+"""Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
+
 TRADE_OFF = 0.95
 """Parameters whose estimates correlate more than this are said to trade off."""
 
@@ -148,18 +151,26 @@ def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def weak_parameters(
-    weight: float, std_weight: float, std_com: Array, std_bias_force: Array, trade_offs: tuple[str, ...]
+    weight: float,
+    std_weight: float,
+    std_com: Array,
+    std_bias_force: Array,
+    trade_offs: tuple[str, ...],
+    advice: str,
 ) -> tuple[str, ...]:
     """Warnings for a weight known to worse than 10 %, a com to worse than 10 mm, a force bias to worse than 10 % of
-    the weight; each names its parameter, its std, and what it trades off with.
+    the weight, each with what it trades off with; and, where there is one, the advice that would mend them.
     """
     warnings = []
 
     def warn(name: str, what: str) -> None:
         rivals = [pair for pair in trade_offs if name in pair.split(": ")[0].split(" and ")]
         because = f" ({rivals[0]})" if rivals else ""
-        warnings.append(f"weak: {what}{because}: tilt the tool further")
+        warnings.append(f"weak: {what}{because}")
 
+    if std_weight > weight:
+        warn("weight", f"weight {weight:.2g} +- {std_weight:.2g} N is not above zero, so com and mounting mean nothing")
+        return (*warnings, advice)
     if std_weight > 0.1 * weight:
         warn("weight", f"weight {weight:.3g} +- {std_weight:.2g} N, a std over 10 %")
     for axis, std in zip("xyz", std_com, strict=True):
@@ -168,4 +179,17 @@ def weak_parameters(
     for axis, std in zip("xyz", std_bias_force, strict=True):
         if std > 0.1 * weight:
             warn(f"bias_f{axis}", f"bias_f{axis} has a std of {std:.2g} N, over 10 % of the weight")
-    return tuple(warnings)
+    return (*warnings, advice) if warnings else ()
+
+
+def advice_for_weak(J: Array, residual_force: float) -> str:
+    """What would strengthen a weak fit: better poses where the natural Jacobian J (m, p) is poorly conditioned, else a
+    better reading of the data, as the poses are good and the model leaves `residual_force` N.
+    """
+    s = np.linalg.svd(J, compute_uv=False)
+    if s[-1] < WELL_SPREAD * s[0]:
+        return "to mend this, add poses that tilt the tool further, to gravity along +-x, +-y and +-z of the sensor"
+    return (
+        f"the poses are well spread, yet {residual_force:.2g} N are left in them: check that the arm was still and "
+        "free, the orientation's convention, and the base (--model mount+base); a light tool needs more poses"
+    )

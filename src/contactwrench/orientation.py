@@ -48,7 +48,8 @@ def from_quat_xyzw(quat_xyzw: Array) -> Array:
     """
     from scipy.spatial.transform import Rotation
 
-    length = np.linalg.norm(quat_xyzw, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(quat_xyzw, axis=1)
     wrong = ~(np.abs(length - 1.0) <= ROTATION_TOLERANCE)
     if wrong.any():
         row = int(np.argmax(wrong))
@@ -67,14 +68,15 @@ def nearest_rotations(matrices: Array) -> Array:
     Raises `InputError` naming the first matrix that is no rotation (a mirrored one included).
     """
     x, y, z = (matrices[:, :, k] for k in range(3))
-    deviation = np.max(
-        [
-            np.abs(np.einsum("ni,ni->n", a, b) - unit)
-            for a, b, unit in [(x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0)]
-        ],
-        axis=0,
-    )
-    handedness = np.einsum("ni,ni->n", np.cross(x, y), z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.max(
+            [
+                np.abs(np.einsum("ni,ni->n", a, b) - unit)
+                for a, b, unit in [(x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0)]
+            ],
+            axis=0,
+        )
+        handedness = np.einsum("ni,ni->n", np.cross(x, y), z)
     wrong = ~((deviation <= 2.0 * ROTATION_TOLERANCE) & (handedness > 0.0))
     if wrong.any():
         row = int(np.argmax(wrong))
@@ -140,7 +142,18 @@ def _from_row_major(entries: Array) -> Array:
 
 
 def _from_column_major_pose(entries: Array) -> Array:
-    return nearest_rotations(entries.reshape(-1, 4, 4).transpose(0, 2, 1)[:, :3, :3])
+    """The rotations of 4 x 4 poses. A pose written row by row is refused: read by columns it would be the inverse."""
+    poses = entries.reshape(-1, 4, 4).transpose(0, 2, 1)
+    wrong = np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROTATION_TOLERANCE
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        last = ", ".join(f"{entry:g}" for entry in poses[row, 3])
+        raise InputError(
+            f"orientation {row} is a pose with the last row {last}, expected 0, 0, 0, 1: check that its entries come "
+            "column by column",
+            row,
+        )
+    return nearest_rotations(poses[:, :3, :3])
 
 
 _MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))

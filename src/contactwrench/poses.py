@@ -18,7 +18,8 @@ SAME_POSE_ANGLE = np.deg2rad(0.2)
 """Orientations closer than this are one pose: robots repeat to about a tenth of it."""
 
 _CELL = 5e-4
-_HASH = np.random.default_rng(0).integers(1, 2**62, size=9, dtype=np.int64) | 1
+_HASH = np.array([pow(0x9E3779B97F4A7C15, k, 2**63) for k in range(1, 10)], dtype=np.int64)
+"""Odd multipliers that mix nine small integers into one key (powers of 2^64 / golden ratio)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,14 +50,16 @@ class Samples:
             array = read_only(values)
             if array.shape != shape:
                 raise InputError(f"{name} has shape {array.shape}, expected {_with_n(name)} with n = {n}")
-            if not np.isfinite(array.sum()):
+            with np.errstate(over="ignore", invalid="ignore"):
+                suspect = not np.isfinite(array.sum())
+            if suspect:
                 self._refuse_not_finite(name, array)
             if name == "R_base_flange":
                 array = read_only(nearest_rotations(array)) if n else array
             object.__setattr__(self, name, array)
         if self.load_mass is not None and (self.load_mass < 0.0).any():
             row = int(np.argmax(self.load_mass < 0.0))
-            raise InputError(f"load_mass in sample {row} is {self.load_mass[row]:g} kg, expected 0 or more")
+            raise InputError(f"load_mass in sample {row} is {self.load_mass[row]:g} kg, expected 0 or more", row)
 
     @staticmethod
     def _refuse_not_finite(name: str, array: Array) -> None:
@@ -65,7 +67,8 @@ class Samples:
         if len(bad):
             raise InputError(
                 f"{name} in sample {bad[0][0]} is {array[tuple(bad[0])]}, expected a finite number: "
-                "leave such samples out"
+                "leave such samples out",
+                int(bad[0][0]),
             )
 
     def __len__(self) -> int:

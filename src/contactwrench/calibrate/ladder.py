@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike
 from ..calibration import Calibration
 from ..errors import AmbiguityError, InputError, UnobservableError
 from ..model import PARAMETERS, RigidTool, gravity_in_flange, yaw_of_mounting
-from ..observability import describe, require_full_rank, require_separable, weak_parameters
+from ..observability import (
+    advice_for_weak,
+    describe,
+    natural_jacobian,
+    require_full_rank,
+    require_separable,
+    weak_parameters,
+)
 from ..orientation import Array
 from ..poses import Pose, moments_of_poses, poses_from_samples
 from ..samples import Samples
@@ -74,7 +81,13 @@ def calibrate(
     if rung == "paper":
         paper = fit_paper(readings, stated)
         fit, weight_xy, weight_z = paper.fit, paper.weight_xy, paper.weight_z
-        _require_positive_weight(paper.weight_z, stated)
+        _require_sign(fit, readings, "yaw", stated, None)
+        if paper.weight_z <= 0.0:
+            raise AmbiguityError(
+                f"the paper's G_z comes out as {paper.weight_z:.3g} N, expected above 0: its model takes the sensor's z "
+                "to point along the flange's; for a sensor mounted flipped or tilted use --model mount, for readings of "
+                f"the reaction --sign reaction, for a robot upside down --gravity {_negated(stated)}"
+            )
     elif rung == "affine":
         fit = _affine(readings, stated, _noise_std(noise))
         if np.linalg.det(fit.B[:3, :3]) < 0.0:
@@ -219,7 +232,9 @@ def _assemble(
         parameters[:10] = np.r_[weight, com, bias]
         if "yaw" in names:
             parameters[10] = yaw
-        warnings += weak_parameters(weight, std[0], std[1:4], std[4:7], observability.trade_offs)
+        left = float(np.sqrt(np.mean(np.sum(fit.residuals[:, :3] ** 2, axis=1))))
+        advice = advice_for_weak(natural_jacobian(tool, readings.R_base_flange, names), left)
+        warnings += weak_parameters(weight, std[0], std[1:4], std[4:7], observability.trade_offs, advice)
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
     if held_out is None:

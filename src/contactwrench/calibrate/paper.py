@@ -99,8 +99,8 @@ def _require_separable(force: Array, torque: Array, R_base_flange: Array, gravit
     n = len(force)
     if n < MIN_POSES:
         raise UnobservableError(
-            f"cannot separate {', '.join(FORCE_NAMES + TORQUE_NAMES)}: found {n} distinct poses, expected {MIN_POSES} "
-            "or more for the paper's estimator; record 6 or more that tilt the tool"
+            f"cannot separate {', '.join(FORCE_NAMES + TORQUE_NAMES)}: found {n} distinct orientations, expected "
+            f"{MIN_POSES} or more for the paper's estimator; record 6 or more that tilt the tool"
         )
     require_separable(force.reshape(3 * n, 6), FORCE_NAMES, R_base_flange, gravity_direction)
     swing = torque[:, :, :3] - torque[:, :, :3].mean(axis=0)

@@ -20,6 +20,7 @@ from .reading import (
     StandardGravity,
     WrenchFrame,
     gravity_direction,
+    not_negative,
     read_recording,
 )
 
@@ -33,11 +34,14 @@ def calibrate(
     model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
-        float | None, typer.Option(metavar="N", help="Exit 1 if the calibration adds more force error (std).")
+        float | None,
+        typer.Option(metavar="N", help="Exit 1 if the calibration adds more force error (std).", callback=not_negative),
     ] = None,
     require_torque: Annotated[
         float | None,
-        typer.Option(metavar="NM", help="Exit 1 if the calibration adds more torque error (std)."),
+        typer.Option(
+            metavar="NM", help="Exit 1 if the calibration adds more torque error (std).", callback=not_negative
+        ),
     ] = None,
     json: Json = False,
     orientation: Orientation = "auto",
@@ -67,9 +71,10 @@ def calibrate(
         from ..report.html import write_calibration_report
 
         write_calibration_report(report, calibration)
-    if json:
+    to_stdout = str(output) == "-"
+    if json and not to_stdout:
         typer.echo(to_json(calibration), nl=False)
-    elif str(output) != "-":
+    elif not to_stdout:
         typer.echo(str(calibration))
         for path, what in ((output, "calibration"), (report, "report")):
             if path is not None:

@@ -13,6 +13,20 @@ from ..orientation import CONVENTIONS, Array
 from ..samples import Samples
 from ..wrench import STANDARD_GRAVITY
 
+
+def not_negative(value: float | None) -> float | None:
+    """A limit that a flag states. Raises typer's error unless it is a finite number of 0 or more."""
+    if value is not None and not 0.0 <= value < np.inf:
+        raise typer.BadParameter(f"found {value:g}, expected a number of 0 or more.")
+    return value
+
+
+def _above_zero(value: float) -> float:
+    if not 0.0 < value < np.inf:
+        raise typer.BadParameter(f"found {value:g}, expected m/s^2 above 0.")
+    return value
+
+
 Recording = Annotated[Path, typer.Argument(metavar="FILE", help="Recording: CSV with fx..tz and an orientation.")]
 Orientation = Annotated[
     str,
@@ -29,7 +43,9 @@ Gravity = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: 0,0,-1, down]"),
 ]
-StandardGravity = Annotated[float, typer.Option("--g", metavar="G", help="m/s^2, between weight and mass.")]
+StandardGravity = Annotated[
+    float, typer.Option("--g", metavar="G", help="m/s^2, between weight and mass.", callback=_above_zero)
+]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
 ]

@@ -18,6 +18,7 @@ from .reading import (
     StandardGravity,
     WrenchFrame,
     gravity_direction,
+    not_negative,
     read_recording,
 )
 
@@ -26,10 +27,12 @@ def verify(
     file: Recording,
     calibration: CalibrationFile,
     limit_force: Annotated[
-        float | None, typer.Option(metavar="N", help="Largest contact force that may be left in a pose.")
+        float | None,
+        typer.Option(metavar="N", help="Largest contact force that may be left in a pose.", callback=not_negative),
     ] = None,
     limit_torque: Annotated[
-        float | None, typer.Option(metavar="NM", help="Largest contact torque that may be left in a pose.")
+        float | None,
+        typer.Option(metavar="NM", help="Largest contact torque that may be left in a pose.", callback=not_negative),
     ] = None,
     json: Json = False,
     orientation: Orientation = "auto",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..errors import FileFormatError, InputError
 from ..samples import Samples
 from .csv import read_csv
 
-SUFFIXES_OF_TEXT = {".csv", ".txt", ".dat", ""}
+SUFFIXES_OF_TEXT = {".csv", ".tsv", ".txt", ".dat", ""}
 
 
 def read(
@@ -45,7 +46,8 @@ def read(
         wrench = np.concatenate(
             [np.einsum("nij,ni->nj", R, wrench[:, :3]), np.einsum("nij,ni->nj", R, wrench[:, 3:])], axis=1
         )
+    source = os.fsencode(path).decode(errors="replace")
     try:
-        return Samples(wrench, R, table.t, table.position, table.load_mass, str(path))
+        return Samples(wrench, R, table.t, table.position, table.load_mass, source)
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None

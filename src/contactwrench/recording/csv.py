@@ -27,7 +27,7 @@ TIME = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTH = {"": 1.0, "m": 1.0, "mm": 1e-3}
 LOAD = {"g": 1e-3, "kg": 1.0}
 NO_UNIT = {"": 1.0}
-DEGREE = np.pi / 180.0
+ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 
 WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
 
@@ -76,8 +76,15 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
     except InputError as error:
         names = ",".join(column.name for column in orientation_columns)
         where = "" if error.row is None else f"row {body.row_of(error.row)}, "
-        raise FileFormatError(f"{source}: {where}columns {names}: {error}") from None
+        found = str(error).replace(f"orientation {error.row} is", "found", 1)
+        raise FileFormatError(f"{source}: {where}columns {names}: {found}") from None
     t_values, position_values, load_values = (block if block.shape[1] else None for block in rest)
+    if load_values is not None and (load_values < 0.0).any():
+        index = int(np.argmax(load_values[:, 0] < 0.0))
+        raise FileFormatError(
+            f"{source}: row {body.row_of(index)}, column {load[0].name}: found "
+            f"{load_values[index, 0] / load[0].factor:g}, expected 0 or more: correct it"
+        )
     return Table(
         wrench,
         R,
@@ -88,7 +95,7 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
 
 
 def _decoded(content: bytes, source: str) -> str:
-    if not content.strip():
+    if not content.removeprefix(codecs.BOM_UTF8).strip():
         raise FileFormatError(f"{source}: the file is empty, expected a header line and rows of numbers")
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:4096]:
         raise FileFormatError(f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that")
@@ -107,7 +114,7 @@ def _header(text: str, source: str) -> tuple[str, int, list[str]]:
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         delimiter = max(",;\t", key=line.count)
-        names = [name.strip().lower() for name in next(csv.reader([line], delimiter=delimiter))]
+        names = [name.lower() for name in _cells(line, delimiter, row, source)]
         if all(_is_number(name) for name in names):
             raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
         return delimiter, row, names
@@ -160,8 +167,8 @@ def _orientation_columns(places: dict[str, int], orientation: str, source: str) 
         missing = [name for name, column in zip(chosen.columns, columns, strict=True) if column is None]
         if missing:
             raise FileFormatError(
-                f"{source}: found no column {missing[0]}, expected {','.join(chosen.columns)} for {chosen.name}: name the "
-                f"columns, as in --orientation NAME:COLUMNS (found {_listed(places)})"
+                f"{source}: found no column {missing[0]}, expected {','.join(chosen.columns)} for {chosen.name}: name "
+                f"the columns, as in --orientation NAME:COLUMNS (found {_listed(places)})"
             )
         return chosen, [column for column in columns if column is not None]
     candidates = {name: _columns_of(places, CONVENTIONS[name], source) for name in RECOGNISED_BY_NAME}
@@ -186,10 +193,13 @@ def _orientation_columns(places: dict[str, int], orientation: str, source: str) 
 
 def _columns_of(places: dict[str, int], wanted: Convention, source: str) -> list[_Column | None]:
     if wanted.angle_unit is None:
-        units = NO_UNIT
-    else:
-        units = {"": DEGREE if wanted.angle_unit == "deg" else 1.0, "deg": DEGREE, "rad": 1.0}
-    return [_find(places, name, units, source) for name in wanted.columns]
+        return [_find(places, name, NO_UNIT, source) for name in wanted.columns]
+    stated = {"": ANGLE[wanted.angle_unit], **ANGLE}
+    columns = []
+    for name in wanted.columns:
+        unit = name.rpartition("_")[2]
+        columns.append(_find(places, name, {"": ANGLE[unit]} if unit in ANGLE else stated, source))
+    return columns
 
 
 def _listed(places: dict[str, int]) -> str:
@@ -197,9 +207,26 @@ def _listed(places: dict[str, int]) -> str:
     return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
 
 
+def _cells(line: str, delimiter: str, row: int, source: str) -> list[str]:
+    """The cells of one line, without the space around them."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:
+        raise FileFormatError(
+            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
+        ) from None
+
+
+def _value(text: str) -> float:
+    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        _value(text)
     except ValueError:
         return False
     return True
@@ -223,6 +250,15 @@ class _Body:
             if row > self.header_row and line.strip() and not line.lstrip().startswith("#"):
                 yield row, line
 
+    def is_whole(self, line: str) -> bool:
+        """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
+        if '"' not in line:
+            return line.count(self.delimiter) == self.width - 1
+        try:
+            return len(next(csv.reader([line], delimiter=self.delimiter))) == self.width
+        except csv.Error:
+            return False
+
     def row_of(self, index: int) -> int:
         """The row number of the index-th row of data."""
         return next(row for k, (row, _) in enumerate(self.lines()) if k == index)
@@ -233,9 +269,8 @@ def _numbers(body: _Body, columns: list[_Column]) -> Array:
     if not lines:
         raise FileFormatError(f"{body.source}: found a header and no rows, expected a row for each reading: add them")
     places = [column.place for column in columns]
-    even = all(line.count(body.delimiter) == body.width - 1 for line in lines) or any('"' in line for line in lines)
     values: Array | None = None
-    if even:
+    if all(body.is_whole(line) for line in lines):
         try:
             values = np.loadtxt(
                 lines,
@@ -257,7 +292,7 @@ def _numbers_row_by_row(body: _Body, columns: list[_Column]) -> Array:
     """The numbers once more, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
     values = []
     for row, line in body.lines():
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=body.delimiter))]
+        cells = _cells(line, body.delimiter, row, body.source)
         if len(cells) != body.width:
             raise FileFormatError(
                 f"{body.source}: row {row}: found {len(cells)} values, expected {body.width} as in the header: "
@@ -272,7 +307,7 @@ def _number(cell: str, column: _Column, row: int, body: _Body) -> float:
     if not cell:
         raise FileFormatError(f"{where}: found nothing, expected a number: fill it in or leave the row out")
     try:
-        value = float(cell)
+        value = _value(cell)
     except ValueError:
         if _is_number(cell.replace(",", ".")):
             raise FileFormatError(f"{where}: found the decimal comma {cell!r}, expected a point: write it so") from None
@@ -290,7 +325,7 @@ def write_contact_wrenches(path: str | Path, contact: ContactWrenches) -> None:
     columns = [contact.wrench, contact.std]
     formats = ["%.9g"] * 12
     if contact.t is not None:
-        names, columns, formats = ["t", *names], [contact.t[:, None], *columns], ["%.17g", *formats]
+        names, columns, formats = ["t", *names], [contact.t[:, None], *columns], ["%r", *formats]
     row = ",".join(formats)
     table = np.hstack(columns).tolist()
     write_text(path, chain([",".join(names) + "\n"], (row % tuple(values) + "\n" for values in table)))
