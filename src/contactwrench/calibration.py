@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .compensate import Step, compensate, stepper
+from .errors import InputError
 from .model import (
     GRAVITY,
     LINEAR_PARAMETERS,
@@ -138,9 +139,14 @@ class Calibration:
         return float(stdtrit(self.dof, upper) if self.dof > 0.0 else ndtri(upper))
 
     def interval(self, name: str, level: float = 0.95) -> tuple[Any, Any]:
-        """Lower and upper end of the two-sided interval of `weight`, `com`, `bias` or `yaw`, in their units."""
+        """Lower and upper end of the two-sided interval of `weight`, `com`, `bias` or `yaw`, in their units.
+
+        Raises `InputError` for another name, and for what the model does not estimate.
+        """
+        value = getattr(self, name) if name in ("weight", "com", "bias", "yaw") else None
+        if value is None or self.std[name] is None:
+            raise InputError(f"model {self.model} has no interval of {name!r}, expected weight, com, bias or yaw")
         reach = self.t_quantile(level) * self.std[name]
-        value = getattr(self, name)
         return value - reach, value + reach
 
     def predict(self, orientation: OrientationLike) -> Array:

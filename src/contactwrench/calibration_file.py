@@ -116,12 +116,14 @@ def load(path: str | Path) -> Calibration:
         raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
     schema = values.get("schema") if isinstance(values, dict) else None
     if not isinstance(schema, str) or not schema.startswith(f"{_FAMILY}/"):
-        raise FileFormatError(f"{path}: found schema {schema!r}, expected {SCHEMA!r}: name a file that calibrate wrote")
+        raise FileFormatError(
+            f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: name a file that calibrate wrote"
+        )
     if schema != SCHEMA:
         number = schema.rpartition("/")[2]
         newer = number.isdecimal() and float(number) > float(_NUMBER)
         remedy = "upgrade contactwrench" if newer else _AGAIN
-        raise FileFormatError(f"{path}: found schema {schema!r}, this version reads {SCHEMA!r}: {remedy}")
+        raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, this version reads {SCHEMA!r}: {remedy}")
     try:
         file = msgspec.convert(values, _File)
     except msgspec.ValidationError as error:
@@ -181,13 +183,7 @@ def _check(file: _File) -> None:
     if file.moments is not None:
         for name, shape in {"design": (10, 10), "cross": (10, 6), "wrench": (6, 6)}.items():
             _array(f"moments.{name}", getattr(file.moments, name), shape)
-    for name in ("noise", "residual_rms", "held_out_rms", "observability.tilt_range"):
-        if (arrays.get(name, np.zeros(1)) < 0.0).any():
-            raise InputError(f"{name} has a number below 0, expected 0 or more")
-    if file.dof < 0.0 or file.reduced_chi2 < 0.0:
-        raise InputError(f"dof is {file.dof:g} and reduced_chi2 {file.reduced_chi2:g}, expected 0 or more")
-    if (np.diag(arrays["covariance"]) < 0.0).any():
-        raise InputError("covariance has a variance below 0, expected 0 or more")
+    _check_signs(file, arrays)
     for k, pose in enumerate(file.poses):
         _array(f"poses[{k}].wrench", pose.wrench, (6,))
         _array(f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6))
@@ -198,6 +194,16 @@ def _check(file: _File) -> None:
         _check_affine(file, arrays)
     else:
         _check_rigid(file, arrays)
+
+
+def _check_signs(file: _File, arrays: dict[str, Array]) -> None:
+    for name in ("noise", "residual_rms", "held_out_rms", "observability.tilt_range"):
+        if (arrays.get(name, np.zeros(1)) < 0.0).any():
+            raise InputError(f"{name} has a number below 0, expected 0 or more")
+    if file.dof < 0.0 or file.reduced_chi2 < 0.0:
+        raise InputError(f"dof is {file.dof:g} and reduced_chi2 {file.reduced_chi2:g}, expected 0 or more")
+    if (np.diag(arrays["covariance"]) < 0.0).any():
+        raise InputError("covariance has a variance below 0, expected 0 or more")
 
 
 def _check_affine(file: _File, arrays: dict[str, Array]) -> None:
@@ -219,7 +225,7 @@ def _check_rigid(file: _File, arrays: dict[str, Array]) -> None:
     if not (file.weight > 0.0 and file.mass > 0.0):
         raise InputError(f"weight is {file.weight:g} N and mass {file.mass:g} kg, expected numbers above 0")
     g = file.provenance.get("g")
-    if isinstance(g, int | float):
+    if isinstance(g, float):
         _require_near("weight", np.array(file.weight), np.array(file.mass * g), "mass and g")
     if file.weight_z is not None:
         _require_near("weight_z", np.array(file.weight_z), np.array(file.weight), "weight")

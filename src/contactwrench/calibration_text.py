@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .model import AXES
+from .model import AXES, GRAVITY, MOUNT, horizontal_axes
+from .orientation import Array
 
 if TYPE_CHECKING:
     from .calibration import Calibration
@@ -58,15 +59,35 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
     if c.yaw is not None and c.R_flange_sensor is not None:
         side = "along" if c.sensor_z_along_flange else "against"
         rows.append(_row("yaw", np.rad2deg(c.yaw), np.rad2deg(std["yaw"]), f"deg, sensor's z {side} the flange's"))
-        tilt = np.rad2deg(np.arccos(min(1.0, abs(float(c.R_flange_sensor[2, 2])))))
         if std["mount"] is not None:
-            rows.append(_row("tilt", tilt, np.rad2deg(np.linalg.norm(std["mount"][:2])), "deg between those two axes"))
+            tilt, tilt_std = _tilt(c.R_flange_sensor, _block(c, MOUNT))
+            rows.append(_row("tilt", np.rad2deg(tilt), np.rad2deg(tilt_std), "deg between those two axes"))
     if std["gravity"] is not None:
+        a, b = horizontal_axes(c.gravity_direction)
+        turned = np.stack([-b, a], axis=1)
+        spread = np.sqrt(np.diag(turned @ _block(c, GRAVITY) @ turned.T))
         rows += [
-            _row(f"gravity_{x}", v, float(np.linalg.norm(std["gravity"])), "in base axes")
-            for x, v in zip("xyz", c.gravity_direction, strict=True)
+            _row(f"gravity_{x}", v, s, "in base axes")
+            for x, v, s in zip("xyz", c.gravity_direction, spread, strict=True)
         ]
     return rows
+
+
+def _block(c: Calibration, names: tuple[str, ...]) -> Array:
+    index = [c.parameter_names.index(name) for name in names]
+    return c.covariance[np.ix_(index, index)]
+
+
+def _tilt(R_flange_sensor: Array, covariance: Array) -> tuple[float, float]:
+    """Angle between the two z axes, taken along or against each other, and its std; near zero, where the angle has no
+    derivative, the std of a tilt in the least certain direction. `covariance` (3, 3) of the mounting.
+    """
+    along = abs(float(R_flange_sensor[2, 2]))
+    sine = float(np.hypot(R_flange_sensor[2, 0], R_flange_sensor[2, 1]))
+    if sine < 1e-6:
+        return 0.0, float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    gradient = np.array([R_flange_sensor[2, 1], -R_flange_sensor[2, 0]]) / sine
+    return float(np.arctan2(sine, along)), float(np.sqrt(gradient @ covariance[:2, :2] @ gradient))
 
 
 def fit_lines(calibration: Calibration) -> list[str]:

@@ -22,6 +22,7 @@ from .wrench import cross_matrix, wrench_rows
 
 CHUNK = 8192
 """Samples of a numpy chunk: its rows fill, and do not overflow, a second-level cache of 1 MiB."""
+SQUARED_TOLERANCE = 2.0 * ROTATION_TOLERANCE
 FUSED_FROM = 50_000
 """Samples from which compiling and starting threads pays."""
 
@@ -42,8 +43,8 @@ def compensate(
 
     `orientation`: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one
     of them for all readings. `out` (n, 6) float64 receives the result, and may be `wrench` itself. A NaN in a
-    reading stays in its row. Raises `InputError` on shapes that do not pair and on orientations off unit length by
-    more than 1 %.
+    reading stays in its row. Raises `InputError` on shapes that do not pair, and on an orientation off unit length by
+    more than 1 % or NaN; `out` is then filled in part.
     """
     readings, single = wrench_rows(wrench)
     if not len(readings):
@@ -57,15 +58,14 @@ def compensate(
             raise InputError(
                 f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order"
             )
-    unit = 1.0 if parts.shape[1] == 4 else 3.0
     if len(readings) >= FUSED_FROM and find_spec("numba") is not None:
         from .compensate_fused import compensate_fused
 
-        largest = compensate_fused(B, gravity_direction, readings, parts, result)
+        fine = compensate_fused(B, gravity_direction, readings, parts, result)
     else:
-        largest = _compensate_chunks(B, gravity_direction, readings, parts, result)
-    if not largest <= 2.0 * ROTATION_TOLERANCE:
-        _refuse_off_unit(parts, unit)
+        fine = _compensate_chunks(B, gravity_direction, readings, parts, result)
+    if not fine:
+        _refuse_first_off_unit(parts)
     if out is not None:
         return out
     return result[0] if single else result
@@ -88,22 +88,21 @@ def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
     )
 
 
-def _compensate_chunks(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> float:
-    """Fill `result` (n, 6) chunk by chunk; the largest relative deviation of a squared length from that of a unit
-    quaternion or a rotation matrix (NaN if there is one).
-    """
+def _compensate_chunks(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
+    """Fill `result` (n, 6) chunk by chunk; whether every orientation is one (the last chunk done is the first not)."""
     Bt = np.ascontiguousarray(B.T)
     into_r = _gravity_from_quaternions if parts.shape[1] == 4 else _gravity_from_matrices
     r_one, free = np.ones((4, CHUNK)), np.empty((CHUNK, 6))
-    largest = 0.0
     for start in range(0, len(readings), CHUNK):
         rows = slice(start, min(start + CHUNK, len(readings)))
         m = rows.stop - start
-        squared = into_r(parts[rows], gravity_direction, r_one[:3, :m])
+        with np.errstate(all="ignore"):
+            squared = into_r(parts[rows], gravity_direction, r_one[:3, :m])
+        if not (squared.max() <= 1.0 + SQUARED_TOLERANCE and squared.min() >= 1.0 - SQUARED_TOLERANCE):
+            return False
         np.matmul(r_one[:, :m].T, Bt, out=free[:m])
         np.subtract(readings[rows], free[:m], out=result[rows])
-        largest = float(np.maximum(largest, max(squared.max() - 1.0, 1.0 - squared.min())))
-    return largest
+    return True
 
 
 def _gravity_from_quaternions(quat_xyzw: Array, d: Array, r: Array) -> Array:
@@ -130,13 +129,15 @@ def _gravity_from_matrices(matrices: Array, d: Array, r: Array) -> Array:
     return squared
 
 
-def _refuse_off_unit(parts: Array, unit: float) -> None:
-    length = np.sqrt(np.einsum("ni,ni->n", parts, parts) / unit)
-    row = int(np.argmax(~(np.abs(length**2 - 1.0) <= 2.0 * ROTATION_TOLERANCE)))
-    what = "quaternion" if unit == 1.0 else "matrix"
+def _refuse_first_off_unit(parts: Array) -> None:
+    what, unit = ("quaternion", 1.0) if parts.shape[1] == 4 else ("matrix", 3.0)
+    with np.errstate(all="ignore"):
+        squared = np.einsum("ni,ni->n", parts, parts) / unit
+        row = int(np.argmax(~(np.abs(squared - 1.0) <= SQUARED_TOLERANCE)))
+        length = float(np.sqrt(squared[row]))
     raise InputError(
-        f"orientation {row} is a {what} of length {length[row]:.6g}, expected 1 within 1 %: check the order of its "
-        "parts, and leave out samples without an orientation",
+        f"orientation {row} is a {what} of length {length:.6g}, expected 1 within 1 %: check the order of its parts, "
+        "and leave out samples without an orientation",
         row,
     )
 

@@ -13,19 +13,20 @@ from itertools import pairwise
 import numba
 import numpy as np
 
-from .orientation import Array
+from .orientation import ROTATION_TOLERANCE, Array
 
 MAX_THREADS = 8
+SQUARED_TOLERANCE = 2.0 * ROTATION_TOLERANCE
 
 
-_compiled = numba.njit(nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"})
+_compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 
 
 @_compiled
 def _from_quaternions(B, d, readings, quat_xyzw, result):  # type: ignore[no-untyped-def]
     dx, dy, dz = d[0], d[1], d[2]
     ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz
-    largest = 0.0
+    wrong = 0
     for i in range(len(readings)):
         x, y, z, w = quat_xyzw[i, 0], quat_xyzw[i, 1], quat_xyzw[i, 2], quat_xyzw[i, 3]
         squared = x * x + y * y + z * z + w * w
@@ -36,16 +37,14 @@ def _from_quaternions(B, d, readings, quat_xyzw, result):  # type: ignore[no-unt
         rz = dz - w * tz + x * ty - y * tx
         for k in range(6):
             result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
-        deviation = abs(squared - 1.0)
-        if not deviation <= largest:
-            largest = deviation
-    return largest
+        wrong += not abs(squared - 1.0) <= SQUARED_TOLERANCE
+    return wrong
 
 
 @_compiled
 def _from_matrices(B, d, readings, matrices, result):  # type: ignore[no-untyped-def]
     dx, dy, dz = d[0], d[1], d[2]
-    largest = 0.0
+    wrong = 0
     for i in range(len(readings)):
         R = matrices[i]
         rx = dx * R[0] + dy * R[3] + dz * R[6]
@@ -56,26 +55,25 @@ def _from_matrices(B, d, readings, matrices, result):  # type: ignore[no-untyped
             squared += R[j] * R[j]
         for k in range(6):
             result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
-        deviation = abs(squared / 3.0 - 1.0)
-        if not deviation <= largest:
-            largest = deviation
-    return largest
+        wrong += not abs(squared / 3.0 - 1.0) <= SQUARED_TOLERANCE
+    return wrong
 
 
-def compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> float:
-    """Fill `result` (n, 6); the largest relative deviation of a squared length from that of a unit quaternion or a
-    rotation matrix (NaN if there is one). `parts` are quaternions (n, 4) or row-major matrices (n, 9).
+def compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
+    """Fill `result` (n, 6); whether every orientation is one: none off unit length by over 1 %, none NaN.
+
+    `parts` are quaternions (n, 4) or row-major matrices (n, 9).
     """
     kernel = _from_quaternions if parts.shape[1] == 4 else _from_matrices
     threads = min(MAX_THREADS, _usable_cores())
-    edges = np.linspace(0, len(readings), threads + 1).astype(int)
-    blocks = [slice(a, b) for a, b in pairwise(edges)]
+    edges = np.linspace(0, len(readings), threads + 1).astype(int).tolist()
 
-    def run(block: slice) -> float:
-        return float(kernel(B, gravity_direction, readings[block], parts[block], result[block]))
+    def run(block: tuple[int, int]) -> int:
+        rows = slice(*block)
+        return int(kernel(B, gravity_direction, readings[rows], parts[rows], result[rows]))
 
     with ThreadPoolExecutor(threads) as pool:
-        return float(np.max(list(pool.map(run, blocks))))
+        return sum(pool.map(run, pairwise(edges))) == 0
 
 
 def _usable_cores() -> int:

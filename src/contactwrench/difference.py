@@ -9,7 +9,7 @@ import numpy as np
 from .calibration import Calibration
 from .model import AXES, gravity_in_flange
 from .orientation import Array
-from .rotations import spread_rotations
+from .rotations import rotation_angle, spread_rotations
 from .samples import read_only
 
 SIGNIFICANT = 3.0
@@ -62,8 +62,7 @@ def difference(a: Calibration, b: Calibration) -> Difference:
     if a.R_flange_sensor is not None and b.R_flange_sensor is not None and a.yaw is not None and b.yaw is not None:
         turned = (b.yaw - a.yaw + np.pi) % (2.0 * np.pi) - np.pi
         add("yaw", "rad", 0.0, turned, a.std["yaw"], b.std["yaw"])
-        apart = a.R_flange_sensor.T @ b.R_flange_sensor
-        angle = float(np.arccos(np.clip(0.5 * (np.trace(apart) - 1.0), -1.0, 1.0)))
+        angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
     everywhere = spread_rotations(288, 24)
     r_a, r_b = (gravity_in_flange(everywhere, c.gravity_direction) for c in (a, b))
     free = (r_b @ b.B[:, :3].T + b.B[:, 3]) - (r_a @ a.B[:, :3].T + a.B[:, 3])

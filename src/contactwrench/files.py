@@ -67,7 +67,7 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
 
 
 def _write_beside_then_rename(target: Path, pieces: Iterable[str]) -> None:
-    handle, beside = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    handle, beside = tempfile.mkstemp(prefix=".contactwrench-", dir=target.parent)
     try:
         with open(handle, "w", encoding="utf-8", newline="") as file:
             file.writelines(pieces)

@@ -24,9 +24,6 @@ LEVER = 0.05
 LEAST_SINGULAR_VALUE = 1e-3
 """Relative to the largest, in natural units."""
 
-WELL_SPREAD = 0.1
-"""Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
-
 TRADE_OFF = 0.95
 """Parameters whose estimates correlate more than this are said to trade off."""
 
@@ -60,8 +57,12 @@ def require_full_rank(tool: RigidTool, R_base_flange: Array, names: tuple[str, .
 def natural_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...]) -> Array:
     """Derivative (6 n, p) of the readings, in units of the weight and the weight at `LEVER`, with respect to the
     parameters in units of the weight, `LEVER` and 1 rad: every column is of order one where it is observed.
+
+    What the poses separate does not depend on weight and com, which a bad fit may have got absurdly wrong: the weight
+    is taken as 1 N and the com at `LEVER` at most.
     """
-    of_unit_weight = RigidTool(1.0, tool.com, tool.bias, tool.R_flange_sensor, tool.gravity_direction)
+    com = tool.com * min(1.0, LEVER / max(float(np.linalg.norm(tool.com)), LEVER))
+    of_unit_weight = RigidTool(1.0, com, tool.bias, tool.R_flange_sensor, tool.gravity_direction)
     J = wrench_jacobian(of_unit_weight, R_base_flange, names)
     J[:, 3:] /= LEVER
     J[:, :, 1:4] *= LEVER
@@ -148,48 +149,3 @@ def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
         if abs(correlation[i, j]) > TRADE_OFF
     ]
     return tuple(text for _, text in sorted(pairs, reverse=True))
-
-
-def weak_parameters(
-    weight: float,
-    std_weight: float,
-    std_com: Array,
-    std_bias_force: Array,
-    trade_offs: tuple[str, ...],
-    advice: str,
-) -> tuple[str, ...]:
-    """Warnings for a weight known to worse than 10 %, a com to worse than 10 mm, a force bias to worse than 10 % of
-    the weight, each with what it trades off with; and, where there is one, the advice that would mend them.
-    """
-    warnings = []
-
-    def warn(name: str, what: str) -> None:
-        rivals = [pair for pair in trade_offs if name in pair.split(": ")[0].split(" and ")]
-        because = f" ({rivals[0]})" if rivals else ""
-        warnings.append(f"weak: {what}{because}")
-
-    if std_weight > weight:
-        warn("weight", f"weight {weight:.2g} +- {std_weight:.2g} N is not above zero, so com and mounting mean nothing")
-        return (*warnings, advice)
-    if std_weight > 0.1 * weight:
-        warn("weight", f"weight {weight:.3g} +- {std_weight:.2g} N, a std over 10 %")
-    for axis, std in zip("xyz", std_com, strict=True):
-        if std > 0.010:
-            warn(f"com_{axis}", f"com_{axis} has a std of {1e3 * std:.1f} mm, over 10 mm")
-    for axis, std in zip("xyz", std_bias_force, strict=True):
-        if std > 0.1 * weight:
-            warn(f"bias_f{axis}", f"bias_f{axis} has a std of {std:.2g} N, over 10 % of the weight")
-    return (*warnings, advice) if warnings else ()
-
-
-def advice_for_weak(J: Array, residual_force: float) -> str:
-    """What would strengthen a weak fit: better poses where the natural Jacobian J (m, p) is poorly conditioned, else a
-    better reading of the data, as the poses are good and the model leaves `residual_force` N.
-    """
-    s = np.linalg.svd(J, compute_uv=False)
-    if s[-1] < WELL_SPREAD * s[0]:
-        return "to mend this, add poses that tilt the tool further, to gravity along +-x, +-y and +-z of the sensor"
-    return (
-        f"the poses are well spread, yet {residual_force:.2g} N are left in them: check that the arm was still and "
-        "free, the orientation's convention, and the base (--model mount+base); a light tool needs more poses"
-    )

@@ -25,6 +25,8 @@ OrientationLike: TypeAlias = "ArrayLike | Rotation"
 ROTATION_TOLERANCE = 0.01
 """A quaternion's length, or a matrix's axes, may be off by this much (rounded figures in a table) and no more."""
 
+LONGEST_ROTATION_VECTOR = 2.0 * np.pi * (1.0 + ROTATION_TOLERANCE)
+
 
 @dataclass(frozen=True)
 class Convention:
@@ -127,8 +129,19 @@ def _euler(letters: str) -> Callable[[Array], Array]:
 
 
 def _from_rotation_vector(vectors: Array) -> Array:
+    """Rotations by |v| rad about v. More than a whole turn is refused: such columns hold angles in degrees."""
     from scipy.spatial.transform import Rotation
 
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    wrong = ~(length <= LONGEST_ROTATION_VECTOR)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise InputError(
+            f"orientation {row} is a rotation vector of {length[row]:.6g} rad, expected at most a whole turn: if these "
+            "are angles in degrees, say whose (--orientation yaskawa or staubli)",
+            row,
+        )
     matrices: Array = Rotation.from_rotvec(vectors).as_matrix()
     return matrices
 
@@ -217,7 +230,7 @@ def convention(text: str) -> Convention:
     names = tuple(c.strip().lower() for c in columns.split(","))
     if len(names) != len(chosen.columns) or not all(names) or len(set(names)) != len(names):
         raise InputError(
-            f"orientation {text!r}: found columns {','.join(names)}, expected {len(chosen.columns)} different names"
+            f"orientation {text!r}: found columns {columns!r}, expected {len(chosen.columns)} different names"
         )
     return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.meaning)
 

@@ -20,6 +20,12 @@ def rotation_exp(vector: Array) -> Array:
     return R
 
 
+def rotation_angle(R: Array) -> float:
+    """The angle of a rotation matrix (3, 3), rad, 0 to pi; exact for the smallest and the largest."""
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return float(np.arctan2(np.linalg.norm(axis), np.trace(R) - 1.0))
+
+
 def rotations_about_z(angle: Array) -> Array:
     """`Rz(angle)`, (m, 3, 3) for angles (m,), rad (paper, Eq. 9)."""
     R = np.zeros((len(angle), 3, 3))

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 from .errors import InputError
 from .orientation import Array, nearest_rotations
 
+LARGEST_READING = 1e9
+"""N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
+
 
 def read_only(values: ArrayLike) -> Array:
     """A float64 copy that cannot be written to."""
@@ -24,7 +27,8 @@ class Samples:
 
     `wrench` (n, 6) N and N m, sensor axes, pull sign; `R_base_flange` (n, 3, 3); `t` (n,) s; `position` (n, 3) m
     of the flange in base axes; `load_mass` (n,) kg hung on the tool (0: none). `source` says where they come from.
-    Raises `InputError` for a wrong shape, a NaN or infinity, a matrix that is no rotation, a negative load.
+    Raises `InputError` for a wrong shape, a NaN or infinity, a reading beyond `LARGEST_READING`, a matrix that is no
+    rotation, a negative load.
     """
 
     wrench: Array
@@ -49,7 +53,8 @@ class Samples:
                 continue
             array = read_only(values)
             if array.shape != shape:
-                raise InputError(f"{name} has shape {array.shape}, expected {_with_n(name)} with n = {n}")
+                pairs = "" if name == "wrench" else f" with n = {n} as in wrench"
+                raise InputError(f"{name} has shape {array.shape}, expected {_with_n(name)}{pairs}")
             with np.errstate(over="ignore", invalid="ignore"):
                 suspect = not np.isfinite(array.sum())
             if suspect:
@@ -57,6 +62,13 @@ class Samples:
             if name == "R_base_flange":
                 array = read_only(nearest_rotations(array)) if n else array
             object.__setattr__(self, name, array)
+        if n and max(self.wrench.max(), -self.wrench.min()) > LARGEST_READING:
+            row, axis = (int(k) for k in np.argwhere(np.abs(self.wrench) > LARGEST_READING)[0])
+            raise InputError(
+                f"wrench in sample {row} is {self.wrench[row, axis]:g}, expected at most {LARGEST_READING:g} N or N m: "
+                "leave such samples out",
+                row,
+            )
         if self.load_mass is not None and (self.load_mass < 0.0).any():
             row = int(np.argmax(self.load_mass < 0.0))
             raise InputError(f"load_mass in sample {row} is {self.load_mass[row]:g} kg, expected 0 or more", row)
@@ -74,7 +86,7 @@ class Samples:
     def __len__(self) -> int:
         return len(self.wrench)
 
-    def select(self, rows: ArrayLike) -> Samples:
+    def select(self, rows: ArrayLike | slice) -> Samples:
         """The samples that `rows` (a mask, indices or a slice) picks, in that order."""
         pick = rows if isinstance(rows, slice) else np.asarray(rows)
 

@@ -20,6 +20,7 @@ from .samples import Samples, read_only
 from .wrench import STANDARD_GRAVITY
 
 SIGNIFICANCE = 0.01
+LENIENT_DOF = 10.0
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def verify(
         what = "residual" if poses else "error of the weighings"
         reason = (
             f"the {what} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
-            f"(chi-square {chi2:.3g} per reading, probability {_percent(probability)})"
+            f"(chi-square {chi2:.3g} per reading, probability {_percent(probability)}{_caution(calibration.dof)})"
         )
     else:
         if not poses:
@@ -182,6 +183,11 @@ def _probability(misfit: float, readings: int, dof: float) -> float:
     from scipy.special import chdtrc, fdtrc
 
     return float(fdtrc(readings, dof, misfit / readings) if dof > 0.0 else chdtrc(readings, misfit))
+
+
+def _caution(dof: float) -> str:
+    """That few degrees of freedom behind the noise make the test lenient."""
+    return f"; a lenient test, the noise rests on {dof:.2g} degrees of freedom" if 0.0 < dof < LENIENT_DOF else ""
 
 
 def _percent(probability: float) -> str:

@@ -12,16 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration import Calibration
-from ..errors import AmbiguityError, InputError, UnobservableError
-from ..model import PARAMETERS, RigidTool, gravity_in_flange, yaw_of_mounting
-from ..observability import (
-    advice_for_weak,
-    describe,
-    natural_jacobian,
-    require_full_rank,
-    require_separable,
-    weak_parameters,
-)
+from ..errors import InputError, UnobservableError
+from ..model import PARAMETERS, gravity_in_flange, yaw_of_mounting
+from ..observability import describe, require_full_rank, require_separable
 from ..orientation import Array
 from ..poses import Pose, moments_of_poses, poses_from_samples
 from ..samples import Samples
@@ -32,13 +25,15 @@ from .joint import fit_rigid
 from .least_squares import Fit, PoseReadings
 from .noise import pooled_scatter
 from .paper import fit_paper
-from .start import explained_by_start
+from .sign import check_sign, require_positive_weight, require_stated_side
+from .weakness import weak_noise, weak_parameters
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
 MODEL_OF_AUTO = "mount"
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
-RIVAL_SIGNIFICANCE = 0.001
+FEWEST_POSES_WITH_BASE = 4
+PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
 
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
@@ -81,26 +76,22 @@ def calibrate(
     if rung == "paper":
         paper = fit_paper(readings, stated)
         fit, weight_xy, weight_z = paper.fit, paper.weight_xy, paper.weight_z
-        _require_sign(fit, readings, "yaw", stated, None)
-        if paper.weight_z <= 0.0:
-            raise AmbiguityError(
-                f"the paper's G_z comes out as {paper.weight_z:.3g} N, expected above 0: its model takes the sensor's z "
-                "to point along the flange's; for a sensor mounted flipped or tilted use --model mount, for readings of "
-                f"the reaction --sign reaction, for a robot upside down --gravity {_negated(stated)}"
-            )
+        check_sign(fit, readings, "yaw", stated, None)
+        require_positive_weight(weight_z, stated, PAPER_HINT)
     elif rung == "affine":
         fit = _affine(readings, stated, _noise_std(noise))
         if np.linalg.det(fit.B[:3, :3]) < 0.0:
             warnings += ("the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction",)
     else:
-        fit = _rigid(readings, rung, stated, _noise_std(noise))
+        fit, unconfirmed = _rigid(readings, rung, stated, _noise_std(noise))
+        warnings += unconfirmed
     provenance: dict[str, str | int | float] = {
         "software": f"contactwrench {__version__}",
         "source": samples.source,
         "rows": len(free),
         "g": g,
     }
-    return _assemble(fit, model, rung, poses, readings, warnings, provenance, g, weight_xy, weight_z)
+    return _assemble(fit, model, rung, poses, readings, warnings, provenance, g, weight_xy, weight_z, noise is None)
 
 
 def _contact_free(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
@@ -126,18 +117,24 @@ def _noise_std(noise: NoiseLike) -> Array | None:
     return values
 
 
-def _rigid(readings: PoseReadings, model: str, stated: Array, noise: Array | None) -> Fit:
+def _rigid(readings: PoseReadings, model: str, stated: Array, noise: Array | None) -> tuple[Fit, tuple[str, ...]]:
+    """The fit of a rigid model, checked, and a warning where its sign was not confirmed."""
     names = PARAMETERS[model]
     fit = fit_rigid(readings, model, stated, noise)
     tool = fit.tool
     if tool is None:
         raise TypeError("a rigid fit has a tool")
     require_full_rank(tool, readings.R_base_flange, names)
+    if model == "mount+base" and len(readings) < FEWEST_POSES_WITH_BASE:
+        raise UnobservableError(
+            f"found {len(readings)} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
+            "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
+        )
     _require_noise(readings, len(names), noise)
-    _require_stated_side(tool, stated)
-    _require_sign(fit, readings, model, stated, noise)
-    _require_positive_weight(tool.weight, stated)
-    return fit
+    require_stated_side(tool, stated)
+    unconfirmed = check_sign(fit, readings, model, stated, noise)
+    require_positive_weight(tool.weight, stated)
+    return fit, unconfirmed
 
 
 def _affine(readings: PoseReadings, stated: Array, noise: Array | None) -> Fit:
@@ -157,54 +154,6 @@ def _require_noise(readings: PoseReadings, parameters: int, noise: Array | None)
         )
 
 
-def _require_stated_side(tool: RigidTool, stated: Array) -> None:
-    angle = np.rad2deg(np.arccos(np.clip(tool.gravity_direction @ stated, -1.0, 1.0)))
-    if angle > 90.0:
-        found = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
-        raise AmbiguityError(
-            f"gravity comes out {angle:.0f} deg from the stated direction: either the sensor reports the reaction "
-            f"(--sign reaction), or the base is mounted that way (--gravity {found}); free air cannot tell, one push "
-            "by hand can"
-        )
-
-
-def _require_sign(fit: Fit, readings: PoseReadings, model: str, stated: Array, noise: Array | None) -> None:
-    """Refuse readings that a tool explains much better once they are negated (or, the same, gravity is)."""
-    R, wrench = readings.R_base_flange, readings.wrench
-    if explained_by_start(R, -wrench, model, stated) <= explained_by_start(R, wrench, model, stated):
-        return
-    from scipy.special import fdtri
-
-    rival = fit_rigid(readings, model, stated, noise, sign=-1.0)
-    dof = max(6 * len(readings) - len(PARAMETERS[model]), 1)
-    misfit = float(np.sum((fit.residuals / rival.noise) ** 2) / np.sum((rival.residuals / rival.noise) ** 2))
-    significant = misfit > float(fdtri(dof, dof, 1.0 - RIVAL_SIGNIFICANCE))
-    left, left_negated = (
-        float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (fit.residuals, rival.residuals)
-    )
-    if not (significant and left_negated < 0.5 * left):
-        return
-    raise AmbiguityError(
-        f"a tool explains these readings only with a negative weight: {left:.3g} N are left as given, "
-        f"{left_negated:.3g} N with force and torque negated; either the sensor reports the reaction (--sign "
-        f"reaction), or gravity points the other way (--gravity {_negated(stated)}), or one axis is mirrored; free air "
-        "cannot tell, one push by hand can"
-    )
-
-
-def _require_positive_weight(weight: float, stated: Array) -> None:
-    if weight <= 0.0:
-        raise AmbiguityError(
-            f"the weight comes out as {weight:.3g} N, expected above 0: either the sensor reports the reaction (--sign "
-            f"reaction), or gravity points the other way (--gravity {_negated(stated)}), or the poses cannot tell; "
-            "one push by hand decides"
-        )
-
-
-def _negated(direction: Array) -> str:
-    return ",".join(f"{-part + 0.0:g}" for part in direction)
-
-
 def _assemble(
     fit: Fit,
     requested: str,
@@ -216,10 +165,10 @@ def _assemble(
     g: float,
     weight_xy: float | None,
     weight_z: float | None,
+    noise_estimated: bool,
 ) -> Calibration:
     names, tool = PARAMETERS[model], fit.tool
     observability = describe(readings.R_base_flange, fit.gravity_direction, fit.singular_values, fit.covariance, names)
-    std = np.sqrt(np.diag(fit.covariance))
     if tool is None:
         weight = mass = com = R_flange_sensor = yaw = None
         parameters = fit.B.ravel()
@@ -232,11 +181,11 @@ def _assemble(
         parameters[:10] = np.r_[weight, com, bias]
         if "yaw" in names:
             parameters[10] = yaw
-        left = float(np.sqrt(np.mean(np.sum(fit.residuals[:, :3] ** 2, axis=1))))
-        advice = advice_for_weak(natural_jacobian(tool, readings.R_base_flange, names), left)
-        warnings += weak_parameters(weight, std[0], std[1:4], std[4:7], observability.trade_offs, advice)
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
+    warnings += weak_parameters(fit, model, readings, observability.trade_offs)
+    if noise_estimated:
+        warnings += weak_noise(fit)
     if held_out is None:
         warnings += ("no pose can be left out for a held-out error: record more poses",)
     return Calibration(

@@ -16,10 +16,13 @@ from ..model import RigidTool
 from ..orientation import Array
 from .noise import Scatter, VarianceUpdate, update_between, whitening
 
-MAX_ITERATIONS = 200
-STEP_TOLERANCE = 1e-9
+MAX_ITERATIONS = 100
+STEP_TOLERANCE = 1e-7
 VARIANCE_TOLERANCE = 1e-3
 """Relative; a weight that is off by this much changes an estimate by far less than a hundredth of its std."""
+
+SINGULAR_SCATTER = 1e-8
+"""Of the scatter's variance: what is added where the scatter of few rows has no full rank."""
 
 LEVER = 0.05
 """m: before anything is known of the noise, a torque counts as a force at this lever."""
@@ -94,6 +97,11 @@ class Linearised:
         along: Array = self.U.reshape(-1, len(self.s)).T @ self.whitened.ravel()
         return along
 
+    def whitened_after_step(self) -> Array:
+        """The whitened residuals (n, 6) that the step will leave, to first order."""
+        left: Array = self.whitened - np.einsum("nkp,p->nk", self.U, self.gradient())
+        return left
+
     def step_size(self) -> float:
         """Length of the next step in standard deviations of the readings, relative to the misfit that is left."""
         return float(np.linalg.norm(self.gradient())) / max(1.0, float(np.sqrt(self.chi2)))
@@ -156,15 +164,15 @@ def iterate(problem: Problem[State], state: State, readings: PoseReadings, noise
         return state, Solved(problem.linearised(state, whitener), variance, None, None)
 
     scatter = readings.scatter
-    floor = _rounding(readings.wrench)
-    scattered = np.zeros(6) if scatter is None else np.einsum("nii->i", scatter.covariance) / n
+    scattered = _mean_scatter(scatter)
+    floor = np.maximum(_rounding(readings.wrench), SINGULAR_SCATTER * scattered)
     linear = problem.linearised(state, whitening(variance, None, n))
     state = problem.advanced(state, linear)
     variance = np.maximum(variance * problem.linearised(state, linear.whitener).chi2 / (6.0 * n), floor)
     for _ in range(MAX_ITERATIONS):
         linear = problem.linearised(state, whitening(variance, scatter, n))
         state = problem.advanced(state, linear)
-        update = update_between(variance, linear.whitener, linear.whitened, linear.U, floor)
+        update = update_between(variance, linear.whitener, linear.whitened_after_step(), linear.U, floor)
         change = np.abs(update.weighting - variance) / (update.weighting + scattered)
         variance = update.weighting
         if linear.step_size() <= STEP_TOLERANCE and float(change.max()) <= VARIANCE_TOLERANCE:

@@ -4,7 +4,7 @@ Robot pose error, hysteresis, cross-talk and cables move a pose's mean far more 
 does, so the variance between poses is estimated from the residuals: restricted maximum likelihood (Patterson and
 Thompson, 1971) by the fixed-point iteration on its score, one variance an axis. A handful of poses says little about
 one axis alone, so the logarithm of each axis' variance is drawn towards the mean of its group (forces, torques), by
-the share of their spread that chance explains (James and Stein, 1961). Those variances weight the readings; for
+the share of their spread that chance explains (after James and Stein, 1961). Those variances weight the readings; for
 the covariance an axis' own variance counts where it is the larger, so that no noisy axis hides in its group.
 """
 
@@ -19,6 +19,11 @@ from ..orientation import Array
 from ..poses import Pose
 
 GROUPS = (slice(0, 3), slice(3, 6))
+LEAST_OWN_DOF = 2.0
+CHANCE = 3.0
+"""The spread of three log variances exceeds what chance gives on average by this factor once in 20 times (chi-square
+with 2 dof): up to there the axes share one variance, beyond it less and less of it. A model with many parameters would
+otherwise fit one axis of a few poses perfectly and call that its noise."""
 
 Whitening: TypeAlias = Array
 """(n, 6, 6): inverse Cholesky factors W of the poses' noise covariances, so that `W @ error` has unit variance."""
@@ -75,8 +80,7 @@ def update_between(
     spanned = np.einsum("nka,nkp->nap", whitener, U)
     trace = np.maximum(information - np.einsum("nap,nap->a", spanned, spanned), 1e-12 * information)
     dof = np.maximum(trace * between, 0.1)
-    sum_squares = np.einsum("na,na->a", score, score) * between**2
-    single = np.maximum(sum_squares / dof, floor)
+    single = np.maximum(between * np.einsum("na,na->a", score, score) / trace, floor)
     pooled, mixing = np.empty(6), np.zeros((6, 6))
     for group in GROUPS:
         pooled[group], mixing[group, group] = _pooled(single[group], dof[group])
@@ -88,14 +92,18 @@ def update_between(
 def _pooled(single: Array, dof: Array) -> tuple[Array, Array]:
     """The variances (3,) of a group's axes, from their single estimates and dof, and their mixing (3, 3).
 
+    With fewer than two dof an axis' own estimate says next to nothing, and the group shares one variance.
     The logarithm of a variance estimated with f dof has the variance 2/f + 2/f^2 and the bias -(1/f + 1/(3 f^2)),
     asymptotically (trigamma and digamma functions of f/2).
     """
+    if float(dof.min()) < LEAST_OWN_DOF:
+        share_of_each = dof / float(dof.sum())
+        return np.full(len(dof), float(share_of_each @ single)), np.tile(share_of_each, (len(dof), 1))
     log_variance = float(np.mean(2.0 / dof + 2.0 / dof**2))
     log_bias = float(np.mean(1.0 / dof + 1.0 / (3.0 * dof**2)))
     logs = np.log(single)
     spread = float(np.var(logs, ddof=1))
-    share = min(1.0, log_variance / spread) if spread > 0.0 else 1.0
+    share = min(1.0, (CHANCE * log_variance / spread) ** 2) if spread > 0.0 else 1.0
     common = float(np.mean(logs)) + log_bias - log_variance / (2.0 * len(dof))
     mixing = (1.0 - share) * np.eye(len(dof)) + share / len(dof)
     return np.exp(logs + share * (common - logs)), mixing

@@ -118,7 +118,7 @@ def _tool(x: Array, L: Array, gravity_direction: Array) -> RigidTool:
     """The parameters of Eq. 16 and Eq. 17 from the unknowns of the two regressions."""
     theta = np.arctan2(x[1], x[0])
     com, F0 = L[:3], x[3:]
-    T0 = L[3:] - np.cross(com, F0)
+    T0 = L[3:] + np.cross(com, F0)
     return RigidTool(float(x[2]), com, np.r_[F0, T0], rotations_about_z(np.array([theta]))[0], gravity_direction)
 
 
@@ -142,8 +142,8 @@ def _covariance(
     J[0, 2] = 1.0
     J[1:4, 6:9] = np.eye(3)
     J[4:7, 3:6] = np.eye(3)
-    J[7:10, 3:6] = -cross_matrix(tool.com)
-    J[7:10, 6:9] = cross_matrix(tool.bias[:3])
+    J[7:10, 3:6] = cross_matrix(tool.com)
+    J[7:10, 6:9] = -cross_matrix(tool.bias[:3])
     J[7:10, 9:12] = np.eye(3)
     J[10, :2] = [-x[1] / G2, x[0] / G2]
     covariance: Array = J @ joint @ J.T

@@ -63,15 +63,24 @@ class _Moments:
         self.torque = r.T @ wrench[:, 3:]
         self.inverse_inertia = np.linalg.pinv(self.spread * np.eye(3) - r.T @ r, rcond=1e-9, hermitian=True)
 
+    def weight(self, R: Array) -> Array:
+        """The least-squares weight (m,) for mountings (m, 3, 3), no less than zero."""
+        force = np.maximum(np.einsum("mjk,jk->m", R, self.force), 0.0)
+        weight: Array = force / self.spread if self.spread > 0.0 else np.zeros(len(R))
+        return weight
+
+    def moment(self, R: Array) -> Array:
+        """`sum u x T` (m, 3) in flange axes: `inverse_inertia @ moment` is weight * com of least squares there."""
+        P = R.transpose(0, 2, 1) @ self.torque
+        in_sensor = np.stack([P[:, 1, 2] - P[:, 2, 1], P[:, 2, 0] - P[:, 0, 2], P[:, 0, 1] - P[:, 1, 0]], axis=1)
+        moment: Array = np.einsum("mjk,mk->mj", R, in_sensor)
+        return moment
+
     def score(self, R: Array) -> Array:
         """The part of the readings' sum of squares that each mounting (m, 3, 3) explains with a positive weight."""
-        weight = np.maximum(np.einsum("mjk,jk->m", R, self.force), 0.0)
-        P = R.transpose(0, 2, 1) @ self.torque
-        moment = np.stack([P[:, 1, 2] - P[:, 2, 1], P[:, 2, 0] - P[:, 0, 2], P[:, 0, 1] - P[:, 1, 0]], axis=1)
-        moment = np.einsum("mjk,mk->mj", R, moment)
+        moment = self.moment(R)
         explained_torque = np.einsum("mj,jk,mk->m", moment, self.inverse_inertia, moment)
-        explained_force = weight**2 / self.spread if self.spread > 0.0 else np.zeros(len(R))
-        score: Array = explained_force + explained_torque / LEVER**2
+        score: Array = self.spread * self.weight(R) ** 2 + explained_torque / LEVER**2
         return score
 
 
@@ -98,14 +107,10 @@ def _yaw_candidates(force_moments: Array) -> Array:
 def _linear_fit(R_base_flange: Array, wrench: Array, R_flange_sensor: Array, gravity_direction: Array) -> RigidTool:
     """Weight, com and bias of least squares with both rotations held; the weight kept above zero."""
     r = gravity_in_flange(R_base_flange, gravity_direction)
-    u = r @ R_flange_sensor
-    u_mean, wrench_mean = u.mean(axis=0), wrench.mean(axis=0)
     moments = _Moments(r, wrench)
-    force = float(np.sum(R_flange_sensor * moments.force))
-    weight = max(force / moments.spread, 0.0) if moments.spread > 0.0 else 0.0
-    P = R_flange_sensor.T @ moments.torque
-    moment = np.array([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])
-    weight_com = R_flange_sensor.T @ moments.inverse_inertia @ R_flange_sensor @ moment
+    weight = float(moments.weight(R_flange_sensor[None])[0])
+    weight_com = R_flange_sensor.T @ moments.inverse_inertia @ moments.moment(R_flange_sensor[None])[0]
     weight = max(weight, 1e-3 * float(np.abs(wrench[:, :3]).max()), 1e-9)
-    bias = wrench_mean - np.r_[weight * u_mean, np.cross(weight_com, u_mean)]
+    u_mean = r.mean(axis=0) @ R_flange_sensor
+    bias = wrench.mean(axis=0) - np.r_[weight * u_mean, np.cross(weight_com, u_mean)]
     return RigidTool(weight, weight_com / weight, bias, R_flange_sensor, gravity_direction)

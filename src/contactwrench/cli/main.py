@@ -65,10 +65,12 @@ def _status() -> int:
     except ContactWrenchError as error:
         return _say(str(error))
     except typer.TyperException as error:
-        return _say(f"{error.format_message()} Try 'contactwrench --help'.")
+        context = getattr(error, "ctx", None)
+        program = "contactwrench" if context is None else context.command_path
+        return _say(f"{error.format_message().rstrip('.')}: try '{program} --help'")
     except typer.Abort:
         return _say("interrupted")
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit):  # typer makes the first into the second, with the status of a failed check
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD
     except OSError as error:

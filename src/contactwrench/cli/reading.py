@@ -17,13 +17,13 @@ from ..wrench import STANDARD_GRAVITY
 def not_negative(value: float | None) -> float | None:
     """A limit that a flag states. Raises typer's error unless it is a finite number of 0 or more."""
     if value is not None and not 0.0 <= value < np.inf:
-        raise typer.BadParameter(f"found {value:g}, expected a number of 0 or more.")
+        raise typer.BadParameter(f"found {value:g}, expected a number of 0 or more")
     return value
 
 
 def _above_zero(value: float) -> float:
     if not 0.0 < value < np.inf:
-        raise typer.BadParameter(f"found {value:g}, expected m/s^2 above 0.")
+        raise typer.BadParameter(f"found {value:g}, expected m/s^2 above 0")
     return value
 
 
@@ -41,10 +41,10 @@ Sign = Annotated[str, typer.Option(metavar="pull|reaction", help="What acts on t
 InverseOrientation = Annotated[bool, typer.Option("--inverse-orientation", help="The file holds R_flange_base.")]
 Gravity = Annotated[
     str | None,
-    typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: 0,0,-1, down]"),
+    typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
 ]
 StandardGravity = Annotated[
-    float, typer.Option("--g", metavar="G", help="m/s^2, between weight and mass.", callback=_above_zero)
+    float, typer.Option("--g", metavar="G", help="m/s^2, turns a weight into a mass.", callback=_above_zero)
 ]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
@@ -74,6 +74,11 @@ def three_numbers(text: str, flag: str) -> Array:
 
 def gravity_direction(text: str | None) -> Array | None:
     """The direction that --gravity states, unit length, or None."""
+    if text is None:
+        return None
+    direction = three_numbers(text, "--gravity")
+    if not direction.any():
+        raise InputError(f"--gravity is {text!r}, expected three numbers X,Y,Z that are not all zero")
     from ..wrench import unit_direction
 
-    return None if text is None else unit_direction(three_numbers(text, "--gravity"), "--gravity")
+    return unit_direction(direction / np.abs(direction).max())

@@ -15,19 +15,22 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..contact import ContactWrenches
 from ..errors import FileFormatError, InputError
 from ..files import read_bytes, write_text
 from ..orientation import CONVENTIONS, RECOGNISED_BY_NAME, Array, Convention, convention
+from ..samples import LARGEST_READING
 
 FORCE = {"": 1.0, "n": 1.0}
-TORQUE = {"": 1.0, "nm": 1.0, "nmm": 1e-3}
-TIME = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-LENGTH = {"": 1.0, "m": 1.0, "mm": 1e-3}
-LOAD = {"g": 1e-3, "kg": 1.0}
+TORQUE = {"": 1.0, "nm": 1.0, "nmm": 1e3}
+TIME = {"": 1.0, "s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+LENGTH = {"": 1.0, "m": 1.0, "mm": 1e3}
+LOAD = {"g": 1e3, "kg": 1.0}
 NO_UNIT = {"": 1.0}
-ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
+ANGLE = {"deg": 180.0 / np.pi, "rad": 1.0}
+"""These say how many of a unit make one of SI: a division rounds once, so that 300 ms are 0.3 s to the last digit."""
 
 WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
 
@@ -45,11 +48,11 @@ class Table:
 
 @dataclass(frozen=True)
 class _Column:
-    """A column by its place in the file, its name there, and the factor to SI."""
+    """A column by its place in the file, its name there, and how many of its unit make one of SI."""
 
     place: int
     name: str
-    factor: float
+    per_si: float
 
 
 def read_csv(path: str | Path, orientation: str = "auto") -> Table:
@@ -58,8 +61,8 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
     text = _decoded(read_bytes(path), source)
     delimiter, header_row, header = _header(text, source)
     places = _places(header, source)
-    chosen, orientation_columns = _orientation_columns(places, orientation, source)
     wrench_columns = [_required(places, name, TORQUE if name[0] == "t" else FORCE, source) for name in WRENCH_COLUMNS]
+    chosen, orientation_columns = _orientation_columns(places, orientation, source)
     taken = {column.place for column in orientation_columns}
     t = _optional(places, ["t"], TIME, taken, source)
     position = _optional(places, ["x", "y", "z"], LENGTH, taken, source)
@@ -67,7 +70,7 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
 
     columns = [*wrench_columns, *orientation_columns, *t, *position, *load]
     body = _Body(text, delimiter, header_row, len(header), source)
-    values = _numbers(body, columns) * np.array([column.factor for column in columns])
+    values = _numbers(body, columns) / np.array([column.per_si for column in columns])
     wrench, angles, *rest = np.split(
         values, np.cumsum([6, len(orientation_columns), len(t), len(position)]).tolist(), axis=1
     )
@@ -79,12 +82,9 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
         found = str(error).replace(f"orientation {error.row} is", "found", 1)
         raise FileFormatError(f"{source}: {where}columns {names}: {found}") from None
     t_values, position_values, load_values = (block if block.shape[1] else None for block in rest)
-    if load_values is not None and (load_values < 0.0).any():
-        index = int(np.argmax(load_values[:, 0] < 0.0))
-        raise FileFormatError(
-            f"{source}: row {body.row_of(index)}, column {load[0].name}: found "
-            f"{load_values[index, 0] / load[0].factor:g}, expected 0 or more: correct it"
-        )
+    _require(np.abs(wrench) <= LARGEST_READING, wrench, wrench_columns, body, f"at most {LARGEST_READING:g} N or N m")
+    if load_values is not None:
+        _require(load_values >= 0.0, load_values, load, body, "0 or more")
     return Table(
         wrench,
         R,
@@ -92,6 +92,17 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
         position_values,
         None if load_values is None else load_values[:, 0],
     )
+
+
+def _require(good: NDArray[np.bool_], values: Array, columns: list[_Column], body: _Body, expected: str) -> None:
+    """Raise `FileFormatError` naming the first of `values` (n, k), SI, that is not good, in its column's unit."""
+    if not good.all():
+        index, k = (int(place) for place in np.argwhere(~good)[0])
+        column = columns[k]
+        raise FileFormatError(
+            f"{body.source}: row {body.row_of(index)}, column {column.name}: found "
+            f"{values[index, k] * column.per_si:g}, expected {expected}: correct it or leave the row out"
+        )
 
 
 def _decoded(content: bytes, source: str) -> str:
@@ -125,7 +136,9 @@ def _places(header: list[str], source: str) -> dict[str, int]:
     places: dict[str, int] = {}
     for place, name in enumerate(header):
         if name in places:
-            raise FileFormatError(f"{source}: column {name} is there twice, expected once: rename or remove one")
+            raise FileFormatError(
+                f"{source}: column {_shown(name)} is there twice, expected once: rename or remove one"
+            )
         if name:
             places[name] = place
     return places
@@ -133,8 +146,8 @@ def _places(header: list[str], source: str) -> dict[str, int]:
 
 def _find(places: dict[str, int], name: str, units: dict[str, float], source: str) -> _Column | None:
     """The column `name` or `name_unit`; None where there is none."""
-    spelled = {name if not unit else f"{name}_{unit}": factor for unit, factor in units.items()}
-    found = [_Column(places[key], key, factor) for key, factor in spelled.items() if key in places]
+    spelled = {name if not unit else f"{name}_{unit}": per_si for unit, per_si in units.items()}
+    found = [_Column(places[key], key, per_si) for key, per_si in spelled.items() if key in places]
     if len(found) > 1:
         names = " and ".join(column.name for column in found)
         raise FileFormatError(f"{source}: found columns {names}, expected one of them: remove the other")
@@ -166,8 +179,9 @@ def _orientation_columns(places: dict[str, int], orientation: str, source: str) 
         columns = _columns_of(places, chosen, source)
         missing = [name for name, column in zip(chosen.columns, columns, strict=True) if column is None]
         if missing:
+            wanted = ",".join(_shown(name) for name in chosen.columns)
             raise FileFormatError(
-                f"{source}: found no column {missing[0]}, expected {','.join(chosen.columns)} for {chosen.name}: name "
+                f"{source}: found no column {_shown(missing[0])}, expected {wanted} for {chosen.name}: name "
                 f"the columns, as in --orientation NAME:COLUMNS (found {_listed(places)})"
             )
         return chosen, [column for column in columns if column is not None]
@@ -203,8 +217,13 @@ def _columns_of(places: dict[str, int], wanted: Convention, source: str) -> list
 
 
 def _listed(places: dict[str, int]) -> str:
-    names = list(places)
+    names = [_shown(name) for name in places]
     return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
+
+
+def _shown(name: str) -> str:
+    """A column's name as a message can show it: short, and without control characters."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name[:40])
 
 
 def _cells(line: str, delimiter: str, row: int, source: str) -> list[str]:
