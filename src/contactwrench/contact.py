@@ -37,9 +37,10 @@ def contact_wrenches(
 ) -> ContactWrenches:
     """Compensate every sample.
 
-    `output_frame`: sensor, flange or base axes. `point` (3,) m in SENSOR axes: where the torque is taken, the TCP,
-    default the sensor's origin. `gravity` (3,): its direction in the base axes of this recording, where that differs
-    from the calibration's. Raises `InputError` for an unknown frame, or one that `affine` cannot give.
+    `output_frame`: sensor, flange or base axes; in the last two the std also counts that the mounting, known within
+    a std of its own, turns the wrench. `point` (3,) m in SENSOR axes: where the torque is taken, the TCP, default the
+    sensor's origin. `gravity` (3,): its direction in the base axes of this recording, where that differs from the
+    calibration's. Raises `InputError` for an unknown frame, or one that `affine` cannot give.
     """
     if output_frame not in OUTPUT_FRAMES:
         raise InputError(f"output frame is {output_frame!r}, expected {', '.join(OUTPUT_FRAMES)}")
@@ -53,10 +54,27 @@ def contact_wrenches(
     for start in range(0, len(samples), ROWS_AT_ONCE):
         rows = slice(start, start + ROWS_AT_ONCE)
         transform = wrench_transform(_axes(calibration, R[rows], output_frame), np.zeros(3) if point is None else point)
+        J = transform @ calibration.free_wrench_jacobian(R[rows])
         wrench[rows] = np.einsum("nij,nj->ni", transform, wrench[rows])
-        covariance = transform @ calibration.wrench_covariance(R[rows]) @ transform.transpose(0, 2, 1)
-        std[rows] = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
+        if output_frame != "sensor":
+            J += _turned_by_mounting(calibration, R[rows], output_frame, wrench[rows])
+        std[rows] = np.sqrt(np.maximum(np.sum((J @ calibration.covariance) * J, axis=2), 0.0))
     return ContactWrenches(wrench, std, samples.t)
+
+
+def _turned_by_mounting(calibration: Calibration, R_base_flange: Array, output_frame: str, wrench: Array) -> Array:
+    """Derivative (n, 6, p), sign turned, of contact wrenches (n, 6) in output axes because those axes follow the
+    mounting: an error delta of it, in sensor axes, turns force and torque by delta in output axes.
+    """
+    axes = _axes(calibration, R_base_flange, output_frame)
+    J = np.zeros((*wrench.shape, len(calibration.parameter_names)))
+    directions = {"mount_x": 0, "mount_y": 1, "mount_z": 2, "yaw": 2}
+    for k, name in enumerate(calibration.parameter_names):
+        if name in directions:
+            about = axes[:, :, directions[name]]
+            J[:, :3, k] = np.cross(wrench[:, :3], about)
+            J[:, 3:, k] = np.cross(wrench[:, 3:], about)
+    return J
 
 
 def _axes(calibration: Calibration, R_base_flange: Array, output_frame: str) -> Array:

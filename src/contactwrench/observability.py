@@ -139,7 +139,7 @@ def describe(
 
 
 def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
-    std = np.sqrt(np.diag(covariance))
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.outer(std, std)
     correlation = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
     pairs = [

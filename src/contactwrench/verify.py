@@ -82,8 +82,14 @@ def verify(
     Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
     those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
     weighed, with `g` m/s^2; without limits, and where there are no others, the weighings must agree with the loads
-    at that level. Raises `InputError` where there is nothing to judge by.
+    at that level. Raises `InputError` for a limit or a `g` that is none, and where there is
+    nothing to judge by.
     """
+    for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
+        if value is not None and not 0.0 <= value < np.inf:
+            raise InputError(f"{name} is {value:g}, expected a number of 0 or more")
+    if not 0.0 < g < np.inf:
+        raise InputError(f"g is {g:g}, expected m/s^2 above 0")
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")

@@ -43,10 +43,12 @@ def wrench_transform(R_new_old: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -
 def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
     """`direction` (3,) scaled to length 1. Raises `InputError` unless it is three finite numbers, not all zero."""
     vector = np.asarray(direction, dtype=np.float64)
-    length = float(np.linalg.norm(vector)) if vector.shape == (3,) else np.nan
-    if not (np.isfinite(length) and length > 0.0):
-        raise InputError(f"{name} is {direction!r}, expected three finite numbers X,Y,Z that are not all zero")
-    return vector / length
+    largest = float(np.abs(vector).max(initial=0.0))
+    if vector.shape != (3,) or not 0.0 < largest < np.inf:
+        found = ",".join(f"{part:g}" for part in vector.ravel()[:6])
+        raise InputError(f"{name} is {found}, expected three finite numbers X,Y,Z that are not all zero")
+    scaled: Array = vector / largest
+    return scaled / np.linalg.norm(scaled)
 
 
 def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], bool]:

@@ -7,7 +7,8 @@
 3. T0 from l, F0 and com, Eq. 16.
 
 Each regression is ordinary least squares, as in the paper. The covariance is that of the whole chain to first order,
-with one variance for the noise of fx and fy, one for that of fz, and one for that of the torques.
+with one variance for the noise of fx and fy, one for that of fz, and one for that of the torques: what the torque
+regression leaves, less the part that the force's noise has in its regressor.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from ..wrench import cross_matrix
 from .least_squares import Fit, PoseReadings
 
 MIN_POSES = 3
+LEAST_OWN_SHARE = 0.1
+"""Of the torque regression's residual variance: no less is put down to the torques themselves."""
+
 FORCE_NAMES = ("weight_xy", "yaw", "weight", "bias_fx", "bias_fy", "bias_fz")
 TORQUE_NAMES = ("com_x", "com_y", "com_z", "bias_tx", "bias_ty", "bias_tz")
 
@@ -54,8 +58,9 @@ def fit_paper(readings: PoseReadings, gravity_direction: Array) -> PaperFit:
     variance_z = float(np.sum(e_F[:, 2] ** 2)) / (n - 2)
     force_variance = np.array([variance_xy, variance_xy, variance_z])
     com = cross_matrix(tool.com)
-    by_force = float(np.trace(com * force_variance @ com.T)) / 3.0
-    torque_variance = max(float(np.sum(e_T**2)) / (3 * n - 6) - by_force, 0.0)
+    left = float(np.sum(e_T**2)) / (3 * n - 6)
+    through_force = float(np.trace(com * force_variance @ com.T)) / 3.0
+    torque_variance = max(left - through_force, LEAST_OWN_SHARE * left)
     covariance = _covariance(force, torque, x, tool, force_variance, torque_variance)
     from_parameters = matrix_jacobian(tool, PARAMETERS["paper"])
     singular_values = np.asarray(np.linalg.svd(force.reshape(3 * n, 6), compute_uv=False))

@@ -60,7 +60,7 @@ def main() -> None:
 
 def _status() -> int:
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="contactwrench", standalone_mode=False)
         sys.stdout.flush()
     except ContactWrenchError as error:
         return _say(str(error))

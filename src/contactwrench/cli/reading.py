@@ -76,9 +76,6 @@ def gravity_direction(text: str | None) -> Array | None:
     """The direction that --gravity states, unit length, or None."""
     if text is None:
         return None
-    direction = three_numbers(text, "--gravity")
-    if not direction.any():
-        raise InputError(f"--gravity is {text!r}, expected three numbers X,Y,Z that are not all zero")
     from ..wrench import unit_direction
 
-    return unit_direction(direction / np.abs(direction).max())
+    return unit_direction(three_numbers(text, "--gravity"), "--gravity")

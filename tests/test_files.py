@@ -1,0 +1,157 @@
+"""A file is written whole or not at all, and a failure is one line."""
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from contactwrench.errors import FileAccessError
+from contactwrench.files import read_bytes, write_text
+
+FULL = Path("/dev/full")
+WITHOUT_DISK = "cannot be written (no space left on device): check the space on the disk and the permissions"
+
+
+def fail_with_full_disk(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def pieces_that_break_off() -> Iterator[str]:
+    yield "half\n"
+    raise RuntimeError("broke off")
+
+
+def refusal(path: Path, content: str = "new") -> str:
+    """The message with which `write_text` refuses, without the path."""
+    with pytest.raises(FileAccessError) as caught:
+        write_text(path, content)
+    assert isinstance(caught.value, OSError)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    return message.removeprefix(f"{path}: ")
+
+
+def test_text_is_written_as_utf8_with_its_own_line_ends(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    write_text(path, iter(["größe\r\n", "1\n"]))
+    assert read_bytes(path) == "größe\r\n1\n".encode()
+    write_text(path, "short")
+    assert read_bytes(path) == b"short"
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+@pytest.mark.parametrize("before", [None, "old\n"])
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, before: str | None
+) -> None:
+    path = tmp_path / "out.csv"
+    if before is not None:
+        path.write_text(before)
+    if step == "fsync":
+        monkeypatch.setattr(os, "fsync", fail_with_full_disk)
+    else:
+        monkeypatch.setattr(Path, "replace", fail_with_full_disk)
+    assert refusal(path) == WITHOUT_DISK
+    assert [entry.name for entry in tmp_path.iterdir()] == ([] if before is None else ["out.csv"])
+    assert before is None or path.read_text() == before
+
+
+def test_an_interruption_in_the_middle_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_text("old\n")
+    with pytest.raises(RuntimeError, match="broke off"):
+        write_text(path, pieces_that_break_off())
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out.csv"]
+    assert path.read_text() == "old\n"
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664])
+def test_the_permissions_of_an_existing_file_are_kept(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "out.csv"
+    path.write_text("old")
+    path.chmod(mode)
+    write_text(path, "new")
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+    assert path.read_text() == "new"
+
+
+def test_a_new_file_has_the_permissions_that_the_user_gives_new_files(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_text(tmp_path / "out.csv", "new")
+        assert os.umask(0o027) == 0o027
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "out.csv").stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_symlink_is_written_through(tmp_path: Path, exists: bool) -> None:
+    target, link = tmp_path / "data" / "target.csv", tmp_path / "link.csv"
+    target.parent.mkdir()
+    if exists:
+        target.write_text("old")
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert not target.is_symlink()
+
+
+def test_a_file_with_the_longest_possible_name_can_be_written(tmp_path: Path) -> None:
+    path = tmp_path / ("n" * 251 + ".csv")
+    write_text(path, "new")
+    assert path.read_text() == "new"
+
+
+def test_a_pipe_is_written_directly(tmp_path: Path) -> None:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(path, "new")
+        assert os.read(reader, 10) == b"new"
+    finally:
+        os.close(reader)
+    assert stat.S_ISFIFO(path.stat().st_mode)
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+def test_a_full_device() -> None:
+    assert refusal(FULL) == WITHOUT_DISK
+    assert not stat.S_ISREG(FULL.stat().st_mode)
+
+
+def test_a_directory_is_no_file_to_write(tmp_path: Path) -> None:
+    assert refusal(tmp_path) == "found a directory, expected a file to write: name a file in it"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    assert refusal(tmp_path / "gone" / "out.csv") == f"there is no folder {tmp_path / 'gone'}: make it first"
+
+
+def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("old")
+    assert refusal(tmp_path / "file" / "out.csv").startswith("cannot be written (not a directory)")
+
+
+def test_a_folder_without_permission_to_write(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        if os.access(tmp_path, os.W_OK):
+            pytest.skip("this user may write everywhere")
+        assert refusal(tmp_path / "out.csv") == (
+            "cannot be written (permission denied): check the space on the disk and the permissions"
+        )
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_standard_output_is_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
+    write_text("-", iter(["a\n", "b\n"]))
+    assert capsys.readouterr().out == "a\nb\n"
+    assert not Path("-").exists()

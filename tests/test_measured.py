@@ -1,0 +1,112 @@
+"""Recordings of real robots that are not part of the project (their licences are not known), where they are at hand.
+
+Expected figures: an independent fit of a rigid model, its mounting free.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.verify import verify
+from tests.rigs import rotation_angle
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+KUKA = DATA / "kuka_atigamma" / "0-calibration_fts-accel.csv"
+KUKA_AT_REST = DATA / "kuka_atigamma" / "0-steady-state_wrench.csv"
+AXIA = DATA / "axia80_7"
+
+needs_kuka = pytest.mark.skipif(not KUKA.exists(), reason=f"{KUKA} is not at hand")
+needs_axia = pytest.mark.skipif(not AXIA.exists(), reason=f"{AXIA} is not at hand")
+
+
+def _kuka() -> cw.Samples:
+    """The orientation is R_base_sensor: the mounting that is found should be none."""
+    return cw.read(KUKA)
+
+
+def _axia() -> cw.Samples:
+    """R_base_sensor as quaternions x, y, z, w; the wrench in base axes."""
+    R = Rotation.from_quat(np.loadtxt(AXIA / "pose.txt", delimiter=",")[:, 3:]).as_matrix()
+    wrench = np.loadtxt(AXIA / "wrench.txt", delimiter=",")
+    in_sensor = [np.einsum("nji,nj->ni", R, part) for part in (wrench[:, :3], wrench[:, 3:])]
+    return cw.Samples(np.hstack(in_sensor), R)
+
+
+FORCE_FIRST = np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])
+"""As noise: the forces alone decide on weight and mounting, as in the independent fit."""
+
+
+def _left_over(calibration: cw.Calibration, samples: cw.Samples) -> tuple[float, float]:
+    """RMS of a component of force (N) and torque (N m) over the rows."""
+    left = calibration.compensate(samples.wrench, samples.R_base_flange)
+    return float(np.sqrt(np.mean(left[:, :3] ** 2))), float(np.sqrt(np.mean(left[:, 3:] ** 2)))
+
+
+@needs_kuka
+def test_kuka_with_ati_gamma() -> None:
+    """The independent fit counts 24 rows; here those that repeat an orientation are one pose of 18."""
+    samples = _kuka()
+    calibration = cw.calibrate(samples, "mount")
+    assert len(calibration.poses) == 18
+    assert calibration.weight == pytest.approx(9.156, abs=calibration.std["weight"])
+    assert calibration.bias[:3] == pytest.approx([9.077, -1.018, 9.985], abs=0.01)
+    assert calibration.com == pytest.approx([0.0003, 0.0001, 0.0439], abs=1.5e-4)
+    by_force = cw.calibrate(samples, "mount", noise=FORCE_FIRST)
+    force, torque = _left_over(by_force, samples)
+    assert 0.0802 <= force < 0.082  # 0.0802: least squares over the 24 rows, nothing is smaller
+    assert torque < 4.3e-3
+
+
+@needs_kuka
+def test_kuka_mounting_is_none_and_its_base_upright() -> None:
+    calibration = cw.calibrate(_kuka(), "mount+base")
+    assert calibration.R_flange_sensor is not None
+    assert np.rad2deg(rotation_angle(calibration.R_flange_sensor, np.eye(3))) < 1.5
+    assert np.rad2deg(np.arccos(-calibration.gravity_direction[2])) < 1.0
+
+
+@needs_kuka
+def test_kuka_scatter_at_rest_is_not_the_noise_of_a_pose() -> None:
+    """The mean of a pose scatters by a few mN, the fit leaves 80 mN: a std from the scatter would be far too small."""
+    at_rest = np.loadtxt(KUKA_AT_REST, delimiter=",", skiprows=1)
+    estimated = cw.calibrate(_kuka(), "mount")
+    from_rest = cw.calibrate(_kuka(), "mount", noise=at_rest.std(axis=0, ddof=1) / np.sqrt(len(at_rest)))
+    assert from_rest.reduced_chi2 > 400.0
+    assert from_rest.std["weight"] == pytest.approx(estimated.std["weight"], rel=0.7)
+
+
+@needs_kuka
+def test_kuka_each_half_predicts_the_other() -> None:
+    samples = _kuka()
+    even, odd = samples.select(np.arange(0, 24, 2)), samples.select(np.arange(1, 24, 2))
+    for mine, other in ((even, odd), (odd, even)):
+        calibration = cw.calibrate(mine, "mount")
+        assert verify(calibration, other, limit_force=0.5, limit_torque=0.02).passed
+        assert calibration.held_out_rms is not None
+        left = np.sqrt(np.mean(calibration.compensate(other.wrench, other.R_base_flange) ** 2, axis=0))
+        assert np.linalg.norm(left[:3]) < 2.0 * np.linalg.norm(calibration.held_out_rms[:3])
+
+
+@needs_axia
+def test_axia80_by_force_first_is_the_independent_fit_to_its_last_digit() -> None:
+    samples = _axia()
+    calibration = cw.calibrate(samples, "mount", noise=FORCE_FIRST)
+    assert calibration.weight == pytest.approx(10.804, abs=6e-4)
+    assert calibration.bias[:3] == pytest.approx([-2.137, -2.761, -13.079], abs=6e-4)
+    assert calibration.com == pytest.approx([-0.0001, -0.0004, 0.0519], abs=6e-5)
+    force, torque = _left_over(calibration, samples)
+    assert force == pytest.approx(0.149, abs=6e-4)
+    assert torque == pytest.approx(2.3e-3, abs=6e-5)
+
+
+@needs_axia
+@pytest.mark.parametrize("model", ["mount", "mount+base"])
+def test_axia80_with_the_noise_estimated(model: str) -> None:
+    calibration = cw.calibrate(_axia(), model)
+    assert calibration.weight == pytest.approx(10.804, abs=2.0 * calibration.std["weight"])
+    assert np.all(np.abs(calibration.bias[:3] - [-2.137, -2.761, -13.079]) < 2.0 * calibration.std["bias"][:3])
