@@ -86,7 +86,8 @@ def gravity_on_sphere(calibration: Calibration, R_base_flange: Array) -> str:
             here = side * r[:, 2] >= 0.0
             x, y = _equal_area(r[here], side)
             ax.plot(x, y, "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
-            ax.set_title(f"{_side(side)}: {int(here.sum())} poses", fontsize=9, color="#2a3036")
+            count = int(here.sum())
+            ax.set_title(f"{_side(side)}: {count} pose{'' if count == 1 else 's'}", fontsize=9, color="#2a3036")
         return _svg(figure)
 
 
