@@ -1,0 +1,48 @@
+"""Rows of figures with their targets, printed as plain text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure in `unit`, and the range that it should lie in (None: no limit on that side)."""
+
+    what: str
+    value: float
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    remark: str = ""
+
+    @property
+    def has_target(self) -> bool:
+        """Whether a range was set."""
+        return self.least is not None or self.most is not None
+
+    @property
+    def met(self) -> bool:
+        """Whether the figure lies in its range; False for a NaN."""
+        return (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most)
+
+    @property
+    def target(self) -> str:
+        """The range in words."""
+        if self.least is None:
+            return "" if self.most is None else f"at most {self.most:g}"
+        return f"at least {self.least:g}" if self.most is None else f"{self.least:g} to {self.most:g}"
+
+
+def print_table(title: str, rows: Iterable[Row]) -> None:
+    """Print one figure a line: what, value, unit, target, whether it was missed."""
+    rows = list(rows)
+    width = max(len(row.what) for row in rows)
+    unit = max(len(row.unit) for row in rows)
+    target = max(len(row.target) for row in rows)
+    print(f"\n{title}\n{'-' * len(title)}")
+    for row in rows:
+        verdict = "" if not row.has_target else "ok" if row.met else "MISSED"
+        line = f"  {row.what:<{width}}  {row.value:>9.4g} {row.unit:<{unit}}  {row.target:<{target}}  {verdict:<6}"
+        print(f"{line}  {row.remark}".rstrip(), flush=True)
