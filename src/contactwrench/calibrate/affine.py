@@ -6,7 +6,7 @@ import numpy as np
 
 from ..model import free_wrench, gravity_in_flange
 from ..orientation import Array
-from .least_squares import Fit, Linearised, PoseReadings, finished, iterate, linearise
+from .least_squares import Fit, Linearised, PoseReadings, finished, linearise, solve
 
 
 class _AffineProblem:
@@ -27,5 +27,5 @@ class _AffineProblem:
 def fit_affine(readings: PoseReadings, gravity_direction: Array, noise: Array | None) -> Fit:
     """Fit B (6, 4) itself, 24 free numbers: `F = A r + F0, T = A_t r + T0` (method, section 4)."""
     problem = _AffineProblem(gravity_in_flange(readings.R_base_flange, gravity_direction), readings.wrench)
-    B, solved = iterate(problem, np.zeros((6, 4)), readings, noise)
+    B, solved = solve(problem, np.zeros((6, 4)), readings, noise)
     return finished(None, gravity_direction, B, np.eye(24), solved)

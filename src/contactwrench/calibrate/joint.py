@@ -19,7 +19,7 @@ from ..model import (
     wrench_matrix,
 )
 from ..orientation import Array
-from .least_squares import Fit, Linearised, PoseReadings, finished, iterate, linearise, relative_variances
+from .least_squares import Fit, Linearised, PoseReadings, finished, linearise, relative_variances, solve
 from .noise import whitening
 from .start import starting_tools
 
@@ -68,7 +68,7 @@ def fit_rigid(
     starts = starting_tools(readings.R_base_flange, wrench, model, gravity_direction)
     settled = [_settled(problem, start, rough) for start in starts]
     best, _ = min(settled, key=lambda found: found[1])
-    tool, solved = iterate(problem, best, readings, noise)
+    tool, solved = solve(problem, best, readings, noise)
     return finished(tool, tool.gravity_direction, wrench_matrix(tool), matrix_jacobian(tool, names), solved)
 
 

@@ -14,10 +14,14 @@ import numpy as np
 
 from ..model import RigidTool
 from ..orientation import Array
-from .noise import Scatter, VarianceUpdate, update_between, whitening
+from .noise import Scatter, axis_variances, whitening
 
 MAX_ITERATIONS = 100
 STEP_TOLERANCE = 1e-7
+AXIS_PASSES = 2
+"""How often each axis' variance is taken from the fit before: once more than once, as one noisy axis leaks into the
+others of a fit that weights them alike."""
+
 VARIANCE_TOLERANCE = 1e-3
 """Relative; a weight that is off by this much changes an estimate by far less than a hundredth of its std."""
 
@@ -134,13 +138,26 @@ class Problem(Protocol[State]):
 
 
 @dataclass(frozen=True, eq=False)
+class EstimatedNoise:
+    """Between-pose variances that were estimated along with the fit.
+
+    `weighting` (6,) those that weighted the readings; `counted` (6,) those that the covariance counts with; `dof` (6,)
+    behind each axis alone; `mixing` (6, 6) of the counted variances, see noise.py; the samples' `scatter`.
+    """
+
+    weighting: Array
+    counted: Array
+    dof: Array
+    mixing: Array
+    scatter: Scatter | None
+
+
+@dataclass(frozen=True, eq=False)
 class Solved:
-    """A converged problem. `variance` (6,) of a pose's reading beyond its scatter; `update` None: noise given."""
+    """A converged problem, and its noise: estimated, or given as variances (6,) up to one scale."""
 
     linear: Linearised
-    variance: Array
-    scatter: Scatter | None
-    update: VarianceUpdate | None
+    noise: EstimatedNoise | Array
 
 
 def relative_variances(noise: Array | None) -> Array:
@@ -150,42 +167,62 @@ def relative_variances(noise: Array | None) -> Array:
     return np.array([1.0, 1.0, 1.0, LEVER**2, LEVER**2, LEVER**2])
 
 
-def iterate(problem: Problem[State], state: State, readings: PoseReadings, noise: Array | None) -> tuple[State, Solved]:
-    """Gauss-Newton to the end, the between-pose variances estimated along the way unless the noise is given."""
+def solve(problem: Problem[State], state: State, readings: PoseReadings, noise: Array | None) -> tuple[State, Solved]:
+    """Gauss-Newton to the end; the between-pose variances are estimated along the way unless the noise is given."""
     n = len(readings)
     variance = relative_variances(noise)
     if noise is not None:
-        whitener = whitening(variance, None, n)
-        for _ in range(MAX_ITERATIONS):
-            linear = problem.linearised(state, whitener)
-            state = problem.advanced(state, linear)
-            if linear.step_size() <= STEP_TOLERANCE:
-                break
-        return state, Solved(problem.linearised(state, whitener), variance, None, None)
-
-    scatter = readings.scatter
-    scattered = _mean_scatter(scatter)
-    floor = np.maximum(_rounding(readings.wrench), SINGULAR_SCATTER * scattered)
-    linear = problem.linearised(state, whitening(variance, None, n))
-    state = problem.advanced(state, linear)
-    variance = np.maximum(variance * problem.linearised(state, linear.whitener).chi2 / (6.0 * n), floor)
-    for _ in range(MAX_ITERATIONS):
-        linear = problem.linearised(state, whitening(variance, scatter, n))
-        state = problem.advanced(state, linear)
-        update = update_between(variance, linear.whitener, linear.whitened_after_step(), linear.U, floor)
-        change = np.abs(update.weighting - variance) / (update.weighting + scattered)
-        variance = update.weighting
-        if linear.step_size() <= STEP_TOLERANCE and float(change.max()) <= VARIANCE_TOLERANCE:
-            break
+        state, linear = _converged(problem, state, whitening(variance, None, n))
+        return state, Solved(linear, variance)
+    state, variance = _with_variance_of_groups(problem, state, readings)
+    scatter, floor = readings.scatter, _least_variance(readings)
     linear = problem.linearised(state, whitening(variance, scatter, n))
-    return state, Solved(linear, variance, scatter, update)
+    for _ in range(AXIS_PASSES):
+        axes = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor)
+        variance, mixing = axes.pooled()
+        state, linear = _converged(problem, state, whitening(variance, scatter, n))
+    axes = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor)
+    own = axes.single > variance
+    counted, mixing = np.where(own, axes.single, variance), np.where(own[:, None], np.eye(6), mixing)
+    return state, Solved(linear, EstimatedNoise(variance, counted, axes.dof, mixing, scatter))
 
 
-def _rounding(wrench: Array) -> Array:
-    """The least variance (6,) that is taken seriously: noise-free data carry rounding errors only."""
-    scale = np.repeat([float(np.abs(wrench[:, :3]).max()), float(np.abs(wrench[:, 3:]).max())], 3)
-    floor: Array = (1e-10 * scale + 1e-14) ** 2
-    return floor
+def _converged(problem: Problem[State], state: State, whitener: Array) -> tuple[State, Linearised]:
+    for _ in range(MAX_ITERATIONS):
+        linear = problem.linearised(state, whitener)
+        if linear.step_size() <= STEP_TOLERANCE:
+            return state, linear
+        state = problem.advanced(state, linear)
+    return state, problem.linearised(state, whitener)
+
+
+def _with_variance_of_groups(problem: Problem[State], state: State, readings: PoseReadings) -> tuple[State, Array]:
+    """State and variances (6,) at the restricted maximum likelihood of one variance for the forces, one for torques."""
+    n = len(readings)
+    scattered, floor = _mean_scatter(readings.scatter), _least_variance(readings)
+    linear = problem.linearised(state, whitening(relative_variances(None), None, n))
+    state = problem.advanced(state, linear)
+    left = problem.linearised(state, linear.whitener).chi2 / (6.0 * n)
+    variance = np.maximum(relative_variances(None) * left, floor)
+    for _ in range(MAX_ITERATIONS):
+        linear = problem.linearised(state, whitening(variance, readings.scatter, n))
+        state = problem.advanced(state, linear)
+        axes = axis_variances(variance, linear.whitener, linear.whitened_after_step(), linear.U, floor)
+        before, variance = variance, axes.of_groups()
+        change = float(np.max(np.abs(variance - before) / (variance + scattered)))
+        if linear.step_size() <= STEP_TOLERANCE and change <= VARIANCE_TOLERANCE:
+            break
+    return state, variance
+
+
+def _least_variance(readings: PoseReadings) -> Array:
+    """The least variance (6,) that is taken seriously: noise-free data carry rounding errors only, and the scatter of
+    few rows may have no full rank.
+    """
+    scale = np.abs(readings.wrench).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
+    rounding = np.repeat((1e-10 * scale + 1e-14) ** 2, 3)
+    least: Array = np.maximum(rounding, SINGULAR_SCATTER * _mean_scatter(readings.scatter))
+    return least
 
 
 def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_jacobian: Array, solved: Solved) -> Fit:
@@ -194,16 +231,17 @@ def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_
     A = linear.inverse()
     covariance = A @ A.T
     dof: float = 6 * n - len(A)
-    if solved.update is None:
+    if isinstance(solved.noise, EstimatedNoise):
+        estimated = solved.noise
+        reduced_chi2 = _chi2_of_scatter(linear, estimated.scatter) / dof if dof > 0 else 1.0
+        noise = np.sqrt(estimated.counted + _mean_scatter(estimated.scatter))
+        gain = np.einsum("cp,nkp,nka->nca", A, linear.U, linear.whitener)
+        covariance = covariance + np.einsum("nca,nda,a->cd", gain, gain, estimated.counted - estimated.weighting)
+        dof = _effective_dof(gain, covariance, estimated)
+    else:
         reduced_chi2 = linear.chi2 / dof if dof > 0 else 1.0
         covariance = reduced_chi2 * covariance
-        noise = np.sqrt(reduced_chi2 * solved.variance)
-    else:
-        reduced_chi2 = _chi2_of_scatter(linear, solved.scatter) / dof if dof > 0 else 1.0
-        noise = np.sqrt(solved.update.counted + _mean_scatter(solved.scatter))
-        gain = np.einsum("cp,nkp,nka->nca", A, linear.U, linear.whitener)
-        covariance = covariance + np.einsum("nca,nda,a->cd", gain, gain, solved.update.counted - solved.variance)
-        dof = _effective_dof(gain, covariance, solved.update, solved.scatter)
+        noise = np.sqrt(reduced_chi2 * solved.noise)
     return Fit(
         tool=tool,
         gravity_direction=gravity_direction,
@@ -248,16 +286,16 @@ def _held_out(linear: Linearised) -> Array | None:
     return held_out
 
 
-def _effective_dof(gain: Array, covariance: Array, update: VarianceUpdate, scatter: Scatter | None) -> float:
+def _effective_dof(gain: Array, covariance: Array, noise: EstimatedNoise) -> float:
     """The fewest degrees of freedom behind the variance of any parameter (Satterthwaite, 1946).
 
     `gain` (n, p, 6) maps the readings' errors to the parameters'. A parameter's variance is a weighted sum of the
     axes' estimated variances, each with dof of its own.
     """
-    of_axis = np.einsum("nca,nca->ca", gain, gain) * update.counted
+    of_axis = np.einsum("nca,nca->ca", gain, gain) * noise.counted
     total = np.diag(covariance)
-    spread = (of_axis @ update.mixing) ** 2 @ (1.0 / update.dof)
-    if scatter is not None:
-        spread += np.maximum(total - of_axis.sum(axis=1), 0.0) ** 2 / scatter.dof
+    spread = (of_axis @ noise.mixing) ** 2 @ (1.0 / noise.dof)
+    if noise.scatter is not None:
+        spread += np.maximum(total - of_axis.sum(axis=1), 0.0) ** 2 / noise.scatter.dof
     known = total > 0.0
     return float(np.min(total[known] ** 2 / spread[known]))

@@ -1,11 +1,13 @@
 """The noise of a pose: what its samples scatter, plus what poses differ by for no reason that the model knows.
 
 Robot pose error, hysteresis, cross-talk and cables move a pose's mean far more than the scatter of its samples
-does, so the variance between poses is estimated from the residuals: restricted maximum likelihood (Patterson and
-Thompson, 1971) by the fixed-point iteration on its score, one variance an axis. A handful of poses says little about
-one axis alone, so the logarithm of each axis' variance is drawn towards the mean of its group (forces, torques), by
-the share of their spread that chance explains (after James and Stein, 1961). Those variances weight the readings; for
-the covariance an axis' own variance counts where it is the larger, so that no noisy axis hides in its group.
+does, so the variance between poses is estimated from the residuals, by restricted maximum likelihood (Patterson and
+Thompson, 1971). First one variance for the forces and one for the torques, to convergence. Then, from what that fit
+leaves, one an axis: a handful of poses says little about one axis alone, so the logarithm of each is drawn towards the
+mean of its group, by the share of their spread that chance explains (after James and Stein, 1961). Those variances
+weight the readings. They are not iterated: a model with many parameters would come to fit one axis of a few poses
+perfectly and call that its noise. In the covariance an axis' own variance counts where it is the larger, so that no
+noisy axis hides in its group.
 """
 
 from __future__ import annotations
@@ -20,10 +22,10 @@ from ..poses import Pose
 
 GROUPS = (slice(0, 3), slice(3, 6))
 LEAST_OWN_DOF = 2.0
+LEAST_DOF = 0.1
 CHANCE = 3.0
 """The spread of three log variances exceeds what chance gives on average by this factor once in 20 times (chi-square
-with 2 dof): up to there the axes share one variance, beyond it less and less of it. A model with many parameters would
-otherwise fit one axis of a few poses perfectly and call that its noise."""
+with 2 dof): up to there the axes share one variance, beyond it less and less of it."""
 
 Whitening: TypeAlias = Array
 """(n, 6, 6): inverse Cholesky factors W of the poses' noise covariances, so that `W @ error` has unit variance."""
@@ -55,38 +57,43 @@ def whitening(between: Array, scatter: Scatter | None, n: int) -> Whitening:
 
 
 @dataclass(frozen=True, eq=False)
-class VarianceUpdate:
-    """One step of the iteration, each (6,): the variances that weight the readings, those that the covariance counts
-    with, and the dof behind each axis alone; `mixing` (6, 6): how the logarithms of the counted variances follow
-    those of single axes.
-    """
+class AxisVariances:
+    """Between-pose variances (6,) as each axis tells them alone, and the degrees of freedom (6,) behind each."""
 
-    weighting: Array
-    counted: Array
+    single: Array
     dof: Array
-    mixing: Array
+
+    def of_groups(self) -> Array:
+        """One variance for the forces and one for the torques, (6,)."""
+        variance = np.empty(6)
+        for group in GROUPS:
+            variance[group] = float(self.dof[group] @ self.single[group]) / float(self.dof[group].sum())
+        return variance
+
+    def pooled(self) -> tuple[Array, Array]:
+        """Each axis' variance (6,), drawn towards its group, and the mixing (6, 6): how the logarithms of these
+        follow those of single axes.
+        """
+        variance, mixing = np.empty(6), np.zeros((6, 6))
+        for group in GROUPS:
+            variance[group], mixing[group, group] = _pooled(self.single[group], self.dof[group])
+        return variance, mixing
 
 
-def update_between(
-    between: Array, whitener: Whitening, whitened_residuals: Array, U: Array, floor: Array
-) -> VarianceUpdate:
-    """The next between-pose variances (6,).
+def axis_variances(between: Array, whitener: Whitening, residuals: Array, U: Array, floor: Array) -> AxisVariances:
+    """The next estimate of the between-pose variances, from a fit that was weighted with `between` (6,).
 
-    `whitened_residuals` (n, 6); `U` (n, 6, p) orthonormal columns that span the whitened Jacobian. With
-    P the projector off that span, the score of variance a vanishes where `e^T S^-1 S^-1 e = tr(P)` on axis a.
+    `residuals` (n, 6), whitened; `U` (n, 6, p) orthonormal columns that span the whitened Jacobian. With P the
+    projector off that span, the score of the variance of axis a vanishes where `e^T S^-1 I_a S^-1 e = tr(P I_a)`;
+    the ratio of the two sides is the factor of the next estimate, exact at once where there is no scatter. `floor`
+    (6,) is the least variance that is taken seriously.
     """
-    score = np.einsum("nka,nk->na", whitener, whitened_residuals)
+    score = np.einsum("nka,nk->na", whitener, residuals)
     information = np.einsum("nka,nka->a", whitener, whitener)
     spanned = np.einsum("nka,nkp->nap", whitener, U)
     trace = np.maximum(information - np.einsum("nap,nap->a", spanned, spanned), 1e-12 * information)
-    dof = np.maximum(trace * between, 0.1)
-    single = np.maximum(between * np.einsum("na,na->a", score, score) / trace, floor)
-    pooled, mixing = np.empty(6), np.zeros((6, 6))
-    for group in GROUPS:
-        pooled[group], mixing[group, group] = _pooled(single[group], dof[group])
-    pooled = np.maximum(pooled, floor)
-    own = single > pooled
-    return VarianceUpdate(pooled, np.maximum(single, pooled), dof, np.where(own[:, None], np.eye(6), mixing))
+    single = between * np.einsum("na,na->a", score, score) / trace
+    return AxisVariances(np.maximum(single, floor), np.maximum(trace * between, LEAST_DOF))
 
 
 def _pooled(single: Array, dof: Array) -> tuple[Array, Array]:
@@ -96,9 +103,9 @@ def _pooled(single: Array, dof: Array) -> tuple[Array, Array]:
     The logarithm of a variance estimated with f dof has the variance 2/f + 2/f^2 and the bias -(1/f + 1/(3 f^2)),
     asymptotically (trigamma and digamma functions of f/2).
     """
+    of_each = dof / float(dof.sum())
     if float(dof.min()) < LEAST_OWN_DOF:
-        share_of_each = dof / float(dof.sum())
-        return np.full(len(dof), float(share_of_each @ single)), np.tile(share_of_each, (len(dof), 1))
+        return np.full(len(dof), float(of_each @ single)), np.tile(of_each, (len(dof), 1))
     log_variance = float(np.mean(2.0 / dof + 2.0 / dof**2))
     log_bias = float(np.mean(1.0 / dof + 1.0 / (3.0 * dof**2)))
     logs = np.log(single)
