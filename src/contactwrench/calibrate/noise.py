@@ -23,9 +23,9 @@ from ..poses import Pose
 GROUPS = (slice(0, 3), slice(3, 6))
 LEAST_OWN_DOF = 2.0
 LEAST_DOF = 0.1
-CHANCE = 3.0
-"""The spread of three log variances exceeds what chance gives on average by this factor once in 20 times (chi-square
-with 2 dof): up to there the axes share one variance, beyond it less and less of it."""
+CHANCE = 7.0
+"""The spread of three log variances exceeds what chance gives on average by this factor once in 1,000 times (chi-square
+with 2 dof): up to there the axes share one variance, beyond it they quickly get their own."""
 
 Whitening: TypeAlias = Array
 """(n, 6, 6): inverse Cholesky factors W of the poses' noise covariances, so that `W @ error` has unit variance."""
@@ -110,7 +110,7 @@ def _pooled(single: Array, dof: Array) -> tuple[Array, Array]:
     log_bias = float(np.mean(1.0 / dof + 1.0 / (3.0 * dof**2)))
     logs = np.log(single)
     spread = float(np.var(logs, ddof=1))
-    share = min(1.0, (CHANCE * log_variance / spread) ** 2) if spread > 0.0 else 1.0
+    share = min(1.0, (CHANCE * log_variance / spread) ** 4) if spread > 0.0 else 1.0
     common = float(np.mean(logs)) + log_bias - log_variance / (2.0 * len(dof))
     mixing = (1.0 - share) * np.eye(len(dof)) + share / len(dof)
     return np.exp(logs + share * (common - logs)), mixing
