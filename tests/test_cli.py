@@ -286,7 +286,46 @@ def test_a_reader_that_hangs_up_is_no_failed_check(panda_json: Path) -> None:
     os.close(reader)
     done = started("compensate", PANDA, "-c", panda_json, "-o", "-", stdout=writer)
     os.close(writer)
-    assert (done.returncode, done.stderr) == (2, b"")
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_closed_stdout_is_no_traceback(panda_json: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "contactwrench", "compensate", str(PANDA), "-c", str(panda_json)]
+    shell = " ".join([*command, "-o", str(tmp_path / "out.csv"), ">&-"])
+    done = subprocess.run(["sh", "-c", shell], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert (tmp_path / "out.csv").exists()
+
+
+def test_what_is_read_is_never_overwritten(tmp_path: Path, panda_json: Path, capsys: Capture) -> None:
+    recording, cal = tmp_path / "run.csv", tmp_path / "cal.json"
+    recording.write_bytes(PANDA.read_bytes())
+    cal.write_bytes(panda_json.read_bytes())
+    other = tmp_path / "x.json"
+    for arguments, what in (
+        (("calibrate", recording, "-o", recording), "recording that is read"),
+        (("calibrate", recording, "--report", recording), "recording that is read"),
+        (("calibrate", recording, "-o", other, "--report", other), "report"),
+        (("compensate", recording, "-c", cal, "-o", recording), "recording that is read"),
+        (("compensate", recording, "-c", cal, "-o", cal), "calibration that is read"),
+    ):
+        done = run(capsys, *arguments)
+        assert done.status == 2
+        assert f"found the {what}, expected another file to write: name one" in done.err
+    assert recording.read_bytes() == PANDA.read_bytes()
+    assert cal.read_bytes() == panda_json.read_bytes()
+    assert not other.exists()
+
+
+def test_a_reading_flag_that_differs_from_the_calibrations_is_noted(panda_json: Path, capsys: Capture) -> None:
+    done = run(capsys, "compensate", PANDA, "-c", panda_json, "-o", "-")
+    assert done.err == ""
+    json = run(capsys, "calibrate", PANDA, "--json").out
+    stored = panda_json.parent / "with_flags.json"
+    stored.write_text(json)
+    done = run(capsys, "verify", PANDA, "-c", stored, "--sign", "reaction")
+    assert done.err == "Note: --sign was pull for the calibration and is reaction for this recording\n"
+    assert run(capsys, "verify", PANDA, "-c", stored).err == ""
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")

@@ -11,7 +11,18 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from benchmarks.world import DOWN, Array, Rig, cramer_rao, random_rotations, readings, tilted_down
+from benchmarks.world import (
+    DOWN,
+    Array,
+    Rig,
+    cramer_rao,
+    noisy_readings,
+    random_rig,
+    random_rotations,
+    readings,
+    tilted_down,
+    with_down,
+)
 from tests.rigs import NOISE, assert_same_tool, example, noise_free, noisy, rotation_angle, seeds
 
 RIGID = ("yaw", "mount", "mount+base")
@@ -191,3 +202,14 @@ def test_a_tilted_base_is_found_from_one_start_direction(degrees: float) -> None
     rig = replace(rig, down=tilted_down(np.deg2rad(degrees), rng))
     calibration = cw.calibrate(noise_free(rig, R), "mount+base")
     assert _prediction_error(calibration, rig, random_rotations(50, rng)) < 1e-6
+
+
+def test_four_poses_and_an_unknown_base_have_a_global_start() -> None:
+    """With so few poses the misfit has local optima that score well: none may be returned."""
+    rng = np.random.default_rng(3)
+    noise = np.array([0.02, 0.02, 0.02, 0.0008, 0.0008, 0.0008])
+    for _ in range(60):
+        rig = with_down(random_rig(rng), tilted_down(rng.uniform(0.0, 0.5), rng))
+        R = random_rotations(4, rng)
+        samples = cw.Samples(noisy_readings(rig, R, noise, rng), R)
+        assert cw.calibrate(samples, "mount+base", noise=noise).reduced_chi2 < 5.0

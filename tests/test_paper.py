@@ -170,5 +170,5 @@ def test_turns_about_the_vertical_only_are_refused() -> None:
 
 def test_a_negative_weight_is_refused(samples: cw.Samples) -> None:
     reversed_sign = cw.Samples(wrench=-samples.wrench, R_base_flange=samples.R_base_flange)
-    with pytest.raises(cw.ContactWrenchError, match=r"negative weight.*--sign reaction.*--gravity 0,0,1"):
+    with pytest.raises(cw.ContactWrenchError, match=r"--sign reaction.*--gravity 0,0,1"):
         cw.calibrate(reversed_sign, "paper")

@@ -181,3 +181,28 @@ def test_nothing_to_judge_by() -> None:
     loaded = cw.Samples(_loaded(rig, R, 0.5), R, load_mass=np.full(24, 0.5))
     with pytest.raises(InputError, match="found poses with a load only, expected free ones to hold to a limit"):
         verify(calibration, loaded, limit_force=1.0)
+
+
+def test_a_load_that_is_not_what_its_label_says_fails_beside_good_free_poses() -> None:
+    rig, R, rng = example(12, poses=12)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    at = random_rotations(12, rng)
+    R_base_sensor = at @ rig.R_flange_sensor
+    hung = 1.0 * 9.80665 * (R_base_sensor.transpose(0, 2, 1) @ rig.down)
+    wrench = noisy(rig, at, rng).wrench.copy()
+    wrench[6:, :3] += hung[6:]
+    label = np.repeat([0.0, 1.0], 6)
+    assert verify(calibration, cw.Samples(wrench, at, load_mass=label)).passed
+    wrong = verify(calibration, cw.Samples(wrench, at, load_mass=0.5 * label))
+    assert not wrong.passed
+    assert wrong.reason.startswith("the error of the weighings is more than")
+
+
+def test_one_row_a_pose_is_not_held_to_the_noise_of_an_average() -> None:
+    """Calibrated on averages of 100 rows that scatter by ten times the noise between poses."""
+    rig, R, rng = example(13, poses=10)
+    many = np.repeat(R, 100, axis=0)
+    scatter = np.array([0.5, 0.5, 0.5, 0.02, 0.02, 0.02])
+    calibration = cw.calibrate(noisy(rig, many, rng, scatter), "mount")
+    passed = [verify(calibration, noisy(rig, random_rotations(8, rng), rng, scatter)).passed for _ in range(40)]
+    assert np.mean(passed) > 0.9

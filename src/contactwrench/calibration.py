@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from .difference import Difference
 
 ROWS_AT_ONCE = 4096
+WEAK_SHARE = 0.1
+"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +145,8 @@ class Calibration:
 
         Raises `InputError` for another name, and for what the model does not estimate.
         """
+        if not 0.0 < level < 1.0:
+            raise InputError(f"level is {level!r}, expected between 0 and 1, as in 0.95")
         value = getattr(self, name) if name in ("weight", "com", "bias", "yaw") else None
         if value is None or self.std[name] is None:
             raise InputError(f"model {self.model} has no interval of {name!r}, expected weight, com, bias or yaw")
@@ -203,11 +207,13 @@ class Calibration:
     def verdict(self) -> str:
         """In one sentence, how good the contact wrench is because of this calibration."""
         force, torque = self.largest_std
-        quality = "weak" if any(warning.startswith("weak") for warning in self.warnings) else "good"
+        scale = float(np.linalg.norm(self.B[:3, :3], 2))
+        weak = force > WEAK_SHARE * scale or any(warning.startswith("weak") for warning in self.warnings)
+        quality = "weak" if weak else "good"
         force, torque = float(f"{force:.2g}"), float(f"{1e3 * torque:.2g}")
         return (
-            f"{quality}: at any orientation the calibration's error in the contact wrench is at most {force:g} N and "
-            f"{torque:g} mN m (one std)"
+            f"{quality}: at any orientation the calibration's error in the contact wrench has a std of at most "
+            f"{force:g} N and {torque:g} mN m"
         )
 
     def with_gravity(self, gravity: Array | None) -> Calibration:

@@ -21,6 +21,7 @@ from .poses import Pose, PoseMoments
 SCHEMA = "contactwrench/calibration/1"
 _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 B_TOLERANCE = 1e-9
+ROUNDING = 1e-14
 COVARIANCE_TOLERANCE = 1e-6
 
 
@@ -259,9 +260,9 @@ def _check_std(std: _Std, calibration: Calibration) -> None:
 
 
 def _require_near(name: str, found: Any, expected: Any, source: str) -> None:
-    """Raise `InputError` where a number is off by more than `B_TOLERANCE` from what others in the file give."""
+    """Raise `InputError` where a number is off from what others in the file give, by more than `B_TOLERANCE`."""
     off = float(np.abs(found - expected).max())
-    if not off <= B_TOLERANCE:
+    if not off <= B_TOLERANCE + ROUNDING * float(np.abs(expected).max()):
         raise InputError(f"found {name} {off:.3g} off what follows from {source}: the file was edited")
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
-from .orientation import ROTATION_TOLERANCE, Array, OrientationLike
+from .orientation import ROTATION_TOLERANCE, Array, OrientationLike, nearest_rotations
 from .wrench import cross_matrix, wrench_rows
 
 CHUNK = 8192
@@ -44,7 +44,7 @@ def compensate(
     `orientation`: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one
     of them for all readings. `out` (n, 6) float64 receives the result, and may be `wrench` itself. A NaN in a
     reading stays in its row. Raises `InputError` on shapes that do not pair, and on an orientation off unit length by
-    more than 1 % or NaN; `out` is then filled in part.
+    more than 1 % or NaN; `out` is then filled in part. Of 50,000 matrices and more only the length is checked.
     """
     readings, single = wrench_rows(wrench)
     if not len(readings):
@@ -81,7 +81,7 @@ def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
     if values.shape == (n, 4):
         return values
     if values.shape == (n, 3, 3):
-        return values.reshape(n, 9)
+        return (nearest_rotations(values) if n < FUSED_FROM else values).reshape(n, 9)
     raise InputError(
         f"orientation has shape {values.shape}, expected ({n}, 3, 3) rotation matrices or ({n}, 4) quaternions "
         f"x, y, z, w for {n} readings"

@@ -21,7 +21,8 @@ class Difference:
 
     `names`, `units`, `change` (k,) and `std` (k,): parameters that both have, the calibrations taken as independent.
     `free_wrench` (6,): the largest change of each axis of the free wrench over all orientations (of `R_base_flange`
-    in either's own base), N and N m. `mounting_angle` rad between the two mountings, None where one has none.
+    in either's own base), N and N m. `mounting_angle` rad between the two mountings, None where one has none;
+    `gravity_angle` rad between the two directions of gravity in base axes.
     """
 
     names: tuple[str, ...]
@@ -30,6 +31,7 @@ class Difference:
     std: Array
     free_wrench: Array
     mounting_angle: float | None
+    gravity_angle: float
 
     def __post_init__(self) -> None:
         for name in ("change", "std", "free_wrench"):
@@ -63,7 +65,10 @@ def difference(a: Calibration, b: Calibration) -> Difference:
         turned = (b.yaw - a.yaw + np.pi) % (2.0 * np.pi) - np.pi
         add("yaw", "rad", 0.0, turned, a.std["yaw"], b.std["yaw"])
         angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
+    across = float(np.linalg.norm(np.cross(a.gravity_direction, b.gravity_direction)))
+    gravity_angle = float(np.arctan2(across, a.gravity_direction @ b.gravity_direction))
     everywhere = spread_rotations(288, 24)
     r_a, r_b = (gravity_in_flange(everywhere, c.gravity_direction) for c in (a, b))
     free = (r_b @ b.B[:, :3].T + b.B[:, 3]) - (r_a @ a.B[:, :3].T + a.B[:, 3])
-    return Difference(tuple(names), tuple(units), np.array(change), np.array(std), np.abs(free).max(axis=0), angle)
+    largest = np.abs(free).max(axis=0)
+    return Difference(tuple(names), tuple(units), np.array(change), np.array(std), largest, angle, gravity_angle)

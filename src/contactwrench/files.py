@@ -88,3 +88,12 @@ def _umask() -> int:
 
 def _reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
+
+
+def require_distinct(output: str | Path | None, others: dict[str, str | Path | None]) -> None:
+    """Raise `FileAccessError` if `output` is one of the other files, each under what it is: it would be lost."""
+    if output is None or str(output) == STDOUT:
+        return
+    for what, other in others.items():
+        if other is not None and os.path.realpath(output) == os.path.realpath(other):
+            raise FileAccessError(f"{output}: found the {what}, expected another file to write: name one")

@@ -66,8 +66,9 @@ def _average(wrench: Array, R: Array, t: Array | None) -> Pose:
     times = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:
         return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, *times)
-    mean = wrench.mean(axis=0)
-    centred = wrench - mean
+    from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
+    mean = wrench[0] + from_first.mean(axis=0)
+    centred = from_first - from_first.mean(axis=0)
     U, _, Vt = np.linalg.svd(R.mean(axis=0))
     return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, *times)
 

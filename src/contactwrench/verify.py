@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .calibrate.noise import pooled_scatter
 from .calibration import Calibration
 from .errors import InputError
 from .model import gravity_in_flange
@@ -43,12 +44,36 @@ class Weighing:
         return self.std / self.actual
 
 
+@dataclass(frozen=True)
+class _Test:
+    """A misfit of so many readings against a noise that was estimated with `dof` (0: known)."""
+
+    misfit: float
+    readings: int
+    dof: float
+
+    @property
+    def chi2(self) -> float:
+        """Misfit per reading, 1 expected."""
+        return self.misfit / self.readings
+
+    @property
+    def probability(self) -> float:
+        """Probability of a misfit this large or larger: chi-square, or F where the noise was estimated."""
+        from scipy.special import chdtrc, fdtrc
+
+        return float(
+            fdtrc(self.readings, self.dof, self.chi2) if self.dof > 0.0 else chdtrc(self.readings, self.misfit)
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Verification:
     """How a recording agrees with a calibration.
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
-    norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds;
+    norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
+    the residuals or of the weighings, whichever is the less probable;
     the `limits` asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words.
     """
 
@@ -81,9 +106,8 @@ def verify(
 
     Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
     those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
-    weighed, with `g` m/s^2; without limits, and where there are no others, the weighings must agree with the loads
-    at that level. Raises `InputError` for a limit or a `g` that is none, and where there is
-    nothing to judge by.
+    weighed, with `g` m/s^2; without limits the weighings must agree with the loads at that level too. Raises
+    `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
     """
     for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
         if value is not None and not 0.0 <= value < np.inf:
@@ -93,26 +117,26 @@ def verify(
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
-    weighings, misfit, weighed = _weigh(calibration, samples, load, g)
+    dof = _noise_dof(calibration)
+    weighings, weighed = _weigh(calibration, samples, load, g)
     poses = poses_from_samples(samples.select(load == 0.0))
     residuals = np.empty((0, 6))
+    tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
-        noise = np.tile(calibration.noise**2, len(poses))
+        noise = _reading_variance(calibration, poses).ravel()
         J = calibration.free_wrench_jacobian(R).reshape(len(noise), -1)
-        misfit, readings = _misfit(residuals.ravel(), noise, J, calibration.covariance), len(noise)
-    else:
-        readings = weighed
+        tests["residual"] = _Test(_misfit(residuals.ravel(), noise, J, calibration.covariance), len(noise), dof)
     force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
     torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
-    chi2, probability = misfit / readings, _probability(misfit, readings, calibration.dof)
+    judged = min(tests, key=lambda name: tests[name].probability)
+    chi2, probability = tests[judged].chi2, tests[judged].probability
     if limit_force is None and limit_torque is None:
         passed = probability >= SIGNIFICANCE
-        what = "residual" if poses else "error of the weighings"
         reason = (
-            f"the {what} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
-            f"(chi-square {chi2:.3g} per reading, probability {_percent(probability)}{_caution(calibration.dof)})"
+            f"the {judged} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
+            f"(chi-square {chi2:.3g} per reading, probability {_percent(probability)}{_caution(dof)})"
         )
     else:
         if not poses:
@@ -144,8 +168,8 @@ def verify(
 
 def _weigh(
     calibration: Calibration, samples: Samples, load: Array, g: float
-) -> tuple[tuple[Weighing, ...], float, int]:
-    """Each load's weighing, the joint misfit of all of them, and their number."""
+) -> tuple[tuple[Weighing, ...], _Test | None]:
+    """Each load's weighing, and the joint test of all of them."""
     poses: list[Pose] = []
     masses: list[float] = []
     for mass in np.unique(load[load > 0.0]):
@@ -153,13 +177,13 @@ def _weigh(
         poses += of_load
         masses += [float(mass)] * len(of_load)
     if not poses:
-        return (), 0.0, 0
+        return (), None
     R = np.array([pose.R_base_flange for pose in poses])
     contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
     down = gravity_in_flange(R, calibration.gravity_direction) @ calibration.B[:3, :3].T
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     each = np.einsum("ni,ni->n", contact[:, :3], down) / g
-    noise = down**2 @ calibration.noise[:3] ** 2 / g**2
+    noise = np.sum(down**2 * _reading_variance(calibration, tuple(poses))[:, :3], axis=1) / g**2
     J = np.einsum("ni,nip->np", down, calibration.free_wrench_jacobian(R)[:, :3]) / g
     actual = np.array(masses)
     weighings = []
@@ -169,7 +193,30 @@ def _weigh(
         of_mean = J[rows].mean(axis=0)
         variance = noise[rows].mean() / n + of_mean @ calibration.covariance @ of_mean
         weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
-    return tuple(weighings), _misfit(each - actual, noise, J, calibration.covariance), len(poses)
+    misfit = _misfit(each - actual, noise, J, calibration.covariance)
+    return tuple(weighings), _Test(misfit, len(poses), _noise_dof(calibration))
+
+
+def _reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:
+    """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
+    sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
+    """
+    variance = np.tile(calibration.noise**2, (len(poses), 1))
+    fitted = pooled_scatter(calibration.poses)
+    if fitted is None:
+        return variance
+    of_means: Array = np.einsum("nii->ni", fitted.covariance)
+    of_sample = of_means[0] * calibration.poses[0].n
+    rows = np.array([pose.n for pose in poses], dtype=np.float64)
+    between: Array = np.maximum(variance - of_means.mean(axis=0), 0.0)
+    total: Array = between + of_sample / rows[:, None]
+    return total
+
+
+def _noise_dof(calibration: Calibration) -> float:
+    """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
+    n = len(calibration.poses) if calibration.moments is None else calibration.moments.n
+    return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0
 
 
 def _misfit(errors: Array, noise: Array, J: Array, covariance: Array) -> float:
@@ -182,13 +229,6 @@ def _misfit(errors: Array, noise: Array, J: Array, covariance: Array) -> float:
     z = errors / std
     along = A.T @ z
     return float(z @ z - along @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along))
-
-
-def _probability(misfit: float, readings: int, dof: float) -> float:
-    """Probability of a misfit this large or larger: chi-square, or F where the noise was estimated with `dof`."""
-    from scipy.special import chdtrc, fdtrc
-
-    return float(fdtrc(readings, dof, misfit / readings) if dof > 0.0 else chdtrc(readings, misfit))
 
 
 def _caution(dof: float) -> str:

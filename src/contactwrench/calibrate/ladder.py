@@ -26,7 +26,7 @@ from .least_squares import Fit, PoseReadings
 from .noise import pooled_scatter
 from .paper import fit_paper
 from .sign import check_sign, require_positive_weight, require_stated_side
-from .weakness import weak_noise, weak_parameters
+from .weakness import beyond_given_noise, weak_noise, weak_parameters
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
 MODEL_OF_AUTO = "mount"
@@ -50,13 +50,16 @@ def calibrate(
 
     `model`: paper, yaw, mount, mount+base, affine or auto (as yet, mount). `noise`: None, estimated from the
     residuals; (6,) standard deviations of one pose's reading, N and N m, whose common scale the residuals settle; or
-    a recording at rest, as Samples or (n, 6), whose scatter gives them. `gravity`: direction (3,) in base axes,
-    default down; `mount+base` finds it within 90 deg of this one. `g` m/s^2 turns the weight into a mass.
+    a recording at rest, as Samples or (n, 6), whose scatter gives them; `paper` has no use for it. `gravity`:
+    direction (3,) in base axes, default down; `mount+base` finds it within 90 deg of this one. `g` m/s^2 turns the
+    weight into a mass.
 
     Samples with a load (`load_mass` above 0) are left out, and a warning says so. Raises `InputError` for unusable
     arguments, `UnobservableError` where the poses cannot separate the parameters, `AmbiguityError` where the data
     contradict the sign of the readings or the side of the base: free air cannot tell those two apart.
     """
+    if not isinstance(samples, Samples):
+        raise InputError(f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
     if model not in MODELS:
         raise InputError(f"model {model!r} is not known, expected one of {', '.join(MODELS)}")
     stated = unit_direction(DOWN if gravity is None else gravity)
@@ -72,26 +75,41 @@ def calibrate(
         pooled_scatter(poses),
     )
     rung = MODEL_OF_AUTO if model == "auto" else model
+    noise_std = _noise_std(noise)
     weight_xy = weight_z = None
     if rung == "paper":
         paper = fit_paper(readings, stated)
         fit, weight_xy, weight_z = paper.fit, paper.weight_xy, paper.weight_z
-        check_sign(fit, readings, "yaw", stated, None)
+        warnings += check_sign(fit_rigid(readings, "yaw", stated, None), readings, "yaw", stated, None)
         require_positive_weight(weight_z, stated, PAPER_HINT)
     elif rung == "affine":
-        fit = _affine(readings, stated, _noise_std(noise))
+        fit = _affine(readings, stated, noise_std)
         if np.linalg.det(fit.B[:3, :3]) < 0.0:
-            warnings += ("the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction",)
+            warnings += (
+                "weak: the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction",
+            )
     else:
-        fit, unconfirmed = _rigid(readings, rung, stated, _noise_std(noise))
+        fit, unconfirmed = _rigid(readings, rung, stated, noise_std)
         warnings += unconfirmed
     provenance: dict[str, str | int | float] = {
         "software": f"contactwrench {__version__}",
         "source": samples.source,
         "rows": len(free),
-        "g": g,
+        "g": float(g),
     }
-    return _assemble(fit, model, rung, poses, readings, warnings, provenance, g, weight_xy, weight_z, noise is None)
+    return _assemble(
+        fit,
+        model,
+        rung,
+        poses,
+        readings,
+        warnings,
+        provenance,
+        g,
+        weight_xy,
+        weight_z,
+        noise is None or rung == "paper",
+    )
 
 
 def _contact_free(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
@@ -184,8 +202,7 @@ def _assemble(
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
     warnings += weak_parameters(fit, model, readings, observability.trade_offs)
-    if noise_estimated:
-        warnings += weak_noise(fit)
+    warnings += weak_noise(fit) if noise_estimated else beyond_given_noise(fit)
     if held_out is None:
         warnings += ("no pose can be left out for a held-out error: record more poses",)
     return Calibration(

@@ -19,12 +19,12 @@ from .start import explained_by_start
 
 SIGNIFICANCE = 0.001
 NEAR_TIE = 0.9
-EXPLAINED_SHARE = 0.25
-"""A fit that leaves more of the weight than this explains nothing, so that a tie with it says nothing either."""
+SURE_WEIGHT = 3.0
+"""Standard deviations: a fit whose weight is less sure explains nothing, so that a tie with it says nothing either."""
 
 NOT_CONFIRMED = (
-    "the sign of the readings is taken as given: gravity's directions lie so close to one plane of the sensor that the "
-    "negated readings fit as well; confirm it by a push, or tilt the tool about another axis"
+    "the sign of the readings is taken as given: the negated readings fit as well, mostly because gravity's directions "
+    "lie close to one plane of the sensor; confirm it by a push, or tilt the tool about another axis"
 )
 
 
@@ -52,7 +52,7 @@ def check_sign(
             f"reaction), or gravity points the other way (--gravity {negated(gravity_direction)}), or one axis is "
             "mirrored; free air cannot tell, one push by hand can"
         )
-    explained = fit.tool is not None and left < EXPLAINED_SHARE * fit.tool.weight
+    explained = fit.tool is not None and fit.tool.weight > SURE_WEIGHT * float(np.sqrt(fit.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ gravity_direction >= 0.0
     tie = explained and on_stated_side and not _fits_worse(rival.residuals, fit, dof)
     return (NOT_CONFIRMED,) if tie else ()

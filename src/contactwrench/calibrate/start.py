@@ -19,6 +19,9 @@ from ..orientation import Array
 from ..rotations import rotations_about_z, spread_directions, spread_rotations
 from .least_squares import LEVER
 
+FEW_POSES = 5
+"""Up to here mount+base has local optima that score well, so that every direction of gravity goes on."""
+
 
 def starting_tools(R_base_flange: Array, wrench: Array, model: str, gravity_direction: Array) -> list[RigidTool]:
     """The most promising starts for `model`, best first, from poses (n, 3, 3) and their readings (n, 6).
@@ -39,7 +42,8 @@ def _scored_starts(
 ) -> list[tuple[float, Array, Array]]:
     if model == "mount+base":
         sphere = spread_directions(48)
-        directions, of_each, most = sphere[sphere @ gravity_direction >= 0.0], 1, 4
+        directions = sphere[sphere @ gravity_direction >= 0.0]
+        of_each, most = 1, len(directions) if len(wrench) <= FEW_POSES else 4
     else:
         directions, of_each, most = gravity_direction[None], 2, 2
     found: list[tuple[float, Array, Array]] = []

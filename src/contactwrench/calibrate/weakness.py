@@ -14,6 +14,7 @@ COM_STD = 0.010
 BIAS_SHARE = 0.10
 FEWEST_DOF = 3.0
 NOISE_RATIO = 10.0
+GIVEN_NOISE_RATIO = 5.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
@@ -50,6 +51,17 @@ def weak_parameters(fit: Fit, model: str, readings: PoseReadings, trade_offs: tu
         if value > BIAS_SHARE * weight:
             warn(f"bias_f{axis}", f"bias_f{axis} has a std of {value:.2g} N, over 10 % of the weight")
     return (*warnings, _advice(fit, names, readings)) if warnings else ()
+
+
+def beyond_given_noise(fit: Fit) -> tuple[str, ...]:
+    """A warning where the poses differ far more than the noise that was given for them."""
+    ratio = float(np.sqrt(fit.reduced_chi2))
+    if ratio <= GIVEN_NOISE_RATIO:
+        return ()
+    return (
+        f"weak: the residuals are {ratio:.0f} times the given noise: check the noise, the model and each pose, "
+        "every std was enlarged by that factor",
+    )
 
 
 def weak_noise(fit: Fit) -> tuple[str, ...]:

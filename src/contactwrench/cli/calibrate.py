@@ -54,7 +54,10 @@ def calibrate(
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
     from ..calibrate import calibrate as fit
     from ..calibration_file import to_json
+    from ..files import require_distinct
 
+    require_distinct(output, {"recording that is read": file, "report": report})
+    require_distinct(report, {"recording that is read": file})
     samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
     calibration = fit(samples, model, gravity=gravity_direction(gravity), g=g)
     reading = {

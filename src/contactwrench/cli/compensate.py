@@ -18,6 +18,7 @@ from .reading import (
     StandardGravity,
     WrenchFrame,
     gravity_direction,
+    note_other_reading,
     read_recording,
     three_numbers,
 )
@@ -44,10 +45,13 @@ def compensate(
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each row of FILE."""
     from ..calibration import Calibration
     from ..contact import contact_wrenches
+    from ..files import require_distinct
     from ..recording.csv import write_contact_wrenches
 
+    require_distinct(output, {"recording that is read": file, "calibration that is read": calibration})
     loaded = Calibration.load(calibration)
     samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
+    note_other_reading(loaded.provenance, wrench_frame, sign, inverse_orientation)
     point = None if at is None else three_numbers(at, "--at")
     contact = contact_wrenches(loaded, samples, output_frame, point, gravity_direction(gravity))
     write_contact_wrenches(output, contact)

@@ -53,6 +53,8 @@ def _program(
 
 def main() -> None:
     """Run the program and leave with its exit status."""
+    if sys.stdout is None:  # closed by whoever started the program
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8")
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     sys.exit(_status())
@@ -70,9 +72,9 @@ def _status() -> int:
         return _say(f"{error.format_message().rstrip('.')}: try '{program} --help'")
     except typer.Abort:
         return _say("interrupted")
-    except (BrokenPipeError, SystemExit):  # typer makes the first into the second, with the status of a failed check
+    except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BAD
+        return 0
     except OSError as error:
         return _say(f"standard output cannot be written ({error.strerror}): check where it goes")
     return status if isinstance(status, int) else 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -79,3 +79,16 @@ def gravity_direction(text: str | None) -> Array | None:
     from ..wrench import unit_direction
 
     return unit_direction(three_numbers(text, "--gravity"), "--gravity")
+
+
+def note_other_reading(provenance: dict[str, Any], wrench_frame: str, sign: str, inverse_orientation: bool) -> None:
+    """Say on stderr where a recording is read otherwise than the calibration's was: most often a forgotten flag."""
+    flags = {
+        "--wrench-frame": ("wrench_frame", wrench_frame),
+        "--sign": ("sign", sign),
+        "--inverse-orientation": ("inverse_orientation", inverse_orientation),
+    }
+    for flag, (key, now) in flags.items():
+        before = provenance.get(key, now)
+        if before != now:
+            typer.echo(f"Note: {flag} was {before} for the calibration and is {now} for this recording", err=True)

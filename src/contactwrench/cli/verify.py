@@ -19,6 +19,7 @@ from .reading import (
     WrenchFrame,
     gravity_direction,
     not_negative,
+    note_other_reading,
     read_recording,
 )
 
@@ -52,6 +53,7 @@ def verify(
 
     loaded = Calibration.load(calibration).with_gravity(gravity_direction(gravity))
     samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
+    note_other_reading(loaded.provenance, wrench_frame, sign, inverse_orientation)
     result = check(loaded, samples, limit_force=limit_force, limit_torque=limit_torque, g=g)
     typer.echo(verification_json(result) if json else verification_text(result))
     return 0 if result.passed else 1

@@ -66,6 +66,8 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
     taken = {column.place for column in orientation_columns}
     t = _optional(places, ["t"], TIME, taken, source)
     position = _optional(places, ["x", "y", "z"], LENGTH, taken, source)
+    if "load" in places:
+        raise FileFormatError(f"{source}: column load has no unit, expected load_g or load_kg: rename it")
     load = _optional(places, ["load"], LOAD, taken, source)
 
     columns = [*wrench_columns, *orientation_columns, *t, *position, *load]
@@ -122,7 +124,7 @@ def _decoded(content: bytes, source: str) -> str:
 def _header(text: str, source: str) -> tuple[str, int, list[str]]:
     """Delimiter, row number and the names of the header line, in small letters."""
     for row, line in enumerate(StringIO(text, newline=None), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
+        if not line.strip() or line.lstrip().startswith("#") or line.lower().startswith("sep="):
             continue
         delimiter = max(",;\t", key=line.count)
         names = [name.lower() for name in _cells(line, delimiter, row, source)]

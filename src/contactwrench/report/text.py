@@ -18,7 +18,7 @@ def verification_text(result: Verification) -> str:
     lines = []
     if len(result.residuals):
         lines += [
-            f"Verification on {len(result.residuals)} contact-free poses",
+            f"Verification on {len(result.residuals)} contact-free pose{'' if len(result.residuals) == 1 else 's'}",
             "",
             f"  {'':<14}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m",
             f"  {'residual rms':<14}" + "".join(f"{value:9.3g}" for value in result.rms * _MILLI),
@@ -53,6 +53,8 @@ def difference_text(change: Difference) -> str:
         factor, spoken = _SPOKEN.get(unit, (1.0, unit))
         mark = "*" if name in change.significant else " "
         lines.append(f"{mark} {name:<9} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken}")
+    if change.gravity_angle > 0.0:
+        lines.append(f"  gravity is {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes")
     if change.mounting_angle is not None:
         lines.append(f"  the mountings are {np.rad2deg(change.mounting_angle):.3g} deg apart")
     free = change.free_wrench * _MILLI
@@ -66,7 +68,7 @@ def difference_text(change: Difference) -> str:
 
 
 def difference_json(change: Difference) -> str:
-    """`change` and `std` by parameter, `free_wrench`, `mounting_angle` and `significant`."""
+    """`change` and `std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle` and `significant`."""
     return _json(
         {
             "change": dict(zip(change.names, change.change.tolist(), strict=True)),
@@ -74,6 +76,7 @@ def difference_json(change: Difference) -> str:
             "units": dict(zip(change.names, change.units, strict=True)),
             "free_wrench": change.free_wrench.tolist(),
             "mounting_angle": change.mounting_angle,
+            "gravity_angle": change.gravity_angle,
             "significant": list(change.significant),
         }
     )
