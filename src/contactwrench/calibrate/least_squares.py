@@ -28,6 +28,9 @@ VARIANCE_TOLERANCE = 1e-3
 SINGULAR_SCATTER = 1e-8
 """Of the scatter's variance: what is added where the scatter of few rows has no full rank."""
 
+SAME_WEIGHTS = 0.02
+"""Relative: variances that differ by less weight the readings alike."""
+
 LEVER = 0.05
 """m: before anything is known of the noise, a torque counts as a force at this lever."""
 
@@ -178,8 +181,11 @@ def solve(problem: Problem[State], state: State, readings: PoseReadings, noise: 
     scatter, floor = readings.scatter, _least_variance(readings)
     linear = problem.linearised(state, whitening(variance, scatter, n))
     for _ in range(AXIS_PASSES):
-        axes = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor)
-        variance, mixing = axes.pooled()
+        before = variance
+        variance, mixing = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor).pooled()
+        if float(np.max(np.abs(variance - before) / variance)) <= SAME_WEIGHTS:
+            variance = before
+            break
         state, linear = _converged(problem, state, whitening(variance, scatter, n))
     axes = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor)
     own = axes.single > variance
@@ -202,7 +208,7 @@ def _with_variance_of_groups(problem: Problem[State], state: State, readings: Po
     scattered, floor = _mean_scatter(readings.scatter), _least_variance(readings)
     linear = problem.linearised(state, whitening(relative_variances(None), None, n))
     state = problem.advanced(state, linear)
-    left = problem.linearised(state, linear.whitener).chi2 / (6.0 * n)
+    left = float(np.sum(linear.whitened_after_step() ** 2)) / (6.0 * n)
     variance = np.maximum(relative_variances(None) * left, floor)
     for _ in range(MAX_ITERATIONS):
         linear = problem.linearised(state, whitening(variance, readings.scatter, n))
