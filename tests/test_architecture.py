@@ -22,6 +22,7 @@ LAYER = {
     "orientation": 0,
     "wrench": 0,
     "rotations": 0,
+    "alternative": 3,
     "version": 0,
     "samples": 1,
     "synchronize": 2,

@@ -198,7 +198,7 @@ def test_a_robot_that_hangs_from_the_ceiling_needs_its_gravity(tmp_path: Path, c
     calibration = tmp_path / "tool.json"
     assert "--gravity 0,0,1" in run(capsys, "calibrate", path, "-o", calibration).complaint
     assert run(capsys, "calibrate", path, "-o", calibration, "--gravity", "0,0,2").status == 0
-    assert cw.Calibration.load(calibration).gravity_direction.tolist() == [0.0, 0.0, 1.0]
+    assert cw.Calibration.load(calibration).gravity_direction == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
     assert cw.Calibration.load(calibration).weight == pytest.approx(rig.weight, abs=1e-6)
 
 

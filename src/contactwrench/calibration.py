@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .alternative import Alternative
 from .compensate import Step, compensate, stepper
 from .errors import InputError
 from .model import (
@@ -52,7 +53,8 @@ class Calibration:
     against the fit to the other poses, or None where no pose can be spared; `reduced_chi2` of the residuals against
     the noise that was given or that the rows' scatter explains (about 1 where neither is there, as the noise is then
     estimated from the residuals); `dof` of the variances, for Student's t (0: the noise was taken at its word).
-    `poses` it was fitted on, or, beyond 10,000, their `moments`.
+    `poses` it was fitted on, or, beyond 10,000, their `moments`. `parameter_dof` (p,), those of each parameter, of
+    which `dof` is the least. `assumptions` that `auto` made, in words, and the `alternatives`, what other models give.
     """
 
     requested_model: str
@@ -81,6 +83,9 @@ class Calibration:
     moments: PoseMoments | None = None
     weight_xy: float | None = None
     weight_z: float | None = None
+    parameter_dof: Array | None = None
+    assumptions: tuple[str, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -89,6 +94,8 @@ class Calibration:
         object.__setattr__(self, "parameter_names", tuple(self.parameter_names))
         object.__setattr__(self, "warnings", tuple(self.warnings))
         object.__setattr__(self, "poses", tuple(self.poses))
+        object.__setattr__(self, "assumptions", tuple(self.assumptions))
+        object.__setattr__(self, "alternatives", tuple(self.alternatives))
 
     def __str__(self) -> str:
         from .calibration_text import describe
@@ -133,12 +140,15 @@ class Calibration:
         """Whether the sensor's z points along the flange's (True) or against it; `yaw` is counted accordingly."""
         return None if self.R_flange_sensor is None else bool(self.R_flange_sensor[2, 2] >= 0.0)
 
-    def t_quantile(self, level: float = 0.95) -> float:
-        """How many standard deviations a two-sided interval of that level reaches (Student's t with `dof`)."""
+    def t_quantile(self, level: float = 0.95, dof: float | None = None) -> float:
+        """How many standard deviations a two-sided interval of that level reaches (Student's t with `dof`; by default
+        the fewest of any parameter).
+        """
         from scipy.special import ndtri, stdtrit
 
+        behind = self.dof if dof is None else dof
         upper = 0.5 * (1.0 + level)
-        return float(stdtrit(self.dof, upper) if self.dof > 0.0 else ndtri(upper))
+        return float(stdtrit(behind, upper) if behind > 0.0 else ndtri(upper))
 
     def interval(self, name: str, level: float = 0.95) -> tuple[Any, Any]:
         """Lower and upper end of the two-sided interval of `weight`, `com`, `bias` or `yaw`, in their units.
@@ -150,8 +160,19 @@ class Calibration:
         value = getattr(self, name) if name in ("weight", "com", "bias", "yaw") else None
         if value is None or self.std[name] is None:
             raise InputError(f"model {self.model} has no interval of {name!r}, expected weight, com, bias or yaw")
-        reach = self.t_quantile(level) * self.std[name]
+        quantile = [self.t_quantile(level, dof) for dof in self._dof_of(name)]
+        reach = (quantile[0] if np.ndim(value) == 0 else np.array(quantile)) * self.std[name]
         return value - reach, value + reach
+
+    def _dof_of(self, name: str) -> list[float]:
+        """Degrees of freedom of the parameters that make `name`; of the yaw of a free mounting, the fewest of its."""
+        parts = [k for k, parameter in enumerate(self.parameter_names) if parameter.startswith(name)]
+        if self.parameter_dof is None or not parts:
+            mounting = [k for k, parameter in enumerate(self.parameter_names) if parameter in MOUNT]
+            if self.parameter_dof is None or not mounting:
+                return [self.dof] * max(np.size(getattr(self, name)), 1)
+            return [float(self.parameter_dof[mounting].min())]
+        return [float(self.parameter_dof[k]) for k in parts]
 
     def predict(self, orientation: OrientationLike) -> Array:
         """What a free tool reads, (n, 6) or (6,), at `R_base_flange`: matrices, quaternions or a scipy Rotation."""
@@ -228,6 +249,7 @@ class Calibration:
             parameter_names=tuple(self.parameter_names[k] for k in keep),
             parameters=self.parameters[keep],
             covariance=self.covariance[np.ix_(keep, keep)],
+            parameter_dof=None if self.parameter_dof is None else self.parameter_dof[keep],
             model="mount" if self.model == "mount+base" else self.model,
         )
 
@@ -263,4 +285,5 @@ _ARRAYS = (
     "noise",
     "residual_rms",
     "held_out_rms",
+    "parameter_dof",
 )

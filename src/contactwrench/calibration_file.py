@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from .alternative import Alternative
 from .calibration import Calibration
 from .errors import FileFormatError, InputError
 from .files import read_bytes, write_text
@@ -48,6 +49,16 @@ class _Observability(msgspec.Struct):
     condition: float
     tilt_range: list[float]
     trade_offs: list[str]
+
+
+class _Alternative(msgspec.Struct):
+    model: str
+    weight: float | None
+    weight_std: float | None
+    force_left: float
+    torque_left: float
+    B: list[list[float]]
+    gravity_direction: list[float]
 
 
 class _Std(msgspec.Struct):
@@ -90,6 +101,9 @@ class _File(msgspec.Struct):
     moments: _Moments | None
     weight_xy: float | None
     weight_z: float | None
+    parameter_dof: list[float] | None = None
+    assumptions: list[str] = []
+    alternatives: list[_Alternative] = []
 
 
 def to_json(calibration: Calibration) -> str:
@@ -150,7 +164,7 @@ def _plain(value: Any) -> Any:
         return {key: _plain(part) for key, part in value.items()}
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
-    if isinstance(value, Pose | PoseMoments | Observability):
+    if isinstance(value, Pose | PoseMoments | Observability | Alternative):
         return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
     return value
 
@@ -179,6 +193,11 @@ def _check(file: _File) -> None:
     }
     arrays = {name: _array(name, getattr(file, name), shape) for name, shape in shapes.items()}
     arrays["observability.tilt_range"] = _array("observability.tilt_range", file.observability.tilt_range, (2,))
+    if file.parameter_dof is not None:
+        arrays["parameter_dof"] = _array("parameter_dof", file.parameter_dof, (p,))
+    for k, other in enumerate(file.alternatives):
+        _array(f"alternatives[{k}].B", other.B, (6, 4))
+        _array(f"alternatives[{k}].gravity_direction", other.gravity_direction, (3,))
     if file.held_out_rms is not None:
         arrays["held_out_rms"] = _array("held_out_rms", file.held_out_rms, (6,))
     if file.moments is not None:
@@ -198,7 +217,7 @@ def _check(file: _File) -> None:
 
 
 def _check_signs(file: _File, arrays: dict[str, Array]) -> None:
-    for name in ("noise", "residual_rms", "held_out_rms", "observability.tilt_range"):
+    for name in ("noise", "residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof"):
         if (arrays.get(name, np.zeros(1)) < 0.0).any():
             raise InputError(f"{name} has a number below 0, expected 0 or more")
     if file.dof < 0.0 or file.reduced_chi2 < 0.0:
@@ -292,4 +311,5 @@ def _calibration(file: _File) -> Calibration:
     values["observability"] = Observability(**msgspec.structs.asdict(file.observability))
     values["poses"] = tuple(Pose(**msgspec.structs.asdict(pose)) for pose in file.poses)
     values["moments"] = None if file.moments is None else PoseMoments(**msgspec.structs.asdict(file.moments))
+    values["alternatives"] = tuple(Alternative(**msgspec.structs.asdict(other)) for other in file.alternatives)
     return Calibration(**values)

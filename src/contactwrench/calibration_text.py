@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .alternative import largest_force_change
 from .model import AXES, GRAVITY, MOUNT, horizontal_axes
 from .orientation import Array
 
@@ -25,7 +26,11 @@ def describe(calibration: Calibration) -> str:
         f"  {name:<{width[0]}}  {value:>{width[1]}}  {'+- ' + std if std else '':<{width[2] + 3}}  {unit}".rstrip()
         for name, value, std, unit in rows
     ]
-    lines += ["", *fit_lines(calibration), "", f"Verdict  {calibration.verdict}"]
+    lines += ["", *fit_lines(calibration), ""]
+    lines += [f"Assumed  {assumption}" for assumption in calibration.assumptions]
+    if calibration.alternatives:
+        lines += ["", *alternative_lines(calibration), ""]
+    lines += [f"Verdict  {calibration.verdict}"]
     lines += [f"Warning  {warning}" for warning in calibration.warnings]
     return "\n".join(lines)
 
@@ -110,6 +115,20 @@ def fit_lines(calibration: Calibration) -> list[str]:
         f"  reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom, condition number "
         f"{c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z"
     )
+    return lines
+
+
+def alternative_lines(calibration: Calibration) -> list[str]:
+    """What other models make of the same poses, a line each."""
+    lines = ["  other models  weight N             left N     mN m   contact force changes by up to"]
+    for other in calibration.alternatives:
+        weight = "-"
+        if other.weight is not None and other.weight_std is not None:
+            _, value, std, _ = _row("weight", other.weight, other.weight_std, "N")
+            weight = f"{value} +- {std}"
+        change = largest_force_change(calibration.B, calibration.gravity_direction, other)
+        left = f"{other.force_left:7.3g}  {1e3 * other.torque_left:7.3g}"
+        lines.append(f"  {other.model:<12}  {weight:<18}  {left}   {change:.2g} N")
     return lines
 
 

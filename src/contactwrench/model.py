@@ -60,11 +60,10 @@ class RigidTool:
 
 def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
     """Two unit vectors a, b (base axes) that complete `gravity_direction` to a right-handed base (a, b, d)."""
-    d = gravity_direction
-    least = np.eye(3)[int(np.argmin(np.abs(d)))]
-    a = np.cross(least, d)
-    a /= np.linalg.norm(a)
-    return a, np.cross(d, a)
+    x, y, z = gravity_direction.tolist()
+    across = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))[int(np.argmin(np.abs(gravity_direction)))]
+    a = np.array(across) / np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
+    return a, cross_matrix(gravity_direction) @ a
 
 
 def gravity_in_flange(R_base_flange: Array, gravity_direction: Array) -> Array:

@@ -26,6 +26,14 @@ def rotation_angle(R: Array) -> float:
     return float(np.arctan2(np.linalg.norm(axis), np.trace(R) - 1.0))
 
 
+def rotation_log(R: Array) -> Array:
+    """The rotation vector (3,), rad, of a rotation matrix (3, 3): the inverse of `rotation_exp`, angle 0 to pi."""
+    from scipy.spatial.transform import Rotation
+
+    vector: Array = Rotation.from_matrix(R).as_rotvec()
+    return vector
+
+
 def rotations_about_z(angle: Array) -> Array:
     """`Rz(angle)`, (m, 3, 3) for angles (m,), rad (paper, Eq. 9)."""
     R = np.zeros((len(angle), 3, 3))

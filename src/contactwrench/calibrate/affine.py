@@ -6,7 +6,8 @@ import numpy as np
 
 from ..model import free_wrench, gravity_in_flange
 from ..orientation import Array
-from .least_squares import Fit, Linearised, PoseReadings, finished, linearise, solve
+from .least_squares import Fit, GivenNoise, PoseReadings, finished, solve
+from .linearised import Linearised, linearise
 
 
 class _AffineProblem:
@@ -24,7 +25,7 @@ class _AffineProblem:
         return B + linear.step().reshape(6, 4)
 
 
-def fit_affine(readings: PoseReadings, gravity_direction: Array, noise: Array | None) -> Fit:
+def fit_affine(readings: PoseReadings, gravity_direction: Array, noise: GivenNoise | None) -> Fit:
     """Fit B (6, 4) itself, 24 free numbers: `F = A r + F0, T = A_t r + T0` (method, section 4)."""
     problem = _AffineProblem(gravity_in_flange(readings.R_base_flange, gravity_direction), readings.wrench)
     B, solved = solve(problem, np.zeros((6, 4)), readings, noise)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..model import RigidTool
 from ..orientation import Array
+from .linearised import Linearised
 from .noise import Scatter, axis_variances, whitening
 
 MAX_ITERATIONS = 100
@@ -30,6 +31,12 @@ SINGULAR_SCATTER = 1e-8
 
 SAME_WEIGHTS = 0.02
 """Relative: variances that differ by less weight the readings alike."""
+
+LEAST_LEFT = 0.5
+"""Degrees of freedom: with fewer left, residuals say nothing about the noise."""
+
+MOST_DOF = 1e6
+"""What a parameter that the prior alone settles is said to have."""
 
 LEVER = 0.05
 """m: before anything is known of the noise, a torque counts as a force at this lever."""
@@ -54,7 +61,9 @@ class Fit:
     """What an estimator hands on, in the terms of `Calibration`.
 
     `tool` is None for `affine`; `residuals` (n, 6) N, N m; `held_out` the same with each pose left out of the fit;
-    `singular_values` (p,) of the whitened Jacobian with columns of unit length, largest first.
+    `dof` (p,) behind the std of each parameter; `readings_left` what the parameters leave of the 6 n readings;
+    `singular_values` (p,) of the whitened Jacobian with columns of unit
+    length, largest first.
     """
 
     tool: RigidTool | None
@@ -66,66 +75,9 @@ class Fit:
     residuals: Array
     held_out: Array | None
     reduced_chi2: float
-    dof: float
+    dof: Array
+    readings_left: float
     singular_values: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """The whitened problem at one point, and the singular value decomposition of its Jacobian by way of QR."""
-
-    residuals: Array
-    whitener: Array
-    whitened: Array
-    U: Array
-    s: Array
-    Vt: Array
-    column_length: Array
-
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared whitened residuals."""
-        return float(np.sum(self.whitened**2))
-
-    def inverse(self) -> Array:
-        """A (p, p): `A @ U^T @ whitened` is the least-squares step, of least length where nothing determines it;
-        `A @ A.T` is the covariance of the parameters.
-        """
-        inverse: Array = (self.Vt.T / np.where(self.s > 0.0, self.s, np.inf)) / self.column_length[:, None]
-        return inverse
-
-    def step(self) -> Array:
-        """The Gauss-Newton step (p,)."""
-        step: Array = self.inverse() @ self.gradient()
-        return step
-
-    def gradient(self) -> Array:
-        """The whitened residuals along the columns of U (p,): zero at the optimum."""
-        along: Array = self.U.reshape(-1, len(self.s)).T @ self.whitened.ravel()
-        return along
-
-    def whitened_after_step(self) -> Array:
-        """The whitened residuals (n, 6) that the step will leave, to first order."""
-        left: Array = self.whitened - np.einsum("nkp,p->nk", self.U, self.gradient())
-        return left
-
-    def step_size(self) -> float:
-        """Length of the next step in standard deviations of the readings, relative to the misfit that is left."""
-        return float(np.linalg.norm(self.gradient())) / max(1.0, float(np.sqrt(self.chi2)))
-
-
-def linearise(residuals: Array, jacobian: Array, whitener: Array) -> Linearised:
-    """Whiten residuals (n, 6) and Jacobian (n, 6, p), scale its columns to unit length, and decompose it."""
-    n, _, p = jacobian.shape
-    J = (whitener @ jacobian).reshape(6 * n, p)
-    length = np.sqrt(np.einsum("ip,ip->p", J, J))
-    length[length == 0.0] = 1.0
-    Q, triangle = np.linalg.qr(J / length)
-    left, s, Vt = np.linalg.svd(triangle)
-    s[s < 1e-10 * s[0]] = 0.0
-    U = (Q @ left[:, : len(s)]) * (s > 0.0)
-    whitened = np.einsum("nij,nj->ni", whitener, residuals)
-    return Linearised(residuals, whitener, whitened, U.reshape(n, 6, -1), s, Vt[: len(s)], length)
 
 
 class Problem(Protocol[State]):
@@ -138,6 +90,16 @@ class Problem(Protocol[State]):
     def advanced(self, state: State, linear: Linearised) -> State:
         """`state` after one Gauss-Newton step."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class GivenNoise:
+    """Standard deviations (6,) of one pose's reading, N and N m, known up to one scale; `dof` degrees of freedom stand
+    behind that scale already (0: none, the residuals settle it).
+    """
+
+    std: Array
+    dof: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,27 +118,38 @@ class EstimatedNoise:
 
 
 @dataclass(frozen=True, eq=False)
+class ScaledNoise:
+    """Given variances (6,) times the scale that was found, the `reduced_chi2` of the readings against what was given,
+    and the `dof` behind the scale.
+    """
+
+    variance: Array
+    reduced_chi2: float
+    dof: float
+
+
+@dataclass(frozen=True, eq=False)
 class Solved:
-    """A converged problem, and its noise: estimated, or given as variances (6,) up to one scale."""
+    """A converged problem and its noise."""
 
     linear: Linearised
-    noise: EstimatedNoise | Array
+    noise: EstimatedNoise | ScaledNoise
 
 
-def relative_variances(noise: Array | None) -> Array:
+def relative_variances(noise: GivenNoise | None) -> Array:
     """Variances (6,) to begin with: of the given noise, or of torques as forces at a lever."""
     if noise is not None:
-        return np.asarray(noise**2, dtype=np.float64)
+        return np.asarray(noise.std**2, dtype=np.float64)
     return np.array([1.0, 1.0, 1.0, LEVER**2, LEVER**2, LEVER**2])
 
 
-def solve(problem: Problem[State], state: State, readings: PoseReadings, noise: Array | None) -> tuple[State, Solved]:
-    """Gauss-Newton to the end; the between-pose variances are estimated along the way unless the noise is given."""
-    n = len(readings)
-    variance = relative_variances(noise)
+def solve(
+    problem: Problem[State], state: State, readings: PoseReadings, noise: GivenNoise | None
+) -> tuple[State, Solved]:
+    """Gauss-Newton to the end; the noise, or the scale of the given noise, is estimated along the way."""
     if noise is not None:
-        state, linear = _converged(problem, state, whitening(variance, None, n))
-        return state, Solved(linear, variance)
+        return _with_given_noise(problem, state, readings, noise)
+    n = len(readings)
     state, variance = _with_variance_of_groups(problem, state, readings)
     scatter, floor = readings.scatter, _least_variance(readings)
     linear = problem.linearised(state, whitening(variance, scatter, n))
@@ -191,6 +164,23 @@ def solve(problem: Problem[State], state: State, readings: PoseReadings, noise: 
     own = axes.single > variance
     counted, mixing = np.where(own, axes.single, variance), np.where(own[:, None], np.eye(6), mixing)
     return state, Solved(linear, EstimatedNoise(variance, counted, axes.dof, mixing, scatter))
+
+
+def _with_given_noise(
+    problem: Problem[State], state: State, readings: PoseReadings, noise: GivenNoise
+) -> tuple[State, Solved]:
+    """The optimum, with the one scale of the given noise that residuals and earlier degrees of freedom agree on."""
+    n, given = len(readings), relative_variances(noise)
+    least = float(np.max(_least_variance(readings) / given))
+    scale, chi2, dof = 1.0, 0.0, 0.0
+    for _ in range(MAX_ITERATIONS):
+        state, linear = _converged(problem, state, whitening(scale * given, None, n))
+        chi2, left = scale * linear.chi2_of_readings, linear.readings_left
+        dof = noise.dof + left if left >= LEAST_LEFT else noise.dof
+        before, scale = scale, max((noise.dof + chi2) / dof, least) if left >= LEAST_LEFT else 1.0
+        if abs(scale - before) <= VARIANCE_TOLERANCE * scale:
+            break
+    return state, Solved(linear, ScaledNoise(scale * given, chi2 / left if left >= LEAST_LEFT else 1.0, dof))
 
 
 def _converged(problem: Problem[State], state: State, whitener: Array) -> tuple[State, Linearised]:
@@ -233,21 +223,20 @@ def _least_variance(readings: PoseReadings) -> Array:
 
 def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_jacobian: Array, solved: Solved) -> Fit:
     """The `Fit` at an optimum; `matrix_jacobian` (24, p) is the derivative of B, row-major."""
-    linear, n = solved.linear, len(solved.linear.residuals)
+    linear = solved.linear
     A = linear.inverse()
     covariance = A @ A.T
-    dof: float = 6 * n - len(A)
     if isinstance(solved.noise, EstimatedNoise):
-        estimated = solved.noise
-        reduced_chi2 = _chi2_of_scatter(linear, estimated.scatter) / dof if dof > 0 else 1.0
+        estimated, left = solved.noise, linear.readings_left
+        reduced_chi2 = _chi2_of_scatter(linear, estimated.scatter) / left if left >= LEAST_LEFT else 1.0
         noise = np.sqrt(estimated.counted + _mean_scatter(estimated.scatter))
         gain = np.einsum("cp,nkp,nka->nca", A, linear.U, linear.whitener)
         covariance = covariance + np.einsum("nca,nda,a->cd", gain, gain, estimated.counted - estimated.weighting)
-        dof = _effective_dof(gain, covariance, estimated)
+        from_prior = np.sum((A @ linear.U_prior.T) ** 2, axis=1)
+        dof = _effective_dof(gain, np.diag(covariance), from_prior, estimated)
     else:
-        reduced_chi2 = linear.chi2 / dof if dof > 0 else 1.0
-        covariance = reduced_chi2 * covariance
-        noise = np.sqrt(reduced_chi2 * solved.noise)
+        reduced_chi2, noise = solved.noise.reduced_chi2, np.sqrt(solved.noise.variance)
+        dof = np.full(len(A), solved.noise.dof)
     return Fit(
         tool=tool,
         gravity_direction=gravity_direction,
@@ -258,7 +247,8 @@ def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_
         residuals=linear.residuals,
         held_out=_held_out(linear),
         reduced_chi2=reduced_chi2,
-        dof=float(dof),
+        dof=dof,
+        readings_left=linear.readings_left,
         singular_values=linear.s,
     )
 
@@ -292,16 +282,16 @@ def _held_out(linear: Linearised) -> Array | None:
     return held_out
 
 
-def _effective_dof(gain: Array, covariance: Array, noise: EstimatedNoise) -> float:
-    """The fewest degrees of freedom behind the variance of any parameter (Satterthwaite, 1946).
+def _effective_dof(gain: Array, variance: Array, from_prior: Array, noise: EstimatedNoise) -> Array:
+    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946).
 
-    `gain` (n, p, 6) maps the readings' errors to the parameters'. A parameter's variance is a weighted sum of the
-    axes' estimated variances, each with dof of its own.
+    `gain` (n, p, 6) maps the readings' errors to the parameters'. A parameter's `variance` (p,) is a weighted sum of
+    the axes' estimated variances, each with dof of its own, of the scatter's, and of what comes `from_prior` (p,), which
+    is known.
     """
     of_axis = np.einsum("nca,nca->ca", gain, gain) * noise.counted
-    total = np.diag(covariance)
     spread = (of_axis @ noise.mixing) ** 2 @ (1.0 / noise.dof)
     if noise.scatter is not None:
-        spread += np.maximum(total - of_axis.sum(axis=1), 0.0) ** 2 / noise.scatter.dof
-    known = total > 0.0
-    return float(np.min(total[known] ** 2 / spread[known]))
+        spread += np.maximum(variance - of_axis.sum(axis=1) - from_prior, 0.0) ** 2 / noise.scatter.dof
+    dof: Array = np.divide(variance**2, spread, out=np.full(len(variance), MOST_DOF), where=spread > 0.0)
+    return np.minimum(dof, MOST_DOF)

@@ -74,7 +74,8 @@ def fit_paper(readings: PoseReadings, gravity_direction: Array) -> PaperFit:
         residuals=readings.wrench - free_wrench(B, r),
         held_out=_held_out(readings, force, torque, x, L, gravity_direction),
         reduced_chi2=1.0,
-        dof=float(n - 2),
+        dof=np.full(11, float(n - 2)),
+        readings_left=6.0 * n - 12.0,
         singular_values=singular_values,
     )
     return PaperFit(fit, float(np.hypot(x[0], x[1])), float(x[2]))

@@ -14,8 +14,8 @@ from ..errors import AmbiguityError
 from ..model import PARAMETERS, RigidTool
 from ..orientation import Array
 from .joint import fit_rigid
-from .least_squares import Fit, PoseReadings
-from .start import explained_by_start
+from .least_squares import Fit, GivenNoise, PoseReadings
+from .start import SEARCH_OF_MODEL, explained_by_start
 
 SIGNIFICANCE = 0.001
 NEAR_TIE = 0.9
@@ -29,7 +29,7 @@ NOT_CONFIRMED = (
 
 
 def check_sign(
-    fit: Fit, readings: PoseReadings, model: str, gravity_direction: Array, noise: Array | None
+    fit: Fit, readings: PoseReadings, model: str, gravity_direction: Array, noise: GivenNoise | None
 ) -> tuple[str, ...]:
     """Refuse readings that a tool explains much better once they are negated (or, the same, gravity is).
 
@@ -37,8 +37,8 @@ def check_sign(
     warning where both fit alike, else nothing. Raises `AmbiguityError` naming both readings.
     """
     R, wrench = readings.R_base_flange, readings.wrench
-    as_given = explained_by_start(R, wrench, model, gravity_direction)
-    if explained_by_start(R, -wrench, model, gravity_direction) < NEAR_TIE * as_given:
+    as_given = explained_by_start(R, wrench, SEARCH_OF_MODEL[model], gravity_direction)
+    if explained_by_start(R, -wrench, SEARCH_OF_MODEL[model], gravity_direction) < NEAR_TIE * as_given:
         return ()
     rival = fit_rigid(readings, model, gravity_direction, noise, sign=-1.0)
     dof = max(6 * len(readings) - len(PARAMETERS[model]), 1)

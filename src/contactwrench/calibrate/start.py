@@ -12,6 +12,8 @@ problem); for the paper's mounting, `Rz(theta)`, it is the closed form of the co
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..model import FLIP, RigidTool, gravity_in_flange
@@ -20,27 +22,41 @@ from ..rotations import rotations_about_z, spread_directions, spread_rotations
 from .least_squares import LEVER
 
 FEW_POSES = 5
-"""Up to here mount+base has local optima that score well, so that every direction of gravity goes on."""
+"""Up to here an unknown base has local optima that score well, so that every direction of gravity goes on."""
 
 
-def starting_tools(R_base_flange: Array, wrench: Array, model: str, gravity_direction: Array) -> list[RigidTool]:
-    """The most promising starts for `model`, best first, from poses (n, 3, 3) and their readings (n, 6).
-
-    `gravity_direction` is held, but for `mount+base`, whose starts lie within 90 deg of it.
+@dataclass(frozen=True)
+class Search:
+    """Where to look: among mountings that only turn about z (the paper's) or `any_mounting`; with gravity held, or
+    with `any_base` that has it within 90 deg.
     """
-    starts = _scored_starts(R_base_flange, wrench, model, gravity_direction)
+
+    any_mounting: bool
+    any_base: bool
+
+
+SEARCH_OF_MODEL = {
+    "yaw": Search(any_mounting=False, any_base=False),
+    "mount": Search(any_mounting=True, any_base=False),
+    "mount+base": Search(any_mounting=True, any_base=True),
+}
+
+
+def starting_tools(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
+    """The most promising starts, best first, from poses (n, 3, 3) and their readings (n, 6)."""
+    starts = _scored_starts(R_base_flange, wrench, search, gravity_direction)
     return [_linear_fit(R_base_flange, wrench, R, d) for _, R, d in starts]
 
 
-def explained_by_start(R_base_flange: Array, wrench: Array, model: str, gravity_direction: Array) -> float:
+def explained_by_start(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:
     """The part of the readings' sum of squares that the best start explains with a positive weight."""
-    return _scored_starts(R_base_flange, wrench, model, gravity_direction)[0][0]
+    return _scored_starts(R_base_flange, wrench, search, gravity_direction)[0][0]
 
 
 def _scored_starts(
-    R_base_flange: Array, wrench: Array, model: str, gravity_direction: Array
+    R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array
 ) -> list[tuple[float, Array, Array]]:
-    if model == "mount+base":
+    if search.any_base:
         sphere = spread_directions(48)
         directions = sphere[sphere @ gravity_direction >= 0.0]
         of_each, most = 1, len(directions) if len(wrench) <= FEW_POSES else 4
@@ -49,7 +65,7 @@ def _scored_starts(
     found: list[tuple[float, Array, Array]] = []
     for d in directions:
         moments = _Moments(gravity_in_flange(R_base_flange, d), wrench)
-        candidates = _yaw_candidates(moments.force) if model == "yaw" else _mount_candidates(moments.force)
+        candidates = _mount_candidates(moments.force) if search.any_mounting else _yaw_candidates(moments.force)
         scores = moments.score(candidates)
         found += [(float(scores[k]), candidates[k], d) for k in np.argsort(-scores)[:of_each]]
     found.sort(key=lambda start: -start[0])

@@ -69,9 +69,10 @@ def weak_noise(fit: Fit) -> tuple[str, ...]:
     explains far better than its neighbour.
     """
     warnings: list[str] = []
-    if 0.0 < fit.dof < FEWEST_DOF:
+    fewest = float(fit.dof.min())
+    if 0.0 < fewest < FEWEST_DOF:
         warnings.append(
-            f"weak: every std rests on {fit.dof:.2g} degrees of freedom, under {FEWEST_DOF:g}, and may be far off: "
+            f"weak: every std rests on {fewest:.2g} degrees of freedom, under {FEWEST_DOF:g}, and may be far off: "
             "record more poses"
         )
     for group in (slice(0, 3), slice(3, 6)):

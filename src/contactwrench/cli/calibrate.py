@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from .reading import (
@@ -19,6 +20,7 @@ from .reading import (
     Sign,
     StandardGravity,
     WrenchFrame,
+    above_zero,
     gravity_direction,
     not_negative,
     read_recording,
@@ -32,6 +34,18 @@ def calibrate(
         typer.Option("--output", "-o", metavar="CAL.json", help="Write the calibration; - is stdout."),
     ] = None,
     model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
+    mount_tilt_sd: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            help="auto: std of the sensor's tilt, an axis. [default: 1.41]",
+            callback=above_zero,
+        ),
+    ] = None,
+    base_tilt_sd: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", help="auto: std of the base's tilt, an axis. [default: 0.71]", callback=above_zero),
+    ] = None,
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
         float | None,
@@ -59,7 +73,12 @@ def calibrate(
     require_distinct(output, {"recording that is read": file, "report": report})
     require_distinct(report, {"recording that is read": file})
     samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
-    calibration = fit(samples, model, gravity=gravity_direction(gravity), g=g)
+    stds = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
+    priors = {name: float(np.deg2rad(std)) for name, std in stds.items() if std is not None}
+    if priors and model != "auto":
+        flag = next(iter(priors)).replace("_", "-")
+        raise typer.BadParameter(f"--{flag} is for model auto, found --model {model}: leave one of them out")
+    calibration = fit(samples, model, gravity=gravity_direction(gravity), g=g, **priors)
     reading = {
         "orientation": orientation,
         "wrench_frame": wrench_frame,

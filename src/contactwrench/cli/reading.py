@@ -21,9 +21,10 @@ def not_negative(value: float | None) -> float | None:
     return value
 
 
-def _above_zero(value: float) -> float:
-    if not 0.0 < value < np.inf:
-        raise typer.BadParameter(f"found {value:g}, expected m/s^2 above 0")
+def above_zero(value: float | None) -> float | None:
+    """A quantity that a flag states. Raises typer's error unless it is finite and above 0."""
+    if value is not None and not 0.0 < value < np.inf:
+        raise typer.BadParameter(f"found {value:g}, expected a number above 0")
     return value
 
 
@@ -44,7 +45,7 @@ Gravity = Annotated[
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
 ]
 StandardGravity = Annotated[
-    float, typer.Option("--g", metavar="G", help="m/s^2, turns a weight into a mass.", callback=_above_zero)
+    float, typer.Option("--g", metavar="G", help="m/s^2, turns a weight into a mass.", callback=above_zero)
 ]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")

@@ -1,0 +1,111 @@
+"""What is known before the readings, each with its standard deviation: tilts near nominal, a weighed tool, a drawing.
+
+Every piece of knowledge is a function of the tool and of the names of the parameters that are estimated; it gives the
+rows that join the readings in the least squares: what is known, less what the tool says, in standard deviations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from ..model import GRAVITY, MOUNT, RigidTool, horizontal_axes
+from ..orientation import Array
+from ..rotations import rotation_log
+from ..wrench import cross_matrix
+from .linearised import PriorRows
+
+Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
+
+
+def known_weight(weight: float, std: float) -> Knowledge:
+    """The weight (N), from a scale."""
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        jacobian = np.zeros((1, len(names)))
+        jacobian[0, 0] = 1.0 / std
+        return PriorRows(np.array([weight - tool.weight]) / std, jacobian)
+
+    return rows
+
+
+def known_com(com: Array, std: Array) -> Knowledge:
+    """The centre of mass (3,) m, sensor frame, from a drawing; `std` (3,) m."""
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        jacobian = np.zeros((3, len(names)))
+        jacobian[:, 1:4] = np.diag(1.0 / std)
+        return PriorRows((com - tool.com) / std, jacobian)
+
+    return rows
+
+
+def known_mounting(R_flange_sensor: Array, std: Array) -> Knowledge:
+    """The mounting (3, 3); `std` (3,) rad of small rotations about the sensor's axes."""
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        off = rotation_log(tool.R_flange_sensor.T @ R_flange_sensor)
+        jacobian = _of_mounting(np.diag(1.0 / std) @ _log_derivative(off), names)
+        return PriorRows(off / std, jacobian)
+
+    return rows
+
+
+def known_gravity(gravity_direction: Array, std: float) -> Knowledge:
+    """The direction of gravity (3,) in base axes; `std` rad about either horizontal axis."""
+    sides = np.stack(horizontal_axes(gravity_direction))
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        jacobian = np.zeros((2, len(names)))
+        if GRAVITY[0] in names:
+            a, b = horizontal_axes(tool.gravity_direction)
+            jacobian[:, -2:] = sides @ np.stack([-b, a], axis=1) / std
+        return PriorRows(-sides @ tool.gravity_direction / std, jacobian)
+
+    return rows
+
+
+def nominal_mounting(std: float) -> Knowledge:
+    """The sensor's z lies along the flange's, or against it: what its z is off by, as the sines of its tilt about the
+    two axes across, has the standard deviation `std` (rad) each. The yaw is free.
+    """
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        flange_z = tool.R_flange_sensor[2]
+        return PriorRows(-flange_z[:2] / std, _of_mounting(cross_matrix(flange_z)[:2] / std, names))
+
+    return rows
+
+
+def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows | None:
+    """All rows together, None where nothing is known."""
+    if not knowledge:
+        return None
+    rows = [piece(tool, names) for piece in knowledge]
+    return PriorRows(np.concatenate([r.residuals for r in rows]), np.concatenate([r.jacobian for r in rows]))
+
+
+def _of_mounting(derivative: Array, names: tuple[str, ...]) -> Array:
+    """A derivative (q, 3) with respect to small rotations of the mounting, in the columns of `names` (q, p)."""
+    jacobian = np.zeros((len(derivative), len(names)))
+    if MOUNT[0] in names:
+        first = names.index(MOUNT[0])
+        jacobian[:, first : first + 3] = derivative
+    elif "yaw" in names:
+        jacobian[:, names.index("yaw")] = derivative[:, 2]
+    return jacobian
+
+
+def _log_derivative(vector: Array) -> Array:
+    """Derivative (3, 3) of `-log(exp(-delta) exp(vector))` at delta = 0: the inverse of the left Jacobian of SO(3)
+    (Sola, Deray and Atchuthan, A micro Lie theory, 2018, Eq. 146).
+    """
+    angle = float(np.linalg.norm(vector))
+    K = cross_matrix(vector)
+    if angle < 1e-6:
+        return np.eye(3) - 0.5 * K
+    half = 0.5 * angle
+    inverse: Array = np.eye(3) - 0.5 * K + (1.0 - half / np.tan(half)) / angle**2 * K @ K
+    return inverse
