@@ -45,12 +45,11 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
     c, std = calibration, calibration.std
     rows: list[Row] = []
     if c.weight is not None and c.mass is not None and c.com is not None and c.yaw is not None:
-        g = c.weight / c.mass
         rows.append(_row("weight", c.weight, std["weight"], "N"))
         if c.weight_xy is not None and c.weight_z is not None:
             rows.append(("weight_xy", f"{c.weight_xy:.4g}", "", "N, from the x and y rows of Eq. 13"))
             rows.append(("weight_z", f"{c.weight_z:.4g}", "", "N, from the z rows; the paper's G"))
-        rows.append(_row("mass", c.mass, std["weight"] / g, "kg"))
+        rows.append(_row("mass", c.mass, std["weight"] / c.g, "kg"))
         rows += [_row(f"com_{x}", 1e3 * v, 1e3 * s, "mm") for x, v, s in zip("xyz", c.com, std["com"], strict=True)]
     rows += [
         _row(f"bias_{axis}", v, s, "N" if axis[0] == "f" else "N m")

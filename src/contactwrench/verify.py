@@ -19,7 +19,6 @@ from .model import gravity_in_flange
 from .orientation import Array
 from .poses import Pose, poses_from_samples
 from .samples import Samples, read_only
-from .wrench import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
@@ -75,18 +74,19 @@ def verify(
     *,
     limit_force: float | None = None,
     limit_torque: float | None = None,
-    g: float = STANDARD_GRAVITY,
+    g: float | None = None,
 ) -> Verification:
     """Hold `samples` against `calibration`.
 
     Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
     those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
-    weighed, with `g` m/s^2; without limits the weighings must agree with the loads at that level too. Raises
-    `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
+    weighed, with `g` m/s^2 (None: the calibration's); without limits the weighings must agree with the loads at that
+    level too. Raises `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
     """
     for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
         if value is not None and not 0.0 <= value < np.inf:
             raise InputError(f"{name} is {value:g}, expected a number of 0 or more")
+    g = calibration.g if g is None else g
     if not 0.0 < g < np.inf:
         raise InputError(f"g is {g:g}, expected m/s^2 above 0")
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass

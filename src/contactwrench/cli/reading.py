@@ -21,8 +21,8 @@ def not_negative(value: float | None) -> float | None:
     return value
 
 
-def _above_zero(value: float) -> float:
-    if not 0.0 < value < np.inf:
+def _above_zero(value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < np.inf:
         raise typer.BadParameter(f"found {value:g}, expected m/s^2 above 0")
     return value
 
@@ -45,6 +45,12 @@ Gravity = Annotated[
 ]
 StandardGravity = Annotated[
     float, typer.Option("--g", metavar="G", help="m/s^2, turns a weight into a mass.", callback=_above_zero)
+]
+WeighingGravity = Annotated[
+    float | None,
+    typer.Option(
+        "--g", metavar="G", help="m/s^2, turns a weight into a mass. [default: the calibration's]", callback=_above_zero
+    ),
 ]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
