@@ -113,9 +113,12 @@ def fit_lines(calibration: Calibration) -> list[str]:
 
 
 def _row(name: str, value: float, std: float, unit: str) -> Row:
+    return name, *meaningful_digits(value, std), unit
+
+
+def meaningful_digits(value: float, std: float) -> tuple[str, str]:
     """Value and std with the digits that the std leaves meaningful: two of its own."""
     if not std > 0.0:
-        return name, f"{value:.6g}", "0", unit
-    digits = max(0, 1 - int(np.floor(np.log10(std))))
-    digits = min(digits, 9)
-    return name, f"{value:.{digits}f}", f"{std:.{digits}f}", unit
+        return f"{value:.6g}", "0"
+    digits = min(max(0, 1 - int(np.floor(np.log10(std)))), 9)
+    return f"{value:.{digits}f}", f"{std:.{digits}f}"

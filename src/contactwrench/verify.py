@@ -15,10 +15,10 @@ from .calibration import Calibration
 from .chi_square import SIGNIFICANCE, MisfitTest, misfit_of_readings, percent
 from .contact_noise import noise_dof, reading_variance
 from .errors import InputError
-from .model import gravity_in_flange
 from .orientation import Array
 from .poses import Pose, poses_from_samples
 from .samples import Samples, read_only
+from .weigh import gravity_in_sensor
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _weigh(
         return (), None
     R = np.array([pose.R_base_flange for pose in poses])
     contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
-    down = gravity_in_flange(R, calibration.gravity_direction) @ calibration.B[:3, :3].T
+    down = gravity_in_sensor(calibration, R)
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     each = np.einsum("ni,ni->n", contact[:, :3], down) / g
     noise = np.sum(down**2 * reading_variance(calibration, tuple(poses))[:, :3], axis=1) / g**2
