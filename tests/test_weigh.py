@@ -81,9 +81,9 @@ def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
 
 @pytest.mark.parametrize("poses", [1, 2, 6])
 def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
-    """Calibration and weighing both repeated; a light tool, so that the calibration's errors count for much."""
+    """Calibration and weighing both repeated; a light and long tool, so that its errors count for much."""
     rig, R, rng = example(3, poses=8)
-    rig, mass = replace(rig, weight=6.0), 3.0
+    rig, mass = replace(rig, weight=6.0, com=np.array([0.15, 0.2, -0.15])), 1.0
     z_mass, z_com, z_flange, alarms, runs = [], [], [], 0, 200
     for _ in range(runs):
         calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)

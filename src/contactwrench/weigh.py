@@ -40,8 +40,9 @@ class HeldObject:
     one direction only, `unknown_along` (3,) is that direction, a unit vector in sensor axes: the centre of mass lies on
     a line along it (as well as the mounting is known), of which `com` is the point nearest to the sensor's origin.
     `com_flange`, `com_flange_std` (3,) m: the same in flange axes, still from the sensor's origin; None where com is
-    not known in full or the model has no mounting. `residual_rms` (6,) N and N m of what a rigid object leaves; `chi2` of it per degree of freedom (1
-    expected), and the `probability` of one as large or larger; `dof` of every variance, as in `Calibration`; `g` m/s^2.
+    not known in full or the model has no mounting. `residual_rms` (6,) N and N m of what a rigid object leaves; `chi2`
+    of it per degree of freedom (1 expected), and the `probability` of one as large or larger; `dof` of every variance,
+    as in `Calibration`; `g` m/s^2.
     """
 
     mass: float
@@ -103,24 +104,24 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         solved = _least_squares(gravity / std[..., None], (of_tool + of_object) @ root / std[..., None], contact / std)
     mass, moment = float(solved.x[0]), across @ solved.x[1:]
 
-    known = len(solved.x)
-    unfold = np.zeros((4, known))
+    unfold = np.zeros((4, len(solved.x)))
     unfold[0, 0], unfold[1:, 1:] = 1.0, across
-    covariance = unfold @ solved.covariance[:known, :known] @ unfold.T
+    covariance = unfold @ solved.covariance @ unfold.T
     mass_std = float(np.sqrt(covariance[0, 0]))
     com = com_covariance = com_flange = com_flange_std = None
     surely = calibration.t_quantile(THREE_STD) * mass_std
     if mass > surely:
         com = moment / mass
         of_com = np.column_stack([-com, np.eye(3)]) @ unfold / mass
-        com_covariance = of_com @ solved.covariance[:known, :known] @ of_com.T
+        com_covariance = of_com @ solved.covariance @ of_com.T
         R_flange_sensor = calibration.R_flange_sensor
         if unknown_along is None and R_flange_sensor is not None:
-            turn = mounting_turn(calibration.parameter_names) @ root
-            in_flange = R_flange_sensor @ np.hstack([of_com, -cross_matrix(com) @ turn])
+            # Sensor-frame torques over sensor-frame forces give com whatever the mounting: the two errors add
+            # (with two or three poses, to a std that is a few per cent too large).
+            turn = cross_matrix(com) @ mounting_turn(calibration.parameter_names) @ root
             com_flange = R_flange_sensor @ com
-            com_flange_std = np.sqrt(np.diag(in_flange @ solved.with_calibration() @ in_flange.T))
-    test = MisfitTest(solved.misfit, contact.size - known, noise_dof(calibration))
+            com_flange_std = np.sqrt(np.diag(R_flange_sensor @ (com_covariance + turn @ turn.T) @ R_flange_sensor.T))
+    test = MisfitTest(solved.misfit, contact.size - len(solved.x), noise_dof(calibration))
     residual = contact - gravity @ solved.x
     return HeldObject(
         mass=mass,
@@ -196,25 +197,11 @@ def _gravity_of_unit(down: Array, across: Array, g: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Unknowns x (q,), the covariance (q + p, q + p) of what their estimates and those of the calibration's errors, in
-    standard deviations, miss, and the misfit.
-    """
+    """Unknowns x (q,), their covariance (q, q), and the misfit."""
 
     x: Array
     covariance: Array
     misfit: float
-
-    def with_calibration(self) -> Array:
-        """Covariance (q + p, q + p) of the errors of x and of the calibration's own, in standard deviations of these.
-
-        The readings carry the calibration's errors with a minus: they are what the estimate misses of that further
-        unknown, less the estimate, with which the errors of a best linear estimate are uncorrelated. So x correlates
-        with them as it does with what is missed, and only their own variance is 1 again.
-        """
-        q = len(self.x)
-        joint = self.covariance.copy()
-        joint[q:, q:] = np.eye(len(joint) - q)
-        return joint
 
 
 def _least_squares(A: Array, J: Array, y: Array) -> _Solved:
@@ -229,7 +216,7 @@ def _least_squares(A: Array, J: Array, y: Array) -> _Solved:
     inverse = np.linalg.inv(triangle)
     along = Q.T @ readings
     left = readings - Q @ along
-    return _Solved((inverse @ along)[:q], inverse @ inverse.T, float(left @ left))
+    return _Solved((inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left))
 
 
 def _doubts(mass: float, surely: float, one_direction: bool, test: MisfitTest) -> tuple[str, ...]:
