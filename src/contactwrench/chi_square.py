@@ -69,6 +69,12 @@ def misfit_of_parameters(change: Array, covariance: Array) -> float:
     return float(np.sum((vectors.T @ z) ** 2 / np.maximum(values, LEAST_EIGENVALUE)))
 
 
+def in_standard_deviations(change: Array, std: Array) -> Array:
+    """`change / std`, elementwise; 0 where nothing changed."""
+    exact = np.where(change == 0.0, 0.0, np.copysign(np.inf, change))
+    return np.divide(change, std, out=exact, where=std > 0.0)
+
+
 def square_root(covariance: Array) -> Array:
     """L (p, p) with `L @ L.T` the covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
@@ -78,4 +84,6 @@ def square_root(covariance: Array) -> Array:
 
 def percent(probability: float) -> str:
     """A probability in words, two digits."""
-    return f"{100.0 * probability:.2g} %" if probability >= 1e-4 else "under 0.01 %"
+    if probability < 1e-4:
+        return "under 0.01 %"
+    return f"{100.0 * probability:.0f} %" if probability >= 0.1 else f"{100.0 * probability:.2g} %"

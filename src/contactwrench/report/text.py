@@ -103,12 +103,16 @@ def held_object_json(held: HeldObject) -> str:
 
 
 def difference_text(change: Difference) -> str:
-    """Each change with its standard deviation, in the units that people speak; * marks more than three of them."""
-    lines = [f"  {'':<9} {'change':>10}    {'std':<9} unit"]
-    for name, unit, value, std in zip(change.names, change.units, change.change, change.std, strict=True):
+    """What the changes mean; each with its standard deviation, in the units that people speak, * marking more than
+    three of them.
+    """
+    lines = [*change.meaning, "", f"  {'':<9} {'change':>10}    {'std':<9} {'unit':<5} {'in std':>7}"]
+    for name, unit, value, std, ratio in zip(
+        change.names, change.units, change.change, change.std, change.in_std, strict=True
+    ):
         factor, spoken = _SPOKEN.get(unit, (1.0, unit))
         mark = "*" if name in change.significant else " "
-        lines.append(f"{mark} {name:<9} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken}")
+        lines.append(f"{mark} {name:<9} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken:<5} {ratio:>+7.1f}")
     if change.gravity_angle > 0.0:
         lines.append(f"  gravity is {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes")
     if change.mounting_angle is not None:
@@ -124,7 +128,9 @@ def difference_text(change: Difference) -> str:
 
 
 def difference_json(change: Difference) -> str:
-    """`change` and `std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle` and `significant`."""
+    """`change`, `std` and `in_std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle`, `significant`, the
+    joint test of each group, and the `meaning` in words.
+    """
     return _json(
         {
             "change": dict(zip(change.names, change.change.tolist(), strict=True)),
@@ -134,6 +140,18 @@ def difference_json(change: Difference) -> str:
             "mounting_angle": change.mounting_angle,
             "gravity_angle": change.gravity_angle,
             "significant": list(change.significant),
+            "in_std": dict(zip(change.names, change.in_std.tolist(), strict=True)),
+            "groups": {
+                group.name: {
+                    "parameters": group.parameters,
+                    "chi2": group.test.chi2,
+                    "dof": group.test.dof,
+                    "probability": group.test.probability,
+                    "significant": group.significant,
+                }
+                for group in change.groups
+            },
+            "meaning": change.meaning,
         }
     )
 
