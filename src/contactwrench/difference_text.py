@@ -75,7 +75,7 @@ def _tool(change: Difference, group: GroupChange, only: bool) -> str:
 def _bias(change: Difference, group: GroupChange, only: bool) -> str:
     shift = ", ".join(_shown(group, slice(0, 3), slice(3, 6))) or _improbable(group.test)
     if only:
-        return f"drift, or a new zero: only the bias changed, {shift}; all else is as it was: zero the sensor again"
+        return f"drift, or a new zero: only the bias changed, {shift}; all else is the same within its errors"
     return f"the bias changed as well: {shift}"
 
 

@@ -93,7 +93,7 @@ def _com_lines(held: HeldObject) -> list[str]:
 
 
 def _triple(values: Array, digits: int) -> str:
-    return ", ".join(f"{value:.{digits}f}" for value in values)
+    return ", ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values.tolist())
 
 
 def held_object_json(held: HeldObject) -> str:
