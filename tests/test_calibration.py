@@ -214,3 +214,13 @@ def test_provenance_says_where_it_comes_from() -> None:
     assert calibration.provenance["rows"] == 72
     assert calibration.provenance["g"] == 9.81
     assert len(calibration.poses) == 24
+
+
+def test_g_is_what_turned_the_weight_into_the_mass() -> None:
+    rig, R, rng = example(5)
+    samples = noisy(rig, R, rng)
+    for model in ("mount", "affine"):
+        assert cw.calibrate(samples, model, g=9.7803).g == 9.7803
+    by_hand = dataclasses.replace(cw.calibrate(samples, "mount", g=9.7803), provenance={})
+    assert by_hand.g == pytest.approx(9.7803, rel=1e-12)
+    assert dataclasses.replace(cw.calibrate(samples, "affine", g=9.7803), provenance={}).g == 9.80665

@@ -196,7 +196,7 @@ def test_demo_names_its_folder_and_fills_it(tmp_path: Path, capsys: Capture) -> 
 
 USAGE = [
     ([], "Missing command: try 'contactwrench --help'"),
-    (["weigh"], "No such command 'weigh': try 'contactwrench --help'"),
+    (["tare"], "No such command 'tare': try 'contactwrench --help'"),
     (["calibrate"], "Missing argument 'FILE': try 'contactwrench calibrate --help'"),
     (["calibrate", PANDA, "--foo"], "No such option: --foo: try 'contactwrench calibrate --help'"),
     (["calibrate", PANDA, "x"], "Got unexpected extra argument(s) (x): try 'contactwrench calibrate --help'"),

@@ -138,10 +138,13 @@ def test_weighing_at_a_gravity_of_ones_own_and_several_poses() -> None:
     rig, R, rng = example(9)
     calibration, poses = cw.calibrate(noisy(rig, R, rng), "mount", g=9.7803), random_rotations(6, rng)
     wrench = _loaded(rig, poses, 0.5, g=9.7803) + NOISE * rng.normal(size=(6, 6))
-    (weighing,) = verify(calibration, cw.Samples(wrench, poses, load_mass=np.full(6, 0.5)), g=9.7803).weighings
+    samples = cw.Samples(wrench, poses, load_mass=np.full(6, 0.5))
+    (weighing,) = verify(calibration, samples).weighings
     assert weighing.n == 6
     assert abs(weighing.weighed - 0.5) < 4 * weighing.std
     assert weighing.std < 0.006
+    (elsewhere,) = verify(calibration, samples, g=2.0 * 9.7803).weighings
+    assert elsewhere.weighed == pytest.approx(0.5 * weighing.weighed)
 
 
 def test_free_and_loaded_poses_in_one_recording() -> None:

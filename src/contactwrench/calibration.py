@@ -28,7 +28,7 @@ from .orientation import Array, OrientationLike, rotation_matrices
 from .poses import Pose, PoseMoments
 from .rotations import spread_rotations
 from .samples import read_only
-from .wrench import unit_direction
+from .wrench import STANDARD_GRAVITY, unit_direction
 
 if TYPE_CHECKING:
     from .difference import Difference
@@ -134,6 +134,14 @@ class Calibration:
         first = index[MOUNT[0]]
         _, _, derivative = yaw_of_mounting(self.R_flange_sensor)
         return float(np.sqrt(derivative @ self.covariance[first : first + 3, first : first + 3] @ derivative))
+
+    @property
+    def g(self) -> float:
+        """m/s^2: what turned the weight into the mass; standard gravity where nothing says."""
+        stated = self.provenance.get("g")
+        if isinstance(stated, float) and 0.0 < stated < np.inf:
+            return stated
+        return self.weight / self.mass if self.weight is not None and self.mass is not None else STANDARD_GRAVITY
 
     @property
     def sensor_z_along_flange(self) -> bool | None:

@@ -50,12 +50,11 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
     c, std = calibration, calibration.std
     rows: list[Row] = []
     if c.weight is not None and c.mass is not None and c.com is not None and c.yaw is not None:
-        g = c.weight / c.mass
         rows.append(_row("weight", c.weight, std["weight"], "N"))
         if c.weight_xy is not None and c.weight_z is not None:
             rows.append(("weight_xy", f"{c.weight_xy:.4g}", "", "N, from the x and y rows of Eq. 13"))
             rows.append(("weight_z", f"{c.weight_z:.4g}", "", "N, from the z rows; the paper's G"))
-        rows.append(_row("mass", c.mass, std["weight"] / g, "kg"))
+        rows.append(_row("mass", c.mass, std["weight"] / c.g, "kg"))
         rows += [_row(f"com_{x}", 1e3 * v, 1e3 * s, "mm") for x, v, s in zip("xyz", c.com, std["com"], strict=True)]
     rows += [
         _row(f"bias_{axis}", v, s, "N" if axis[0] == "f" else "N m")
@@ -133,9 +132,12 @@ def alternative_lines(calibration: Calibration) -> list[str]:
 
 
 def _row(name: str, value: float, std: float, unit: str) -> Row:
+    return name, *meaningful_digits(value, std), unit
+
+
+def meaningful_digits(value: float, std: float) -> tuple[str, str]:
     """Value and std with the digits that the std leaves meaningful: two of its own."""
     if not std > 0.0:
-        return name, f"{value:.6g}", "0", unit
-    digits = max(0, 1 - int(np.floor(np.log10(std))))
-    digits = min(digits, 9)
-    return name, f"{value:.{digits}f}", f"{std:.{digits}f}", unit
+        return f"{value:.6g}", "0"
+    digits = min(max(0, 1 - int(np.floor(np.log10(std)))), 9)
+    return f"{value:.{digits}f}", f"{std:.{digits}f}"

@@ -8,9 +8,10 @@ import numpy as np
 
 from .calibration import ROWS_AT_ONCE, Calibration
 from .errors import InputError
+from .model import mounting_turn
 from .orientation import Array
 from .samples import Samples, read_only
-from .wrench import wrench_transform
+from .wrench import cross_matrix, wrench_transform
 
 OUTPUT_FRAMES = ("sensor", "flange", "base")
 
@@ -66,15 +67,9 @@ def _turned_by_mounting(calibration: Calibration, R_base_flange: Array, output_f
     """Derivative (n, 6, p), sign turned, of contact wrenches (n, 6) in output axes because those axes follow the
     mounting: an error delta of it, in sensor axes, turns force and torque by delta in output axes.
     """
-    axes = _axes(calibration, R_base_flange, output_frame)
-    J = np.zeros((*wrench.shape, len(calibration.parameter_names)))
-    directions = {"mount_x": 0, "mount_y": 1, "mount_z": 2, "yaw": 2}
-    for k, name in enumerate(calibration.parameter_names):
-        if name in directions:
-            about = axes[:, :, directions[name]]
-            J[:, :3, k] = np.cross(wrench[:, :3], about)
-            J[:, 3:, k] = np.cross(wrench[:, 3:], about)
-    return J
+    turn = _axes(calibration, R_base_flange, output_frame) @ mounting_turn(calibration.parameter_names)
+    parts = [cross_matrix(wrench[:, part]) @ turn for part in (slice(0, 3), slice(3, 6))]
+    return np.concatenate(parts, axis=1)
 
 
 def _axes(calibration: Calibration, R_base_flange: Array, output_frame: str) -> Array:

@@ -119,6 +119,16 @@ def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...
     return J
 
 
+def mounting_turn(names: tuple[str, ...]) -> Array:
+    """How the mounting turns, about the sensor's own axes (rad), with each parameter `names`: (3, p)."""
+    about = {"mount_x": 0, "mount_y": 1, "mount_z": 2, "yaw": 2}
+    turn = np.zeros((3, len(names)))
+    for k, name in enumerate(names):
+        if name in about:
+            turn[about[name], k] = 1.0
+    return turn
+
+
 def matrix_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     """Derivative (24, p) of B, row-major, with respect to the rigid parameters `names`.
 

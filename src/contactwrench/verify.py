@@ -11,17 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .calibrate.noise import pooled_scatter
 from .calibration import Calibration
+from .chi_square import SIGNIFICANCE, MisfitTest, misfit_of_readings, percent
+from .contact_noise import noise_dof, reading_variance
 from .errors import InputError
-from .model import gravity_in_flange
 from .orientation import Array
 from .poses import Pose, poses_from_samples
 from .samples import Samples, read_only
-from .wrench import STANDARD_GRAVITY
-
-SIGNIFICANCE = 0.01
-LENIENT_DOF = 10.0
+from .weigh import gravity_in_sensor
 
 
 @dataclass(frozen=True)
@@ -42,29 +39,6 @@ class Weighing:
     def error_std(self) -> float:
         """Standard deviation of `error`."""
         return self.std / self.actual
-
-
-@dataclass(frozen=True)
-class _Test:
-    """A misfit of so many readings against a noise that was estimated with `dof` (0: known)."""
-
-    misfit: float
-    readings: int
-    dof: float
-
-    @property
-    def chi2(self) -> float:
-        """Misfit per reading, 1 expected."""
-        return self.misfit / self.readings
-
-    @property
-    def probability(self) -> float:
-        """Probability of a misfit this large or larger: chi-square, or F where the noise was estimated."""
-        from scipy.special import chdtrc, fdtrc
-
-        return float(
-            fdtrc(self.readings, self.dof, self.chi2) if self.dof > 0.0 else chdtrc(self.readings, self.misfit)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,24 +74,24 @@ def verify(
     *,
     limit_force: float | None = None,
     limit_torque: float | None = None,
-    g: float = STANDARD_GRAVITY,
+    g: float | None = None,
 ) -> Verification:
     """Hold `samples` against `calibration`.
 
     Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
     those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
-    weighed, with `g` m/s^2; without limits the weighings must agree with the loads at that level too. Raises
-    `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
+    weighed, with `g` m/s^2 (None: the calibration's); without limits the weighings must agree with the loads at that
+    level too. Raises `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
     """
     for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
         if value is not None and not 0.0 <= value < np.inf:
             raise InputError(f"{name} is {value:g}, expected a number of 0 or more")
+    g = calibration.g if g is None else g
     if not 0.0 < g < np.inf:
         raise InputError(f"g is {g:g}, expected m/s^2 above 0")
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
-    dof = _noise_dof(calibration)
     weighings, weighed = _weigh(calibration, samples, load, g)
     poses = poses_from_samples(samples.select(load == 0.0))
     residuals = np.empty((0, 6))
@@ -125,18 +99,20 @@ def verify(
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
-        noise = _reading_variance(calibration, poses).ravel()
+        noise = reading_variance(calibration, poses).ravel()
         J = calibration.free_wrench_jacobian(R).reshape(len(noise), -1)
-        tests["residual"] = _Test(_misfit(residuals.ravel(), noise, J, calibration.covariance), len(noise), dof)
+        tests["residual"] = MisfitTest(
+            misfit_of_readings(residuals.ravel(), noise, J, calibration.covariance), len(noise), noise_dof(calibration)
+        )
     force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
     torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
     judged = min(tests, key=lambda name: tests[name].probability)
-    chi2, probability = tests[judged].chi2, tests[judged].probability
+    test = tests[judged]
     if limit_force is None and limit_torque is None:
-        passed = probability >= SIGNIFICANCE
+        passed = test.probability >= SIGNIFICANCE
         reason = (
             f"the {judged} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
-            f"(chi-square {chi2:.3g} per reading, probability {_percent(probability)}{_caution(dof)})"
+            f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
         )
     else:
         if not poses:
@@ -156,8 +132,8 @@ def verify(
         rms=np.sqrt(np.mean(residuals**2, axis=0)) if poses else np.zeros(6),
         largest_force=force,
         largest_torque=torque,
-        chi2=chi2,
-        probability=probability,
+        chi2=test.chi2,
+        probability=test.probability,
         limit_force=limit_force,
         limit_torque=limit_torque,
         weighings=weighings,
@@ -168,7 +144,7 @@ def verify(
 
 def _weigh(
     calibration: Calibration, samples: Samples, load: Array, g: float
-) -> tuple[tuple[Weighing, ...], _Test | None]:
+) -> tuple[tuple[Weighing, ...], MisfitTest | None]:
     """Each load's weighing, and the joint test of all of them."""
     poses: list[Pose] = []
     masses: list[float] = []
@@ -180,10 +156,10 @@ def _weigh(
         return (), None
     R = np.array([pose.R_base_flange for pose in poses])
     contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
-    down = gravity_in_flange(R, calibration.gravity_direction) @ calibration.B[:3, :3].T
+    down = gravity_in_sensor(calibration, R)
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     each = np.einsum("ni,ni->n", contact[:, :3], down) / g
-    noise = np.sum(down**2 * _reading_variance(calibration, tuple(poses))[:, :3], axis=1) / g**2
+    noise = np.sum(down**2 * reading_variance(calibration, tuple(poses))[:, :3], axis=1) / g**2
     J = np.einsum("ni,nip->np", down, calibration.free_wrench_jacobian(R)[:, :3]) / g
     actual = np.array(masses)
     weighings = []
@@ -193,48 +169,5 @@ def _weigh(
         of_mean = J[rows].mean(axis=0)
         variance = noise[rows].mean() / n + of_mean @ calibration.covariance @ of_mean
         weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
-    misfit = _misfit(each - actual, noise, J, calibration.covariance)
-    return tuple(weighings), _Test(misfit, len(poses), _noise_dof(calibration))
-
-
-def _reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:
-    """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
-    sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
-    """
-    variance = np.tile(calibration.noise**2, (len(poses), 1))
-    fitted = pooled_scatter(calibration.poses)
-    if fitted is None:
-        return variance
-    of_means: Array = np.einsum("nii->ni", fitted.covariance)
-    of_sample = of_means[0] * calibration.poses[0].n
-    rows = np.array([pose.n for pose in poses], dtype=np.float64)
-    between: Array = np.maximum(variance - of_means.mean(axis=0), 0.0)
-    total: Array = between + of_sample / rows[:, None]
-    return total
-
-
-def _noise_dof(calibration: Calibration) -> float:
-    """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
-    n = len(calibration.poses) if calibration.moments is None else calibration.moments.n
-    return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0
-
-
-def _misfit(errors: Array, noise: Array, J: Array, covariance: Array) -> float:
-    """`e^T C^-1 e` for errors (m,) with independent noise variances (m,) and the parameters' covariance (p, p) in
-    common, C = diag(noise) + J covariance J^T, by the inversion lemma: nothing of size (m, m) is built.
-    """
-    std = np.sqrt(np.maximum(noise, 1e-300))
-    values, vectors = np.linalg.eigh(covariance)
-    A = (J / std[:, None]) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    z = errors / std
-    along = A.T @ z
-    return float(z @ z - along @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along))
-
-
-def _caution(dof: float) -> str:
-    """That few degrees of freedom behind the noise make the test lenient."""
-    return f"; a lenient test, the noise rests on {dof:.2g} degrees of freedom" if 0.0 < dof < LENIENT_DOF else ""
-
-
-def _percent(probability: float) -> str:
-    return f"{100.0 * probability:.2g} %" if probability >= 1e-4 else "under 0.01 %"
+    misfit = misfit_of_readings(each - actual, noise, J, calibration.covariance)
+    return tuple(weighings), MisfitTest(misfit, len(poses), noise_dof(calibration))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..orientation import Array
 from .noise import GROUPS
-from .outliers import LinearReadings, WeightedFit, outlying, weighted_fit
+from .outliers import LinearReadings, outlying, weighted_fit
 
 FALSE_ALARM = 0.0025
 """Of each of the three tests."""
@@ -57,25 +57,13 @@ def course_of_bias(linear: LinearReadings, unit: Array, time: Array) -> Course:
         return steady
     if not _moves(linear, ~out, time) and np.sum(out) < MANY_OUTLIERS:
         return steady
-    candidates = [_Candidate("steady", None, np.zeros((n, 0)), out)]
-    shapes: list[tuple[str, int | None, Array]] = [("drift", None, _powers(time, 1)), ("walk", None, _powers(time, 3))]
-    shapes += [("step", k, _step(n, k)) for k in _likeliest_steps(linear, n)]
-    for kind, k, shape in shapes:
-        candidates.append(_Candidate(kind, k, shape, outlying(_with(linear, shape))))
-    best = min(candidates, key=lambda candidate: _criterion(linear, candidate))
-    if best.kind == "steady":
-        return steady
-    if best.kind == "walk":
-        return _walk(linear, best, time, unit)
-    return _fixed(linear, best, unit)
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    kind: str
-    first_after: int | None
-    shape: Array
-    outlying: NDArray[np.bool_]
+    fixed = [("drift", None, _powers(time, 1)), *(("step", k, _step(n, k)) for k in _likeliest_steps(linear, n))]
+    courses = [
+        (_criterion(linear, np.zeros((n, 0)), out), steady),
+        *(_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed),
+        _walk(linear, time, unit),
+    ]
+    return min(courses, key=lambda course: course[0])[1]
 
 
 def _powers(time: Array, degree: int) -> Array:
@@ -137,40 +125,40 @@ def _likeliest_steps(linear: LinearReadings, n: int) -> list[int]:
     return sorted(left, key=lambda k: left[k])[:3]
 
 
-def _criterion(linear: LinearReadings, candidate: _Candidate) -> float:
-    n = len(candidate.outlying)
-    fit = weighted_fit(_with(linear, candidate.shape), (~candidate.outlying).astype(np.float64))
-    parameters = 6.0 * candidate.shape.shape[1] + 6.0 * float(np.sum(candidate.outlying))
-    place = 2.0 * np.log(n) if candidate.first_after is not None else 0.0
-    return float(3.0 * n * np.sum(np.log(fit.variance)) + parameters * np.log(6.0 * n) + place)
+def _criterion(linear: LinearReadings, shape: Array, out: NDArray[np.bool_]) -> float:
+    """The Bayesian information criterion of columns of this shape with those poses left out."""
+    n = len(out)
+    fit = weighted_fit(_with(linear, shape), (~out).astype(np.float64))
+    parameters = 6.0 * shape.shape[1] + 6.0 * float(np.sum(out))
+    return float(3.0 * n * np.sum(np.log(fit.variance)) + parameters * np.log(6.0 * n))
 
 
-def _fixed(linear: LinearReadings, candidate: _Candidate, unit: Array) -> Course:
+def _fixed(linear: LinearReadings, shape: Array, kind: str, k: int | None, unit: Array) -> tuple[float, Course]:
     """A step or a drift: the columns' coefficients by least squares, and what not knowing them costs."""
-    p = linear.J.shape[2]
-    kept = (~candidate.outlying).astype(np.float64)
-    fit = weighted_fit(_with(linear, candidate.shape), kept)
+    n, p = len(shape), linear.J.shape[2]
+    out = outlying(_with(linear, shape))
+    place = 0.0 if k is None else 2.0 * float(np.log(n))
+    fit = weighted_fit(_with(linear, shape), (~out).astype(np.float64))
     x = fit.inverse @ fit.right
-    change = np.einsum("nm,mi->ni", candidate.shape, x[p:].reshape(-1, 6)) * unit
-    alone = np.linalg.inv(fit.information[:p, :p])
-    growth = fit.inverse[:p, :p] - alone
-    return Course(
-        candidate.kind, change, candidate.first_after, candidate.outlying, growth, 6.0 * candidate.shape.shape[1]
-    )
+    change = np.einsum("nm,mi->ni", shape, x[p:].reshape(-1, 6)) * unit
+    growth = fit.inverse[:p, :p] - np.linalg.inv(fit.information[:p, :p])
+    return _criterion(linear, shape, out) + place, Course(kind, change, k, out, growth, 6.0 * shape.shape[1])
 
 
-def _walk(linear: LinearReadings, candidate: _Candidate, time: Array, unit: Array) -> Course:
+def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Course]:
     """A random walk: generalised least squares with the walk's covariance between poses, its strength where the
-    restricted likelihood is largest; then the course itself, the best linear prediction.
+    restricted likelihood is largest; then the course itself, the best linear prediction. Outliers are told from a
+    cubic course.
     """
-    n, p = len(time), linear.J.shape[2]
-    kept = ~candidate.outlying
+    n = len(time)
+    out = outlying(_with(linear, _powers(time, 3)))
+    some = _of(linear, ~out)
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
-    together = np.minimum.outer(before, before)
-    some = _of(linear, kept)
-    best: tuple[float, Array, Array, WeightedFit] | None = None
+    together = np.minimum.outer(before, before)[:, ~out]
+    fits = []
     for ratio in WALK_RATIOS:
-        noise = np.eye(int(kept.sum())) + ratio**2 * n * together[np.ix_(kept, kept)]
+        walk = ratio**2 * n * together
+        noise = np.eye(len(some.errors)) + walk[~out]
         factor = np.linalg.cholesky(noise)
         whitened = LinearReadings(
             np.linalg.solve(factor, some.J.reshape(len(noise), -1)).reshape(some.J.shape),
@@ -179,19 +167,14 @@ def _walk(linear: LinearReadings, candidate: _Candidate, time: Array, unit: Arra
             some.known_errors,
         )
         fit = weighted_fit(whitened, np.ones(len(noise)))
-        deviance = float(
-            fit.dof @ np.log(fit.variance)
-            + 12.0 * np.sum(np.log(np.diag(factor)))
-            + np.linalg.slogdet(fit.information)[1]
-        )
-        if best is None or deviance < best[0]:
-            x = fit.inverse @ fit.right
-            smooth = ratio**2 * n * together[:, kept] @ np.linalg.inv(noise)
-            best = (deviance, smooth, x, fit)
-    if best is None:
-        raise TypeError("there are ratios to try")
-    _, smooth, x, fit = best
-    change = smooth @ (some.errors - some.J @ x) * unit
+        of_walk = 12.0 * float(np.sum(np.log(np.diag(factor))))
+        restricted = float(fit.dof @ np.log(fit.variance) + np.linalg.slogdet(fit.information)[1]) + of_walk
+        criterion = float(3.0 * n * np.sum(np.log(fit.variance))) + of_walk
+        fits.append((restricted, criterion, fit, walk @ np.linalg.inv(noise)))
+    _, criterion, fit, smooth = min(fits, key=lambda found: found[0])
+    change = smooth @ (some.errors - some.J @ (fit.inverse @ fit.right)) * unit
     steady = np.einsum("nip,i,niq->pq", some.J, np.repeat(1.0 / fit.weighted_by, 3), some.J)
     growth = fit.inverse - np.linalg.inv(steady + linear.known.T @ linear.known)
-    return Course("walk", change, None, candidate.outlying, growth, 6.0 * float(np.trace(smooth[kept])))
+    parameters = 1.0 + 6.0 * float(np.sum(out))
+    taken = 6.0 * float(np.trace(smooth[~out]))
+    return criterion + parameters * float(np.log(6.0 * n)), Course("walk", change, None, out, growth, taken)

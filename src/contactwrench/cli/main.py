@@ -19,6 +19,7 @@ from .demo import demo
 from .diff import diff
 from .show import show
 from .verify import verify
+from .weigh import weigh
 
 CHECK_FAILED = 1
 BAD = 2
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (calibrate, compensate, verify, show, diff, demo):
+for verb in (calibrate, compensate, verify, weigh, show, diff, demo):
     app.command()(verb)
 
 

@@ -47,6 +47,12 @@ Gravity = Annotated[
 StandardGravity = Annotated[
     float, typer.Option("--g", metavar="G", help="m/s^2, turns a weight into a mass.", callback=above_zero)
 ]
+WeighingGravity = Annotated[
+    float | None,
+    typer.Option(
+        "--g", metavar="G", help="m/s^2, turns a weight into a mass. [default: the calibration's]", callback=above_zero
+    ),
+]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
 ]

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from .reading import (
-    DEFAULT_G,
     CalibrationFile,
     Gravity,
     InverseOrientation,
@@ -15,7 +14,7 @@ from .reading import (
     Orientation,
     Recording,
     Sign,
-    StandardGravity,
+    WeighingGravity,
     WrenchFrame,
     gravity_direction,
     not_negative,
@@ -41,7 +40,7 @@ def verify(
     sign: Sign = "pull",
     inverse_orientation: InverseOrientation = False,
     gravity: Gravity = None,
-    g: StandardGravity = DEFAULT_G,
+    g: WeighingGravity = None,
 ) -> int:
     """Hold a second, contact-free recording against a calibration; weigh the loads in its column load_g.
 

@@ -1,4 +1,4 @@
-"""Verification and difference as text for the terminal, and as JSON."""
+"""Verification, held object and difference as text for the terminal, and as JSON."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from ..calibration_text import meaningful_digits
+from ..chi_square import percent
 from ..difference import Difference
 from ..model import AXES
+from ..orientation import Array
 from ..verify import Verification
+from ..weigh import HeldObject
 
 
 def verification_text(result: Verification) -> str:
@@ -46,13 +50,69 @@ def verification_json(result: Verification) -> str:
     return _json(values)
 
 
+def held_object_text(held: HeldObject) -> str:
+    """Mass, centre of mass in sensor and flange axes, what a rigid object leaves, and the warnings."""
+    factor, unit = (1.0, "kg") if abs(held.mass) >= 1.0 else (1e3, "g")
+    mass, std = meaningful_digits(factor * held.mass, factor * held.mass_std)
+    lines = [
+        f"Held object, weighed in {held.poses} pose{'' if held.poses == 1 else 's'}, g {held.g:.6g} m/s^2",
+        "",
+        f"  mass   {mass:>8} +- {std} {unit}",
+        *_com_lines(held),
+        "",
+        f"  {'':<14}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m",
+        f"  {'residual rms':<14}" + "".join(f"{value:9.3g}" for value in held.residual_rms * _MILLI),
+        f"  chi-square {held.chi2:.3g} per degree of freedom, probability {percent(held.probability)}",
+    ]
+    lines += [f"Warning  {warning}" for warning in held.warnings]
+    return "\n".join(lines)
+
+
+def _com_lines(held: HeldObject) -> list[str]:
+    """The centre of mass in mm; of one that is known in part, the line on which it lies."""
+    if held.com is None or held.com_covariance is None:
+        return []
+    if held.unknown_along is not None:
+        std = 1e3 * np.sqrt(np.linalg.eigvalsh(held.com_covariance)[-1])
+        point, along = 1e3 * held.com, held.unknown_along
+        return [
+            f"  com    on the line ({_triple(point, 1)}) + s ({_triple(along, 3)}) mm, +- {std:.2g} across, sensor axes"
+        ]
+    columns = [(held.com, held.com_std), (held.com_flange, held.com_flange_std)]
+    texts = [
+        [meaningful_digits(1e3 * v, 1e3 * s) for v, s in zip(com, std, strict=True)]
+        for com, std in columns
+        if com is not None and std is not None
+    ]
+    titles = ("sensor axes", "flange axes")[: len(texts)]
+    lines = ["", f"  {'':<5}" + "".join(f"{title:>18}  " for title in titles) + "  mm, from the sensor's origin"]
+    for k, axis in enumerate("xyz"):
+        cells = "".join(f"{value:>10} +- {std:<6}" for value, std in (column[k] for column in texts))
+        lines.append(f"  com_{axis}{cells}".rstrip())
+    return lines
+
+
+def _triple(values: Array, digits: int) -> str:
+    return ", ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values.tolist())
+
+
+def held_object_json(held: HeldObject) -> str:
+    """The fields of `HeldObject` under their names, and `com_std`; null where a number is not known."""
+    values = {field.name: getattr(held, field.name) for field in fields(held)} | {"com_std": held.com_std}
+    return _json({name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in values.items()})
+
+
 def difference_text(change: Difference) -> str:
-    """Each change with its standard deviation, in the units that people speak; * marks more than three of them."""
-    lines = [f"  {'':<9} {'change':>10}    {'std':<9} unit"]
-    for name, unit, value, std in zip(change.names, change.units, change.change, change.std, strict=True):
+    """What the changes mean; each with its standard deviation, in the units that people speak, * marking more than
+    three of them.
+    """
+    lines = [*change.meaning, "", f"  {'':<9} {'change':>10}    {'std':<9} {'unit':<5} {'in std':>7}"]
+    for name, unit, value, std, ratio in zip(
+        change.names, change.units, change.change, change.std, change.in_std, strict=True
+    ):
         factor, spoken = _SPOKEN.get(unit, (1.0, unit))
         mark = "*" if name in change.significant else " "
-        lines.append(f"{mark} {name:<9} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken}")
+        lines.append(f"{mark} {name:<9} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken:<5} {ratio:>+7.1f}")
     if change.gravity_angle > 0.0:
         lines.append(f"  gravity is {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes")
     if change.mounting_angle is not None:
@@ -68,7 +128,9 @@ def difference_text(change: Difference) -> str:
 
 
 def difference_json(change: Difference) -> str:
-    """`change` and `std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle` and `significant`."""
+    """`change`, `std` and `in_std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle`, `significant`, the
+    joint test of each group, and the `meaning` in words.
+    """
     return _json(
         {
             "change": dict(zip(change.names, change.change.tolist(), strict=True)),
@@ -78,6 +140,18 @@ def difference_json(change: Difference) -> str:
             "mounting_angle": change.mounting_angle,
             "gravity_angle": change.gravity_angle,
             "significant": list(change.significant),
+            "in_std": dict(zip(change.names, change.in_std.tolist(), strict=True)),
+            "groups": {
+                group.name: {
+                    "parameters": group.parameters,
+                    "chi2": group.test.chi2,
+                    "dof": group.test.dof,
+                    "probability": group.test.probability,
+                    "significant": group.significant,
+                }
+                for group in change.groups
+            },
+            "meaning": change.meaning,
         }
     )
 

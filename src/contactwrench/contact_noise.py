@@ -1,0 +1,32 @@
+"""The noise of a compensated reading that the calibration itself does not explain, and how well it is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .calibrate.noise import pooled_scatter
+from .calibration import Calibration
+from .orientation import Array
+from .poses import Pose
+
+
+def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:
+    """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
+    sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
+    """
+    variance = np.tile(calibration.noise**2, (len(poses), 1))
+    fitted = pooled_scatter(calibration.poses)
+    if fitted is None:
+        return variance
+    of_means: Array = np.einsum("nii->ni", fitted.covariance)
+    of_sample = of_means[0] * calibration.poses[0].n
+    rows = np.array([pose.n for pose in poses], dtype=np.float64)
+    between: Array = np.maximum(variance - of_means.mean(axis=0), 0.0)
+    total: Array = between + of_sample / rows[:, None]
+    return total
+
+
+def noise_dof(calibration: Calibration) -> float:
+    """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
+    n = len(calibration.poses) if calibration.moments is None else calibration.moments.n
+    return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0
