@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from .orientation import Array
 
-AS_GOOD = 0.01
-"""Candidates whose mean variance is within 1 % of the best one's (a standard deviation within half of that) count as
-equally good.
+TIE = 1e-4
+"""Of the mean variance: candidates this close to the best are as good, so that rounding, which differs from machine to
+machine, does not decide between them.
 """
 
 LEAST_GAIN = 1e-3
@@ -26,8 +26,8 @@ def chosen_experiments(n: int, J: Array, known: Array, M: Array, apart: NDArray[
 
     `known` (p, p) is the information that is there before, of full rank; `apart` (m, m) says which pairs may both be
     chosen (none with itself). The best candidate is added n times; then each is exchanged for the best in its place,
-    until no exchange gains. Among candidates that are as good, the first is taken: put those first that are easiest to
-    do. Fewer than n are returned where no candidate is left.
+    until no exchange gains; of candidates that are as good the first is taken. Fewer than n are returned where no
+    candidate is left.
     """
     information = np.einsum("mrp,mrq->mpq", J, J)
 
@@ -36,7 +36,7 @@ def chosen_experiments(n: int, J: Array, known: Array, M: Array, apart: NDArray[
         if not len(free):
             return None
         variance = _variance_with_each(J[free], known + information[others].sum(axis=0), M)
-        return int(free[np.argmax(variance <= (1.0 + AS_GOOD) * variance.min())])
+        return int(free[np.argmax(variance <= (1.0 + TIE) * variance.min())])
 
     def mean_variance(design: list[int]) -> float:
         return float(np.sum(np.linalg.inv(known + information[sorted(design)].sum(axis=0)) * M))

@@ -85,10 +85,11 @@ class Accuracy:
 class Plan:
     """The next poses, in order.
 
-    `recorded` poses are there already. `R_base_flange` (n, 3, 3); `joints` (n, k) rad or None; `turn` (n,) rad, the rotation from the pose before (from the
-    last one recorded, or the robot's, to the first; NaN where there is none). `before` and `after`: the accuracy of a
-    calibration without and with these poses, None where they leave a parameter open. `anywhere`: that of a plan which
-    no joint limits, None without a robot. `arm` and `around` (k,) rad say how joints were found.
+    `recorded` is how many poses come before. `R_base_flange` (n, 3, 3); `joints` (n, k) rad or None; `turn` (n,) rad,
+    the rotation from the pose before (from the last one recorded, or where the robot stands, to the first; NaN where
+    there is neither). `before` and `after`: the accuracy of a calibration without and with these poses, None where they
+    leave a parameter open. `anywhere`: that of a plan which no joint limits, None without a robot. `arm` and `around`
+    (k,) rad say how the joints were found.
     """
 
     model: str
@@ -150,8 +151,10 @@ def plan(
 
     "Most certain": least variance from the calibration, of the force and of the torque at a lever of 50 mm, on average
     over all orientations. `model` is what will be fitted: yaw, mount, mount+base, or auto, which expects small tilts of
-    mounting and base. `reach`: choose only from what a robot's wrist reaches. Poses are at least 10 deg apart, and in an
-    order in which the flange (or, with a robot, the joint that turns most) turns little in all. Raises `InputError`.
+    mounting and base. `reach`: choose only from what a robot's wrist reaches. Poses are `APART`, and in an order in
+    which the flange (or, with a robot, the joint that turns most) turns little in all.
+
+    Raises `InputError` for a model or a number that cannot be planned for, and where no orientation is left.
     """
     _require_model(model)
     if not 1 <= n <= MOST_POSES:

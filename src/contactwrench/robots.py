@@ -24,7 +24,7 @@ MARGIN = np.deg2rad(5.0)
 """Kept from every joint limit: a controller stops before it, and a person's figures are rounded."""
 
 SPACING = np.deg2rad(15.0)
-"""Between the orientations that are offered. What a pose tells changes by less than 2 % over this much."""
+"""Between the orientations that are offered: fine enough, by measurement (benchmarks/plan.py)."""
 
 TRIED = 8192
 TYPED_DIGITS = 4
@@ -85,15 +85,15 @@ def reach(arm: Arm, around: Array | None = None) -> Reach:
     """What the arm's wrist reaches while its other joints stay as in `around` (k,), rad; None: its home.
 
     Orientations at least `SPACING` apart, each at the configuration nearest to `around` that was found for it, the
-    nearest first; no joint closer than `MARGIN` to a limit, or further than half a turn from `around`. Collisions of
-    the arm with itself, its cables or its surroundings are not known here. Raises `InputError` for a wrong number of
-    joints and for one outside its limits.
+    nearest first (which is `around` itself); no joint closer than `MARGIN` to a limit, unless it stands there, or
+    further than half a turn from where it stands. Collisions of the arm with itself, its cables or its surroundings are
+    not known here. Raises `InputError` for a wrong number of joints and for one outside its limits.
     """
     start = np.round(arm.home if around is None else _checked(arm, around), TYPED_DIGITS)
     wrist = min(WRIST, len(arm))
     low, high = arm.limits[-wrist:].T
-    low = np.maximum(low + MARGIN, start[-wrist:] - np.pi)
-    high = np.minimum(high - MARGIN, start[-wrist:] + np.pi)
+    low = np.minimum(np.maximum(low + MARGIN, start[-wrist:] - np.pi), start[-wrist:])
+    high = np.maximum(np.minimum(high - MARGIN, start[-wrist:] + np.pi), start[-wrist:])
     joints = np.tile(start, (TRIED, 1))
     joints[1:, -wrist:] = np.round(low + (high - low) * _evenly(TRIED - 1, wrist), TYPED_DIGITS)
     joints = joints[np.argsort(np.abs(joints - start).max(axis=1), kind="stable")]
@@ -105,9 +105,7 @@ def reach(arm: Arm, around: Array | None = None) -> Reach:
 def _checked(arm: Arm, around: Array) -> Array:
     joints = np.asarray(around, dtype=np.float64)
     if joints.shape != (len(arm),):
-        raise InputError(
-            f"{arm.name} has {len(arm)} joints, found {joints.size} joint angles: give one for each, in rad"
-        )
+        raise InputError(f"found {joints.size} joint angles, expected {len(arm)} for {arm.name}: give one a joint, rad")
     for number, (q, (low, high)) in enumerate(zip(joints, arm.limits, strict=True), start=1):
         if not low <= q <= high:
             degrees = " (are these degrees?)" if abs(q) > 2.0 * np.pi else ""

@@ -66,7 +66,8 @@ def plan(
     to_stdout = str(output) == "-"
     if json and to_stdout:
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
-    require_distinct(output, {"recording that is read": recorded, "URDF that is read": robot})
+    urdf = None if robot is None else URDF.fullmatch(robot)
+    require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf and urdf["file"]})
     samples = None
     if recorded is not None:
         samples = read_recording(recorded, orientation, wrench_frame, sign, inverse_orientation)
@@ -80,7 +81,7 @@ def plan(
         expected_tool(samples, model, gravity_direction(gravity)),
         model=model,
         recorded=None if samples is None else recorded_poses(samples),
-        reach=_reach(robot, around),
+        reach=_reach(robot, urdf, around),
     )
     if output is not None:
         write_text(output, plan_csv(result))
@@ -92,7 +93,7 @@ def plan(
             typer.echo(f"Wrote the poses to {output}")
 
 
-def _reach(robot: str | None, around: str | None) -> Reach | None:
+def _reach(robot: str | None, urdf: re.Match[str] | None, around: str | None) -> Reach | None:
     """What the robot's wrist reaches around the joint angles that --around states."""
     from ..robots import known_arm, reach
 
@@ -100,7 +101,6 @@ def _reach(robot: str | None, around: str | None) -> Reach | None:
         if around is not None:
             raise InputError("--around says where a robot stands, and there is none: give --robot, or leave it out")
         return None
-    urdf = URDF.fullmatch(robot)
     if urdf is None:
         arm = known_arm(robot)
     else:

@@ -96,7 +96,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
             values = np.empty(0)
         if values.size != len(otherwise.split()) or not np.isfinite(values).all():
             raise FileFormatError(
-                f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {len(otherwise.split())} numbers"
+                f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {_numbers(len(otherwise.split()))}"
             )
         return values
 
@@ -168,3 +168,7 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
 def _list(names: Iterable[str]) -> str:
     known = list(names)
     return ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
+
+
+def _numbers(count: int) -> str:
+    return "1 number" if count == 1 else f"{count} numbers"

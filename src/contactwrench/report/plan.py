@@ -56,7 +56,7 @@ def _poses(plan: Plan) -> list[str]:
 def _accuracies(plan: Plan) -> list[str]:
     lines = [
         "  std of the contact wrench because of the calibration, over all orientations",
-        f"  {'':8}   {'root mean square':<21}   largest",
+        f"  {'':8}   {'root mean square':^20}   {'largest':^20}".rstrip(),
         *([f"  {'before':8}   {_accuracy(plan.before)}"] if plan.recorded else []),
         f"  {'after':8}   {_accuracy(plan.after)}",
     ]
@@ -74,9 +74,9 @@ def _accuracies(plan: Plan) -> list[str]:
 
 def _accuracy(accuracy: Accuracy | None) -> str:
     if accuracy is None:
-        return "cannot be calibrated"
-    rms = f"{accuracy.force:<6.2g} N  {1e3 * accuracy.torque:<6.2g} mN m"
-    return f"{rms}   {accuracy.largest_force:<6.2g} N  {1e3 * accuracy.largest_torque:.2g} mN m"
+        return "  cannot be calibrated"
+    rms = f"{accuracy.force:6.2g} N {1e3 * accuracy.torque:6.2g} mN m"
+    return f"{rms}   {accuracy.largest_force:6.2g} N {1e3 * accuracy.largest_torque:6.2g} mN m"
 
 
 def plan_csv(plan: Plan) -> str:
@@ -89,7 +89,7 @@ def plan_csv(plan: Plan) -> str:
 
 
 def plan_json(plan: Plan) -> str:
-    """`model`, `tool`, `recorded`, `poses`, `before`, `after`, and with a robot `arm`, `around` and `anywhere`; SI and radians."""
+    """What the plan is for, its poses, and what they are worth: SI and radians."""
 
     def accuracy(of: Accuracy | None) -> dict[str, float] | None:
         return None if of is None else asdict(of)
@@ -98,7 +98,7 @@ def plan_json(plan: Plan) -> str:
     down = gravity_in_flange(plan.R_base_flange, expected.tool.gravity_direction)
     values = {
         "model": plan.model,
-        "tool": {
+        "expected": {
             "weight": expected.tool.weight,
             "com": expected.tool.com.tolist(),
             "noise": expected.noise.tolist(),
@@ -106,8 +106,7 @@ def plan_json(plan: Plan) -> str:
             "refusal": expected.refusal,
         },
         "recorded": plan.recorded,
-        "arm": plan.arm,
-        "around": None if plan.around is None else plan.around.tolist(),
+        "robot": None if plan.around is None else {"arm": plan.arm, "around": plan.around.tolist()},
         "poses": [
             {
                 "quat_xyzw": quat_xyzw,
