@@ -185,7 +185,7 @@ def test_where_everything_is_recorded_nothing_is_left() -> None:
     with pytest.raises(InputError) as refused:
         plan(3, recorded=spread_rotations(*CANDIDATES))
     assert str(refused.value) == (
-        "found 0 orientations 10 deg apart and from the 1536 poses recorded, expected 3: plan fewer poses"
+        "found 0 orientations 10 deg apart and from the 1008 poses recorded, expected 3: plan fewer poses"
     )
 
 

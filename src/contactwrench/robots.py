@@ -23,10 +23,10 @@ WRIST = 3
 MARGIN = np.deg2rad(5.0)
 """Kept from every joint limit: a controller stops before it, and a person's figures are rounded."""
 
-SPACING = np.deg2rad(15.0)
+SPACING = np.deg2rad(18.0)
 """Between the orientations that are offered: fine enough, by measurement (benchmarks/plan.py)."""
 
-TRIED = 8192
+TRIED = 4096
 TYPED_DIGITS = 4
 """Joint angles are given to 0.1 mrad, which a person types; the orientations are those of the rounded angles."""
 
