@@ -17,6 +17,7 @@ from .calibrate import calibrate
 from .compensate import compensate
 from .demo import demo
 from .diff import diff
+from .plan import plan
 from .show import show
 from .verify import verify
 from .weigh import weigh
@@ -35,7 +36,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (calibrate, compensate, verify, weigh, show, diff, demo):
+for verb in (plan, calibrate, compensate, verify, weigh, show, diff, demo):
     app.command()(verb)
 
 

@@ -1,0 +1,120 @@
+"""`contactwrench plan`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from ..errors import InputError
+from ..orientation import Array
+from .reading import (
+    Gravity,
+    InverseOrientation,
+    Json,
+    Orientation,
+    Sign,
+    WrenchFrame,
+    gravity_direction,
+    read_recording,
+)
+
+if TYPE_CHECKING:
+    from ..robots import Reach
+
+URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE)
+
+
+def plan(
+    n: Annotated[int, typer.Option("-n", metavar="N", help="Number of poses.")] = 6,
+    recorded: Annotated[
+        Path | None, typer.Option("--from", metavar="FILE", help="Plan the next poses after those in this recording.")
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|URDF[:LINK]",
+            help="Only what its wrist reaches: iiwa7, iiwa14, ur3e, ur5e, ur10e, ur16e, ur20, panda, fr3, or a URDF.",
+        ),
+    ] = None,
+    around: Annotated[
+        str | None,
+        typer.Option(metavar="Q1,Q2,...", help="Where the arm stands, rad; all joints but the last three stay there."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="PLAN.csv", help="Write the poses; - is stdout.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
+    ] = "auto",
+    json: Json = False,
+    orientation: Orientation = "auto",
+    wrench_frame: WrenchFrame = "sensor",
+    sign: Sign = "pull",
+    inverse_orientation: InverseOrientation = False,
+    gravity: Gravity = None,
+) -> None:
+    """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
+    from ..files import require_distinct, write_text
+    from ..plan import expected_tool, recorded_poses
+    from ..plan import plan as choose
+    from ..report.plan import plan_csv, plan_json, plan_text
+
+    to_stdout = str(output) == "-"
+    if json and to_stdout:
+        raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
+    urdf = None if robot is None else URDF.fullmatch(robot)
+    require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf and urdf["file"]})
+    samples = None
+    if recorded is not None:
+        samples = read_recording(recorded, orientation, wrench_frame, sign, inverse_orientation)
+    elif (orientation, wrench_frame, sign, inverse_orientation) != ("auto", "sensor", "pull", False):
+        raise InputError(
+            "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
+            "none: give --from FILE, or leave them out"
+        )
+    result = choose(
+        n,
+        expected_tool(samples, model, gravity_direction(gravity)),
+        model=model,
+        recorded=None if samples is None else recorded_poses(samples),
+        reach=_reach(robot, urdf, around),
+    )
+    if output is not None:
+        write_text(output, plan_csv(result))
+    if json:
+        typer.echo(plan_json(result))
+    elif not to_stdout:
+        typer.echo(plan_text(result))
+        if output is not None:
+            typer.echo(f"Wrote the poses to {output}")
+
+
+def _reach(robot: str | None, urdf: re.Match[str] | None, around: str | None) -> Reach | None:
+    """What the robot's wrist reaches around the joint angles that --around states."""
+    from ..robots import known_arm, reach
+
+    if robot is None:
+        if around is not None:
+            raise InputError("--around says where a robot stands, and there is none: give --robot, or leave it out")
+        return None
+    if urdf is None:
+        arm = known_arm(robot)
+    else:
+        from ..recording.urdf import read_urdf
+
+        arm = read_urdf(urdf["file"], urdf["flange"])
+    return reach(arm, None if around is None else _joints(around))
+
+
+def _joints(text: str) -> Array:
+    try:
+        joints = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        joints = np.array([np.nan])
+    if not np.isfinite(joints).all():
+        raise InputError(f"--around is {text!r}, expected joint angles Q1,Q2,..., rad")
+    return joints

@@ -1,0 +1,174 @@
+"""A robot arm from a URDF file: the joints between its root and its flange, as far as they turn the flange.
+
+A URDF is XML, and rotations and limits of revolute joints are all that is asked of it, so Python's own reader does;
+meshes, masses and colours are passed over. Format: http://wiki.ros.org/urdf/XML/joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ..errors import FileFormatError
+from ..files import read_bytes
+from ..orientation import Array
+from ..robots import Arm
+
+FLANGES = ("tool0", "flange")
+"""Links that ROS-Industrial and REP 199 call the flange, the preferred one first: tool0 has the controller's axes."""
+
+TURNING = ("revolute", "continuous")
+WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """A joint as the file writes it."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    R_parent_joint: Array
+    axis: Array
+    limits: tuple[float, float]
+
+
+def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
+    """The arm from the root link of a URDF to the link `flange`; None: tool0 or flange, or the only end of the chain.
+
+    Its base is the root link, its home the middle of each joint's range. Raises `FileAccessError`, and
+    `FileFormatError` for what is no URDF, a link that is not there or not the only candidate, and joints that slide.
+    """
+    joints = _joints(path)
+    to_child = {joint.child: joint for joint in joints}
+    tip = _flange(path, to_child) if flange is None else flange
+    if tip not in to_child:
+        raise FileFormatError(f"{path}: found no joint that carries a link {tip!r}, expected one of {_list(to_child)}")
+    chain = _chain(path, tip, to_child)
+    R_before, axes, limits, R = [], [], [], np.eye(3)
+    for joint in chain:
+        R = R @ joint.R_parent_joint
+        if joint.kind == "fixed":
+            continue
+        if joint.kind not in TURNING:
+            raise FileFormatError(
+                f"{path}: joint {joint.name} is {joint.kind}, expected revolute joints from root to {tip}: "
+                "name the arm's flange, as in arm.urdf:LINK"
+            )
+        R_before.append(R)
+        axes.append(joint.axis)
+        limits.append(joint.limits)
+        R = np.eye(3)
+    if not axes:
+        raise FileFormatError(f"{path}: found no revolute joint from root to {tip}, expected a robot arm")
+    ends = np.array(limits)
+    return Arm(f"{Path(path).name}:{tip}", np.array(R_before), np.array(axes), R, ends, ends.mean(axis=1), str(path))
+
+
+def _joints(path: str | Path) -> list[_Joint]:
+    try:
+        root = ElementTree.fromstring(read_bytes(path))
+    except ElementTree.ParseError as error:
+        raise FileFormatError(f"{path}: found no XML ({error}), expected a URDF") from None
+    if root.tag != "robot":
+        raise FileFormatError(f"{path}: found <{root.tag}>, expected <robot>: a URDF")
+    # Only the robot's own: a <transmission> names joints too.
+    joints = [_joint(path, element) for element in root.findall("joint")]
+    if not joints:
+        raise FileFormatError(f"{path}: found no joint, expected a URDF (of a xacro file, run xacro on it first)")
+    return joints
+
+
+def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
+    name, kind = element.get("name", "without a name"), element.get("type", "")
+
+    def numbers(tag: str, attribute: str, otherwise: str) -> Array:
+        found = element.find(tag)
+        text = otherwise if found is None else found.get(attribute, otherwise)
+        try:
+            values = np.array([float(part) for part in text.split()])
+        except ValueError:
+            values = np.empty(0)
+        if values.size != len(otherwise.split()) or not np.isfinite(values).all():
+            raise FileFormatError(
+                f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {_numbers(len(otherwise.split()))}"
+            )
+        return values
+
+    def link(tag: str) -> str:
+        found = element.find(tag)
+        if found is None or not found.get("link"):
+            raise FileFormatError(f"{path}: joint {name} has no {tag} link, expected one")
+        return str(found.get("link"))
+
+    axis = numbers("axis", "xyz", "1 0 0")
+    if kind in TURNING and not axis.any():
+        raise FileFormatError(f"{path}: joint {name} has the axis 0 0 0, expected a direction")
+    if kind == "revolute" and element.find("limit") is None:
+        raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
+    limits = WITHOUT_LIMIT
+    if kind == "revolute":
+        limits = (float(numbers("limit", "lower", "0")[0]), float(numbers("limit", "upper", "0")[0]))
+    return _Joint(
+        name,
+        kind,
+        link("parent"),
+        link("child"),
+        _from_rpy(numbers("origin", "rpy", "0 0 0")),
+        axis / max(float(np.linalg.norm(axis)), 1e-300),
+        limits,
+    )
+
+
+def _from_rpy(rpy: Array) -> Array:
+    """Roll, pitch and yaw about the fixed x, y and z, rad."""
+    from scipy.spatial.transform import Rotation
+
+    R: Array = Rotation.from_euler("xyz", rpy).as_matrix()
+    return R
+
+
+def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joint]:
+    """The joints from the root to the link `tip`."""
+    chain: list[_Joint] = []
+    link = tip
+    while link in to_child:
+        chain.insert(0, to_child[link])
+        link = to_child[link].parent
+        if len(chain) > len(to_child):
+            raise FileFormatError(f"{path}: the joints from {tip} go round in a circle, expected a tree")
+    return chain
+
+
+def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
+    """The flange by its name, or the end of the longest chain if there is one only."""
+    for name in FLANGES:
+        if name in to_child:
+            return name
+    parents = {joint.parent for joint in to_child.values()}
+    turning = {
+        link: sum(joint.kind in TURNING for joint in _chain(path, link, to_child))
+        for link in to_child
+        if link not in parents
+    }
+    ends = [link for link, count in turning.items() if count == max(turning.values())]
+    if len(ends) != 1:
+        raise FileFormatError(
+            f"{path}: found {len(ends)} ends of the arm ({_list(ends)}), expected one: name the flange, as in "
+            "arm.urdf:LINK"
+        )
+    return ends[0]
+
+
+def _list(names: Iterable[str]) -> str:
+    known = list(names)
+    return ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
+
+
+def _numbers(count: int) -> str:
+    return "1 number" if count == 1 else f"{count} numbers"

@@ -1,0 +1,136 @@
+"""A plan of poses as text for the terminal, as the CSV to be filled in, and as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import msgspec
+import numpy as np
+
+from ..model import gravity_in_flange
+from ..orientation import Array
+from ..plan import Accuracy, Plan
+
+MUCH_WORSE = 1.05
+"""Of the std that a plan without a robot reaches: more than this, and the arm's limits are said to cost it."""
+
+
+def plan_text(plan: Plan) -> str:
+    """The poses in order, what they are planned for, and what they are worth."""
+    expected = plan.expected
+    force, torque = (np.sqrt(np.mean(part**2)) for part in (expected.noise[:3], expected.noise[3:]))
+    lines = [f"Plan of {len(plan)} pose{'' if len(plan) == 1 else 's'} after {plan.recorded}, model {plan.model}"]
+    if expected.refusal is not None:
+        lines.append(f"  {expected.refusal}")
+    lines.append(
+        f"  {'assumed' if expected.fitted_to is None else f'fitted to {expected.fitted_to}'}: a tool of "
+        f"{expected.tool.weight:.3g} N, a noise of {force:.2g} N and {1e3 * torque:.2g} mN m in a pose's reading"
+    )
+    if plan.around is not None and plan.joints is not None:
+        around = " ".join(f"{q:.4g}" for q in plan.around)
+        still = np.flatnonzero((plan.joints == plan.around).all(axis=0))
+        stay = "none" if not len(still) else " ".join(f"q{k + 1}" for k in still)
+        lines += [f"  by the wrist of {plan.arm} around {around} rad; joints that stay: {stay}"]
+    return "\n".join([*lines, "", *_poses(plan), "", *_accuracies(plan)])
+
+
+def _poses(plan: Plan) -> list[str]:
+    """One line a pose: what the flange sees of gravity, how far it is from the pose before, and how to go there."""
+    down = gravity_in_flange(plan.R_base_flange, plan.expected.tool.gravity_direction)
+    tilt = np.rad2deg(np.arccos(np.clip(down[:, 2], -1.0, 1.0)))
+    way = _quat_xyzw(plan.R_base_flange) if plan.joints is None else plan.joints
+    names = "".join(f"{name:>9}" for name in _columns(plan)[-way.shape[1] :])
+    lines = [
+        f"  {'':4}   {'down, in flange axes':^20}   {'flange z':>9}   {'turn':>7}",
+        f"  {'pose':4}   {'x':>6} {'y':>6} {'z':>6}   {'from down':>9}   {'':>7}{names}"
+        + ("" if plan.joints is None else "  rad"),
+    ]
+    for k in range(len(plan)):
+        turn = "" if np.isnan(plan.turn[k]) else f"{np.rad2deg(plan.turn[k]):.0f} deg"
+        seen = " ".join(f"{value:+6.2f}" for value in down[k])
+        go_to = "".join(f"{value:9.4f}" for value in way[k])
+        lines.append(f"  {k + 1:4d}   {seen}   {tilt[k]:5.0f} deg   {turn:>7}{go_to}")
+    return lines
+
+
+def _accuracies(plan: Plan) -> list[str]:
+    lines = [
+        "  std of the contact wrench because of the calibration, over all orientations",
+        f"  {'':8}   {'root mean square':^20}   {'largest':^20}".rstrip(),
+        *([f"  {'before':8}   {_accuracy(plan.before)}"] if plan.recorded else []),
+        f"  {'after':8}   {_accuracy(plan.after)}",
+    ]
+    if plan.anywhere is not None and plan.after is not None and plan.after.force > MUCH_WORSE * plan.anywhere.force:
+        lines += [
+            f"  {'anywhere':8}   {_accuracy(plan.anywhere)}",
+            "  The wrist cannot reach the best orientations from here: try another place (--around)",
+        ]
+    if plan.after is None:
+        lines += ["  These poses are too few to calibrate with: plan more"]
+    if plan.arm is not None:
+        lines += ["  Collisions and cables are not checked: run the poses slowly once"]
+    return lines
+
+
+def _accuracy(accuracy: Accuracy | None) -> str:
+    if accuracy is None:
+        return "  cannot be calibrated"
+    rms = f"{accuracy.force:6.2g} N {1e3 * accuracy.torque:6.2g} mN m"
+    return f"{rms}   {accuracy.largest_force:6.2g} N {1e3 * accuracy.largest_torque:6.2g} mN m"
+
+
+def plan_csv(plan: Plan) -> str:
+    """A header and a row a pose: qx qy qz qw of R_base_flange, and with a robot q1..qN, rad."""
+    columns = [np.array([[f"{value:.9f}" for value in row] for row in _quat_xyzw(plan.R_base_flange)])]
+    if plan.joints is not None:
+        columns.append(np.array([[f"{value:.4f}" for value in row] for row in plan.joints]))
+    rows = np.hstack(columns)
+    return "".join(",".join(cells) + "\n" for cells in [_columns(plan), *rows.tolist()])
+
+
+def plan_json(plan: Plan) -> str:
+    """What the plan is for, its poses, and what they are worth: SI and radians."""
+
+    def accuracy(of: Accuracy | None) -> dict[str, float] | None:
+        return None if of is None else asdict(of)
+
+    expected = plan.expected
+    down = gravity_in_flange(plan.R_base_flange, expected.tool.gravity_direction)
+    values = {
+        "model": plan.model,
+        "expected": {
+            "weight": expected.tool.weight,
+            "com": expected.tool.com.tolist(),
+            "noise": expected.noise.tolist(),
+            "fitted_to": expected.fitted_to,
+            "refusal": expected.refusal,
+        },
+        "recorded": plan.recorded,
+        "robot": None if plan.around is None else {"arm": plan.arm, "around": plan.around.tolist()},
+        "poses": [
+            {
+                "quat_xyzw": quat_xyzw,
+                "joints": None if plan.joints is None else plan.joints[k].tolist(),
+                "down_in_flange": down[k].tolist(),
+                "turn": None if np.isnan(plan.turn[k]) else float(plan.turn[k]),
+            }
+            for k, quat_xyzw in enumerate(_quat_xyzw(plan.R_base_flange).tolist())
+        ],
+        "before": accuracy(plan.before),
+        "after": accuracy(plan.after),
+        "anywhere": accuracy(plan.anywhere),
+    }
+    return msgspec.json.format(msgspec.json.encode(values), indent=2).decode()
+
+
+def _columns(plan: Plan) -> list[str]:
+    joints = 0 if plan.joints is None else plan.joints.shape[1]
+    return ["qx", "qy", "qz", "qw", *(f"q{k + 1}" for k in range(joints))]
+
+
+def _quat_xyzw(R_base_flange: Array) -> Array:
+    """Quaternions (n, 4), scalar last and not negative."""
+    from scipy.spatial.transform import Rotation
+
+    quat_xyzw: Array = Rotation.from_matrix(R_base_flange).as_quat(canonical=True)
+    return quat_xyzw
