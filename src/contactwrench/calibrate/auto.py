@@ -125,7 +125,7 @@ def _candidate(
     knowledge: tuple[Knowledge, ...],
 ) -> Candidate | None:
     """The optimum under an assumption; None where it frees what the poses cannot separate."""
-    tilts = _tilt_priors(assumption, gravity_direction, priors)
+    tilts = tilt_priors(assumption, gravity_direction, priors)
     problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, (*knowledge, *(tilt for tilt, _ in tilts)))
     search = Search(any_mounting=not assumption.nominal_mounting, any_base=not assumption.nominal_base)
     starts = starting_tools(readings.R_base_flange, readings.wrench, search, gravity_direction)
@@ -138,7 +138,7 @@ def _candidate(
     return Candidate(assumption, problem, tool, solved, _log_evidence(assumption, tool, solved, priors))
 
 
-def _tilt_priors(assumption: Assumption, gravity_direction: Array, priors: TiltPriors) -> list[tuple[Knowledge, float]]:
+def tilt_priors(assumption: Assumption, gravity_direction: Array, priors: TiltPriors) -> list[tuple[Knowledge, float]]:
     """The priors that an assumption keeps, each with its standard deviation."""
     tilts: list[tuple[Knowledge, float]] = []
     if assumption.nominal_mounting:
@@ -253,7 +253,7 @@ def _mixture(
         stds = TiltPriors(
             EXACT_TILT_SD if mounting_exact else priors.mount, EXACT_TILT_SD if base_exact else priors.base
         )
-        tilts = _tilt_priors(candidate.assumption, gravity_direction, stds)
+        tilts = tilt_priors(candidate.assumption, gravity_direction, stds)
         known = rows_of((*knowledge, *(tilt for tilt, _ in tilts)), tool, NAMES)
         rows, left = (np.zeros((0, len(NAMES))), np.zeros(0)) if known is None else (known.jacobian, known.residuals)
         information = J.T @ J + rows.T @ rows

@@ -90,29 +90,60 @@ def _of(linear: LinearReadings, kept: NDArray[np.bool_]) -> LinearReadings:
 
 def _moves(linear: LinearReadings, kept: NDArray[np.bool_], time: Array) -> bool:
     """Whether a drift, a smooth course or a step explains the kept poses better than chance would."""
-    some, when = _of(linear, kept), time[kept]
-    n = len(when)
+    some = _of(linear, kept)
+    n, _, p = some.J.shape
     if n < FEWEST_POSES:
         return False
-    if min(_chance(some, _powers(when, degree)) for degree in (1, 3)) < FALSE_ALARM:
-        return True
-    places = range(SIDE, n - SIDE + 1)
-    return min(_chance(some, _step(n, k)) for k in places) < FALSE_ALARM / len(places)
+    fit = weighted_fit(some, np.ones(n))
+    scale = np.sqrt(np.repeat(fit.weighted_by, 3))
+    rows = np.vstack([(some.J / scale[:, None]).reshape(6 * n, p), some.known])
+    U = np.linalg.qr(rows)[0][: 6 * n].reshape(n, 6, p)
+    return chance_of_steady(U, fit.left / scale, time[kept]) < FALSE_ALARM
 
 
-def _chance(linear: LinearReadings, shape: Array) -> float:
-    """Probability that columns of this shape explain so much, or more, of readings with a steady bias (F test)."""
+def chance_of_steady(U: Array, whitened: Array, time: Array) -> float:
+    """Probability that whitened residuals (n, 6) of a steady bias follow `time` (n,) as much, or more, by chance: the
+    least of three F tests, of a drift, a cubic course and a step anywhere. `U` (n, 6, p): orthonormal columns that span
+    the Jacobian, those of what is known left out.
+    """
+    n = len(whitened)
+    dof = 6.0 * n - float(np.sum(U**2))
+    chances = [_chance(_gain(U, whitened, shape), 6.0 * shape.shape[1], whitened, dof) for shape in _smooth(time)]
+    chances.append((n - 2 * SIDE + 1) * _chance(float(np.max(_gain_of_steps(U, whitened))), 6.0, whitened, dof))
+    return min(chances)
+
+
+def _smooth(time: Array) -> tuple[Array, Array]:
+    return _powers(time, 1), _powers(time, 3)
+
+
+def _chance(gain: float, more: float, whitened: Array, dof: float) -> float:
+    """Probability that `more` columns explain `gain` of the residuals' sum of squares by chance (F test)."""
     from scipy.special import fdtrc
 
-    everything = np.ones(len(shape))
-    without = weighted_fit(linear, everything)
-    extended = weighted_fit(_with(linear, shape), everything)
-    more = 6.0 * shape.shape[1]
-    gain = sum(
-        float(np.sum(without.left[:, group] ** 2) - np.sum(extended.left[:, group] ** 2)) / variance
-        for group, variance in zip(GROUPS, extended.variance, strict=True)
-    )
-    return float(fdtrc(more, float(extended.dof.sum()), max(gain, 0.0) / more))
+    left = max(float(np.sum(whitened**2)) - gain, 1e-300)
+    return float(fdtrc(more, dof - more, (gain / more) / (left / (dof - more)))) if dof > more else 1.0
+
+
+def _gain(U: Array, whitened: Array, shape: Array) -> float:
+    """By how much six columns for each column of `shape` (n, m) lessen the sum of squares."""
+    m = shape.shape[1]
+    spanned = np.einsum("nm,nip->mip", shape, U).reshape(6 * m, -1)
+    across = np.kron(shape.T @ shape, np.eye(6)) - spanned @ spanned.T
+    along = np.einsum("nm,ni->mi", shape, whitened).ravel()
+    return float(along @ np.linalg.lstsq(across, along, rcond=None)[0])
+
+
+def _gain_of_steps(U: Array, whitened: Array) -> Array:
+    """The same for a step after each pose but the first and the last `SIDE` - 1."""
+    n = len(whitened)
+    places = slice(SIDE - 1, n - SIDE)
+    spanned = np.cumsum(U, axis=0)[places]
+    along = np.cumsum(whitened, axis=0)[places]
+    across = np.arange(SIDE, n - SIDE + 1)[:, None, None] * np.eye(6) - spanned @ spanned.transpose(0, 2, 1)
+    across += 1e-9 * n * np.eye(6)
+    gain: Array = np.einsum("ki,ki->k", along, np.linalg.solve(across, along[..., None])[..., 0])
+    return gain
 
 
 def _likeliest_steps(linear: LinearReadings, n: int) -> list[int]:

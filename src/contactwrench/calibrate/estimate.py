@@ -6,7 +6,7 @@ readings do not contradict the sign or the side of the base that they were given
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,47 +55,49 @@ class Estimate:
 
 def estimate(readings: PoseReadings, question: Question) -> Estimate:
     """Fit and check. Raises `UnobservableError` and `AmbiguityError`."""
+    return checked(fitted(readings, question), readings, question)
+
+
+def fitted(readings: PoseReadings, question: Question) -> Estimate:
+    """The fit alone, as it comes."""
+    stated, noise = question.gravity_direction, question.noise
     if question.model == "paper":
-        return _paper(readings, question)
+        paper = fit_paper(readings, stated)
+        return Estimate(paper.fit, weight_xy=paper.weight_xy, weight_z=paper.weight_z)
     if question.model == "affine":
-        return _affine(readings, question)
+        r = gravity_in_flange(readings.R_base_flange, stated)
+        columns = np.column_stack([r, np.ones(len(r))])
+        names = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
+        require_separable(columns, names, readings.R_base_flange, stated)
+        return Estimate(fit_affine(readings, stated, noise))
     if question.model == "auto":
-        return _auto(readings, question)
-    fit = fit_rigid(readings, question.model, question.gravity_direction, question.noise, question.knowledge)
-    return Estimate(fit, _checked(fit, readings, question.model, question))
+        auto = fit_auto(readings, stated, noise, question.priors, question.knowledge)
+        return Estimate(auto.fit, auto=auto)
+    return Estimate(fit_rigid(readings, question.model, stated, noise, question.knowledge))
 
 
-def _paper(readings: PoseReadings, question: Question) -> Estimate:
+def checked(found: Estimate, readings: PoseReadings, question: Question) -> Estimate:
+    """The estimate with its warnings. Raises `UnobservableError` and `AmbiguityError` where it may not be returned."""
     stated = question.gravity_direction
-    paper = fit_paper(readings, stated)
-    rigid = fit_rigid(readings, "yaw", stated, None)
-    warnings = check_sign(rigid, readings, "yaw", stated, None)
-    require_positive_weight(paper.weight_z, stated, PAPER_HINT)
-    return Estimate(paper.fit, warnings, weight_xy=paper.weight_xy, weight_z=paper.weight_z)
-
-
-def _affine(readings: PoseReadings, question: Question) -> Estimate:
-    r = gravity_in_flange(readings.R_base_flange, question.gravity_direction)
-    columns = np.column_stack([r, np.ones(len(r))])
-    names = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
-    require_separable(columns, names, readings.R_base_flange, question.gravity_direction)
-    _require_noise(readings, 24, 6.0 * len(readings) - 24.0, question)
-    fit = fit_affine(readings, question.gravity_direction, question.noise)
-    mirrors = np.linalg.det(fit.B[:3, :3]) < 0.0
-    warning = "weak: the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction"
-    return Estimate(fit, (warning,) if mirrors else ())
-
-
-def _auto(readings: PoseReadings, question: Question) -> Estimate:
-    auto = fit_auto(readings, question.gravity_direction, question.noise, question.priors, question.knowledge)
-    kept = auto.assumption
-    if not kept.nominal_base:
-        model = "mount+base"
-    elif not kept.nominal_mounting:
-        model = "mount"
+    if found.weight_z is not None:
+        warnings = check_sign(fit_rigid(readings, "yaw", stated, None), readings, "yaw", stated, None)
+        require_positive_weight(found.weight_z, stated, PAPER_HINT)
+    elif found.fit.tool is None:
+        _require_noise(readings, 24, found.fit.readings_left, question)
+        mirrors = np.linalg.det(found.fit.B[:3, :3]) < 0.0
+        warning = "weak: the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction"
+        warnings = (warning,) if mirrors else ()
     else:
-        model = "yaw"
-    return Estimate(auto.fit, _checked(auto.fit, readings, model, question), auto=auto)
+        model = question.model if found.auto is None else _rung_of(found.auto)
+        warnings = _checked(found.fit, readings, model, question)
+    return replace(found, warnings=warnings)
+
+
+def _rung_of(auto: AutoFit) -> str:
+    """The rung whose rotations are free under the assumptions that `auto` kept."""
+    if not auto.assumption.nominal_base:
+        return "mount+base"
+    return "yaw" if auto.assumption.nominal_mounting else "mount"
 
 
 def _checked(fit: Fit, readings: PoseReadings, model: str, question: Question) -> tuple[str, ...]:

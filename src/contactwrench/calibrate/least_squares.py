@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model import RigidTool
 from ..orientation import Array
@@ -55,6 +56,11 @@ class PoseReadings:
     def __len__(self) -> int:
         return len(self.wrench)
 
+    def select(self, kept: NDArray[np.bool_]) -> PoseReadings:
+        """The poses of a mask (n,)."""
+        scatter = None if self.scatter is None else Scatter(self.scatter.covariance[kept], self.scatter.dof)
+        return PoseReadings(self.R_base_flange[kept], self.wrench[kept], scatter)
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -63,7 +69,7 @@ class Fit:
     `tool` is None for `affine`; `residuals` (n, 6) N, N m; `held_out` the same with each pose left out of the fit;
     `dof` (p,) behind the std of each parameter; `readings_left` what the parameters leave of the 6 n readings;
     `singular_values` (p,) of the whitened Jacobian with columns of unit
-    length, largest first.
+    length, largest first; `linear` the whitened problem at the optimum, None where the estimate is no least squares.
     """
 
     tool: RigidTool | None
@@ -78,6 +84,7 @@ class Fit:
     dof: Array
     readings_left: float
     singular_values: Array
+    linear: Linearised | None = None
 
 
 class Problem(Protocol[State]):
@@ -250,6 +257,7 @@ def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_
         dof=dof,
         readings_left=linear.readings_left,
         singular_values=linear.s,
+        linear=linear,
     )
 
 
