@@ -16,6 +16,7 @@ from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
 from .demo import demo
+from .diagnose import diagnose
 from .diff import diff
 from .show import show
 from .verify import verify
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (calibrate, compensate, verify, show, diff, demo):
+for verb in (calibrate, diagnose, compensate, verify, show, diff, demo):
     app.command()(verb)
 
 
