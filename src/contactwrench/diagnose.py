@@ -10,8 +10,8 @@ for the best few readings only, has to leave decisively less, and counts as a ch
 would explain what no tool can.
 
 Thousands of readings are tried, so one of them may win by chance. Each change from what was stated costs (a prior
-probability of 1 in 20), and the stated reading is given up only where the odds against it are overwhelming and the
-better one leaves less than half.
+probability of 1 in 20), and a reading is given up for one with more changes only where the odds against it are
+overwhelming and the other leaves less than half. So a file that is read rightly is left alone.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from .calibrate.joint import fit_rigid
 from .calibrate.least_squares import LEVER, PoseReadings
 from .calibrate.sign import negated
 from .calibrate.start import explained_by_start
-from .errors import UnobservableError
-from .model import PARAMETERS, gravity_in_flange
+from .errors import InputError, UnobservableError
+from .model import GRAVITY, RigidTool, gravity_in_flange
 from .orientation import Array
 from .samples import read_only
-from .screening import FORCE_PARAMETERS, NOTHING_LEFT, TORQUE_PARAMETERS, Orientations, misfit, screen
+from .screening import FORCE_PARAMETERS, LEAST_TILT, NOTHING_LEFT, TORQUE_PARAMETERS, Orientations, misfit, screen
 from .ways_to_read import Reading, Readings, TorqueUnit, as_read
 
 DOWN = (0.0, 0.0, -1.0)
@@ -42,21 +42,24 @@ DECISIVE = 20.0
 """-2 log of the odds that a stated reading must be worse by, its prior counted: 1 to 22,000."""
 
 LESS_THAN_HALF = 0.5
+LEFT_BY_NO_TOOL = 0.5
+"""Of the weight: a wrong reading leaves as much, also where shifted rows happen to drop a pose in contact."""
+
 REVERSED_SIGN = 1.0
 REVERSED_GRAVITY = 1.2
-LEANING_BASE = 1.0
+LEANING_BASE = 1.1
 NO_TOOL = 10.0
-"""Costs, in changes: of a base that leans, once more for each right angle; of a reading that is explained by no weight
-at all, which says nothing of a tool.
+"""Costs, in changes: of a base that leans, once more for each right angle, so that a robot on a wall, whose user would
+have said so, counts for a little more than two wrong flags; of a reading that is explained by no weight at all.
 """
 
 LEANING_FLAG = "--model mount+base"
 
 SURE_WEIGHT = 3.0
-WORTH_LEANING = 0.9
+WORTH_LEANING = 0.7
 """Of the readings' scatter, that the nearest of a few dozen directions of gravity explains."""
 
-MOST_FITTED, LEAST_FITTED = 12, 3
+MOST_FITTED, LEAST_FITTED = 12, 2
 NOT_FITTED = 60.0
 """-2 log of the odds by which screening may be worse than at its best, and its reading still be fitted."""
 
@@ -67,14 +70,12 @@ TIE_REACH = 1.5
 """In changes: members of a class that are less likely than its best by more are not worth a line."""
 
 PUSH = (
-    "push the tool by hand along +x, +y and +z of the sensor: if fx, fy and fz rise, each in its turn, sign and axes are "
-    "as the file names them; if all fall, --sign reaction; if one falls, it is reversed; if another one moves, the two "
-    "are exchanged"
+    "push the tool by hand along +x, +y and +z of the sensor: if fx, fy and fz rise, each in its turn, sign and axes "
+    "are as the file names them; if all fall, --sign reaction; if one falls, it is reversed; if another one moves, the "
+    "two are exchanged"
 )
 SEE_COM = "see where the tool's centre of mass really lies: on which side of the sensor, and how far away"
-SEE_POSE = (
-    "bring the arm to a pose whose axes you can see, tilted about two of them, and hold it against the conventions"
-)
+SEE_POSE = "bring the arm to a pose whose axes you can see, tilted about two of them, and try the conventions on it"
 SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on the ceiling"
 """Observations that tell apart what free air cannot."""
 
@@ -134,7 +135,7 @@ class Diagnosis:
 def diagnose(readings: Readings) -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
-    Raises `UnobservableError` for fewer than 5 poses, and where gravity hardly moves in any reading.
+    Raises `UnobservableError` for fewer than 5 poses, and `InputError` where no reading makes rotations.
     """
     return _Diagnosing(readings).diagnosis()
 
@@ -148,6 +149,11 @@ class _Diagnosing:
             raise UnobservableError(
                 f"{readings.source}: found {self.n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
                 "reading from another: record six or more that tilt the tool about two axes"
+            )
+        if not readings.orientations:
+            raise InputError(
+                f"{readings.complaint}; no other convention makes rotations of these columns either: check that they "
+                "hold an orientation"
             )
         self.down = np.array(DOWN) if readings.gravity is None else np.asarray(readings.gravity)
         left = screen(
@@ -171,18 +177,14 @@ class _Diagnosing:
         readings = self.readings
         given = self._given()
         fits = [] if given is None else [given]
-        fits += [fit for place in self._classes() if (fit := self._explanation(self._reading(*place))) is not None]
-        if not fits:
-            raise UnobservableError(
-                f"{readings.source}: gravity hardly moves in any reading of the orientation, expected poses that tilt "
-                "the tool about two axes: record six or more"
-            )
+        fits += [self._explanation(self._reading(*place)) for place in self._classes()]
         for upright in {id(fit): fit for fit in (min(fits, key=lambda fit: fit.odds), given) if fit}.values():
             leaning = self._leaning(upright.reading)
             if leaning is not None and _decisively_better(leaning, upright):
                 fits.append(leaning)
         fits.sort(key=lambda fit: fit.odds)
-        best = fits[0] if given is None or _decisively_better(fits[0], given) else given
+        as_good = (fit for fit in fits if not _decisively_better(fits[0], fit))
+        best = min(as_good, key=lambda fit: fit.reading.cost)
         best = self._in_better_unit(best) or best
         alike = self._alike(best, fits)
         likely = [reading for reading in alike if reading.cost <= best.reading.cost + TIE_REACH]
@@ -241,30 +243,20 @@ class _Diagnosing:
         factor = unit.factor if unit else 1.0
         return Reading(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 
-    def _explanation(self, reading: Reading, model: str = "mount") -> Explanation | None:
-        """The fit of a rigid tool to a reading; None where gravity hardly moves in it."""
+    def _explanation(self, reading: Reading, model: str = "mount") -> Explanation:
+        """What the fit of a rigid tool makes of a reading."""
         R, wrench = as_read(self.readings, reading)
         down = -self.down if reading.reversed_gravity else self.down
-        if float(np.mean(np.var(gravity_in_flange(R, down), axis=0))) < 1e-6:
-            return None
-        fit = fit_rigid(PoseReadings(R, wrench, None), model, down, None)
-        if fit.tool is None:
-            raise TypeError("a rigid fit has a tool")
-        tool, left, cost = fit.tool, fit.residuals, reading.cost
-        if tool.weight <= 0.0:
-            left = wrench - wrench.mean(axis=0)
-        if tool.weight < SURE_WEIGHT * float(np.sqrt(fit.covariance[0, 0])):
-            cost += NO_TOOL
-        lean = float(np.arccos(np.clip(tool.gravity_direction @ down, -1.0, 1.0)))
+        tool, left, sure = _fitted(R, wrench, model, down)
+        lean, of_base = 0.0, 0
         if model == "mount+base":
-            flags, lean_cost = (*reading.flags, LEANING_FLAG), LEANING_BASE * (1.0 + lean / (0.5 * np.pi))
-            reading, cost = replace(reading, flags=flags, cost=reading.cost + lean_cost), cost + lean_cost
-        m, base = len(R), len(PARAMETERS[model]) - len(PARAMETERS["mount"])
+            lean, of_base = float(np.arccos(np.clip(tool.gravity_direction @ down, -1.0, 1.0))), len(GRAVITY)
+            cost = reading.cost + LEANING_BASE * (1.0 + lean / (0.5 * np.pi))
+            reading = replace(reading, flags=(*reading.flags, LEANING_FLAG), cost=cost)
         squares = np.array([np.sum(part**2) for part in (left[:, :3], left[:, 3:])])
         least = NOTHING_LEFT**2 * np.array([np.sum(part**2) for part in (wrench[:, :3], wrench[:, 3:])])
-        dof = 3 * m - np.array([FORCE_PARAMETERS + base, TORQUE_PARAMETERS])
+        dof = 3 * len(R) - np.array([FORCE_PARAMETERS + of_base, TORQUE_PARAMETERS])
         force, torque = np.maximum(squares, least) / dof
-        odds = float(misfit(force, torque, self.n)) + COST_OF_CHANGE * cost
         force_left, torque_left = np.sqrt(3.0 * squares / dof)
         return Explanation(
             reading,
@@ -272,8 +264,8 @@ class _Diagnosing:
             float(torque_left),
             tool.weight,
             read_only(tool.com),
-            lean if model == "mount+base" else 0.0,
-            odds,
+            lean,
+            float(misfit(force, torque, self.n)) + COST_OF_CHANGE * (reading.cost + NO_TOOL * (not sure)),
         )
 
     def _leaning(self, reading: Reading) -> Explanation | None:
@@ -332,11 +324,23 @@ class _Diagnosing:
         return tuple(found)
 
 
-def _decisively_better(one: Explanation, given: Explanation) -> bool:
-    if one is given or given.odds - one.odds < DECISIVE:
+def _fitted(R_base_flange: Array, wrench: Array, model: str, down: Array) -> tuple[RigidTool, Array, bool]:
+    """The rigid tool, what it leaves (n, 6), and whether its weight is sure; a tool of no weight where none fits."""
+    if float(np.mean(np.var(gravity_in_flange(R_base_flange, down), axis=0))) > LEAST_TILT:
+        fit = fit_rigid(PoseReadings(R_base_flange, wrench, None), model, down, None)
+        if fit.tool is not None and fit.tool.weight > 0.0:
+            sure = fit.tool.weight > SURE_WEIGHT * float(np.sqrt(fit.covariance[0, 0]))
+            return fit.tool, fit.residuals, sure
+    bias = wrench.mean(axis=0)
+    return RigidTool(0.0, np.zeros(3), bias, np.eye(3), down), wrench - bias, False
+
+
+def _decisively_better(one: Explanation, other: Explanation) -> bool:
+    """Whether `other` is to be given up for `one`, which must explain the file for that, and not just less badly."""
+    if one is other or other.odds - one.odds < DECISIVE or one.force_left > LEFT_BY_NO_TOOL * one.weight:
         return False
-    less_force = one.force_left < LESS_THAN_HALF * given.force_left
-    return less_force or one.torque_left < LESS_THAN_HALF * given.torque_left
+    less_force = one.force_left < LESS_THAN_HALF * other.force_left
+    return less_force or one.torque_left < LESS_THAN_HALF * other.torque_left
 
 
 def _oddity_of(com: Array) -> float:

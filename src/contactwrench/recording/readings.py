@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import FileFormatError, InputError
 from ..orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Array, Convention, convention
 from ..ways_to_read import OrientationReading, Readings, TorqueUnit, WrenchReading
+from . import require_readable
 from .csv import ANGLE, AsWritten, WrittenOrientation, read_as_written
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
@@ -59,10 +60,14 @@ def readings(
     """All readings of a file, the stated one among them; arguments as for `read`, `gravity` (3,) the stated direction.
 
     Rows with a load are left out; rows that follow each other at one orientation are averaged. Raises
-    `FileAccessError`, and `FileFormatError` where columns are missing or hold no numbers.
+    `FileAccessError`, and `FileFormatError` where columns are missing or hold no numbers, or all rows have a load;
+    `InputError` for arguments that are none.
     """
+    require_readable(path, wrench_frame, sign)
     written = read_as_written(path, orientation)
     middle, wrench = _stretches(written)
+    if not len(middle):
+        raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
     picked = _spread(len(middle))
     stated_flags = () if orientation == "auto" else (f"--orientation {orientation}",)
     ways = [] if written.stated is None else [_Way(stated_flags, (), 0.0, written.stated[middle])]
@@ -103,13 +108,13 @@ def _stretches(written: AsWritten) -> tuple[NDArray[np.intp], Array]:
             starts.append(k)
     ends = [*starts[1:], len(rows)]
     means = [written.wrench[free[a:b]].mean(axis=0) for a, b in zip(starts, ends, strict=False)]
-    middle = free[[(a + b) // 2 for a, b in zip(starts, ends, strict=False)]] if starts else free
+    middle = free[np.array([(a + b) // 2 for a, b in zip(starts, ends, strict=False)], dtype=np.intp)]
     return middle, np.array(means).reshape(-1, 6)
 
 
 def _spread(n: int) -> NDArray[np.intp]:
     """All of n stretches, or as many as are wanted, spread evenly."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_STRETCHES)).astype(np.intp)) if n else np.arange(0)
+    return np.unique(np.linspace(0, n - 1, min(n, MOST_STRETCHES)).astype(np.intp))
 
 
 def _turned_and_shifted(ways: list[_Way], inverse: bool, picked: NDArray[np.intp]) -> Iterator[OrientationReading]:

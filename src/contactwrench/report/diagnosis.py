@@ -29,10 +29,10 @@ def verdict(diagnosis: Diagnosis) -> str:
         as_given = f"as given: {_left(given, torque_too)} left"
     if given is None or not diagnosis.read_rightly:
         better = f"{_how(best.reading, given)}: {_left(best, given is not None and torque_too)} left"
-        doubt = "" if best.explained else f", still {_share(best)} of the weight"
+        doubt = "" if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"
     if not best.explained:
-        return f"{as_given}, {_share(best)} of the weight; no other reading explains it better, none explains it well"
+        return f"{as_given}, {_share(best)}; no other reading explains it better, and none explains it well"
     if diagnosis.likely:
         return f"{as_given}; other readings explain it as well, and free air cannot tell them apart"
     return f"{as_given}; no other reading explains it better: the file is read rightly"
@@ -133,7 +133,9 @@ def _left(fit: Explanation, torque_too: bool) -> str:
 
 
 def _share(fit: Explanation) -> str:
-    return f"{100.0 * fit.force_left / fit.weight:.0f} %" if fit.weight > 0.0 else "all"
+    return (
+        f"{100.0 * fit.force_left / fit.weight:.0f} % of the weight" if fit.weight > 0.0 else "and no weight is found"
+    )
 
 
 def _short(value: float) -> str:
