@@ -1,6 +1,6 @@
 """Diagnosis: each way to read a file wrongly is found, a file that is read rightly is left alone.
 
-Files are written with scipy's rotations and benchmarks/world.py's readings. What judges a diagnosis is what `calibrate`
+What judges a diagnosis is what `calibrate`
 makes of the file with the flags that it names.
 """
 
@@ -9,13 +9,12 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
-from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from benchmarks.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
@@ -25,45 +24,7 @@ from contactwrench.screening import Orientations, screen
 from contactwrench.ways_to_read import as_read
 from tests.recordings import MATRIX, PANDA, PAPER, WRENCH, csv_text, run, written
 from tests.rigs import NOISE, example, seeds
-
-QUAT = ("qx", "qy", "qz", "qw")
-
-
-@dataclass(frozen=True)
-class Written:
-    """A way to write a file: header and numbers of the orientation, and what is done to the wrench."""
-
-    columns: tuple[str, ...]
-    numbers: Callable[[Array], Array]
-    wrench: Callable[[Array, Array], Array] = lambda R, wrench: wrench
-
-    def text(self, R: Array, wrench: Array) -> str:
-        return csv_text((*WRENCH, *self.columns), np.column_stack([self.wrench(R, wrench), self.numbers(R)]))
-
-
-def euler(letters: str, *, degrees: bool = True) -> Callable[[Array], Array]:
-    return lambda R: Rotation.from_matrix(R).as_euler(letters, degrees=degrees)
-
-
-def rotvec(R: Array) -> Array:
-    vectors: Array = Rotation.from_matrix(R).as_rotvec()
-    return vectors
-
-
-def quat(R: Array) -> Array:
-    xyzw: Array = Rotation.from_matrix(R).as_quat()
-    return xyzw
-
-
-def column_by_column(R: Array) -> Array:
-    poses = np.tile(np.eye(4), (len(R), 1, 1))
-    poses[:, :3, :3] = R
-    return poses.transpose(0, 2, 1).reshape(-1, 16)
-
-
-def in_base_axes(R: Array, wrench: Array) -> Array:
-    return np.hstack([np.einsum("nij,nj->ni", R, part) for part in (wrench[:, :3], wrench[:, 3:])])
-
+from tests.written import QUAT, Written, euler, in_base_axes, quat, rotvec
 
 RIGHT = Written(QUAT, quat)
 
@@ -272,41 +233,6 @@ def test_a_base_that_leans_is_found(tmp_path: Path) -> None:
     assert np.rad2deg(diagnosis.best.lean) == pytest.approx(20.0, abs=0.5)
 
 
-# What the flags say
-
-
-def _stated(flags: tuple[str, ...]) -> dict[str, object]:
-    stated: dict[str, object] = {}
-    for flag in flags:
-        name, _, value = flag.partition(" ")
-        stated[name.removeprefix("--").replace("-", "_")] = value or True
-    return stated
-
-
-HEADERS = {
-    "angles": (("rx", "ry", "rz"), euler("ZYX")),
-    "angles in rad": (("rx", "ry", "rz"), euler("ZYX", degrees=False)),
-    "angles with their unit": (("a_deg", "b_deg", "c_deg"), euler("ZYX")),
-    "quaternion": (QUAT, quat),
-    "matrix": (MATRIX, lambda R: R.reshape(-1, 9)),
-    "pose": (tuple(f"o_t_ee_{k}" for k in range(16)), column_by_column),
-}
-
-
-@pytest.mark.parametrize("header", HEADERS)
-def test_flags_make_the_reading_that_they_stand_for(header: str, tmp_path: Path) -> None:
-    columns, numbers = HEADERS[header]
-    R = random_rotations(6, np.random.default_rng(0))
-    path = written(tmp_path, Written(columns, numbers).text(R, np.ones((6, 6))))
-    tried = 0
-    for reading in readings(path, "franka_matrix" if header == "pose" else "auto").orientations:
-        if not reading.mends:
-            made = cw.read(path, **_stated(reading.flags))  # type: ignore[arg-type]
-            assert made.R_base_flange == pytest.approx(reading.R_base_flange, abs=1e-9)
-            tried += 1
-    assert tried >= 2
-
-
 def test_screening_is_exact_without_noise() -> None:
     """The right reading leaves nothing, the negated one leaves the forces that no weight above zero can make."""
     rig, R, rng = example(13)
@@ -319,17 +245,6 @@ def test_screening_is_exact_without_noise() -> None:
     assert np.sqrt(left.force[0, 0, 0]) < 1e-5 * rig.weight
     assert np.sqrt(left.torque[0, 0, 0]) < 1e-5
     assert np.sqrt(left.force[0, 0, 1]) > 0.2 * rig.weight
-
-
-def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
-    rig, R, rng = example(14, poses=12)
-    wrench = noisy_readings(rig, R, NOISE, rng)
-    wrench[6:, 2] += 9.8
-    load = np.repeat([0.0, 1000.0], 6)
-    rows = np.column_stack([-wrench, quat(R), load])
-    diagnosis = found_in(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))
-    assert diagnosis.n == 6
-    assert diagnosis.best.reading.flags == ("--sign reaction",)
 
 
 # The program
@@ -360,9 +275,9 @@ def test_a_file_that_nothing_explains_well(capsys: pytest.CaptureFixture[str]) -
         "as given: 0.73 N left, 12 % of the weight; no other reading explains it better, and none explains it well"
     )
     assert (
-        "Likely causes: a pose in contact, a sensor that was zeroed during the recording, an arm that still moved,"
-        in lines
-    )
+        "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the "
+        "recording, an arm that still moved, a cable that pulls, or a tool too light for the sensor."
+    ) in " ".join(lines)
 
 
 def test_numbers_that_are_no_orientation_as_stated_are_diagnosed(

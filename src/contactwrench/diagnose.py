@@ -80,6 +80,8 @@ SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on t
 """Observations that tell apart what free air cannot."""
 
 TYPICAL_COM = 0.05
+"""m from the sensor: what tells N mm from N m."""
+
 WELL_EXPLAINED = 0.1
 """Of the weight: what may be left of the force where a rigid tool is said to explain a recording."""
 
@@ -104,7 +106,7 @@ class Explanation:
     @property
     def explained(self) -> bool:
         """Whether a tool is there and leaves little of its weight."""
-        return 0.0 < self.force_left < WELL_EXPLAINED * self.weight
+        return self.force_left < WELL_EXPLAINED * self.weight
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from ..ways_to_read import Reading
 WIDTH = 100
 
 LIKELY_CAUSES = (
-    "Likely causes: a pose in contact, a sensor that was zeroed during the recording, an arm that still moved,\n"
-    "a cable that pulls, or a tool too light for the sensor."
+    "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the recording, "
+    "an arm that still moved, a cable that pulls, or a tool too light for the sensor."
 )
 
 
@@ -58,7 +58,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         f"  with --model mount+base gravity is {np.rad2deg(fit.lean):.1f} deg from the stated one" for fit in leaning
     ]
     if not d.best.explained:
-        lines += ["", LIKELY_CAUSES]
+        lines += ["", *wrap(LIKELY_CAUSES, WIDTH)]
     if d.likely:
         lines += ["", "Free air cannot tell these from the first:"]
         lines += [f"  {_label(reading)}" for reading in d.alike[: d.likely]]
