@@ -60,14 +60,16 @@ def screen(
     for orientation in orientations:
         r = gravity_in_flange(orientation.R_base_flange, gravity_direction)
         r = r - r.mean(axis=0)
-        read = np.einsum("kij,nj->kni", matrices, wrench[orientation.rows]).reshape(len(matrices), -1, 2, 3)
-        turned = np.einsum("nij,knpi->knpj", orientation.R_base_flange, read[in_base])
-        read[in_base] = turned
-        read -= read.mean(axis=1, keepdims=True)
-        cross.append(np.einsum("na,knpb->kpab", r, read))
-        total.append(np.einsum("knpb,knpb->kp", read, read))
+        n = len(r)
+        read = (wrench[orientation.rows] @ matrices.reshape(-1, 6).T).reshape(n, -1, 2, 3)
+        given_in_base = read[:, in_base]
+        turned_back = given_in_base.reshape(n, -1, 3) @ orientation.R_base_flange
+        read[:, in_base] = turned_back.reshape(given_in_base.shape)
+        read -= read.mean(axis=0)
+        cross.append((r.T @ read.reshape(n, -1)).reshape(3, -1, 2, 3).transpose(1, 2, 0, 3))
+        total.append(np.einsum("nkpb,nkpb->kp", read, read))
         square.append(r.T @ r)
-        rows.append(len(r))
+        rows.append(n)
     return _unexplained(np.array(cross), np.array(total), np.array(square), np.array(rows, dtype=np.float64))
 
 
