@@ -42,6 +42,8 @@ LAYER = {
     "calibrate": 4,
     "plan": 5,
     "diagnose": 5,
+    "screening": 5,
+    "ways_to_read": 5,
     "verify": 5,
     "baselines": 5,
     "contact": 5,

@@ -144,6 +144,11 @@ class Calibration:
         return self.weight / self.mass if self.weight is not None and self.mass is not None else STANDARD_GRAVITY
 
     @property
+    def fitted_poses(self) -> tuple[Pose, ...]:
+        """The poses that were not left out."""
+        return tuple(pose for pose in self.poses if pose.rejected is None)
+
+    @property
     def sensor_z_along_flange(self) -> bool | None:
         """Whether the sensor's z points along the flange's (True) or against it; `yaw` is counted accordingly."""
         return None if self.R_flange_sensor is None else bool(self.R_flange_sensor[2, 2] >= 0.0)

@@ -15,11 +15,11 @@ def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array
     sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
     """
     variance = np.tile(calibration.noise**2, (len(poses), 1))
-    fitted = pooled_scatter(calibration.poses)
+    fitted = pooled_scatter(calibration.fitted_poses)
     if fitted is None:
         return variance
     of_means: Array = np.einsum("nii->ni", fitted.covariance)
-    of_sample = of_means[0] * calibration.poses[0].n
+    of_sample = of_means[0] * calibration.fitted_poses[0].n
     rows = np.array([pose.n for pose in poses], dtype=np.float64)
     between: Array = np.maximum(variance - of_means.mean(axis=0), 0.0)
     total: Array = between + of_sample / rows[:, None]
@@ -28,5 +28,5 @@ def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array
 
 def noise_dof(calibration: Calibration) -> float:
     """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
-    n = len(calibration.poses) if calibration.moments is None else calibration.moments.n
+    n = len(calibration.fitted_poses) if calibration.moments is None else calibration.moments.n
     return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0

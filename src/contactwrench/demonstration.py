@@ -64,7 +64,7 @@ def demonstrate(folder: Path, say: Callable[[str], None]) -> None:
 def _panda(folder: Path) -> _Set:
     samples = read(_copied("panda_mini45.csv", folder))
     calibration = calibrate(samples, "mount")
-    full, tare, gravity_only, raw = (way.rms[0] for way in compare(calibration, calibration.poses))
+    full, tare, gravity_only, raw = (way.rms[0] for way in compare(calibration, calibration.fitted_poses))
     mass, std = calibration.mass or np.nan, calibration.std["weight"] / 9.80665
     words = (
         f"A tool of {mass:.3f} +- {std:.3f} kg on a sensor that is mounted flipped and turned; the set's authors found "
@@ -81,7 +81,7 @@ def _paper(folder: Path) -> _Set:
     by_model = {name: calibrate(samples, name) for name in ("yaw", "mount")}
     others = ", ".join(f"{name} {c.weight:.2f} +- {c.std['weight']:.2f} N" for name, c in by_model.items())
     tilt = np.rad2deg(calibration.observability.tilt_range)
-    full, tare = (way.rms[0] for way in compare(calibration, calibration.poses)[:2])
+    full, tare = (way.rms[0] for way in compare(calibration, calibration.fitted_poses)[:2])
     words = (
         f"The paper's six poses cannot fix the weight: gravity stays within {tilt[1]:.0f} deg of the flange's z, so "
         "the z rows hardly change, and weight and Fz bias trade off. The paper's estimator gives G_z = "

@@ -44,11 +44,15 @@ class Pose:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
-def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
-    """Average the rows of `samples` that share an orientation; poses in the order of their first rows."""
+def poses_from_samples(samples: Samples, *, by_visit: bool = False) -> tuple[Pose, ...]:
+    """Average the rows of `samples` that share an orientation; poses in the order of their first rows. `by_visit`: an
+    orientation that the arm comes back to is a pose each time.
+    """
     label = _label_orientations(samples.R_base_flange)
     if not len(label):
         return ()
+    if by_visit:
+        label = np.r_[0, np.cumsum(label[1:] != label[:-1])]
     in_order = bool((np.diff(label) >= 0).all())
     small = label.astype(np.min_scalar_type(int(label.max())))  # numpy sorts 16-bit integers by radix, far faster
     order = slice(None) if in_order else np.argsort(small, kind="stable")

@@ -16,6 +16,7 @@ from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
 from .demo import demo
+from .diagnose import diagnose
 from .diff import diff
 from .plan import plan
 from .show import show
@@ -36,7 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (plan, calibrate, compensate, verify, weigh, show, diff, demo):
+for verb in (plan, calibrate, diagnose, compensate, verify, weigh, show, diff, demo):
     app.command()(verb)
 
 

@@ -30,15 +30,7 @@ def read(
     negated. `inverse_orientation`: the file holds `R_flange_base`. Raises `FileAccessError`, `FileFormatError` and
     `InputError`.
     """
-    for name, value, known in (
-        ("wrench_frame", wrench_frame, ("sensor", "base")),
-        ("sign", sign, ("pull", "reaction")),
-    ):
-        if value not in known:
-            raise InputError(f"{name} is {value!r}, expected {' or '.join(known)}")
-    suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES_OF_TEXT:
-        raise FileFormatError(f"{path}: found the suffix {suffix}, expected .csv: export the recording as CSV")
+    require_readable(path, wrench_frame, sign)
     table = read_csv(path, orientation)
     R = table.orientation.transpose(0, 2, 1) if inverse_orientation else table.orientation
     wrench = -table.wrench if sign == "reaction" else table.wrench
@@ -51,3 +43,16 @@ def read(
         return Samples(wrench, R, table.t, table.position, table.load_mass, source)
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None
+
+
+def require_readable(path: str | Path, wrench_frame: str, sign: str) -> None:
+    """Raise `InputError` for arguments that `read` does not know, `FileFormatError` for a suffix that it does not."""
+    for name, value, known in (
+        ("wrench_frame", wrench_frame, ("sensor", "base")),
+        ("sign", sign, ("pull", "reaction")),
+    ):
+        if value not in known:
+            raise InputError(f"{name} is {value!r}, expected {' or '.join(known)}")
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES_OF_TEXT:
+        raise FileFormatError(f"{path}: found the suffix {suffix}, expected .csv: export the recording as CSV")

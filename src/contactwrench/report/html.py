@@ -62,7 +62,7 @@ def _section(section: Section) -> str:
         _fit(c),
         "</div></div>",
     ]
-    if c.poses:
+    if c.fitted_poses:
         parts += _poses(c)
     else:
         parts.append("<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>")
@@ -71,8 +71,8 @@ def _section(section: Section) -> str:
 
 
 def _poses(c: Calibration) -> list[str]:
-    R = np.array([pose.R_base_flange for pose in c.poses])
-    ways = compare(c, c.poses)
+    R = np.array([pose.R_base_flange for pose in c.fitted_poses])
+    ways = compare(c, c.fitted_poses)
     return [
         "<h3>What is left in each contact-free pose</h3>",
         "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
