@@ -18,6 +18,7 @@ from .model import (
     LINEAR_PARAMETERS,
     MOUNT,
     RigidTool,
+    affine_jacobian,
     free_wrench,
     gravity_in_flange,
     wrench_jacobian,
@@ -221,10 +222,7 @@ class Calibration:
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, at orientations (n, 3, 3)."""
         if self.weight is None or self.com is None or self.R_flange_sensor is None:
-            r = gravity_in_flange(R_base_flange, self.gravity_direction)
-            columns = np.column_stack([r, np.ones(len(r))])
-            jacobian: Array = np.einsum("ij,nk->nijk", np.eye(6), columns).reshape(len(r), 6, 24)
-            return jacobian
+            return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
         tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
         return wrench_jacobian(tool, R_base_flange, self.parameter_names)
 

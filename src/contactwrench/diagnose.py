@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from .calibrate.joint import fit_rigid
 from .calibrate.least_squares import LEVER, PoseReadings
 from .calibrate.sign import negated
-from .calibrate.start import explained_by_start
+from .calibrate.start import SEARCH_OF_MODEL, explained_by_start
 from .errors import InputError, UnobservableError
 from .model import GRAVITY, RigidTool, gravity_in_flange
 from .orientation import Array
@@ -275,7 +275,9 @@ class _Diagnosing:
         R, wrench = as_read(self.readings, reading)
         down = -self.down if reading.reversed_gravity else self.down
         scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
-        if explained_by_start(R, wrench, "mount+base", down) < WORTH_LEANING * float(np.sum(scatter**2)):
+        if explained_by_start(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(
+            np.sum(scatter**2)
+        ):
             return None
         return self._explanation(reading, "mount+base")
 

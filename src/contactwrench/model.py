@@ -88,6 +88,13 @@ def free_wrench(B: Array, r: Array) -> Array:
     return wrench
 
 
+def affine_jacobian(r: Array) -> Array:
+    """Derivative (n, 6, 24) of the free wrench with respect to B itself, row-major, for `r` (n, 3)."""
+    columns = np.column_stack([r, np.ones(len(r))])
+    jacobian: Array = np.einsum("ij,nk->nijk", np.eye(6), columns).reshape(len(r), 6, 24)
+    return jacobian
+
+
 def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...]) -> Array:
     """Derivative (n, 6, p) of the free wrench with respect to the rigid parameters `names`.
 

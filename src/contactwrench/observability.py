@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import UnobservableError
-from .model import RigidTool, gravity_in_flange, wrench_jacobian
+from .model import RigidTool, gravity_in_flange, horizontal_axes, wrench_jacobian
 from .orientation import Array
 from .poses import SAME_POSE_ANGLE
 from .samples import read_only
@@ -23,6 +23,13 @@ LEVER = 0.05
 
 LEAST_SINGULAR_VALUE = 1e-3
 """Relative to the largest, in natural units."""
+
+NAMED_DIRECTIONS = {
+    f"{sign}{axis}": float(f"{sign}1") * e for axis, e in zip("xyz", np.eye(3), strict=True) for sign in "+-"
+}
+"""Directions of gravity in sensor axes that a person can aim for."""
+
+SPOKEN_UNITS = {"weight": (1.0, "N"), "com": (1e3, "mm"), "bias": (1.0, "N")}
 
 TRADE_OFF = 0.95
 """Parameters whose estimates correlate more than this are said to trade off."""
@@ -137,6 +144,51 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
         f"gravity stays {low:.1f} to {high:.1f} deg from the flange's z in all {n} poses; "
         "add poses that tilt the tool further"
     )
+
+
+def advice_on_poses(
+    tool: RigidTool | None,
+    covariance: Array,
+    noise: Array,
+    names: tuple[str, ...],
+    weakest: str,
+    R_base_flange: Array,
+) -> str:
+    """Why the poses (n, 3, 3) leave the parameter `weakest` open, and what the best one of six further poses, with
+    gravity along an axis of the sensor, would make of its std with the same `noise` (6,).
+    """
+    if tool is None or weakest not in names:
+        return "to mend this, add poses that tilt the tool further, to gravity along +-x, +-y and +-z of the sensor"
+    low, high = np.rad2deg(tilt_range(R_base_flange, tool.gravity_direction))
+    within = min(float(high), 180.0 - float(low))
+    why = (
+        f"the tool's z axis stayed within {within:.0f} deg of vertical in all poses"
+        if within < 60.0
+        else (f"gravity stayed {low:.0f} to {high:.0f} deg from the flange's z in all poses")
+    )
+    k = names.index(weakest)
+    before = float(np.sqrt(covariance[k, k]))
+    after = {}
+    for direction, u in NAMED_DIRECTIONS.items():
+        J = wrench_jacobian(tool, _with_gravity_along(tool, u)[None], names)[0]
+        known = J @ covariance
+        after[direction] = covariance[k, k] - known[:, k] @ np.linalg.solve(
+            known @ J.T + np.diag(noise**2), known[:, k]
+        )
+    best = min(after, key=lambda direction: after[direction])
+    scale, unit = SPOKEN_UNITS[weakest.partition("_")[0]]
+    return (
+        f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from {scale * before:.2g} to "
+        f"{scale * float(np.sqrt(after[best])):.2g} {unit}; contactwrench plan --from FILE finds the best ones"
+    )
+
+
+def _with_gravity_along(tool: RigidTool, u: Array) -> Array:
+    """An `R_base_flange` at which gravity points along `u` (3,) in sensor axes."""
+    r, d = tool.R_flange_sensor @ u, tool.gravity_direction
+    of_flange, of_base = np.stack([*horizontal_axes(r), r], axis=1), np.stack([*horizontal_axes(d), d], axis=1)
+    R: Array = of_base @ of_flange.T
+    return R
 
 
 def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:

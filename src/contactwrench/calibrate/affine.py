@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model import free_wrench, gravity_in_flange
+from ..model import affine_jacobian, free_wrench, gravity_in_flange
 from ..orientation import Array
 from .least_squares import Fit, GivenNoise, PoseReadings, finished, solve
 from .linearised import Linearised, linearise
@@ -15,8 +15,7 @@ class _AffineProblem:
 
     def __init__(self, r: Array, wrench: Array) -> None:
         self.r, self.wrench = r, wrench
-        columns = np.column_stack([r, np.ones(len(r))])
-        self.jacobian = np.einsum("ij,nk->nijk", np.eye(6), columns).reshape(len(r), 6, 24)
+        self.jacobian = affine_jacobian(r)
 
     def linearised(self, B: Array, whitener: Array) -> Linearised:
         return linearise(self.wrench - free_wrench(B, self.r), self.jacobian, whitener)

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..orientation import Array
-from .noise import GROUPS
 from .outliers import LinearReadings, outlying, weighted_fit
 
 FALSE_ALARM = 0.0025
@@ -191,12 +190,9 @@ def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Cour
         walk = ratio**2 * n * together
         noise = np.eye(len(some.errors)) + walk[~out]
         factor = np.linalg.cholesky(noise)
-        whitened = LinearReadings(
-            np.linalg.solve(factor, some.J.reshape(len(noise), -1)).reshape(some.J.shape),
-            np.linalg.solve(factor, some.errors),
-            some.known,
-            some.known_errors,
-        )
+        unmixed = np.asarray(np.linalg.inv(factor), dtype=np.float64)
+        J = np.tensordot(unmixed, some.J, axes=1)
+        whitened = LinearReadings(J, unmixed @ some.errors, some.known, some.known_errors)
         fit = weighted_fit(whitened, np.ones(len(noise)))
         of_walk = 12.0 * float(np.sum(np.log(np.diag(factor))))
         restricted = float(fit.dof @ np.log(fit.variance) + np.linalg.slogdet(fit.information)[1]) + of_walk

@@ -15,14 +15,15 @@ from ..model import PARAMETERS, RigidTool, gravity_in_flange
 from ..observability import require_full_rank, require_separable
 from ..orientation import Array
 from .affine import fit_affine
-from .auto import AutoFit, TiltPriors, fit_auto
-from .joint import fit_rigid
+from .auto import AutoFit, TiltPriors, fit_auto, tilt_priors
+from .joint import RigidProblem, finished_rigid, fit_rigid, solved_from
 from .knowledge import Knowledge, rows_of
 from .least_squares import LEAST_LEFT, Fit, GivenNoise, PoseReadings
 from .paper import fit_paper
 from .sign import check_sign, require_positive_weight, require_stated_side
 
 FEWEST_POSES_WITH_BASE = 4
+MODEL_OF_AUTO = "mount+base"
 DEFAULT_PRIORS = TiltPriors()
 PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
 
@@ -32,7 +33,7 @@ class Question:
     """What is asked of the readings: a model, and all that is known beside them.
 
     `gravity_direction` (3,) in base axes, stated or nominal; `noise` given or None; `priors` of the tilts, for `auto`;
-    `knowledge` of the parameters.
+    `knowledge` of the parameters; the `earlier` tool, where an earlier calibration of it is among that knowledge.
     """
 
     model: str
@@ -40,13 +41,18 @@ class Question:
     noise: GivenNoise | None = None
     priors: TiltPriors = DEFAULT_PRIORS
     knowledge: tuple[Knowledge, ...] = ()
+    earlier: RigidTool | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A fit and what there is to say of it; `auto` where that made it, `weight_xy` and `weight_z` by the paper."""
+    """A fit of the parameters `names`, the `knowledge` that joined the readings, and what there is to say of it; `auto`
+    where that made it, `weight_xy` and `weight_z` by the paper.
+    """
 
     fit: Fit
+    names: tuple[str, ...]
+    knowledge: tuple[Knowledge, ...] = ()
     warnings: tuple[str, ...] = ()
     auto: AutoFit | None = None
     weight_xy: float | None = None
@@ -61,19 +67,31 @@ def estimate(readings: PoseReadings, question: Question) -> Estimate:
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
     """The fit alone, as it comes."""
     stated, noise = question.gravity_direction, question.noise
+    names = PARAMETERS[rung_fitted(question.model)]
     if question.model == "paper":
         paper = fit_paper(readings, stated)
-        return Estimate(paper.fit, weight_xy=paper.weight_xy, weight_z=paper.weight_z)
+        return Estimate(paper.fit, names, weight_xy=paper.weight_xy, weight_z=paper.weight_z)
     if question.model == "affine":
         r = gravity_in_flange(readings.R_base_flange, stated)
         columns = np.column_stack([r, np.ones(len(r))])
-        names = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
-        require_separable(columns, names, readings.R_base_flange, stated)
-        return Estimate(fit_affine(readings, stated, noise))
+        columns_of_B = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
+        require_separable(columns, columns_of_B, readings.R_base_flange, stated)
+        return Estimate(fit_affine(readings, stated, noise), names)
+    if question.earlier is not None:
+        problem = RigidProblem(readings.R_base_flange, readings.wrench, names, question.knowledge)
+        tool, solved = solved_from(problem, [question.earlier], readings, noise)
+        return Estimate(finished_rigid(tool, names, solved), names, question.knowledge)
     if question.model == "auto":
         auto = fit_auto(readings, stated, noise, question.priors, question.knowledge)
-        return Estimate(auto.fit, auto=auto)
-    return Estimate(fit_rigid(readings, question.model, stated, noise, question.knowledge))
+        tilts = tilt_priors(auto.assumption, stated, question.priors)
+        return Estimate(auto.fit, names, (*question.knowledge, *(tilt for tilt, _ in tilts)), auto=auto)
+    fit = fit_rigid(readings, question.model, stated, noise, question.knowledge)
+    return Estimate(fit, names, question.knowledge)
+
+
+def rung_fitted(model: str) -> str:
+    """The rung of the ladder whose parameters a model estimates."""
+    return MODEL_OF_AUTO if model == "auto" else model
 
 
 def checked(found: Estimate, readings: PoseReadings, question: Question) -> Estimate:
@@ -87,6 +105,9 @@ def checked(found: Estimate, readings: PoseReadings, question: Question) -> Esti
         mirrors = np.linalg.det(found.fit.B[:3, :3]) < 0.0
         warning = "weak: the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction"
         warnings = (warning,) if mirrors else ()
+    elif question.earlier is not None:
+        require_positive_weight(found.fit.tool.weight, stated)
+        warnings = ()
     else:
         model = question.model if found.auto is None else _rung_of(found.auto)
         warnings = _checked(found.fit, readings, model, question)

@@ -79,6 +79,27 @@ def nominal_mounting(std: float) -> Knowledge:
     return rows
 
 
+def earlier_calibration(tool: RigidTool, covariance: Array) -> Knowledge:
+    """An earlier calibration of the same tool, its bias forgotten: `covariance` (9, 9) of weight, com, the mounting's
+    small rotation and that of gravity, as in `Calibration`.
+    """
+    whitener = np.linalg.inv(np.linalg.cholesky(covariance))
+    unit = np.ones(3)
+    weight, com = known_weight(tool.weight, 1.0), known_com(tool.com, unit)
+    mounting, gravity = known_mounting(tool.R_flange_sensor, unit), known_gravity(tool.gravity_direction, 1.0)
+
+    def rows(now: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        parts = [piece(now, names) for piece in (weight, com, mounting, gravity)]
+        off = np.concatenate([part.residuals for part in parts])
+        # a turn of gravity about a by alpha moves it along -b, one about b along a
+        off[7:] = [-off[8], off[7]]
+        jacobian = np.concatenate([part.jacobian for part in parts])
+        jacobian[7:] = [-jacobian[8], jacobian[7]]
+        return PriorRows(whitener @ off, whitener @ jacobian)
+
+    return rows
+
+
 def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows | None:
     """All rows together, None where nothing is known."""
     if not knowledge:

@@ -6,8 +6,9 @@ and if the data do not contradict the sign of the readings and the side of the b
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike
 from ..alternative import Alternative
 from ..calibration import Calibration
 from ..errors import ContactWrenchError, InputError
-from ..model import PARAMETERS, yaw_of_mounting
+from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
 from ..poses import Pose, moments_of_poses, poses_from_samples
@@ -24,16 +25,22 @@ from ..version import __version__
 from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words
 from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
-from .estimate import Estimate, Question, estimate
+from .cleaned import what_was_cleaned
+from .estimate import Question, estimate, rung_fitted
+from .given import earlier_tool, knowledge_given
 from .least_squares import GivenNoise, PoseReadings
 from .noise import pooled_scatter
-from .weakness import beyond_given_noise, weak_noise, weak_parameters
+from .robust import RobustEstimate, robust_estimate
+from .weakness import weaknesses
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
-MODEL_OF_AUTO = "mount+base"
 OTHER_RUNGS = ("yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
+MOST_VISITS = 1_000
+"""With more, rows alternate between orientations, and the order of the visits says little."""
+
+HELD_GRAVITY = ("yaw", "mount")
 
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
@@ -47,20 +54,27 @@ def calibrate(
     g: float = STANDARD_GRAVITY,
     mount_tilt_sd: float = MOUNT_TILT_SD,
     base_tilt_sd: float = BASE_TILT_SD,
+    known: Mapping[str, tuple[Any, Any]] | None = None,
+    prior: Calibration | None = None,
 ) -> Calibration:
     """Identify weight, centre of mass, bias and mounting from contact-free samples at several orientations.
 
-    `model`: paper, yaw, mount, mount+base, affine or auto, the best of them all where nobody knows which holds:
+    `model`: paper, yaw, mount, mount+base, affine, or auto, the one to take where nobody knows which of them holds:
     mounting and base free, with Gaussian priors of `mount_tilt_sd` and `base_tilt_sd` (rad, an axis) about nominal,
-    which the data can overrule (see calibrate/auto.py). `noise`: None, estimated from the
-    residuals; (6,) standard deviations of one pose's reading, N and N m, whose common scale the residuals settle; or
-    a recording at rest, as Samples or (n, 6), whose scatter gives them; `paper` has no use for it. `gravity`:
-    direction (3,) in base axes, default down; `mount+base` and `auto` find it within 90 deg of this one. `g` m/s^2
-    turns the weight into a mass.
+    which the data can overrule (calibrate/auto.py). `noise`: None, estimated from the residuals; (6,) standard
+    deviations of one pose's reading, N and N m, whose common scale the residuals settle; or a recording at rest, as
+    Samples or (n, 6), whose scatter gives them; `paper` has no use for it. `gravity`: direction (3,) in base axes,
+    default down; `mount+base` and `auto` find it within 90 deg of this one. `g` m/s^2 turns the weight into a mass.
 
-    Samples with a load (`load_mass` above 0) are left out, and a warning says so. Raises `InputError` for unusable
-    arguments, `UnobservableError` where the poses cannot separate the parameters, `AmbiguityError` where the data
-    contradict the sign of the readings or the side of the base: free air cannot tell those two apart.
+    `known`: what is known beside the readings, each with its std: weight: (N, std), com: ((3,) m, std), mount:
+    ((3, 3) R_flange_sensor, std rad), gravity: ((3,) in base axes, std rad). `prior`: an earlier calibration of the
+    same tool, mounting and base, whose bias may have moved: a single pose then gives the new one.
+
+    Poses that the others do not explain are left out, and a bias that stepped or drifted is followed, the last one
+    kept (calibrate/robust.py; not for `paper` and `affine`); warnings say so. So they do of samples with a load
+    (`load_mass` above 0), which are left out too. Raises `InputError` for unusable arguments, `UnobservableError` where
+    the poses cannot separate the parameters, `AmbiguityError` where the data contradict the sign of the readings or
+    the side of the base: free air cannot tell those two apart.
     """
     if not isinstance(samples, Samples):
         raise InputError(f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
@@ -79,24 +93,85 @@ def calibrate(
         noise=None if noise_std is None else GivenNoise(noise_std),
         priors=TiltPriors(mount_tilt_sd, base_tilt_sd),
     )
+    if known:
+        question = _with_known(question, known, gravity is not None)
+    if prior is not None:
+        question = _with_prior(question, prior, gravity is not None)
     free, warnings = _contact_free(samples)
-    poses = poses_from_samples(free)
-    if not poses:
-        raise InputError(f"{samples.source}: found no contact-free samples, expected poses without a load")
-    readings = PoseReadings(
-        np.array([pose.R_base_flange for pose in poses]),
-        np.array([pose.wrench for pose in poses]),
-        pooled_scatter(poses),
-    )
-    found = estimate(readings, question)
+    poses, found = _from_recording(free, question)
     provenance: dict[str, str | int | float] = {
         "software": f"contactwrench {__version__}",
         "source": samples.source,
         "rows": len(free),
         "g": float(g),
     }
-    alternatives = _alternatives(readings, question) if model == "auto" else ()
-    return _assemble(found, question, poses, readings, alternatives, warnings, provenance)
+    if prior is not None:
+        provenance["prior"] = str(prior.provenance.get("source", "arrays"))
+    return _assemble(found, question, poses, warnings, provenance)
+
+
+def _with_known(question: Question, known: Mapping[str, tuple[Any, Any]], gravity_stated: bool) -> Question:
+    if question.model in ("paper", "affine"):
+        raise InputError(f"model {question.model} takes nothing as known: leave known out, or choose another model")
+    if "gravity" in known and question.model in HELD_GRAVITY:
+        raise InputError(
+            f"model {question.model} holds gravity, and gravity is given as known with a std: choose auto or mount+base"
+        )
+    if "gravity" in known and gravity_stated:
+        raise InputError("gravity is stated and given as known too: leave one of them out")
+    pieces = knowledge_given(known)
+    stated = unit_direction(known["gravity"][0]) if "gravity" in known else question.gravity_direction
+    return replace(question, knowledge=pieces, gravity_direction=stated)
+
+
+def _with_prior(question: Question, prior: Calibration, gravity_stated: bool) -> Question:
+    if question.model != "auto":
+        raise InputError(
+            f"an earlier calibration brings its model, and model {question.model} is asked for: leave one out"
+        )
+    if gravity_stated:
+        raise InputError("an earlier calibration brings its gravity, and gravity is stated too: leave one of them out")
+    tool, knowledge, noise = earlier_tool(prior)
+    return replace(
+        question,
+        gravity_direction=tool.gravity_direction,
+        knowledge=(*question.knowledge, knowledge),
+        earlier=tool,
+        noise=noise if question.noise is None else question.noise,
+    )
+
+
+def _from_recording(samples: Samples, question: Question) -> tuple[tuple[Pose, ...], RobustEstimate]:
+    """Poses and the estimate from them; every visit to an orientation is a pose of its own where the bias moved."""
+    poses = _in_time(poses_from_samples(samples))
+    if not poses:
+        raise InputError(f"{samples.source}: found no contact-free samples, expected poses without a load")
+    visits = _in_time(poses_from_samples(samples, by_visit=True))
+    if len(poses) < len(visits) <= MOST_VISITS:
+        found = robust_estimate(_readings(visits), _times(visits), question)
+        if found.course is not None and found.course.kind != "steady":
+            return visits, found
+    return poses, robust_estimate(_readings(poses), _times(poses), question)
+
+
+def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+    return tuple(sorted(poses, key=lambda pose: 0.0 if pose.t_start is None else pose.t_start))
+
+
+def _readings(poses: tuple[Pose, ...]) -> PoseReadings:
+    return PoseReadings(
+        np.array([pose.R_base_flange for pose in poses]),
+        np.array([pose.wrench for pose in poses]),
+        pooled_scatter(poses),
+    )
+
+
+def _times(poses: tuple[Pose, ...]) -> Array:
+    """The middle of each pose (n,), s; the count of poses where no time is known or it stands still."""
+    times = [0.5 * (pose.t_start + pose.t_end) for pose in poses if pose.t_start is not None and pose.t_end is not None]
+    if len(times) == len(poses) and times[-1] > times[0]:
+        return np.array(times)
+    return np.arange(len(poses), dtype=np.float64)
 
 
 def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
@@ -104,7 +179,7 @@ def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternati
     rungs = []
     for model in OTHER_RUNGS:
         try:
-            fit = estimate(readings, replace(question, model=model)).fit
+            fit = estimate(readings, replace(question, model=model, knowledge=())).fit
         except ContactWrenchError:
             continue
         freedom = fit.readings_left / 6.0
@@ -147,16 +222,13 @@ def _noise_std(noise: NoiseLike) -> Array | None:
 
 
 def _assemble(
-    found: Estimate,
+    found: RobustEstimate,
     question: Question,
     poses: tuple[Pose, ...],
-    readings: PoseReadings,
-    alternatives: tuple[Alternative, ...],
     warnings: tuple[str, ...],
     provenance: dict[str, str | int | float],
 ) -> Calibration:
-    fit, model = found.fit, MODEL_OF_AUTO if question.model == "auto" else question.model
-    names, tool = PARAMETERS[model], fit.tool
+    fit, readings, names, tool = found.found.fit, found.readings, found.found.names, found.found.fit.tool
     observability = describe(readings.R_base_flange, fit.gravity_direction, fit.singular_values, fit.covariance, names)
     if tool is None:
         weight = mass = com = R_flange_sensor = yaw = None
@@ -172,15 +244,12 @@ def _assemble(
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
-    noise_estimated = question.noise is None or model == "paper"
-    warnings += found.warnings
-    warnings += weak_parameters(fit, model, readings, observability.trade_offs)
-    warnings += weak_noise(fit) if noise_estimated else beyond_given_noise(fit)
-    if held_out is None:
-        warnings += ("no pose can be left out for a held-out error: record more poses",)
+    warnings += what_was_cleaned(found, poses) + found.found.warnings
+    warnings += weaknesses(found, question, observability.trade_offs)
+    alternatives = _alternatives(readings, question) if question.model == "auto" and question.earlier is None else ()
     return Calibration(
         requested_model=question.model,
-        model=model,
+        model=rung_fitted(question.model),
         weight=weight,
         mass=mass,
         com=com,
@@ -201,11 +270,15 @@ def _assemble(
         observability=observability,
         warnings=warnings,
         provenance=provenance,
-        poses=() if many else poses,
+        poses=() if many else tuple(map(_marked, poses, found.reasons)),
         moments=moments_of_poses(readings.R_base_flange, readings.wrench) if many else None,
-        weight_xy=found.weight_xy,
-        weight_z=found.weight_z,
+        weight_xy=found.found.weight_xy,
+        weight_z=found.found.weight_z,
         parameter_dof=fit.dof,
-        assumptions=() if found.auto is None else assumptions_in_words(found.auto, question),
+        assumptions=() if found.found.auto is None else assumptions_in_words(found.found.auto, question),
         alternatives=alternatives,
     )
+
+
+def _marked(pose: Pose, reason: str | None) -> Pose:
+    return pose if reason is None else replace(pose, rejected=reason)

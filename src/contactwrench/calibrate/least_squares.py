@@ -294,8 +294,8 @@ def _effective_dof(gain: Array, variance: Array, from_prior: Array, noise: Estim
     """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946).
 
     `gain` (n, p, 6) maps the readings' errors to the parameters'. A parameter's `variance` (p,) is a weighted sum of
-    the axes' estimated variances, each with dof of its own, of the scatter's, and of what comes `from_prior` (p,), which
-    is known.
+    the axes' estimated variances, each with dof of its own, of the scatter's, and of what comes `from_prior` (p,),
+    which is known.
     """
     of_axis = np.einsum("nca,nca->ca", gain, gain) * noise.counted
     spread = (of_axis @ noise.mixing) ** 2 @ (1.0 / noise.dof)

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model import PARAMETERS, matrix_jacobian, wrench_jacobian
+from ..model import matrix_jacobian, wrench_jacobian
 from ..orientation import Array
-from .auto import tilt_priors
 from .course import FALSE_ALARM, FEWEST_POSES, Course, chance_of_steady, course_of_bias
 from .estimate import Estimate, Question, checked, fitted
 from .knowledge import rows_of
@@ -50,7 +49,7 @@ def robust_estimate(readings: PoseReadings, time: Array, question: Question) -> 
     if question.model in ROBUST_MODELS and not _clean_at_a_glance(found.fit, time):
         for _ in range(ROUNDS):
             before = course
-            course = _course(found, readings, time, question)
+            course = _course(found, readings, time)
             kept = ~course.outlying
             clean = replace(readings, wrench=readings.wrench - course.change).select(kept)
             found = fitted(clean, question)
@@ -62,7 +61,7 @@ def robust_estimate(readings: PoseReadings, time: Array, question: Question) -> 
     reasons = _reasons(found.fit, readings, kept, course)
     found = checked(found, clean, question)
     if course is not None and course.parameters > 0.0:
-        found = replace(found, fit=_with_course(found.fit, course))
+        found = replace(found, fit=_with_course(found.fit, found.names, course))
     return RobustEstimate(found, clean, reasons, course)
 
 
@@ -84,17 +83,13 @@ def _clean_at_a_glance(fit: Fit, time: Array) -> bool:
     return n < FEWEST_POSES or chance_of_steady(linear.U, linear.whitened, time) > AT_A_GLANCE * FALSE_ALARM
 
 
-def _course(found: Estimate, readings: PoseReadings, time: Array, question: Question) -> Course:
+def _course(found: Estimate, readings: PoseReadings, time: Array) -> Course:
     fit = found.fit
     tool = fit.tool
     if tool is None:
         raise TypeError("a rigid fit has a tool")
-    names = PARAMETERS["mount+base" if found.auto is not None else question.model]
-    knowledge = question.knowledge
-    if found.auto is not None:
-        tilts = tilt_priors(found.auto.assumption, question.gravity_direction, question.priors)
-        knowledge = (*knowledge, *(tilt for tilt, _ in tilts))
-    known = rows_of(knowledge, tool, names)
+    names = found.names
+    known = rows_of(found.knowledge, tool, names)
     unit = np.concatenate([fit.noise[group] for group in GROUPS])
     r = readings.R_base_flange.transpose(0, 2, 1) @ fit.gravity_direction
     errors = readings.wrench - r @ fit.B[:, :3].T - fit.B[:, 3]
@@ -111,14 +106,12 @@ def _same(a: Course, b: Course) -> bool:
     return (a.kind, a.first_after) == (b.kind, b.first_after) and bool((a.outlying == b.outlying).all())
 
 
-def _with_course(fit: Fit, course: Course) -> Fit:
+def _with_course(fit: Fit, names: tuple[str, ...], course: Course) -> Fit:
     """The fit with what the unknown course of the bias adds to its covariance."""
     if fit.tool is None or fit.linear is None:
         raise TypeError("a rigid fit has a tool")
     counted = fit.readings_left / max(fit.readings_left - course.parameters, 1.0)
     covariance = counted * (fit.covariance + course.covariance)
-    p = len(covariance)
-    names = next(names for names in PARAMETERS.values() if len(names) == p)
     from_parameters = matrix_jacobian(fit.tool, names)
     return replace(
         fit,
@@ -136,14 +129,12 @@ def _reasons(
     off = readings.wrench - r @ fit.B[:, :3].T - fit.B[:, 3]
     if course is not None:
         off = off - course.change
-    reasons: list[str | None] = []
-    for error, stays in zip(off, kept, strict=True):
-        force, torque = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
-        stds = float(np.linalg.norm(error / fit.noise))
-        reasons.append(
-            None
-            if stays
-            else f"{force:.2g} N and {1e3 * torque:.2g} mN m off what the other poses explain, {stds:.0f} std: in contact, "
-            "bumped, or read before the arm was still"
-        )
-    return tuple(reasons)
+    return tuple(None if stays else _reason(error, fit.noise) for error, stays in zip(off, kept, strict=True))
+
+
+def _reason(error: Array, noise: Array) -> str:
+    force, torque = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+    return (
+        f"{force:.2g} N and {1e3 * torque:.2g} mN m off what the other poses explain, "
+        f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
+    )

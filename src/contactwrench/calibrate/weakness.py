@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model import AXES, PARAMETERS
-from ..observability import natural_jacobian
-from ..orientation import Array
-from .least_squares import Fit, PoseReadings
+from ..model import AXES, affine_jacobian, gravity_in_flange
+from ..observability import advice_on_poses, natural_jacobian
+from .estimate import Question
+from .least_squares import LEAST_LEFT, Fit, PoseReadings
+from .robust import RobustEstimate
 
 WEIGHT_SHARE = 0.10
 COM_STD = 0.010
@@ -15,20 +16,42 @@ BIAS_SHARE = 0.10
 FEWEST_DOF = 3.0
 NOISE_RATIO = 10.0
 GIVEN_NOISE_RATIO = 5.0
+POOR_SHARE = 0.10
+SIGNIFICANCE = 0.001
+FEWEST_POSES_FOR_MATRIX = 5
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
 
-def weak_parameters(fit: Fit, model: str, readings: PoseReadings, trade_offs: tuple[str, ...]) -> tuple[str, ...]:
+def weaknesses(found: RobustEstimate, question: Question, trade_offs: tuple[str, ...]) -> tuple[str, ...]:
+    """Every warning of an estimate about what it cannot be trusted with."""
+    fit, readings, names = found.found.fit, found.readings, found.found.names
+    warnings = weak_parameters(fit, names, readings, trade_offs)
+    estimated = question.noise is None or question.model == "paper"
+    warnings += weak_noise(fit) if estimated else beyond_given_noise(fit)
+    if fit.tool is not None and question.earlier is None:
+        warnings += poor_fit(fit)
+        warnings += cross_talk(fit, readings)
+    if question.earlier is not None:
+        warnings += contradicts_earlier(fit)
+    elif fit.held_out is None:
+        warnings += ("no pose can be left out for a held-out error: record more poses",)
+    return warnings
+
+
+def weak_parameters(
+    fit: Fit, names: tuple[str, ...], readings: PoseReadings, trade_offs: tuple[str, ...]
+) -> tuple[str, ...]:
     """Warnings for a weight known to worse than 10 %, a com to worse than 10 mm, a force bias to worse than 10 % of
     the weight, each with what it trades off with; then what would mend them.
 
     `affine` has no weight; the mean singular value of its force matrix stands in.
     """
-    names = PARAMETERS[model]
     warnings: list[str] = []
+    weakest: list[str] = []
 
     def warn(name: str, what: str) -> None:
+        weakest.append(name)
         rivals = [pair for pair in trade_offs if name in pair.split(": ")[0].split(" and ")]
         warnings.append(f"weak: {what}{f' ({rivals[0]})' if rivals else ''}")
 
@@ -41,7 +64,7 @@ def weak_parameters(fit: Fit, model: str, readings: PoseReadings, trade_offs: tu
         std = np.sqrt(np.diag(fit.covariance))
         if std[0] > weight:
             warn("weight", f"weight {weight:.2g} +- {std[0]:.2g} N is not above zero, so com and mounting mean nothing")
-            return (*warnings, _advice(fit, names, readings))
+            return (*warnings, _advice(fit, names, readings, weakest[0]))
         if std[0] > WEIGHT_SHARE * weight:
             warn("weight", f"weight {weight:.3g} +- {std[0]:.2g} N, a std over 10 %")
         for axis, value in zip("xyz", std[1:4], strict=True):
@@ -50,7 +73,7 @@ def weak_parameters(fit: Fit, model: str, readings: PoseReadings, trade_offs: tu
     for axis, value in zip("xyz", std_bias, strict=True):
         if value > BIAS_SHARE * weight:
             warn(f"bias_f{axis}", f"bias_f{axis} has a std of {value:.2g} N, over 10 % of the weight")
-    return (*warnings, _advice(fit, names, readings)) if warnings else ()
+    return (*warnings, _advice(fit, names, readings, weakest[0])) if warnings else ()
 
 
 def beyond_given_noise(fit: Fit) -> tuple[str, ...]:
@@ -87,18 +110,78 @@ def weak_noise(fit: Fit) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def _advice(fit: Fit, names: tuple[str, ...], readings: PoseReadings) -> str:
-    """Better poses where the natural Jacobian is poorly conditioned; else a better reading of the data, as then the
-    poses are good and the model leaves too much.
-    """
+def poor_fit(fit: Fit) -> tuple[str, ...]:
+    """A warning where far more is left than a sensor and an arm explain: most often the file is read wrongly."""
+    left, weight = _force_left(fit), _weight(fit)
+    if left <= POOR_SHARE * weight:
+        return ()
+    return (
+        f"weak: {left:.2g} N are left in the poses, {100.0 * left / weight:.0f} % of the weight: the file may be read "
+        "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it",
+    )
+
+
+def cross_talk(fit: Fit, readings: PoseReadings) -> tuple[str, ...]:
+    """A warning where a force matrix of its own for each axis explains far more than a rigid tool can (F test)."""
+    from scipy.special import fdtrc
+
+    linear, n = fit.linear, len(readings)
+    if linear is None or n < FEWEST_POSES_FOR_MATRIX:
+        return ()
+    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
+    columns = affine_jacobian(r)
+    whitened = (linear.whitener @ columns).reshape(6 * n, 24)
+    spanned = linear.U.reshape(6 * n, -1)
+    across = whitened - spanned @ (spanned.T @ whitened)
+    left, s, _ = np.linalg.svd(across, full_matrices=False)
+    new = left[:, s > 1e-6 * max(float(s[0]), 1e-300)]
+    errors = linear.whitened.ravel()
+    gain, more = float(np.sum((new.T @ errors) ** 2)), float(new.shape[1])
+    rest, dof = max(linear.chi2_of_readings - gain, 1e-300), linear.readings_left - more
+    if more == 0.0 or dof < LEAST_LEFT or float(fdtrc(more, dof, gain / more / (rest / dof))) > SIGNIFICANCE:
+        return ()
+    B = np.linalg.lstsq(columns.reshape(6 * n, 24), readings.wrench.ravel(), rcond=None)[0].reshape(6, 4)
+    values = ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))
+    return (
+        f"no rigid tool explains these readings (chance under 0.1 %): the singular values of the force matrix are {values} "
+        "N, a rigid tool three equal ones; unequal gains, cross-talk or a cable: compare --model affine",
+    )
+
+
+def contradicts_earlier(fit: Fit) -> tuple[str, ...]:
+    """A warning where readings and the earlier calibration do not go together."""
+    from scipy.special import chdtrc
+
+    linear = fit.linear
+    if linear is None:
+        return ()
+    off = float(linear.prior @ linear.prior)
+    if fit.reduced_chi2 <= GIVEN_NOISE_RATIO and float(chdtrc(float(len(linear.prior)), off)) > SIGNIFICANCE:
+        return ()
+    return (
+        "weak: the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches "
+        "something; calibrate anew, without --prior",
+    )
+
+
+def _weight(fit: Fit) -> float:
+    return float(np.mean(np.linalg.svd(fit.B[:3, :3], compute_uv=False)))
+
+
+def _force_left(fit: Fit) -> float:
+    """RMS norm (N) of what is left of the force in a pose, degrees of freedom counted."""
+    return float(np.sqrt(np.sum(fit.residuals[:, :3] ** 2) / max(fit.readings_left / 6.0, LEAST_LEFT)))
+
+
+def _advice(fit: Fit, names: tuple[str, ...], readings: PoseReadings, weakest: str) -> str:
+    """Where the poses are at fault, why, and what one more would give; else a better reading of the data."""
     if fit.tool is not None:
         s = np.linalg.svd(natural_jacobian(fit.tool, readings.R_base_flange, names), compute_uv=False)
     else:
         s = fit.singular_values
     if s[-1] < WELL_SPREAD * s[0]:
-        return "to mend this, add poses that tilt the tool further, to gravity along +-x, +-y and +-z of the sensor"
-    left: Array = np.sqrt(np.mean(np.sum(fit.residuals[:, :3] ** 2, axis=1)))
+        return advice_on_poses(fit.tool, fit.covariance, fit.noise, names, weakest, readings.R_base_flange)
     return (
-        f"the poses are well spread, yet {left:.2g} N are left in them: check that the arm was still and free, the "
-        "orientation's convention, and the base (--model mount+base); a light tool needs more poses"
+        f"the poses are well spread, yet {_force_left(fit):.2g} N are left in them: check that the arm was still and "
+        "free, and try contactwrench diagnose; a light tool needs more poses"
     )

@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from .known import KNOWN_HELP, known_values, require_compatible
 from .reading import (
     DEFAULT_G,
     Gravity,
@@ -46,6 +47,16 @@ def calibrate(
         float | None,
         typer.Option(metavar="DEG", help="auto: std of the base's tilt, an axis. [default: 0.71]", callback=above_zero),
     ] = None,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP),
+    ] = None,
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CAL.json", help="Earlier calibration of the same tool: one new pose gives its bias anew."
+        ),
+    ] = None,
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
         float | None,
@@ -67,18 +78,25 @@ def calibrate(
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
     from ..calibrate import calibrate as fit
+    from ..calibrate.auto import BASE_TILT_SD, MOUNT_TILT_SD
+    from ..calibration import Calibration
     from ..calibration_file import to_json
     from ..files import require_distinct
 
     require_distinct(output, {"recording that is read": file, "report": report})
     require_distinct(report, {"recording that is read": file})
+    require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)
     samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
-    stds = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
-    priors = {name: float(np.deg2rad(std)) for name, std in stds.items() if std is not None}
-    if priors and model != "auto":
-        flag = next(iter(priors)).replace("_", "-")
-        raise typer.BadParameter(f"--{flag} is for model auto, found --model {model}: leave one of them out")
-    calibration = fit(samples, model, gravity=gravity_direction(gravity), g=g, **priors)
+    calibration = fit(
+        samples,
+        model,
+        gravity=gravity_direction(gravity),
+        g=g,
+        mount_tilt_sd=MOUNT_TILT_SD if mount_tilt_sd is None else float(np.deg2rad(mount_tilt_sd)),
+        base_tilt_sd=BASE_TILT_SD if base_tilt_sd is None else float(np.deg2rad(base_tilt_sd)),
+        known=known_values(known or [], g),
+        prior=None if prior is None else Calibration.load(prior),
+    )
     reading = {
         "orientation": orientation,
         "wrench_frame": wrench_frame,

@@ -1,0 +1,61 @@
+"""What was done to a recording before it was fitted, in words: poses left out, a bias that moved."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..orientation import Array
+from ..poses import Pose
+from .course import Course
+from .robust import RobustEstimate
+
+MOST_NAMED = 6
+HOUR = 3600.0
+
+
+def what_was_cleaned(found: RobustEstimate, poses: tuple[Pose, ...]) -> tuple[str, ...]:
+    """A warning for each pose left out, up to `MOST_NAMED`, and one for a bias that moved."""
+    left_out = [(k, reason) for k, reason in enumerate(found.reasons) if reason is not None]
+    warnings = [f"{_name(poses, k)} was left out: {reason}" for k, reason in left_out[:MOST_NAMED]]
+    if len(left_out) > MOST_NAMED:
+        warnings.append(f"{len(left_out) - MOST_NAMED} more poses were left out for the same reason")
+    if found.course is not None and found.course.kind != "steady":
+        warnings.append(_moved(found.course, poses))
+    return tuple(warnings)
+
+
+def _moved(course: Course, poses: tuple[Pose, ...]) -> str:
+    if course.first_after is not None:
+        before, after = _name(poses, course.first_after - 1), _name(poses, course.first_after)
+        return (
+            f"the bias stepped by {_vector(-course.change[0])} between {before} and {after}: both sides share the "
+            "tool, and the bias is that of the last pose; was the sensor zeroed there?"
+        )
+    first, last = poses[0].t_start, poses[-1].t_end
+    timed = first is not None and last is not None and last > first
+    span = (last - first) / HOUR if timed and first is not None and last is not None else float(len(poses) - 1)
+    per = "an hour" if timed else "a pose"
+    if course.kind == "drift":
+        rate = -course.change[0] / span
+        return (
+            f"the bias drifted by {_vector(rate)} {per}, steadily: the bias is that of the last pose; let the sensor "
+            "warm up before the next calibration"
+        )
+    steps = np.diff(course.change, axis=0)
+    strength = np.sqrt(np.sum(steps**2, axis=0) / span)
+    furthest = float(np.linalg.norm(course.change[:, :3], axis=1).max())
+    return (
+        f"the bias wandered by up to {furthest:.2g} N, as a random walk of {_vector(strength)} per root of {per}: the "
+        "bias is that of the last pose; let the sensor warm up before the next calibration"
+    )
+
+
+def _name(poses: tuple[Pose, ...], k: int) -> str:
+    t = poses[k].t_start
+    return f"pose {k + 1}" + ("" if t is None else f" (t = {t:.6g} s)")
+
+
+def _vector(wrench: Array) -> str:
+    force = ", ".join(f"{value:.2g}" for value in wrench[:3])
+    torque = ", ".join(f"{1e3 * value:.2g}" for value in wrench[3:])
+    return f"({force}) N and ({torque}) mN m"
