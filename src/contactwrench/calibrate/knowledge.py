@@ -94,7 +94,7 @@ def earlier_calibration(tool: RigidTool, covariance: Array) -> Knowledge:
         # a turn of gravity about a by alpha moves it along -b, one about b along a
         off[7:] = [-off[8], off[7]]
         jacobian = np.concatenate([part.jacobian for part in parts])
-        jacobian[7:] = [-jacobian[8], jacobian[7]]
+        jacobian[7:] = np.stack([-jacobian[8], jacobian[7]])
         return PriorRows(whitener @ off, whitener @ jacobian)
 
     return rows
