@@ -76,7 +76,7 @@ def _panda(folder: Path) -> _Set:
         f"A tool of {mass:.3f} +- {std:.3f} kg; the set's authors found {PANDA_MASS} kg by their own way. Nobody said "
         f"that the sensor is mounted flipped and turned by {yaw:.0f} deg, nor whether the base is level (it seems to "
         f"lean by about {lean:.0f} deg): the poses tell. What was assumed beforehand, and what other models make of "
-        "the same poses, is listed above the verdict.",
+        "the same poses, is listed with the result.",
         f"The warning is earned: along one axis this sensor shows the tool {100.0 * (1.0 - lightest / heaviest):.0f} % "
         "lighter than along another, which no rigid tool can. A force matrix of its own for each axis (affine) leaves "
         f"{affine.force_left:.2f} N in a pose, the best rigid model {rigid:.2f} N.",
