@@ -25,6 +25,7 @@ from .sign import check_sign, require_positive_weight, require_stated_side
 FEWEST_POSES_WITH_BASE = 4
 MODEL_OF_AUTO = "mount+base"
 DEFAULT_PRIORS = TiltPriors()
+HELD_GRAVITY = ("yaw", "mount")
 PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
 
 
@@ -61,7 +62,7 @@ class Estimate:
 
 def estimate(readings: PoseReadings, question: Question) -> Estimate:
     """Fit and check. Raises `UnobservableError` and `AmbiguityError`."""
-    return checked(fitted(readings, question), readings, question)
+    return checked(fitted(readings, question), readings, readings, question)
 
 
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
@@ -94,8 +95,10 @@ def rung_fitted(model: str) -> str:
     return MODEL_OF_AUTO if model == "auto" else model
 
 
-def checked(found: Estimate, readings: PoseReadings, question: Question) -> Estimate:
-    """The estimate with its warnings. Raises `UnobservableError` and `AmbiguityError` where it may not be returned."""
+def checked(found: Estimate, readings: PoseReadings, as_recorded: PoseReadings, question: Question) -> Estimate:
+    """The estimate from `readings` with its warnings. Raises `UnobservableError` and `AmbiguityError` where it may not
+    be returned. The sign is judged on the readings `as_recorded`: whoever leaves out enough explains any sign.
+    """
     stated = question.gravity_direction
     if found.weight_z is not None:
         warnings = check_sign(fit_rigid(readings, "yaw", stated, None), readings, "yaw", stated, None)
@@ -110,7 +113,7 @@ def checked(found: Estimate, readings: PoseReadings, question: Question) -> Esti
         warnings = ()
     else:
         model = question.model if found.auto is None else _rung_of(found.auto)
-        warnings = _checked(found.fit, readings, model, question)
+        warnings = _checked(found.fit, readings, as_recorded, model, question)
     return replace(found, warnings=warnings)
 
 
@@ -121,10 +124,14 @@ def _rung_of(auto: AutoFit) -> str:
     return "yaw" if auto.assumption.nominal_mounting else "mount"
 
 
-def _checked(fit: Fit, readings: PoseReadings, model: str, question: Question) -> tuple[str, ...]:
+def _checked(
+    fit: Fit, readings: PoseReadings, as_recorded: PoseReadings, model: str, question: Question
+) -> tuple[str, ...]:
     """Warnings of a rigid fit whose free rotations are those of `model`. Raises where it may not be returned."""
     tool, names, stated = _tool(fit), PARAMETERS[model], question.gravity_direction
     known = rows_of(question.knowledge, tool, names)
+    if model in HELD_GRAVITY:
+        tool = replace(tool, gravity_direction=stated)  # a tilt that the prior lets in is not what separates
     require_full_rank(tool, readings.R_base_flange, names, None if known is None else known.jacobian)
     if model == "mount+base" and known is None and len(readings) < FEWEST_POSES_WITH_BASE:
         raise UnobservableError(
@@ -133,7 +140,7 @@ def _checked(fit: Fit, readings: PoseReadings, model: str, question: Question) -
         )
     _require_noise(readings, len(names), fit.readings_left, question)
     require_stated_side(tool, stated)
-    warnings = check_sign(fit, readings, model, stated, question.noise)
+    warnings = check_sign(fit, as_recorded, model, stated, question.noise)
     require_positive_weight(tool.weight, stated)
     return warnings
 

@@ -17,6 +17,9 @@ from ..rotations import rotation_log
 from ..wrench import cross_matrix
 from .linearised import PriorRows
 
+ALONG_TO_ABOUT = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Of gravity, with its horizontal axes (a, b): a turn about a moves it along -b, one about b along a."""
+
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
 
 
@@ -91,10 +94,8 @@ def earlier_calibration(tool: RigidTool, covariance: Array) -> Knowledge:
     def rows(now: RigidTool, names: tuple[str, ...]) -> PriorRows:
         parts = [piece(now, names) for piece in (weight, com, mounting, gravity)]
         off = np.concatenate([part.residuals for part in parts])
-        # a turn of gravity about a by alpha moves it along -b, one about b along a
-        off[7:] = [-off[8], off[7]]
         jacobian = np.concatenate([part.jacobian for part in parts])
-        jacobian[7:] = [-jacobian[8], jacobian[7]]
+        off[7:], jacobian[7:] = ALONG_TO_ABOUT @ off[7:], ALONG_TO_ABOUT @ jacobian[7:]
         return PriorRows(whitener @ off, whitener @ jacobian)
 
     return rows

@@ -26,7 +26,7 @@ from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words
 from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
 from .cleaned import what_was_cleaned
-from .estimate import Question, estimate, rung_fitted
+from .estimate import HELD_GRAVITY, Question, estimate, rung_fitted
 from .given import earlier_tool, knowledge_given
 from .least_squares import GivenNoise, PoseReadings
 from .noise import pooled_scatter
@@ -40,7 +40,6 @@ MOST_POSES_KEPT = 10_000
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
 
-HELD_GRAVITY = ("yaw", "mount")
 
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
