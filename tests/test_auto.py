@@ -66,6 +66,14 @@ def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
     assert np.linalg.norm(calibration.gravity_direction - rig.down) < np.deg2rad(3.0)
 
 
+def test_a_wall_is_found_though_gravity_lies_right_at_the_limit() -> None:
+    for seed in range(20):
+        rig, R, rng = example(seed, poses=12)
+        wall = replace(rig, weight=10.0, down=tilted_down(np.pi / 2.0, rng))
+        calibration = cw.calibrate(noisy(wall, R, rng), "mount+base")
+        assert np.linalg.norm(calibration.gravity_direction - wall.down) < 0.05
+
+
 def test_a_sensor_at_45_deg_on_a_wall_leaves_both_priors_and_says_why() -> None:
     rig, R, rng = example(12)
     calibration = cw.calibrate(noisy(_tilted(replace(rig, weight=10.0), 45.0, 80.0, rng), R, rng))

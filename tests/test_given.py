@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -184,7 +185,7 @@ def test_the_flag_known_speaks_of_every_quantity(tmp_path: Path, capsys: Capture
         csv_text(["fx", "fy", "fz", "tx", "ty", "tz", "qx", "qy", "qz", "qw"], np.column_stack([wrench, quats])),
     )
     yaw_pitch_roll = Rotation.from_matrix(rig.R_flange_sensor).as_euler("ZYX", degrees=True)
-    flags = {
+    flags: dict[str, Callable[[cw.Calibration], bool]] = {
         f"mass={rig.weight / 9.80665!r}+-1e-6": lambda c: c.weight == pytest.approx(rig.weight, abs=1e-4),
         f"weight={rig.weight!r}+-1e-5": lambda c: c.weight == pytest.approx(rig.weight, abs=1e-4),
         f"com={','.join(map(repr, rig.com.tolist()))}+-1e-6": lambda c: c.com == pytest.approx(rig.com, abs=1e-5),
@@ -240,8 +241,8 @@ def test_derivatives_of_what_is_known_are_those_of_finite_differences() -> None:
 
 
 EXPECTED = (
-    "expected NAME=VALUE+-STD with a std above 0, as in weight=12.3+-0.1 or com_mm=0,0,50+-2; names: weight, mass, com, "
-    "com_mm, mount, gravity: try 'contactwrench calibrate --help'"
+    "expected NAME=VALUE+-STD with a std above 0, as in weight=12.3+-0.1 or com_mm=0,0,50+-2; names: weight, mass, "
+    "com, com_mm, mount, gravity: try 'contactwrench calibrate --help'"
 )
 
 

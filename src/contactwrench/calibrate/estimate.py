@@ -139,7 +139,8 @@ def _checked(
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
     _require_noise(readings, len(names), fit.readings_left, question)
-    require_stated_side(tool, stated)
+    if model not in HELD_GRAVITY:
+        require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
     warnings = check_sign(fit, as_recorded, model, stated, question.noise)
     require_positive_weight(tool.weight, stated)
     return warnings
