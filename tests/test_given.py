@@ -193,10 +193,10 @@ def test_the_flag_known_speaks_of_every_quantity(tmp_path: Path, capsys: Capture
             c.com == pytest.approx(rig.com, abs=1e-5)
         ),
         f"mount={','.join(map(repr, yaw_pitch_roll.tolist()))}+-1e-4": lambda c: (
-            rotation_angle(c.R_flange_sensor, rig.R_flange_sensor) < 1e-4
+            rotation_angle(np.asarray(c.R_flange_sensor), rig.R_flange_sensor) < 1e-4
         ),
         f"mount={','.join(map(repr, rig.R_flange_sensor.ravel().tolist()))}+-1e-4": lambda c: (
-            rotation_angle(c.R_flange_sensor, rig.R_flange_sensor) < 1e-4
+            rotation_angle(np.asarray(c.R_flange_sensor), rig.R_flange_sensor) < 1e-4
         ),
         "gravity=0,0,-2+-1e-4": lambda c: c.gravity_direction == pytest.approx([0.0, 0.0, -1.0], abs=1e-5),
     }
