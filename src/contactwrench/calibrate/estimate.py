@@ -60,11 +60,6 @@ class Estimate:
     weight_z: float | None = None
 
 
-def estimate(readings: PoseReadings, question: Question) -> Estimate:
-    """Fit and check. Raises `UnobservableError` and `AmbiguityError`."""
-    return checked(fitted(readings, question), readings, readings, question)
-
-
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
     """The fit alone, as it comes."""
     stated, noise = question.gravity_direction, question.noise
@@ -128,6 +123,19 @@ def _checked(
     fit: Fit, readings: PoseReadings, as_recorded: PoseReadings, model: str, question: Question
 ) -> tuple[str, ...]:
     """Warnings of a rigid fit whose free rotations are those of `model`. Raises where it may not be returned."""
+    require_answerable(fit, readings, model, question)
+    tool, stated = _tool(fit), question.gravity_direction
+    if model not in HELD_GRAVITY:
+        require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
+    warnings = check_sign(fit, as_recorded, model, stated, question.noise)
+    require_positive_weight(tool.weight, stated)
+    return warnings
+
+
+def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Question) -> None:
+    """Raise `UnobservableError` unless the poses separate the parameters of a rigid `model`, and leave its noise some
+    readings.
+    """
     tool, names, stated = _tool(fit), PARAMETERS[model], question.gravity_direction
     known = rows_of(question.knowledge, tool, names)
     if model in HELD_GRAVITY:
@@ -139,11 +147,6 @@ def _checked(
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
     _require_noise(readings, len(names), fit.readings_left, question)
-    if model not in HELD_GRAVITY:
-        require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
-    warnings = check_sign(fit, as_recorded, model, stated, question.noise)
-    require_positive_weight(tool.weight, stated)
-    return warnings
 
 
 def _tool(fit: Fit) -> RigidTool:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..alternative import Alternative
 from ..calibration import Calibration
-from ..errors import ContactWrenchError, InputError
+from ..errors import InputError, UnobservableError
 from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
@@ -26,9 +26,9 @@ from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words
 from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
 from .cleaned import what_was_cleaned
-from .estimate import HELD_GRAVITY, Question, estimate, rung_fitted
+from .estimate import HELD_GRAVITY, Question, fitted, require_answerable, rung_fitted
 from .given import earlier_tool, knowledge_given
-from .least_squares import GivenNoise, PoseReadings
+from .least_squares import LEAST_LEFT, GivenNoise, PoseReadings
 from .noise import pooled_scatter
 from .robust import RobustEstimate, robust_estimate
 from .weakness import weaknesses
@@ -177,11 +177,14 @@ def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternati
     """What the rungs of the ladder make of the same poses; those that the poses cannot tell are left out."""
     rungs = []
     for model in OTHER_RUNGS:
+        of_rung = replace(question, model=model)
         try:
-            fit = estimate(readings, replace(question, model=model, knowledge=())).fit
-        except ContactWrenchError:
+            fit = fitted(readings, of_rung).fit
+            if fit.tool is not None:
+                require_answerable(fit, readings, model, of_rung)
+        except UnobservableError:
             continue
-        freedom = fit.readings_left / 6.0
+        freedom = max(fit.readings_left, LEAST_LEFT) / 6.0
         force, torque = (np.sqrt(np.sum(part**2) / freedom) for part in np.hsplit(fit.residuals, 2))
         rungs.append(
             Alternative(
