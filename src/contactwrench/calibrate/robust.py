@@ -39,10 +39,11 @@ class RobustEstimate:
     course: Course | None
 
 
-def robust_estimate(readings: PoseReadings, time: Array, question: Question) -> RobustEstimate:
-    """Fit, clean, fit again, and check; `time` (n,) s, or the count of poses where none is known.
+def cleaned_estimate(readings: PoseReadings, time: Array, question: Question) -> RobustEstimate:
+    """Fit, clean and fit again; `time` (n,) s, or the count of poses where none is known.
 
-    The paper's estimator and `affine` take the readings as they are. Raises as `estimate` does.
+    The paper's estimator and `affine` take the readings as they are. Nothing is checked yet: what the poses cannot
+    separate comes as it is (see `confirmed`).
     """
     found, kept, course = fitted(readings, question), np.ones(len(readings), dtype=bool), None
     clean = readings
@@ -58,11 +59,15 @@ def robust_estimate(readings: PoseReadings, time: Array, question: Question) -> 
         else:
             kept, course, clean = np.ones(len(readings), dtype=bool), None, readings
             found = fitted(clean, question)
-    reasons = _reasons(found.fit, readings, kept, course)
-    found = checked(found, clean, question)
+    return RobustEstimate(found, clean, _reasons(found.fit, readings, kept, course), course)
+
+
+def confirmed(cleaned: RobustEstimate, question: Question) -> RobustEstimate:
+    """The estimate, checked, its covariance enlarged by what is unknown of the bias' course. Raises as `estimate`."""
+    found, course = checked(cleaned.found, cleaned.readings, question), cleaned.course
     if course is not None and course.parameters > 0.0:
         found = replace(found, fit=_with_course(found.fit, found.names, course))
-    return RobustEstimate(found, clean, reasons, course)
+    return replace(cleaned, found=found)
 
 
 def _clean_at_a_glance(fit: Fit, time: Array) -> bool:
