@@ -19,6 +19,9 @@ from .linearised import PriorRows
 
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
 
+TURN_OF_SHIFT = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Gravity shifted along its horizontal axes (a, b) has turned about them by this: about a towards -b, about b to a."""
+
 
 def known_weight(weight: float, std: float) -> Knowledge:
     """The weight (N), from a scale."""
@@ -120,9 +123,8 @@ def _known_turns(R_flange_sensor: Array, gravity_direction: Array) -> Knowledge:
         parts = [piece(tool, names) for piece in (mounting, gravity)]
         off = np.concatenate([part.residuals for part in parts])
         jacobian = np.concatenate([part.jacobian for part in parts])
-        # a turn of gravity about a by alpha moves it along -b, one about b along a
-        off[3:] = [-off[4], off[3]]
-        jacobian[3:] = [-jacobian[4], jacobian[3]]
+        off[3:] = TURN_OF_SHIFT @ off[3:]
+        jacobian[3:] = TURN_OF_SHIFT @ jacobian[3:]
         return PriorRows(off, jacobian)
 
     return rows

@@ -112,7 +112,7 @@ def disagreement(message: Message, others: list[Message]) -> Disagreement:
 def _covariance(messages: list[Message]) -> Array:
     information: Array = np.eye(len(ROTATIONS)) * SAYS_NOTHING**2
     for message in messages:
-        information = information + message.information.T @ message.information
+        information += message.information.T @ message.information
     covariance: Array = np.linalg.inv(information)
     return covariance
 
