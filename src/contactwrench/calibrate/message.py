@@ -110,10 +110,8 @@ def disagreement(message: Message, others: list[Message]) -> Disagreement:
 
 
 def _covariance(messages: list[Message]) -> Array:
-    information: Array = np.eye(len(ROTATIONS)) * SAYS_NOTHING**2
-    for message in messages:
-        information += message.information.T @ message.information
-    covariance: Array = np.linalg.inv(information)
+    rows = np.vstack([SAYS_NOTHING * np.eye(len(ROTATIONS)), *(message.information for message in messages)])
+    covariance: Array = np.linalg.inv(rows.T @ rows)
     return covariance
 
 
