@@ -35,31 +35,37 @@ ROBUST_MODELS = ("auto", "yaw", "mount", "mount+base")
 
 @dataclass(frozen=True, eq=False)
 class RobustEstimate:
-    """The estimate from the `readings` that were kept, the bias' course taken out of them; `reasons` (n,) why each pose
-    was left out, None where it was kept; `course` of the bias over all poses.
+    """The estimate from the `readings` that were kept of those `as_recorded`, the bias' course taken out of them;
+    `reasons` (n,) why each pose was left out, None where it was kept; `course` of the bias over all poses.
     """
 
     found: Estimate
     readings: PoseReadings
+    as_recorded: PoseReadings
     reasons: tuple[str | None, ...]
     course: Course | None
 
 
-def robust_estimate(readings: PoseReadings, time: Array, question: Question) -> RobustEstimate:
-    """Fit, clean, fit again, and check; `time` (n,) s, or the count of poses where none is known.
+def cleaned_estimate(readings: PoseReadings, time: Array, question: Question) -> RobustEstimate:
+    """Fit, clean and fit again; `time` (n,) s, or the count of poses where none is known.
 
-    The paper's estimator and `affine` take the readings as they are. Raises as `estimate` does.
+    The paper's estimator and `affine` take the readings as they are. Nothing is checked yet: what the poses cannot
+    separate comes as it is (see `confirmed`).
     """
     found, course, clean = fitted(readings, question), None, readings
     r = gravity_in_flange(readings.R_base_flange, found.fit.gravity_direction)
     if question.model in ROBUST_MODELS and not _clean_at_a_glance(found.fit, r, time):
         found, course, clean = _cleaned(found, readings, time, question)
     kept = np.ones(len(readings), dtype=bool) if course is None else ~course.outlying
-    reasons = _reasons(found.fit, readings, kept, course)
-    found = checked(found, clean, readings, question)
+    return RobustEstimate(found, clean, readings, _reasons(found.fit, readings, kept, course), course)
+
+
+def confirmed(cleaned: RobustEstimate, question: Question) -> RobustEstimate:
+    """The estimate, checked, its covariance enlarged by what is unknown of the bias' course. Raises as `checked`."""
+    found, course = checked(cleaned.found, cleaned.readings, cleaned.as_recorded, question), cleaned.course
     if course is not None and course.parameters > 0.0:
         found = replace(found, fit=_with_course(found.fit, found.names, course))
-    return RobustEstimate(found, clean, reasons, course)
+    return replace(cleaned, found=found)
 
 
 def _cleaned(
