@@ -199,7 +199,10 @@ USAGE = [
     (["tare"], "No such command 'tare': try 'contactwrench --help'"),
     (["calibrate"], "Missing argument 'FILE': try 'contactwrench calibrate --help'"),
     (["calibrate", PANDA, "--foo"], "No such option: --foo: try 'contactwrench calibrate --help'"),
-    (["calibrate", PANDA, "x"], "Got unexpected extra argument(s) (x): try 'contactwrench calibrate --help'"),
+    (
+        ["calibrate", PANDA, "x"],
+        "Invalid value: found 2 files, expected one, or --shared mount,gravity: try 'contactwrench calibrate --help'",
+    ),
     (["calibrate", PANDA, "--model"], "Option '--model' requires an argument: try 'contactwrench --help'"),
     (["compensate", PANDA, "-o", "-"], "Missing option '--calibration' / '-c': try 'contactwrench compensate --help'"),
     (["verify", PANDA], "Missing option '--calibration' / '-c': try 'contactwrench verify --help'"),

@@ -21,14 +21,14 @@ def assumptions_in_words(auto: AutoFit, question: Question) -> tuple[str, ...]:
         of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(auto, mount)}"
     else:
         of_mounting = (
-            f"mounting: sensor's z {side} the flange's, +- {mount:.3g} deg an axis; found {tilt:.2g} deg off, exactly "
+            f"mounting: sensor's z {side} the flange's, +- {mount:.3g} deg an axis; found {tilt:.2f} deg off, exactly "
             f"parallel has a probability of {_percent(auto.mounting_exact)}"
         )
     if auto.base_exact is None:
         of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(auto, base)}"
     else:
         of_base = (
-            f"base: gravity in the stated direction, +- {base:.3g} deg an axis; found {lean:.2g} deg off, exactly "
+            f"base: gravity in the stated direction, +- {base:.3g} deg an axis; found {lean:.2f} deg off, exactly "
             f"level has a probability of {_percent(auto.base_exact)}"
         )
     return of_mounting, of_base

@@ -25,6 +25,7 @@ SIDE = 2
 """A step has at least so many poses on either side."""
 
 MANY_OUTLIERS = 3
+SPANNED = 1e-7
 WALK_RATIOS = np.geomspace(0.02, 10.0, 25)
 """Of a random walk's std per unit of time to the noise, where the restricted likelihood is looked at."""
 
@@ -44,17 +45,18 @@ class Course:
     parameters: float
 
 
-def course_of_bias(linear: LinearReadings, unit: Array, time: Array) -> Course:
+def course_of_bias(linear: LinearReadings, wide: Array, unit: Array, time: Array) -> Course:
     """The course that explains the readings best, poses in the order of `time` (n,).
 
-    `unit` (6,): the relative noise that `linear` is in units of, N and N m.
+    `wide` (n, 6, q): columns that may explain a residual as well as time does, cross-talk first of all; the tests leave
+    it to them. `unit` (6,): the relative noise that `linear` and `wide` are in units of, N and N m.
     """
     n = len(time)
     out = outlying(linear)
     steady = Course("steady", np.zeros((n, 6)), None, out, np.zeros((linear.J.shape[2],) * 2), 0.0)
     if n < FEWEST_POSES:
         return steady
-    if not _moves(linear, ~out, time) and np.sum(out) < MANY_OUTLIERS:
+    if not _moves(linear, wide, ~out, time) and np.sum(out) < MANY_OUTLIERS:
         return steady
     fixed = [("drift", None, _powers(time, 1)), *(("step", k, _step(n, k)) for k in _likeliest_steps(linear, n))]
     courses = [
@@ -87,26 +89,28 @@ def _of(linear: LinearReadings, kept: NDArray[np.bool_]) -> LinearReadings:
     return LinearReadings(linear.J[kept], linear.errors[kept], linear.known, linear.known_errors)
 
 
-def _moves(linear: LinearReadings, kept: NDArray[np.bool_], time: Array) -> bool:
+def _moves(linear: LinearReadings, wide: Array, kept: NDArray[np.bool_], time: Array) -> bool:
     """Whether a drift, a smooth course or a step explains the kept poses better than chance would."""
     some = _of(linear, kept)
-    n, _, p = some.J.shape
+    n = len(some.errors)
     if n < FEWEST_POSES:
         return False
     fit = weighted_fit(some, np.ones(n))
     scale = np.sqrt(np.repeat(fit.weighted_by, 3))
-    rows = np.vstack([(some.J / scale[:, None]).reshape(6 * n, p), some.known])
-    U = np.linalg.qr(rows)[0][: 6 * n].reshape(n, 6, p)
-    return chance_of_steady(U, fit.left / scale, time[kept]) < FALSE_ALARM
+    columns = np.concatenate([some.J, wide[kept]], axis=2) / scale[:, None]
+    return chance_of_steady(columns, fit.left / scale, time[kept]) < FALSE_ALARM
 
 
-def chance_of_steady(U: Array, whitened: Array, time: Array) -> float:
+def chance_of_steady(columns: Array, whitened: Array, time: Array) -> float:
     """Probability that whitened residuals (n, 6) of a steady bias follow `time` (n,) as much, or more, by chance: the
-    least of three F tests, of a drift, a cubic course and a step anywhere. `U` (n, 6, p): orthonormal columns that span
-    the Jacobian, those of what is known left out.
+    least of three F tests, of a drift, a cubic course and a step anywhere, once `columns` (n, 6, q) had their share.
     """
     n = len(whitened)
-    dof = 6.0 * n - float(np.sum(U**2))
+    U, s, _ = np.linalg.svd(columns.reshape(6 * n, -1), full_matrices=False)
+    U = U[:, s > SPANNED * s[0]]
+    whitened = (whitened.ravel() - U @ (U.T @ whitened.ravel())).reshape(n, 6)
+    dof = 6.0 * n - float(U.shape[1])
+    U = U.reshape(n, 6, -1)
     chances = [_chance(_gain(U, whitened, shape), 6.0 * shape.shape[1], whitened, dof) for shape in _smooth(time)]
     chances.append((n - 2 * SIDE + 1) * _chance(float(np.max(_gain_of_steps(U, whitened))), 6.0, whitened, dof))
     return min(chances)

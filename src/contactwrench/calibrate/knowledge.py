@@ -17,10 +17,10 @@ from ..rotations import rotation_log
 from ..wrench import cross_matrix
 from .linearised import PriorRows
 
-ALONG_TO_ABOUT = np.array([[0.0, -1.0], [1.0, 0.0]])
-"""Of gravity, with its horizontal axes (a, b): a turn about a moves it along -b, one about b along a."""
-
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
+
+TURN_OF_SHIFT = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Gravity shifted along its horizontal axes (a, b) has turned about them by this: about a towards -b, about b to a."""
 
 
 def known_weight(weight: float, std: float) -> Knowledge:
@@ -87,16 +87,45 @@ def earlier_calibration(tool: RigidTool, covariance: Array) -> Knowledge:
     small rotation and that of gravity, as in `Calibration`.
     """
     whitener = np.linalg.inv(np.linalg.cholesky(covariance))
-    unit = np.ones(3)
-    weight, com = known_weight(tool.weight, 1.0), known_com(tool.com, unit)
-    mounting, gravity = known_mounting(tool.R_flange_sensor, unit), known_gravity(tool.gravity_direction, 1.0)
+    weight, com = known_weight(tool.weight, 1.0), known_com(tool.com, np.ones(3))
+    rotations = _known_turns(tool.R_flange_sensor, tool.gravity_direction)
 
     def rows(now: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        parts = [piece(now, names) for piece in (weight, com, mounting, gravity)]
+        parts = [piece(now, names) for piece in (weight, com, rotations)]
         off = np.concatenate([part.residuals for part in parts])
         jacobian = np.concatenate([part.jacobian for part in parts])
-        off[7:], jacobian[7:] = ALONG_TO_ABOUT @ off[7:], ALONG_TO_ABOUT @ jacobian[7:]
         return PriorRows(whitener @ off, whitener @ jacobian)
+
+    return rows
+
+
+def known_rotations(R_flange_sensor: Array, gravity_direction: Array, information: Array, turn: Array) -> Knowledge:
+    """Mounting and gravity, by the small turns (5,) that lead to them from these two, those of `mount_x` to
+    `gravity_b`: `information` (q, 5), rows of unit variance, times the turns is `turn` (q,). What the rows leave open
+    is not known.
+    """
+    rotations = _known_turns(R_flange_sensor, gravity_direction)
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        back = rotations(tool, names)
+        return PriorRows(turn + information @ back.residuals, information @ back.jacobian)
+
+    return rows
+
+
+def _known_turns(R_flange_sensor: Array, gravity_direction: Array) -> Knowledge:
+    """Both rotations with a std of 1 rad, as five turns: of the mounting about the sensor's axes, of gravity about its
+    horizontal axes.
+    """
+    mounting, gravity = known_mounting(R_flange_sensor, np.ones(3)), known_gravity(gravity_direction, 1.0)
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        parts = [piece(tool, names) for piece in (mounting, gravity)]
+        off = np.concatenate([part.residuals for part in parts])
+        jacobian = np.concatenate([part.jacobian for part in parts])
+        off[3:] = TURN_OF_SHIFT @ off[3:]
+        jacobian[3:] = TURN_OF_SHIFT @ jacobian[3:]
+        return PriorRows(off, jacobian)
 
     return rows
 

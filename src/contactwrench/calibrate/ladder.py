@@ -7,7 +7,7 @@ and if the data do not contradict the sign of the readings and the side of the b
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..alternative import Alternative
 from ..calibration import Calibration
-from ..errors import ContactWrenchError, InputError
+from ..errors import InputError, UnobservableError
 from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
@@ -26,11 +26,11 @@ from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words
 from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
 from .cleaned import what_was_cleaned
-from .estimate import Question, estimate, rung_fitted
+from .estimate import HELD_GRAVITY, Question, fitted, require_answerable, rung_fitted
 from .given import earlier_tool, knowledge_given
-from .least_squares import GivenNoise, PoseReadings
+from .least_squares import LEAST_LEFT, GivenNoise, PoseReadings
 from .noise import pooled_scatter
-from .robust import RobustEstimate, robust_estimate
+from .robust import RobustEstimate, cleaned_estimate, confirmed
 from .weakness import weaknesses
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
@@ -40,7 +40,6 @@ MOST_POSES_KEPT = 10_000
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
 
-HELD_GRAVITY = ("yaw", "mount")
 
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
@@ -76,14 +75,37 @@ def calibrate(
     the poses cannot separate the parameters, `AmbiguityError` where the data contradict the sign of the readings or
     the side of the base: free air cannot tell those two apart.
     """
-    if not isinstance(samples, Samples):
-        raise InputError(f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
+    question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
+    if prior is not None:
+        question = _with_prior(question, prior, gravity is not None)
+    recorded = from_recording(samples, question, g)
+    origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
+    return assembled(replace(recorded, found=confirmed(recorded.found, question)), question, origin)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording less its rows under load, its poses, the estimate from them, and the `g` (m/s^2) of the place."""
+
+    samples: Samples
+    poses: tuple[Pose, ...]
+    found: RobustEstimate
+    warnings: tuple[str, ...]
+    g: float
+
+
+def question_asked(
+    model: str,
+    noise: NoiseLike,
+    gravity: ArrayLike | None,
+    priors: TiltPriors,
+    known: Mapping[str, tuple[Any, Any]] | None,
+) -> Question:
+    """The question that the arguments of `calibrate` put. Raises `InputError`."""
     if model not in MODELS:
         raise InputError(f"model {model!r} is not known, expected one of {', '.join(MODELS)}")
     stated = unit_direction(DOWN if gravity is None else gravity)
-    if not (np.isfinite(g) and g > 0.0):
-        raise InputError(f"g is {g!r}, expected m/s^2 above 0")
-    for name, sd in (("mount_tilt_sd", mount_tilt_sd), ("base_tilt_sd", base_tilt_sd)):
+    for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
         if not 0.0 < sd < np.inf:
             raise InputError(f"{name} is {sd!r}, expected rad above 0")
     noise_std = _noise_std(noise)
@@ -91,23 +113,9 @@ def calibrate(
         model=model,
         gravity_direction=stated,
         noise=None if noise_std is None else GivenNoise(noise_std),
-        priors=TiltPriors(mount_tilt_sd, base_tilt_sd),
+        priors=priors,
     )
-    if known:
-        question = _with_known(question, known, gravity is not None)
-    if prior is not None:
-        question = _with_prior(question, prior, gravity is not None)
-    free, warnings = _contact_free(samples)
-    poses, found = _from_recording(free, question)
-    provenance: dict[str, str | int | float] = {
-        "software": f"contactwrench {__version__}",
-        "source": samples.source,
-        "rows": len(free),
-        "g": float(g),
-    }
-    if prior is not None:
-        provenance["prior"] = str(prior.provenance.get("source", "arrays"))
-    return _assemble(found, question, poses, warnings, provenance)
+    return _with_known(question, known, gravity is not None) if known else question
 
 
 def _with_known(question: Question, known: Mapping[str, tuple[Any, Any]], gravity_stated: bool) -> Question:
@@ -141,17 +149,24 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool) ->
     )
 
 
-def _from_recording(samples: Samples, question: Question) -> tuple[tuple[Pose, ...], RobustEstimate]:
-    """Poses and the estimate from them; every visit to an orientation is a pose of its own where the bias moved."""
-    poses = _in_time(poses_from_samples(samples))
+def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
+    """Poses and the estimate from them, cleaned and not yet checked; every visit to an orientation is a pose of its own
+    where the bias moved. Raises `InputError`.
+    """
+    if not isinstance(samples, Samples):
+        raise InputError(f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
+    if not (np.isfinite(g) and g > 0.0):
+        raise InputError(f"g is {g!r}, expected m/s^2 above 0")
+    free, warnings = _contact_free(samples)
+    poses = _in_time(poses_from_samples(free))
     if not poses:
-        raise InputError(f"{samples.source}: found no contact-free samples, expected poses without a load")
-    visits = _in_time(poses_from_samples(samples, by_visit=True))
+        raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
+    visits = _in_time(poses_from_samples(free, by_visit=True))
     if len(poses) < len(visits) <= MOST_VISITS:
-        found = robust_estimate(_readings(visits), _times(visits), question)
+        found = cleaned_estimate(_readings(visits), _times(visits), question)
         if found.course is not None and found.course.kind != "steady":
-            return visits, found
-    return poses, robust_estimate(_readings(poses), _times(poses), question)
+            return Recorded(free, visits, found, warnings, g)
+    return Recorded(free, poses, cleaned_estimate(_readings(poses), _times(poses), question), warnings, g)
 
 
 def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
@@ -178,11 +193,14 @@ def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternati
     """What the rungs of the ladder make of the same poses; those that the poses cannot tell are left out."""
     rungs = []
     for model in OTHER_RUNGS:
+        of_rung = replace(question, model=model)
         try:
-            fit = estimate(readings, replace(question, model=model, knowledge=())).fit
-        except ContactWrenchError:
+            fit = fitted(readings, of_rung).fit
+            if fit.tool is not None:
+                require_answerable(fit, readings, model, of_rung)
+        except UnobservableError:
             continue
-        freedom = fit.readings_left / 6.0
+        freedom = max(fit.readings_left, LEAST_LEFT) / 6.0
         force, torque = (np.sqrt(np.sum(part**2) / freedom) for part in np.hsplit(fit.residuals, 2))
         rungs.append(
             Alternative(
@@ -221,13 +239,16 @@ def _noise_std(noise: NoiseLike) -> Array | None:
     return values
 
 
-def _assemble(
-    found: RobustEstimate,
-    question: Question,
-    poses: tuple[Pose, ...],
-    warnings: tuple[str, ...],
-    provenance: dict[str, str | int | float],
-) -> Calibration:
+def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
+    """The checked estimate as a Calibration; `origin` joins its provenance."""
+    found, poses, warnings = recorded.found, recorded.poses, recorded.warnings
+    provenance: dict[str, str | int | float] = {
+        "software": f"contactwrench {__version__}",
+        "source": recorded.samples.source,
+        "rows": len(recorded.samples),
+        "g": float(recorded.g),
+        **origin,
+    }
     fit, readings, names, tool = found.found.fit, found.readings, found.found.names, found.found.fit.tool
     observability = describe(readings.R_base_flange, fit.gravity_direction, fit.singular_values, fit.covariance, names)
     if tool is None:
@@ -236,7 +257,7 @@ def _assemble(
         bias = fit.B[:, 3]
     else:
         weight, com, bias, R_flange_sensor = tool.weight, tool.com, tool.bias, tool.R_flange_sensor
-        mass = weight / float(provenance["g"])
+        mass = weight / recorded.g
         yaw = yaw_of_mounting(R_flange_sensor)[0]
         parameters = np.zeros(len(names))
         parameters[:10] = np.r_[weight, com, bias]

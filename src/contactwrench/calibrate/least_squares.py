@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model import RigidTool
+from ..observability import LEVER
 from ..orientation import Array
 from .linearised import Linearised
 from .noise import Scatter, axis_variances, whitening
@@ -38,9 +39,6 @@ LEAST_LEFT = 0.5
 
 MOST_DOF = 1e6
 """What a parameter that the prior alone settles is said to have."""
-
-LEVER = 0.05
-"""m: before anything is known of the noise, a torque counts as a force at this lever."""
 
 State = TypeVar("State")
 

@@ -20,7 +20,7 @@ from .noise import GROUPS
 FALSE_ALARMS = 0.08
 """Probability, at most, that a clean recording loses a pose."""
 
-SURELY_CLEAN = 0.6
+SURELY_CLEAN = 0.85
 """Of the limit: where no pose is further off than this, none can hide others."""
 
 TAIL = 3.0

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model import FLIP, RigidTool, gravity_in_flange
+from ..observability import LEVER
 from ..orientation import Array
 from ..rotations import rotations_about_z, spread_directions, spread_rotations
-from .least_squares import LEVER
 
 FEW_POSES = 5
 """Up to here an unknown base has local optima that score well, so that every direction of gravity goes on."""
@@ -45,7 +45,7 @@ SEARCH_OF_MODEL = {
 def starting_tools(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
     """The most promising starts, best first, from poses (n, 3, 3) and their readings (n, 6)."""
     starts = _scored_starts(R_base_flange, wrench, search, gravity_direction)
-    return [_linear_fit(R_base_flange, wrench, R, d) for _, R, d in starts]
+    return [linear_fit(R_base_flange, wrench, R, d) for _, R, d in starts]
 
 
 def explained_by_start(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:
@@ -124,7 +124,7 @@ def _yaw_candidates(force_moments: Array) -> Array:
     return np.concatenate([upright, flipped])
 
 
-def _linear_fit(R_base_flange: Array, wrench: Array, R_flange_sensor: Array, gravity_direction: Array) -> RigidTool:
+def linear_fit(R_base_flange: Array, wrench: Array, R_flange_sensor: Array, gravity_direction: Array) -> RigidTool:
     """Weight, com and bias of least squares with both rotations held; the weight kept above zero."""
     r = gravity_in_flange(R_base_flange, gravity_direction)
     moments = _Moments(r, wrench)

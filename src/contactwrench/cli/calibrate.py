@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 
+from ..files import STDOUT, make_folder, require_distinct
 from .known import KNOWN_HELP, known_values, require_compatible
 from .reading import (
     DEFAULT_G,
@@ -17,7 +18,6 @@ from .reading import (
     InverseOrientation,
     Json,
     Orientation,
-    Recording,
     Sign,
     StandardGravity,
     WrenchFrame,
@@ -26,15 +26,28 @@ from .reading import (
     not_negative,
     read_recording,
 )
+from .several import json_of, output_files, shared_names
+
+if TYPE_CHECKING:
+    from ..calibration import Calibration
 
 
 def calibrate(
-    file: Recording,
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE", help="Recording: CSV with fx..tz and an orientation; several with --shared."),
+    ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="CAL.json", help="Write the calibration; - is stdout."),
+        typer.Option(
+            "--output", "-o", metavar="CAL.json", help="Write the calibration; - is stdout. With --shared: the folder."
+        ),
     ] = None,
     model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
+    shared: Annotated[
+        str | None,
+        typer.Option(metavar="mount,gravity", help="Several tools on one sensor: what the recordings share."),
+    ] = None,
     mount_tilt_sd: Annotated[
         float | None,
         typer.Option(
@@ -77,26 +90,31 @@ def calibrate(
     g: StandardGravity = DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
-    from ..calibrate import calibrate as fit
     from ..calibrate.auto import BASE_TILT_SD, MOUNT_TILT_SD
-    from ..calibration import Calibration
-    from ..calibration_file import to_json
-    from ..files import require_distinct
 
-    require_distinct(output, {"recording that is read": file, "report": report})
-    require_distinct(report, {"recording that is read": file})
     require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)
-    samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
-    calibration = fit(
-        samples,
-        model,
-        gravity=gravity_direction(gravity),
-        g=g,
-        mount_tilt_sd=MOUNT_TILT_SD if mount_tilt_sd is None else float(np.deg2rad(mount_tilt_sd)),
-        base_tilt_sd=BASE_TILT_SD if base_tilt_sd is None else float(np.deg2rad(base_tilt_sd)),
-        known=known_values(known or [], g),
-        prior=None if prior is None else Calibration.load(prior),
-    )
+    in_common = shared_names(files, shared, model, known or [], prior, report)
+    paths = output_files(files, output) if in_common else [output]
+    if not in_common:
+        require_distinct(output, {"recording that is read": files[0], "report": report})
+        require_distinct(report, {"recording that is read": files[0]})
+    recordings = [read_recording(file, orientation, wrench_frame, sign, inverse_orientation) for file in files]
+    stated: dict[str, Any] = {
+        "gravity": gravity_direction(gravity),
+        "g": g,
+        "mount_tilt_sd": MOUNT_TILT_SD if mount_tilt_sd is None else float(np.deg2rad(mount_tilt_sd)),
+        "base_tilt_sd": BASE_TILT_SD if base_tilt_sd is None else float(np.deg2rad(base_tilt_sd)),
+        "known": known_values(known or [], g),
+    }
+    if in_common:
+        from ..calibrate.shared import calibrate_shared
+
+        calibrations = calibrate_shared(recordings, in_common, model, **stated)
+    else:
+        from ..calibrate import calibrate as fit
+        from ..calibration import Calibration
+
+        calibrations = (fit(recordings[0], model, prior=None if prior is None else Calibration.load(prior), **stated),)
     reading = {
         "orientation": orientation,
         "wrench_frame": wrench_frame,
@@ -104,30 +122,47 @@ def calibrate(
         "inverse_orientation": inverse_orientation,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    calibration = replace(calibration, provenance={**calibration.provenance, **reading})
-    if output is not None:
-        calibration.save(output)
+    calibrations = tuple(replace(one, provenance={**one.provenance, **reading}) for one in calibrations)
+    if in_common and output is not None and str(output) != STDOUT:
+        make_folder(output)
+    for path, calibration in zip(paths, calibrations, strict=True):
+        if path is not None:
+            calibration.save(path)
     if report is not None:
         from ..report.html import write_calibration_report
 
-        write_calibration_report(report, calibration)
-    to_stdout = str(output) == "-"
-    if json and not to_stdout:
-        typer.echo(to_json(calibration), nl=False)
+        write_calibration_report(report, calibrations[0])
+    _print(calibrations, bool(in_common), json, output)
+    if not (json or str(output) == STDOUT):
+        for written, what in (*((path, "calibration") for path in paths), (report, "report")):
+            if written is not None:
+                typer.echo(f"Wrote the {what} to {written}")
+    failed = [line for one in calibrations for line in _missed(one, require_force, require_torque, bool(in_common))]
+    for line in failed:
+        typer.echo(line, err=True)
+    return 1 if failed else 0
+
+
+def _print(calibrations: tuple[Calibration, ...], several: bool, json: bool, output: Path | None) -> None:
+    """The text or the JSON on stdout; a single calibration that went there already is not printed again."""
+    from ..calibration_file import to_json
+
+    to_stdout = str(output) == STDOUT
+    if several and (json or to_stdout):
+        typer.echo(json_of(calibrations), nl=False)
+    elif json and not to_stdout:
+        typer.echo(to_json(calibrations[0]), nl=False)
     elif not to_stdout:
-        typer.echo(str(calibration))
-        for path, what in ((output, "calibration"), (report, "report")):
-            if path is not None:
-                typer.echo(f"Wrote the {what} to {path}")
-    force, torque = calibration.largest_std
-    failed = [
+        typer.echo("\n\n".join(map(str, calibrations)))
+
+
+def _missed(calibration: Calibration, force: float | None, torque: float | None, named: bool) -> list[str]:
+    """The line that says which of the required accuracies is missed, if one is."""
+    largest, limits = calibration.largest_std, (force, torque)
+    missed = [
         f"{name} {value:.3g} {unit} over {limit:g}"
-        for name, value, limit, unit in (
-            ("force", force, require_force, "N"),
-            ("torque", torque, require_torque, "N m"),
-        )
+        for name, value, limit, unit in zip(("force", "torque"), largest, limits, ("N", "N m"), strict=True)
         if limit is not None and not value <= limit
     ]
-    if failed:
-        typer.echo(f"Required accuracy missed: largest std of the contact {' and '.join(failed)}", err=True)
-    return 1 if failed else 0
+    where = f"{calibration.provenance['source']}: " if named else ""
+    return [f"{where}Required accuracy missed: largest std of the contact {' and '.join(missed)}"] if missed else []
