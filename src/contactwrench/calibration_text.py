@@ -56,10 +56,12 @@ def headline(calibration: Calibration) -> str:
     """Model, and what it was fitted on."""
     c = calibration
     n = len(c.poses) if c.moments is None else c.moments.n
+    kept = len(c.fitted_poses) if c.moments is None else n
     rows = c.provenance.get("rows", n)
-    asked = "" if c.requested_model == c.model else f" (asked: {c.requested_model})"
+    of_all = "" if kept == n else f"{kept} of "
+    poses = f"{of_all}{n} {'pose' if n == 1 else 'poses'}"
     of_rows = "" if rows == n else f" from {rows} rows"
-    return f"Calibration, model {c.model}{asked}, {n} poses{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
+    return f"Calibration, model {c.requested_model}, {poses}{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
 
 
 def parameter_rows(calibration: Calibration) -> list[Row]:

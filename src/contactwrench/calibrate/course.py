@@ -9,7 +9,7 @@ costs what six parameters cost: so a few bumped poses are not a step, and a step
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,11 +59,9 @@ def course_of_bias(linear: LinearReadings, wide: Array, unit: Array, time: Array
     if not _moves(linear, wide, ~out, time) and np.sum(out) < MANY_OUTLIERS:
         return steady
     fixed = [("drift", None, _powers(time, 1)), *(("step", k, _step(n, k)) for k in _likeliest_steps(linear, n))]
-    courses = [
-        (_criterion(linear, np.zeros((n, 0)), out), steady),
-        *(_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed),
-        _walk(linear, time, unit),
-    ]
+    courses = [*(_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed), _walk(linear, time, unit)]
+    left_out = [out, *(course.outlying for _, course in courses)]
+    courses += [(_criterion(linear, np.zeros((n, 0)), each), replace(steady, outlying=each)) for each in left_out]
     return min(courses, key=lambda course: course[0])[1]
 
 

@@ -18,7 +18,10 @@ from ..orientation import Array
 from .noise import GROUPS
 
 FALSE_ALARMS = 0.08
-"""Probability, at most, that a clean recording loses a pose."""
+"""Probability, at most, that a clean recording of `PLENTY` poses or more loses one."""
+
+PLENTY = 24
+"""With fewer poses each is dearer, and the probability of losing one falls with the square of their number."""
 
 SURELY_CLEAN = 0.85
 """Of the limit: where no pose is further off than this, none can hide others."""
@@ -68,10 +71,15 @@ def outlying(linear: LinearReadings) -> NDArray[np.bool_]:
     return ~kept if np.mean(~kept) <= MOST_LEFT_OUT else ~everything
 
 
+def chance_of_loss(n: int) -> float:
+    """Probability, at most, that a clean recording of n poses loses one."""
+    return FALSE_ALARMS * min(1.0, (n / PLENTY) ** 2)
+
+
 def deleted_distances(linear: LinearReadings, kept: NDArray[np.bool_]) -> tuple[Array, float]:
     """Squared distances (n,) of each pose from what the other poses that are `kept` say, in units of the noise that
-    these have and of the error of the fit to them; and the limit that a clean recording exceeds anywhere with the
-    probability `FALSE_ALARMS`.
+    these have and of the error of the fit to them; and the limit that a clean recording exceeds anywhere with
+    `chance_of_loss`.
     """
     from scipy.special import fdtri
 
@@ -90,7 +98,7 @@ def deleted_distances(linear: LinearReadings, kept: NDArray[np.bool_]) -> tuple[
     spread = linear.J @ inverse @ linear.J.transpose(0, 2, 1)
     spread[:, range(6), range(6)] += np.repeat(of_others, 3, axis=1)
     distance = np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[..., None])[..., 0])
-    return distance, 6.0 * float(fdtri(6.0, 0.5 * float(dof.min(axis=0).sum()), 1.0 - FALSE_ALARMS / n))
+    return distance, 6.0 * float(fdtri(6.0, 0.5 * float(dof.min(axis=0).sum()), 1.0 - chance_of_loss(n) / n))
 
 
 def _robust_start(linear: LinearReadings) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from .course import FALSE_ALARM, FEWEST_POSES, Course, chance_of_steady, course_
 from .estimate import Estimate, Question, checked, fitted
 from .knowledge import rows_of
 from .least_squares import LEAST_LEFT, Fit, PoseReadings
-from .outliers import FALSE_ALARMS, SURELY_CLEAN, LinearReadings
+from .outliers import SURELY_CLEAN, LinearReadings, chance_of_loss
 
 ROUNDS = 5
 ROUNDING = 1e-7
@@ -105,7 +105,7 @@ def _clean_at_a_glance(fit: Fit, r: Array, time: Array) -> bool:
     left = linear.readings_left
     distance = np.einsum("ni,ni->n", linear.whitened, held_out) * left / linear.chi2_of_readings
     without = np.maximum(distance * (left - 6.0) / np.maximum(left - distance, 1e-9), 0.0)
-    limit = 6.0 * float(fdtri(6.0, max(left - 6.0, 1.0), 1.0 - FALSE_ALARMS / n))
+    limit = 6.0 * float(fdtri(6.0, max(left - 6.0, 1.0), 1.0 - chance_of_loss(n) / n))
     if float(without.max()) > SURELY_CLEAN * limit:
         return False
     if n < FEWEST_POSES:
@@ -131,6 +131,12 @@ def _course(found: Estimate, readings: PoseReadings, time: Array) -> Course:
         known_errors=np.zeros(0) if known is None else known.residuals,
     )
     return course_of_bias(linear, affine_jacobian(r) / unit[:, None], unit, time)
+
+
+def two_digits(value: float) -> str:
+    """A number with two digits, or all before the point, never in powers of ten."""
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:.0f}" if abs(rounded) >= 10.0 else f"{rounded:g}"
 
 
 def weight_of(fit: Fit) -> float:
@@ -176,6 +182,6 @@ def _reasons(
 def _reason(error: Array, noise: Array) -> str:
     force, torque = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
     return (
-        f"{force:.2g} N and {1e3 * torque:.2g} mN m off what the other poses explain, "
+        f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m off what the other poses explain, "
         f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
     )
