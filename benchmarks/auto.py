@@ -109,7 +109,7 @@ def force_error(force: Array, rig: Rig) -> float:
 
 
 def rms(squared: Array) -> float:
-    """Root of the mean over the trials (n,) that were not refused; NaN where all were."""
+    """Root of the mean over what was not refused (NaN); NaN where all was."""
     there = squared[np.isfinite(squared)]
     return float(np.sqrt(there.mean())) if len(there) else np.nan
 
@@ -239,7 +239,7 @@ def any_mounting_and_base(seed: tuple[int, ...], n: int) -> list[Outcome]:
 
 
 def _judged(calibration: cw.Calibration, rig: Rig) -> str:
-    """Whether weight, mounting and gravity are the rig's: to 6 stated std; the directions, if that is more, to 1 deg."""
+    """Whether weight, mounting and gravity are the rig's, to 6 stated std; for directions 1 deg will do as well."""
     std, R = calibration.std, calibration.R_flange_sensor
     if calibration.weight is None or R is None:
         raise TypeError("auto gives a rigid tool")

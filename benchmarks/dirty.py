@@ -24,7 +24,7 @@ from .world import Array, derivatives, noisy_readings, random_rotations
 
 RIG = replace(TABLE_V, weight=10.0)
 POSES = POSE_SETS["24 random"]
-TIME = 60.0 * np.arange(len(POSES))
+TIME: Array = 60.0 * np.arange(len(POSES))
 """s: a pose a minute."""
 
 BAD = 4
@@ -42,7 +42,8 @@ FOUND = {"step": "the bias stepped", "drift": "the bias drifted", "walk": "the b
 def _of_length(size: float, rng: np.random.Generator, n: int) -> Array:
     """Wrenches (n, 6) in units of the noise, of that length, in random directions."""
     directions = rng.normal(size=(n, 6))
-    return size * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    scaled: Array = size * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return scaled
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,8 @@ def false_alarms(pool: Executor, trials: int) -> Iterator[Row]:
     yield Row("recordings that lose a pose", 100.0 * len(losing) / len(found), "%", most=10.0, remark=remark)
     courses = Counter(course for _, course in found if course != "steady")
     remark = ", ".join(f"{course} {count}" for course, count in courses.items())
-    yield Row(
-        "recordings whose bias is found to move", 100.0 * courses.total() / len(found), "%", most=1.0, remark=remark
-    )
+    moving = 100.0 * courses.total() / len(found)
+    yield Row("recordings whose bias is found to move", moving, "%", most=1.0, remark=remark)
 
 
 AFTER = len(POSES) // 2
@@ -143,7 +143,8 @@ _TO_GO = (1.0 - TIME / TIME[-1])[:, None]
 
 def _walk(rng: np.random.Generator) -> Array:
     steps = np.cumsum(rng.normal(size=(len(POSES), 6)), axis=0)
-    return steps - steps[-1]
+    to_last: Array = steps - steps[-1]
+    return to_last
 
 
 COURSES: dict[str, tuple[str, Callable[[np.random.Generator], Array]]] = {
@@ -182,8 +183,8 @@ def with_course(name: str, seed: tuple[int, ...], n: int) -> list[Moved | None]:
         except cw.ContactWrenchError:
             moved.append(None)
             continue
-        squared = [force_error(calibration.predict(UNSEEN)[:, :3], RIG) for calibration in (found, told)]
-        moved.append(Moved(*_course_found(found), *squared, (found.bias - RIG.bias) / found.std["bias"]))
+        squared, of_told = (force_error(calibration.predict(UNSEEN)[:, :3], RIG) for calibration in (found, told))
+        moved.append(Moved(*_course_found(found), squared, of_told, (found.bias - RIG.bias) / found.std["bias"]))
     return moved
 
 
@@ -224,9 +225,7 @@ def courses_followed(pool: Executor, trials: int) -> Iterator[Row]:
         yield Row(f"{name}: RMS of the force", followed / told, "x told", remark=remark)
         in_stds = np.array([one.in_stds for one in moved])
         remark = f"{100.0 * np.mean(np.abs(in_stds) < 1.96):.1f} % within 1.96, {np.abs(in_stds).max():.3g} at most"
-        yield Row(
-            f"{name}: RMS error of the last bias", float(np.sqrt(np.mean(in_stds**2))), "stated std", remark=remark
-        )
+        yield Row(f"{name}: RMS error of the last bias", rms(in_stds**2), "stated std", remark=remark)
 
 
 def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
