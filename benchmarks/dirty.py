@@ -24,7 +24,7 @@ from .world import Array, derivatives, noisy_readings, random_rotations
 
 RIG = replace(TABLE_V, weight=10.0)
 POSES = POSE_SETS["24 random"]
-TIME: Array = 60.0 * np.arange(len(POSES))
+TIME: Array = np.linspace(0.0, 60.0 * (len(POSES) - 1), len(POSES))
 """s: a pose a minute."""
 
 BAD = 4
