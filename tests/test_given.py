@@ -100,6 +100,33 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
     assert calibration.dof == pytest.approx(earlier.dof)
 
 
+def test_one_row_is_noisier_than_the_mean_of_many() -> None:
+    """The earlier poses averaged 400 rows each; a single row scatters 20 times as much."""
+    rig, R, rng = example(12, poses=8)
+    noise = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    many = np.repeat(R, 400, axis=0)
+    earlier = cw.calibrate(cw.Samples(noisy_readings(rig, many, noise, rng), many), "mount")
+    off = []
+    for _ in range(30):
+        one = random_rotations(1, rng)
+        now = cw.calibrate(cw.Samples(noisy_readings(rig, one, noise, rng), one), prior=earlier)
+        off.append((now.bias - rig.bias) / now.std["bias"])
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=0.4)
+
+
+def test_what_is_known_takes_the_place_of_the_prior() -> None:
+    """A base 3 deg off level, known to within 5: the prior of 0.71 deg has no say in it."""
+    rig, R, rng = example(13, poses=12)
+    rig = replace(rig, weight=20.0, down=tilted_down(np.deg2rad(3.0), rng))
+    calibration = cw.calibrate(noisy(rig, R, rng), known={"gravity": ((0, 0, -1), np.deg2rad(5.0))})
+    assert calibration.gravity_direction == pytest.approx(rig.down, abs=0.01)
+    assert calibration.assumptions[1].startswith("base: as known; gravity is found 2.9") or calibration.assumptions[
+        1
+    ].startswith("base: as known; gravity is found 3.0")
+    mounted = cw.calibrate(noisy(rig, R, rng), known={"mount": (rig.R_flange_sensor, 0.01)})
+    assert mounted.assumptions[0].startswith("mounting: as known; sensor's z is found ")
+
+
 def test_more_poses_sharpen_what_was_known() -> None:
     rig, R, rng = example(6, poses=8)
     earlier = cw.calibrate(noisy(rig, R, rng), "mount")
@@ -132,6 +159,9 @@ def test_poses_that_contradict_the_earlier_calibration_are_said() -> None:
         ),
         ({"known": {"weight": 3.0}}, "known weight is 3.0, expected a pair: the value and its std"),
         ({"known": {"weight": (3.0, 0.0)}}, "std of known weight is 0, 0, 0, expected numbers above 0"),
+        ({"known": {"weight": (3.0, (1, 2, 3))}}, "std of known weight is (1, 2, 3), expected a number, finite"),
+        ({"known": [1]}, "known is list, expected a mapping, as in {'weight': (12.3, 0.1)}"),
+        ({"prior": 3}, "prior is int, expected a Calibration: cw.Calibration.load(path)"),
         ({"known": {"weight": (-3.0, 0.1)}}, "known weight is -3, expected N above 0"),
         ({"known": {"weight": (np.nan, 0.1)}}, "known weight is nan, expected a number, finite"),
         ({"known": {"com": ([1.0], 0.1)}}, "known com is [1.0], expected (3,), finite"),
@@ -221,7 +251,7 @@ def test_the_flag_prior_re_zeroes_with_one_pose(tmp_path: Path, capsys: Capture)
 def test_derivatives_of_what_is_known_are_those_of_finite_differences() -> None:
     rig, R, rng = example(11, poses=10)
     names = PARAMETERS["mount+base"]
-    earlier, of_earlier, _ = earlier_tool(cw.calibrate(noisy(rig, R, rng), "mount+base"))
+    earlier, of_earlier, _ = earlier_tool(cw.calibrate(noisy(rig, R, rng), "mount+base"), rows=1)
     pieces = (
         of_earlier,
         known_weight(3.0, 0.1),

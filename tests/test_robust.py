@@ -159,6 +159,23 @@ def test_a_random_walk_is_followed_to_its_end() -> None:
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
 
 
+def test_the_same_push_in_four_poses() -> None:
+    for seed, size in ((21, 10.0), (22, 30.0), (23, 100.0), (24, 1000.0)):
+        rig, R, rng = _rig(seed)
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        push = rng.normal(size=6)
+        wrench[BAD] += size * NOISE * push / np.linalg.norm(push)
+        assert set(BAD) <= set(_left_out(cw.calibrate(cw.Samples(wrench, R)))), (seed, size)
+
+
+def test_a_thousand_poses_take_no_walk() -> None:
+    """A drift in a long recording is followed without a covariance between all of its poses."""
+    rig, _, rng = _rig(25)
+    R = random_rotations(400, rng)
+    wrench = noisy_readings(rig, R, NOISE, rng) + np.outer(np.linspace(-1.0, 0.0, 400), 10.0 * NOISE)
+    assert _of_bias(cw.calibrate(cw.Samples(wrench, R), "mount"))[0].startswith("the bias drifted by (")
+
+
 def test_visits_to_the_same_pose_tell_a_drift() -> None:
     """Two orientations more than once: averaged they would hide it."""
     rig, R, rng = _rig(10)

@@ -26,6 +26,9 @@ SIDE = 2
 
 MANY_OUTLIERS = 3
 SPANNED = 1e-7
+MOST_POSES_OF_WALK = 300
+"""A walk is a covariance between all poses; of more, a drift and steps have to do."""
+
 WALK_RATIOS = np.geomspace(0.02, 10.0, 25)
 """Of a random walk's std per unit of time to the noise, where the restricted likelihood is looked at."""
 
@@ -59,7 +62,9 @@ def course_of_bias(linear: LinearReadings, wide: Array, unit: Array, time: Array
     if not _moves(linear, wide, ~out, time) and np.sum(out) < MANY_OUTLIERS:
         return steady
     fixed = [("drift", None, _powers(time, 1)), *(("step", k, _step(n, k)) for k in _likeliest_steps(linear, n))]
-    courses = [*(_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed), _walk(linear, time, unit)]
+    courses = [_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed]
+    if n <= MOST_POSES_OF_WALK:
+        courses.append(_walk(linear, time, unit))
     left_out = [out, *(course.outlying for _, course in courses)]
     courses += [(_criterion(linear, np.zeros((n, 0)), each), replace(steady, outlying=each)) for each in left_out]
     return min(courses, key=lambda course: course[0])[1]
@@ -148,13 +153,12 @@ def _gain_of_steps(U: Array, whitened: Array) -> Array:
 
 
 def _likeliest_steps(linear: LinearReadings, n: int) -> list[int]:
-    """The places where a step leaves least, three of them."""
-    everything = np.ones(n)
-    left = {
-        k: float(np.sum(np.log(weighted_fit(_with(linear, _step(n, k)), everything).variance)))
-        for k in range(SIDE, n - SIDE + 1)
-    }
-    return sorted(left, key=lambda k: left[k])[:3]
+    """The places where a step explains most, three of them."""
+    fit = weighted_fit(linear, np.ones(n))
+    scale = np.sqrt(np.repeat(fit.weighted_by, 3))
+    U = np.linalg.qr((linear.J / scale[:, None]).reshape(6 * n, -1))[0].reshape(n, 6, -1)
+    gain = _gain_of_steps(U, fit.left / scale)
+    return [int(k) + SIDE for k in np.argsort(-gain)[:3]]
 
 
 def _criterion(linear: LinearReadings, shape: Array, out: NDArray[np.bool_]) -> float:
@@ -197,10 +201,13 @@ def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Cour
         whitened = LinearReadings(J, unmixed @ some.errors, some.known, some.known_errors)
         fit = weighted_fit(whitened, np.ones(len(noise)))
         of_walk = 12.0 * float(np.sum(np.log(np.diag(factor))))
-        restricted = float(fit.dof @ np.log(fit.variance) + np.linalg.slogdet(fit.information)[1]) + of_walk
+        spread = 3.0 * len(noise) * float(np.sum(np.log(fit.variance)))
+        restricted = spread + float(np.linalg.slogdet(fit.information)[1]) + of_walk
         criterion = float(3.0 * n * np.sum(np.log(fit.variance))) + of_walk
-        fits.append((restricted, criterion, fit, walk @ np.linalg.inv(noise)))
-    _, criterion, fit, smooth = min(fits, key=lambda found: found[0])
+        fits.append((restricted, criterion, fit, ratio))
+    _, criterion, fit, ratio = min(fits, key=lambda found: found[0])
+    walk = ratio**2 * n * together
+    smooth = walk @ np.linalg.inv(np.eye(len(some.errors)) + walk[~out])
     change = smooth @ (some.errors - some.J @ (fit.inverse @ fit.right)) * unit
     steady = np.einsum("nip,i,niq->pq", some.J, np.repeat(1.0 / fit.weighted_by, 3), some.J)
     growth = fit.inverse - np.linalg.inv(steady + linear.known.T @ linear.known)

@@ -19,6 +19,7 @@ from .auto import AutoFit, TiltPriors, fit_auto, tilt_priors
 from .joint import RigidProblem, finished_rigid, fit_rigid, solved_from
 from .knowledge import Knowledge, rows_of
 from .least_squares import LEAST_LEFT, Fit, GivenNoise, PoseReadings
+from .noise import GROUPS
 from .paper import fit_paper
 from .sign import check_sign, require_positive_weight, require_stated_side
 
@@ -127,7 +128,9 @@ def _checked(
     tool, stated = _tool(fit), question.gravity_direction
     if model not in HELD_GRAVITY:
         require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
-    warnings = check_sign(fit, as_recorded, model, stated, question.noise)
+    if as_recorded is not readings:
+        check_sign(fit, as_recorded, model, stated, question.noise)
+    warnings = check_sign(fit, readings, model, stated, question.noise)
     require_positive_weight(tool.weight, stated)
     return warnings
 
@@ -146,7 +149,19 @@ def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Q
             f"found {len(readings)} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
-    _require_noise(readings, len(names), fit.readings_left, question)
+    _require_noise(readings, len(names), _least_left_of_a_group(fit), question)
+    if not fit.singular_values[-1] > 0.0:
+        raise UnobservableError(
+            "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
+            "columns hold what the sensor read"
+        )
+
+
+def _least_left_of_a_group(fit: Fit) -> float:
+    """Degrees of freedom that are left to the forces, or to the torques, whichever has fewer: their noises differ."""
+    if fit.linear is None:
+        return fit.readings_left
+    return min(3.0 * len(fit.residuals) - float(np.sum(fit.linear.U[:, group] ** 2)) for group in GROUPS)
 
 
 def _tool(fit: Fit) -> RigidTool:

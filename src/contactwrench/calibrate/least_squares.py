@@ -269,7 +269,7 @@ def _mean_scatter(scatter: Scatter | None) -> Array:
 def _chi2_of_scatter(linear: Linearised, scatter: Scatter | None) -> float:
     """Sum of squares of the residuals over what the samples' scatter alone explains (without any: over the noise)."""
     if scatter is None:
-        return linear.chi2
+        return linear.chi2_of_readings
     variance = np.einsum("nii->ni", scatter.covariance)
     known = variance > 0.0
     return float(np.sum(linear.residuals[known] ** 2 / variance[known]))

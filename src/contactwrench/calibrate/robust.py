@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model import affine_jacobian, gravity_in_flange, matrix_jacobian, wrench_jacobian
+from ..model import affine_jacobian, free_wrench, gravity_in_flange, matrix_jacobian, wrench_jacobian
 from ..orientation import Array
 from .course import FALSE_ALARM, FEWEST_POSES, Course, chance_of_steady, course_of_bias
 from .estimate import Estimate, Question, checked, fitted
 from .knowledge import rows_of
 from .least_squares import LEAST_LEFT, Fit, PoseReadings
-from .outliers import SURELY_CLEAN, LinearReadings, chance_of_loss
+from .noise import GROUPS
+from .outliers import SURELY_CLEAN, LinearReadings, deleted_distances
 
 ROUNDS = 5
 ROUNDING = 1e-7
@@ -53,8 +54,7 @@ def cleaned_estimate(readings: PoseReadings, time: Array, question: Question) ->
     separate comes as it is (see `confirmed`).
     """
     found, course, clean = fitted(readings, question), None, readings
-    r = gravity_in_flange(readings.R_base_flange, found.fit.gravity_direction)
-    if question.model in ROBUST_MODELS and not _clean_at_a_glance(found.fit, r, time):
+    if question.model in ROBUST_MODELS and not _clean_at_a_glance(found, readings, time):
         found, course, clean = _cleaned(found, readings, time, question)
     kept = np.ones(len(readings), dtype=bool) if course is None else ~course.outlying
     return RobustEstimate(found, clean, readings, _reasons(found.fit, readings, kept, course), course)
@@ -77,7 +77,10 @@ def _cleaned(
     found, course = as_it_is, None
     for _ in range(ROUNDS):
         before = course
-        course = _course(found, readings, time)
+        unit = noise_of_groups(found.fit) if before is None else found.fit.noise
+        r = gravity_in_flange(readings.R_base_flange, found.fit.gravity_direction)
+        wide = affine_jacobian(r) / unit[:, None]
+        course = course_of_bias(_linear_readings(found, readings, unit), wide, unit, time)
         clean = replace(readings, wrench=readings.wrench - course.change).select(~course.outlying)
         found = fitted(clean, question)
         if before is not None and _same(before, course):
@@ -88,49 +91,50 @@ def _cleaned(
     return as_it_is, None, readings
 
 
-def _clean_at_a_glance(fit: Fit, r: Array, time: Array) -> bool:
-    """Whether neither a pose nor the order in time stands out of the ordinary fit; `r` (n, 3), gravity in flange axes.
+def _clean_at_a_glance(found: Estimate, readings: PoseReadings, time: Array) -> bool:
+    """Whether neither a pose nor the order in time stands out of the ordinary fit.
 
     What rounding leaves of perfect readings has no distribution to stand out of.
     """
-    from scipy.special import fdtri
-
-    linear, n = fit.linear, len(time)
+    fit, n = found.fit, len(time)
+    linear = fit.linear
     if linear is None or linear.s[-1] == 0.0 or fit.readings_left < LEAST_LEFT or linear.chi2_of_readings == 0.0:
         return True
     if float(np.abs(fit.residuals).max()) <= ROUNDING * float(np.abs(fit.B).max()):
         return True
-    remaining = np.eye(6) - linear.U @ linear.U.transpose(0, 2, 1) + 1e-9 * np.eye(6)
-    held_out = np.linalg.solve(remaining, linear.whitened[..., None])[..., 0]
-    left = linear.readings_left
-    distance = np.einsum("ni,ni->n", linear.whitened, held_out) * left / linear.chi2_of_readings
-    without = np.maximum(distance * (left - 6.0) / np.maximum(left - distance, 1e-9), 0.0)
-    limit = 6.0 * float(fdtri(6.0, max(left - 6.0, 1.0), 1.0 - chance_of_loss(n) / n))
-    if float(without.max()) > SURELY_CLEAN * limit:
+    in_groups = _linear_readings(found, readings, noise_of_groups(fit))
+    distance, limit = deleted_distances(in_groups, np.ones(n, dtype=bool))
+    if float(distance.max()) > SURELY_CLEAN * limit:
         return False
     if n < FEWEST_POSES:
         return True
+    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
     columns = np.concatenate([linear.U, linear.whitener @ affine_jacobian(r)], axis=2)
     return chance_of_steady(columns, linear.whitened, time) > AT_A_GLANCE * FALSE_ALARM
 
 
-def _course(found: Estimate, readings: PoseReadings, time: Array) -> Course:
+def noise_of_groups(fit: Fit) -> Array:
+    """One noise (6,) for the forces and one for the torques: an axis of its own would hide its outliers."""
+    noise = np.empty(6)
+    for group in GROUPS:
+        noise[group] = float(np.sqrt(np.mean(fit.noise[group] ** 2)))
+    return noise
+
+
+def _linear_readings(found: Estimate, readings: PoseReadings, unit: Array) -> LinearReadings:
+    """The readings linearised at the estimate, in units (6,) of noise."""
     fit = found.fit
     tool = fit.tool
     if tool is None:
         raise TypeError("a rigid fit has a tool")
-    names = found.names
-    known = rows_of(found.knowledge, tool, names)
-    unit = fit.noise
-    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
-    errors = readings.wrench - r @ fit.B[:, :3].T - fit.B[:, 3]
-    linear = LinearReadings(
-        J=wrench_jacobian(tool, readings.R_base_flange, names) / unit[:, None],
+    known = rows_of(found.knowledge, tool, found.names)
+    errors = readings.wrench - free_wrench(fit.B, gravity_in_flange(readings.R_base_flange, fit.gravity_direction))
+    return LinearReadings(
+        J=wrench_jacobian(tool, readings.R_base_flange, found.names) / unit[:, None],
         errors=errors / unit,
-        known=np.zeros((0, len(names))) if known is None else known.jacobian,
+        known=np.zeros((0, len(found.names))) if known is None else known.jacobian,
         known_errors=np.zeros(0) if known is None else known.residuals,
     )
-    return course_of_bias(linear, affine_jacobian(r) / unit[:, None], unit, time)
 
 
 def two_digits(value: float) -> str:
@@ -165,6 +169,8 @@ def _with_course(fit: Fit, names: tuple[str, ...], course: Course) -> Fit:
         covariance=covariance,
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         noise=np.sqrt(counted) * fit.noise,
+        dof=fit.dof / counted,
+        readings_left=fit.readings_left / counted,
     )
 
 
