@@ -24,7 +24,7 @@ from benchmarks.world import (
 from contactwrench.calibrate.shared import calibrate_shared
 from contactwrench.errors import AmbiguityError, InputError, UnobservableError
 from tests.recordings import matrix_table, run, rx, ry, rz, written
-from tests.rigs import NOISE, assert_same_tool, noise_free, rotation_angle, seeds
+from tests.rigs import NOISE, assert_same_tool, noisy, rotation_angle, seeds
 
 Capture = pytest.CaptureFixture[str]
 
@@ -67,23 +67,23 @@ def mounting_error(calibration: cw.Calibration, rig: Rig) -> Array:
     return 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
 
 
-@settings(max_examples=6)
+@settings(max_examples=4, deadline=None)
 @given(seeds)
-def test_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed: int) -> None:
+def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rigs = two_tools(rng, tilt=rng.uniform(0.0, 1.0))
-    samples = [noise_free(rig, random_rotations(POSES, rng)) for rig in rigs]
+    samples = [noisy(rig, random_rotations(POSES, rng), rng, 1e-5 * NOISE) for rig in rigs]
     for calibration, rig in zip(calibrate_shared(samples, BOTH, "mount+base"), rigs, strict=True):
         assert_same_tool(calibration, rig, 1e-5)
 
 
-@settings(max_examples=6)
+@settings(max_examples=2, deadline=None)
 @given(seeds)
 def test_what_is_shared_is_the_very_same_in_all_and_the_rest_is_not(seed: int) -> None:
     rng = np.random.default_rng(seed)
     heavy, light = two_tools(rng, tilt=0.01)
     samples = [recorded(rig, random_rotations(POSES, rng), rng, "a") for rig in (heavy, light)]
-    for model, shared in (("auto", BOTH), ("mount+base", ("mount",)), ("auto", ("gravity",))):
+    for model, shared in (("auto", BOTH), ("mount+base", ("mount",)), ("mount+base", ("gravity",))):
         a, b = calibrate_shared(samples, shared, model)
         assert a.R_flange_sensor is not None
         assert b.R_flange_sensor is not None
@@ -102,7 +102,7 @@ def test_a_light_tool_reaches_the_joint_bound_and_says_so() -> None:
     light = rigs[1]
     apart = joint_bound((light,), "mount", poses[1:])[10:, 10:]
     of_mounting, of_tool, of_both, stated = [], [], [], []
-    for _ in range(60):
+    for _ in range(40):
         samples = [recorded(rig, R, rng, "a") for rig, R in zip(rigs, poses, strict=True)]
         found = calibrate_shared(samples, ("mount",), "mount", noise=NOISE)[1]
         assert found.com is not None

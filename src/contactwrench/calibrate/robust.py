@@ -80,7 +80,7 @@ def _clean_at_a_glance(fit: Fit, time: Array) -> bool:
     remaining = np.eye(6) - linear.U @ linear.U.transpose(0, 2, 1) + 1e-9 * np.eye(6)
     held_out = np.linalg.solve(remaining, linear.whitened[..., None])[..., 0]
     left = linear.readings_left
-    distance = np.einsum("ni,ni->n", linear.whitened, held_out) * left / linear.chi2_of_readings
+    distance = np.einsum("ni,ni->n", linear.whitened, held_out) * left / max(linear.chi2_of_readings, 1e-300)
     without = np.maximum(distance * (left - 6.0) / np.maximum(left - distance, 1e-9), 0.0)
     limit = 6.0 * float(fdtri(6.0, max(left - 6.0, 1.0), 1.0 - FALSE_ALARMS / n))
     if float(without.max()) > SURELY_CLEAN * limit:

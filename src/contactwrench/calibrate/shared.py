@@ -291,7 +291,8 @@ def _other_axes(before: RigidTool, after: RigidTool, names: tuple[str, ...]) -> 
     axes = np.eye(len(names))
     if GRAVITY[0] in names:
         old, new = (np.stack(horizontal_axes(tool.gravity_direction)) for tool in (before, after))
-        axes[-2:, -2:] = new @ old.T
+        U, _, Vt = np.linalg.svd(new @ old.T)
+        axes[-2:, -2:] = U @ Vt
     return axes
 
 
