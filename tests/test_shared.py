@@ -106,6 +106,7 @@ def test_a_light_tool_reaches_the_joint_bound_and_says_so() -> None:
         samples = [recorded(rig, R, rng, "a") for rig, R in zip(rigs, poses, strict=True)]
         found = calibrate_shared(samples, ("mount",), "mount", noise=NOISE)[1]
         assert found.com is not None
+        assert found.weight is not None
         error = mounting_error(found, light)
         own = np.r_[light.weight - found.weight, light.com - found.com, light.bias - found.bias]
         of_mounting.append(error @ np.linalg.solve(bound[20:, 20:], error) / 3.0)
@@ -131,6 +132,7 @@ def test_poses_that_do_not_fix_a_mounting_alone_profit_from_another_recording(ti
         cw.calibrate(samples[0], "mount+base", noise=NOISE)
     found, _ = calibrate_shared(samples, BOTH, "mount+base", noise=NOISE)
     assert found.com is not None
+    assert found.weight is not None
     assert np.abs(found.weight - light.weight) < 4.0 * found.std["weight"] < 0.5
     assert (np.abs(found.com - light.com) < 4.0 * found.std["com"]).all()
     assert np.linalg.norm(mounting_error(found, light)) < 4.0 * np.linalg.norm(found.std["mount"])
