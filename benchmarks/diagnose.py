@@ -13,21 +13,19 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import contactwrench as cw
 from contactwrench.diagnose import Diagnosis, diagnose
 from contactwrench.recording.readings import readings as all_readings
 from contactwrench.ways_to_read import Readings, as_read
 
+from .recordings import measured_sets
 from .table import Row
 from .world import Array, noisy_readings, random_rig, random_rotations, tilted_down
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 NOISE = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
 
 CASES = 500
@@ -120,28 +118,16 @@ class File:
         return slice(1, n - 1)
 
 
-def measured_sets() -> list[tuple[Array, Array]]:
+@cache
+def measured() -> list[tuple[Array, Array]]:
     """Orientations and wrenches of the measured sets that are at hand."""
-    panda = cw.read(str(files("contactwrench") / "data" / "panda_mini45.csv"))
-    sets = [(panda.R_base_flange, panda.wrench)]
-    kuka, axia = SHARED / "kuka_atigamma" / "0-calibration_fts-accel.csv", SHARED / "axia80_7"
-    if kuka.exists():
-        samples = cw.read(kuka)
-        sets.append((samples.R_base_flange, samples.wrench))
-    if axia.exists():
-        R = Rotation.from_quat(np.loadtxt(axia / "pose.txt", delimiter=",")[:, 3:]).as_matrix()
-        wrench = np.loadtxt(axia / "wrench.txt", delimiter=",")
-        sets.append((R, np.hstack([np.einsum("nji,nj->ni", R, part) for part in (wrench[:, :3], wrench[:, 3:])])))
-    return sets
-
-
-SETS = cache(measured_sets)
+    return [(samples.R_base_flange, samples.wrench) for samples in measured_sets().values()]
 
 
 def a_set(rng: np.random.Generator) -> tuple[Array, Array]:
     """A measured set, one time in three, or a simulated one: any tool and mounting, 6 to 24 poses."""
     if rng.random() < 1.0 / 3.0:
-        return SETS()[int(rng.integers(len(SETS())))]
+        return measured()[int(rng.integers(len(measured())))]
     R = random_rotations(int(rng.integers(6, 25)), rng)
     return R, noisy_readings(random_rig(rng), R, NOISE, rng)
 
@@ -307,11 +293,11 @@ def tables(pool: Executor | None, quick: bool) -> Iterator[tuple[str, Iterable[R
     alone = [kept for chunk in run(_left_alone, seeds, sizes) for kept in chunk]
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        measured = [_untouched(as_it_should_be(rng, *one), Path(folder)) for one in SETS() for _ in range(4)]
+        others = [_untouched(as_it_should_be(rng, *one), Path(folder)) for one in measured() for _ in range(4)]
     yield (
         "Diagnosis: files without a mistake",
         [
             Row(f"mended, of {len(alone)} simulated", float(len(alone) - sum(alone)), "files", most=0.0),
-            Row(f"mended, of {len(measured)} measured", float(len(measured) - sum(measured)), "files", most=0.0),
+            Row(f"mended, of {len(others)} measured", float(len(others) - sum(others)), "files", most=0.0),
         ],
     )

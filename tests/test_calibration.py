@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from benchmarks.world import DOWN, Array, cramer_rao, derivatives, random_rotations, readings, tilted_down
+from tests.recordings import PANDA
 from tests.rigs import NOISE, example, noise_free, noisy
 
 MODELS = ("paper", "yaw", "mount", "mount+base", "affine")
@@ -173,9 +174,19 @@ def test_printed_it_shows_every_parameter_with_its_std(model: str) -> None:
         line = next(line for line in text.splitlines() if line.split()[:1] == [name])
         assert "+-" in line
     assert f"model {model}" in text
-    assert calibration.verdict in text
+    in_one_line = " ".join(text.split())
+    assert f"Verdict {calibration.verdict}" in in_one_line
     for warning in calibration.warnings:
-        assert warning in text
+        assert f"Warning {warning}" in in_one_line
+
+
+def test_printed_sentences_go_on_under_their_first_word() -> None:
+    """Below the first line, which names the file, nothing is wider than a hundred columns."""
+    text = str(cw.calibrate(cw.read(PANDA)))
+    assert max(map(len, text.splitlines()[1:])) <= 100
+    said = text[text.index("Verdict") :].splitlines()
+    assert len(said) > 3
+    assert all(line[:9] in ("Verdict  ", "Warning  ", " " * 9) and line[9] != " " for line in said)
 
 
 def test_verdict_states_the_largest_std() -> None:

@@ -163,7 +163,7 @@ def test_a_tool_that_stays_near_the_vertical_has_a_weak_weight() -> None:
     (of_weight,) = (text for text in calibration.warnings if text.startswith("weak: weight"))
     assert "over 10 %" in of_weight
     assert "weight and bias_fz: correlation" in of_weight
-    assert any("tilt the tool further" in text for text in calibration.warnings)
+    assert any("contactwrench plan --from FILE" in text for text in calibration.warnings)
     assert any(pair.startswith("weight and bias_fz") for pair in calibration.observability.trade_offs)
 
 

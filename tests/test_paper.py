@@ -73,7 +73,7 @@ def test_trade_off_of_weight_and_force_bias_is_said(calibration: cw.Calibration)
     (warning,) = (text for text in calibration.warnings if text.startswith("weak: ") and "weight 17.7" in text)
     assert "over 10 %" in warning
     assert "weight and bias_fz" in warning
-    assert any("tilt the tool further" in text for text in calibration.warnings)
+    assert any("one more pose, with gravity along the sensor's" in text for text in calibration.warnings)
 
 
 def test_equation_16_inside_table_5() -> None:

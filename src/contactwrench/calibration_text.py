@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 Row = tuple[str, str, str, str]
 """Name, value, standard deviation, unit."""
 
+COLUMNS = 100
+"""Of text: sentences go on in the next line."""
+
 
 def describe(calibration: Calibration) -> str:
     """Every parameter with its standard deviation and unit, how well it fits, the verdict and the warnings."""
@@ -27,22 +31,37 @@ def describe(calibration: Calibration) -> str:
         for name, value, std, unit in rows
     ]
     lines += ["", *fit_lines(calibration), ""]
-    lines += [f"Assumed  {assumption}" for assumption in calibration.assumptions]
+    lines += [line for assumption in calibration.assumptions for line in _sentence("Assumed", assumption)]
     if calibration.alternatives:
         lines += ["", *alternative_lines(calibration), ""]
-    lines += [f"Verdict  {calibration.verdict}"]
-    lines += [f"Warning  {warning}" for warning in calibration.warnings]
+    lines += _sentence("Verdict", calibration.verdict)
+    lines += [line for warning in calibration.warnings for line in _sentence("Warning", warning)]
     return "\n".join(lines)
+
+
+def _sentence(word: str, text: str) -> list[str]:
+    """What is said under a word, with a hanging indent where it needs more than one line."""
+    indent = f"{word}  "
+    return wrap(
+        text,
+        COLUMNS,
+        initial_indent=indent,
+        subsequent_indent=" " * len(indent),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def headline(calibration: Calibration) -> str:
     """Model, and what it was fitted on."""
     c = calibration
     n = len(c.poses) if c.moments is None else c.moments.n
+    kept = len(c.fitted_poses) if c.moments is None else n
     rows = c.provenance.get("rows", n)
-    asked = "" if c.requested_model == c.model else f" (asked: {c.requested_model})"
+    of_all = "" if kept == n else f"{kept} of "
+    poses = f"{of_all}{n} {'pose' if n == 1 else 'poses'}"
     of_rows = "" if rows == n else f" from {rows} rows"
-    return f"Calibration, model {c.model}{asked}, {n} poses{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
+    return f"Calibration, model {c.requested_model}, {poses}{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
 
 
 def parameter_rows(calibration: Calibration) -> list[Row]:
@@ -110,10 +129,10 @@ def fit_lines(calibration: Calibration) -> list[str]:
             in_units = [*values[:3], *(1e3 * values[3:])]
             lines.append(f"  {name:<16}" + "".join(f"{value:9.3g}" for value in in_units))
     low, high = np.rad2deg(c.observability.tilt_range)
-    lines.append(
-        f"  reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom, condition number "
-        f"{c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z"
-    )
+    lines += [
+        f"  reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom",
+        f"  condition number {c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z",
+    ]
     return lines
 
 

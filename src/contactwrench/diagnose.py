@@ -22,11 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .calibrate.joint import fit_rigid
-from .calibrate.least_squares import LEVER, PoseReadings
+from .calibrate.least_squares import PoseReadings
 from .calibrate.sign import negated
 from .calibrate.start import SEARCH_OF_MODEL, explained_by_start
 from .errors import InputError, UnobservableError
 from .model import GRAVITY, RigidTool, gravity_in_flange
+from .observability import LEVER
 from .orientation import Array
 from .samples import read_only
 from .screening import FORCE_PARAMETERS, LEAST_TILT, NOTHING_LEFT, TORQUE_PARAMETERS, Orientations, misfit, screen

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .calibrate import calibrate
+from .calibrate.auto import BASE_TILT_SD, MOUNT_TILT_SD
 from .errors import AmbiguityError, InputError, UnobservableError
 from .exchange import chosen_experiments
 from .model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
@@ -29,11 +30,8 @@ from .wrench import unit_direction
 MODELS = ("auto", "yaw", "mount", "mount+base")
 MOST_POSES = 100
 
-MOUNT_TILT = np.deg2rad(1.41)
-BASE_TILT = np.deg2rad(0.71)
-"""Standard deviations per axis that `auto` expects of the mounting's and of the base's tilt (method, section 4)."""
-
-TILTS = {"mount_x": MOUNT_TILT, "mount_y": MOUNT_TILT, **dict.fromkeys(GRAVITY, BASE_TILT)}
+TILTS = {"mount_x": MOUNT_TILT_SD, "mount_y": MOUNT_TILT_SD, **dict.fromkeys(GRAVITY, BASE_TILT_SD)}
+"""Standard deviations that `auto` expects of the tilts, rad."""
 
 WEIGHT = 10.0
 COM = (0.0, 0.0, 0.05)

@@ -14,29 +14,37 @@ def assumptions_in_words(auto: AutoFit, question: Question) -> tuple[str, ...]:
     tool = auto.fit.tool
     if tool is None:
         raise TypeError("auto fits a rigid tool")
-    mount, base = (np.rad2deg(sd) for sd in (question.priors.mount, question.priors.base))
     side = "along" if tool.R_flange_sensor[2, 2] >= 0.0 else "against"
     tilt, lean = _tilt_of_mounting(tool), _angle(float(tool.gravity_direction @ question.gravity_direction))
-    if auto.mounting_exact is None:
-        of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(auto, mount)}"
+    priors = question.priors
+    if priors.mount is None:
+        of_mounting = f"mounting: as known; sensor's z is found {tilt:.2f} deg off the flange's"
+    elif auto.mounting_exact is None:
+        of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(auto, priors.mount)}"
     else:
         of_mounting = (
-            f"mounting: sensor's z {side} the flange's, +- {mount:.3g} deg an axis; found {tilt:.2g} deg off, exactly "
+            f"mounting: sensor's z {side} the flange's, {_an_axis(priors.mount)}; found {tilt:.2f} deg off, exactly "
             f"parallel has a probability of {_percent(auto.mounting_exact)}"
         )
-    if auto.base_exact is None:
-        of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(auto, base)}"
+    if priors.base is None:
+        of_base = f"base: as known; gravity is found {lean:.2f} deg off that direction"
+    elif auto.base_exact is None:
+        of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(auto, priors.base)}"
     else:
         of_base = (
-            f"base: gravity in the stated direction, +- {base:.3g} deg an axis; found {lean:.2g} deg off, exactly "
+            f"base: gravity in the stated direction, {_an_axis(priors.base)}; found {lean:.2f} deg off, exactly "
             f"level has a probability of {_percent(auto.base_exact)}"
         )
     return of_mounting, of_base
 
 
+def _an_axis(sd: float) -> str:
+    return f"+- {np.rad2deg(sd):.3g} deg an axis"
+
+
 def _overruled(auto: AutoFit, sd: float) -> str:
     odds = auto.log_odds / np.log(10.0)
-    return f"which the readings favour 10^{odds:.0f} : 1 over a tilt of {sd:.3g} deg an axis"
+    return f"which the readings favour 10^{odds:.0f} : 1 over a tilt of {np.rad2deg(sd):.3g} deg an axis"
 
 
 def _tilt_of_mounting(tool: RigidTool) -> float:

@@ -48,10 +48,12 @@ NAMES = PARAMETERS["mount+base"]
 
 @dataclass(frozen=True)
 class TiltPriors:
-    """Standard deviations (rad, an axis) of the mounting's and the base's tilt about nominal."""
+    """Standard deviations (rad, an axis) of the mounting's and the base's tilt about nominal; None where what is known
+    of it takes the place of a prior.
+    """
 
-    mount: float = MOUNT_TILT_SD
-    base: float = BASE_TILT_SD
+    mount: float | None = MOUNT_TILT_SD
+    base: float | None = BASE_TILT_SD
 
 
 @dataclass(frozen=True)
@@ -64,13 +66,16 @@ class Assumption:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The optimum under an assumption, with the logarithm of its evidence (up to a constant common to all)."""
+    """The optimum under an assumption, the logarithm of its evidence (up to a constant common to all), and whether the
+    poses are `separable`: they tell all that the assumption frees.
+    """
 
     assumption: Assumption
     problem: RigidProblem
     tool: RigidTool
     solved: Solved
     log_evidence: float
+    separable: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +103,27 @@ def fit_auto(
     `gravity_direction` (3,) in base axes is nominal; `knowledge` joins the readings under every assumption.
     """
 
-    def under(assumption: Assumption) -> Candidate | None:
+    def under(assumption: Assumption) -> Candidate:
         return _candidate(assumption, readings, gravity_direction, noise, priors, knowledge)
 
-    nominal = under(Assumption(nominal_mounting=True, nominal_base=True))
-    if nominal is None:
-        raise TypeError("the nominal assumption has a fit")
-    rivals = [under(Assumption(nominal_mounting=False, nominal_base=False))]
-    beaten = rivals[0] is not None and rivals[0].log_evidence > nominal.log_evidence
+    kept = Assumption(nominal_mounting=priors.mount is not None, nominal_base=priors.base is not None)
+    nominal = under(kept)
+    freer = [Assumption(nominal_mounting=False, nominal_base=False)]
+    freer += [
+        Assumption(nominal_mounting=False, nominal_base=True),
+        Assumption(nominal_mounting=True, nominal_base=False),
+    ]
+    freer = [
+        a
+        for a in freer
+        if a != kept and a.nominal_mounting <= kept.nominal_mounting and a.nominal_base <= kept.nominal_base
+    ]
+    rivals = [under(assumption) for assumption in freer[:1]]
+    beaten = any(rival.separable and rival.log_evidence > nominal.log_evidence for rival in rivals)
     if beaten or _largest_tilt(nominal, gravity_direction, priors) > SUSPICIOUS:
-        rivals += [under(Assumption(nominal_mounting=False, nominal_base=True))]
-        rivals += [under(Assumption(nominal_mounting=True, nominal_base=False))]
-    best = max((rival for rival in rivals if rival is not None), key=lambda rival: rival.log_evidence, default=nominal)
+        rivals += [under(assumption) for assumption in freer[1:]]
+    rivals = [rival for rival in rivals if rival.separable]
+    best = max(rivals, key=lambda rival: rival.log_evidence, default=nominal)
     log_odds = best.log_evidence - nominal.log_evidence
     if log_odds <= np.log(LEAVES_PRIOR):
         best, log_odds = nominal, 0.0
@@ -123,27 +137,25 @@ def _candidate(
     noise: GivenNoise | None,
     priors: TiltPriors,
     knowledge: tuple[Knowledge, ...],
-) -> Candidate | None:
-    """The optimum under an assumption; None where it frees what the poses cannot separate."""
+) -> Candidate:
+    """The optimum under an assumption."""
     tilts = tilt_priors(assumption, gravity_direction, priors)
     problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, (*knowledge, *(tilt for tilt, _ in tilts)))
     search = Search(any_mounting=not assumption.nominal_mounting, any_base=not assumption.nominal_base)
     starts = starting_tools(readings.R_base_flange, readings.wrench, search, gravity_direction)
     tool, solved = solved_from(problem, starts, readings, noise)
-    nominal = assumption.nominal_mounting and assumption.nominal_base
     known = rows_of(problem.knowledge, tool, NAMES)
     seen = is_separable(tool, readings.R_base_flange, NAMES, None if known is None else known.jacobian)
-    if not nominal and not seen:
-        return None
-    return Candidate(assumption, problem, tool, solved, _log_evidence(assumption, tool, solved, priors))
+    evidence = _log_evidence(assumption, tool, solved, priors)
+    return Candidate(assumption, problem, tool, solved, evidence, seen)
 
 
 def tilt_priors(assumption: Assumption, gravity_direction: Array, priors: TiltPriors) -> list[tuple[Knowledge, float]]:
     """The priors that an assumption keeps, each with its standard deviation."""
     tilts: list[tuple[Knowledge, float]] = []
-    if assumption.nominal_mounting:
+    if assumption.nominal_mounting and priors.mount is not None:
         tilts.append((nominal_mounting(priors.mount), priors.mount))
-    if assumption.nominal_base:
+    if assumption.nominal_base and priors.base is not None:
         tilts.append((known_gravity(gravity_direction, priors.base), priors.base))
     return tilts
 
@@ -156,8 +168,11 @@ def _log_evidence(assumption: Assumption, tool: RigidTool, solved: Solved, prior
     linear = solved.linear
     fitted = linear.Vt * linear.s[:, None] * linear.column_length
     information = fitted.T @ fitted
-    density = np.log(0.5 / (2.0 * np.pi * priors.mount**2)) if assumption.nominal_mounting else -np.log(4.0 * np.pi)
-    density += -np.log(2.0 * np.pi * (priors.base**2 if assumption.nominal_base else 1.0))
+    density = -np.log(4.0 * np.pi) - np.log(2.0 * np.pi)
+    if assumption.nominal_mounting and priors.mount is not None:
+        density -= 2.0 * np.log(priors.mount)
+    if assumption.nominal_base and priors.base is not None:
+        density -= 2.0 * np.log(priors.base)
     if not assumption.nominal_mounting:
         information += _gram(nominal_mounting(1.0), tool)
     if not assumption.nominal_base:
@@ -179,11 +194,9 @@ def _log_determinant(information: Array) -> float:
 
 def _largest_tilt(candidate: Candidate, gravity_direction: Array, priors: TiltPriors) -> float:
     """In standard deviations of its prior."""
-    tilts = [
-        nominal_mounting(priors.mount)(candidate.tool, NAMES).residuals,
-        known_gravity(gravity_direction, priors.base)(candidate.tool, NAMES).residuals,
-    ]
-    return max(float(np.linalg.norm(tilt)) for tilt in tilts)
+    tilts = tilt_priors(candidate.assumption, gravity_direction, priors)
+    off = [float(np.linalg.norm(tilt(candidate.tool, NAMES).residuals)) for tilt, _ in tilts]
+    return max(off, default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +218,8 @@ def _mean_over_assumptions(
         if (assumption.nominal_mounting or not pair[0]) and (assumption.nominal_base or not pair[1])
     ]
     tool = candidate.tool
+    if candidate.solved.linear.s[-1] == 0.0:
+        return AutoFit(finished_rigid(tool, NAMES, candidate.solved), assumption, odds, None, None)
     for _ in range(CENTRINGS):
         mixture = _mixture(exact, candidate, tool, gravity_direction, priors, knowledge)
         mean = mixture.probability @ mixture.steps

@@ -7,7 +7,7 @@ import numpy as np
 from ..orientation import Array
 from ..poses import Pose
 from .course import Course
-from .robust import RobustEstimate
+from .robust import RobustEstimate, two_digits
 
 MOST_NAMED = 6
 HOUR = 3600.0
@@ -56,6 +56,5 @@ def _name(poses: tuple[Pose, ...], k: int) -> str:
 
 
 def _vector(wrench: Array) -> str:
-    force = ", ".join(f"{value:.2g}" for value in wrench[:3])
-    torque = ", ".join(f"{1e3 * value:.2g}" for value in wrench[3:])
+    force, torque = (", ".join(two_digits(value) for value in part) for part in (wrench[:3], 1e3 * wrench[3:]))
     return f"({force}) N and ({torque}) mN m"

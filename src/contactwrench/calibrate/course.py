@@ -9,7 +9,7 @@ costs what six parameters cost: so a few bumped poses are not a step, and a step
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,10 @@ SIDE = 2
 """A step has at least so many poses on either side."""
 
 MANY_OUTLIERS = 3
+SPANNED = 1e-7
+MOST_POSES_OF_WALK = 300
+"""A walk is a covariance between all poses; of more, a drift and steps have to do."""
+
 WALK_RATIOS = np.geomspace(0.02, 10.0, 25)
 """Of a random walk's std per unit of time to the noise, where the restricted likelihood is looked at."""
 
@@ -44,24 +48,25 @@ class Course:
     parameters: float
 
 
-def course_of_bias(linear: LinearReadings, unit: Array, time: Array) -> Course:
+def course_of_bias(linear: LinearReadings, wide: Array, unit: Array, time: Array) -> Course:
     """The course that explains the readings best, poses in the order of `time` (n,).
 
-    `unit` (6,): the relative noise that `linear` is in units of, N and N m.
+    `wide` (n, 6, q): columns that may explain a residual as well as time does, cross-talk first of all; the tests leave
+    it to them. `unit` (6,): the relative noise that `linear` and `wide` are in units of, N and N m.
     """
     n = len(time)
     out = outlying(linear)
     steady = Course("steady", np.zeros((n, 6)), None, out, np.zeros((linear.J.shape[2],) * 2), 0.0)
     if n < FEWEST_POSES:
         return steady
-    if not _moves(linear, ~out, time) and np.sum(out) < MANY_OUTLIERS:
+    if not _moves(linear, wide, ~out, time) and np.sum(out) < MANY_OUTLIERS:
         return steady
     fixed = [("drift", None, _powers(time, 1)), *(("step", k, _step(n, k)) for k in _likeliest_steps(linear, n))]
-    courses = [
-        (_criterion(linear, np.zeros((n, 0)), out), steady),
-        *(_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed),
-        _walk(linear, time, unit),
-    ]
+    courses = [_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed]
+    if n <= MOST_POSES_OF_WALK:
+        courses.append(_walk(linear, time, unit))
+    left_out = [out, *(course.outlying for _, course in courses)]
+    courses += [(_criterion(linear, np.zeros((n, 0)), each), replace(steady, outlying=each)) for each in left_out]
     return min(courses, key=lambda course: course[0])[1]
 
 
@@ -87,26 +92,28 @@ def _of(linear: LinearReadings, kept: NDArray[np.bool_]) -> LinearReadings:
     return LinearReadings(linear.J[kept], linear.errors[kept], linear.known, linear.known_errors)
 
 
-def _moves(linear: LinearReadings, kept: NDArray[np.bool_], time: Array) -> bool:
+def _moves(linear: LinearReadings, wide: Array, kept: NDArray[np.bool_], time: Array) -> bool:
     """Whether a drift, a smooth course or a step explains the kept poses better than chance would."""
     some = _of(linear, kept)
-    n, _, p = some.J.shape
+    n = len(some.errors)
     if n < FEWEST_POSES:
         return False
     fit = weighted_fit(some, np.ones(n))
     scale = np.sqrt(np.repeat(fit.weighted_by, 3))
-    rows = np.vstack([(some.J / scale[:, None]).reshape(6 * n, p), some.known])
-    U = np.linalg.qr(rows)[0][: 6 * n].reshape(n, 6, p)
-    return chance_of_steady(U, fit.left / scale, time[kept]) < FALSE_ALARM
+    columns = np.concatenate([some.J, wide[kept]], axis=2) / scale[:, None]
+    return chance_of_steady(columns, fit.left / scale, time[kept]) < FALSE_ALARM
 
 
-def chance_of_steady(U: Array, whitened: Array, time: Array) -> float:
+def chance_of_steady(columns: Array, whitened: Array, time: Array) -> float:
     """Probability that whitened residuals (n, 6) of a steady bias follow `time` (n,) as much, or more, by chance: the
-    least of three F tests, of a drift, a cubic course and a step anywhere. `U` (n, 6, p): orthonormal columns that span
-    the Jacobian, those of what is known left out.
+    least of three F tests, of a drift, a cubic course and a step anywhere, once `columns` (n, 6, q) had their share.
     """
     n = len(whitened)
-    dof = 6.0 * n - float(np.sum(U**2))
+    U, s, _ = np.linalg.svd(columns.reshape(6 * n, -1), full_matrices=False)
+    U = U[:, s > SPANNED * s[0]]
+    whitened = (whitened.ravel() - U @ (U.T @ whitened.ravel())).reshape(n, 6)
+    dof = 6.0 * n - float(U.shape[1])
+    U = U.reshape(n, 6, -1)
     chances = [_chance(_gain(U, whitened, shape), 6.0 * shape.shape[1], whitened, dof) for shape in _smooth(time)]
     chances.append((n - 2 * SIDE + 1) * _chance(float(np.max(_gain_of_steps(U, whitened))), 6.0, whitened, dof))
     return min(chances)
@@ -146,13 +153,12 @@ def _gain_of_steps(U: Array, whitened: Array) -> Array:
 
 
 def _likeliest_steps(linear: LinearReadings, n: int) -> list[int]:
-    """The places where a step leaves least, three of them."""
-    everything = np.ones(n)
-    left = {
-        k: float(np.sum(np.log(weighted_fit(_with(linear, _step(n, k)), everything).variance)))
-        for k in range(SIDE, n - SIDE + 1)
-    }
-    return sorted(left, key=lambda k: left[k])[:3]
+    """The places where a step explains most, three of them."""
+    fit = weighted_fit(linear, np.ones(n))
+    scale = np.sqrt(np.repeat(fit.weighted_by, 3))
+    U = np.linalg.qr((linear.J / scale[:, None]).reshape(6 * n, -1))[0].reshape(n, 6, -1)
+    gain = _gain_of_steps(U, fit.left / scale)
+    return [int(k) + SIDE for k in np.argsort(-gain)[:3]]
 
 
 def _criterion(linear: LinearReadings, shape: Array, out: NDArray[np.bool_]) -> float:
@@ -195,10 +201,13 @@ def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Cour
         whitened = LinearReadings(J, unmixed @ some.errors, some.known, some.known_errors)
         fit = weighted_fit(whitened, np.ones(len(noise)))
         of_walk = 12.0 * float(np.sum(np.log(np.diag(factor))))
-        restricted = float(fit.dof @ np.log(fit.variance) + np.linalg.slogdet(fit.information)[1]) + of_walk
+        spread = 3.0 * len(noise) * float(np.sum(np.log(fit.variance)))
+        restricted = spread + float(np.linalg.slogdet(fit.information)[1]) + of_walk
         criterion = float(3.0 * n * np.sum(np.log(fit.variance))) + of_walk
-        fits.append((restricted, criterion, fit, walk @ np.linalg.inv(noise)))
-    _, criterion, fit, smooth = min(fits, key=lambda found: found[0])
+        fits.append((restricted, criterion, fit, ratio))
+    _, criterion, fit, ratio = min(fits, key=lambda found: found[0])
+    walk = ratio**2 * n * together
+    smooth = walk @ np.linalg.inv(np.eye(len(some.errors)) + walk[~out])
     change = smooth @ (some.errors - some.J @ (fit.inverse @ fit.right)) * unit
     steady = np.einsum("nip,i,niq->pq", some.J, np.repeat(1.0 / fit.weighted_by, 3), some.J)
     growth = fit.inverse - np.linalg.inv(steady + linear.known.T @ linear.known)

@@ -19,12 +19,14 @@ from .auto import AutoFit, TiltPriors, fit_auto, tilt_priors
 from .joint import RigidProblem, finished_rigid, fit_rigid, solved_from
 from .knowledge import Knowledge, rows_of
 from .least_squares import LEAST_LEFT, Fit, GivenNoise, PoseReadings
+from .noise import GROUPS
 from .paper import fit_paper
 from .sign import check_sign, require_positive_weight, require_stated_side
 
 FEWEST_POSES_WITH_BASE = 4
 MODEL_OF_AUTO = "mount+base"
 DEFAULT_PRIORS = TiltPriors()
+HELD_GRAVITY = ("yaw", "mount")
 PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
 
 
@@ -59,11 +61,6 @@ class Estimate:
     weight_z: float | None = None
 
 
-def estimate(readings: PoseReadings, question: Question) -> Estimate:
-    """Fit and check. Raises `UnobservableError` and `AmbiguityError`."""
-    return checked(fitted(readings, question), readings, question)
-
-
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
     """The fit alone, as it comes."""
     stated, noise = question.gravity_direction, question.noise
@@ -94,8 +91,10 @@ def rung_fitted(model: str) -> str:
     return MODEL_OF_AUTO if model == "auto" else model
 
 
-def checked(found: Estimate, readings: PoseReadings, question: Question) -> Estimate:
-    """The estimate with its warnings. Raises `UnobservableError` and `AmbiguityError` where it may not be returned."""
+def checked(found: Estimate, readings: PoseReadings, as_recorded: PoseReadings, question: Question) -> Estimate:
+    """The estimate from `readings` with its warnings. Raises `UnobservableError` and `AmbiguityError` where it may not
+    be returned. The sign is judged on the readings `as_recorded`: whoever leaves out enough explains any sign.
+    """
     stated = question.gravity_direction
     if found.weight_z is not None:
         warnings = check_sign(fit_rigid(readings, "yaw", stated, None), readings, "yaw", stated, None)
@@ -110,7 +109,7 @@ def checked(found: Estimate, readings: PoseReadings, question: Question) -> Esti
         warnings = ()
     else:
         model = question.model if found.auto is None else _rung_of(found.auto)
-        warnings = _checked(found.fit, readings, model, question)
+        warnings = _checked(found.fit, readings, as_recorded, model, question)
     return replace(found, warnings=warnings)
 
 
@@ -121,21 +120,48 @@ def _rung_of(auto: AutoFit) -> str:
     return "yaw" if auto.assumption.nominal_mounting else "mount"
 
 
-def _checked(fit: Fit, readings: PoseReadings, model: str, question: Question) -> tuple[str, ...]:
+def _checked(
+    fit: Fit, readings: PoseReadings, as_recorded: PoseReadings, model: str, question: Question
+) -> tuple[str, ...]:
     """Warnings of a rigid fit whose free rotations are those of `model`. Raises where it may not be returned."""
+    require_answerable(fit, readings, model, question)
+    tool, stated = _tool(fit), question.gravity_direction
+    if model not in HELD_GRAVITY:
+        require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
+    if as_recorded is not readings:
+        check_sign(fit, as_recorded, model, stated, question.noise)
+    warnings = check_sign(fit, readings, model, stated, question.noise)
+    require_positive_weight(tool.weight, stated)
+    return warnings
+
+
+def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Question) -> None:
+    """Raise `UnobservableError` unless the poses separate the parameters of a rigid `model`, and leave its noise some
+    readings.
+    """
     tool, names, stated = _tool(fit), PARAMETERS[model], question.gravity_direction
     known = rows_of(question.knowledge, tool, names)
+    if model in HELD_GRAVITY:
+        tool = replace(tool, gravity_direction=stated)  # a tilt that the prior lets in is not what separates
     require_full_rank(tool, readings.R_base_flange, names, None if known is None else known.jacobian)
     if model == "mount+base" and known is None and len(readings) < FEWEST_POSES_WITH_BASE:
         raise UnobservableError(
             f"found {len(readings)} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
-    _require_noise(readings, len(names), fit.readings_left, question)
-    require_stated_side(tool, stated)
-    warnings = check_sign(fit, readings, model, stated, question.noise)
-    require_positive_weight(tool.weight, stated)
-    return warnings
+    _require_noise(readings, len(names), _least_left_of_a_group(fit), question)
+    if not fit.singular_values[-1] > 0.0:
+        raise UnobservableError(
+            "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
+            "columns hold what the sensor read"
+        )
+
+
+def _least_left_of_a_group(fit: Fit) -> float:
+    """Degrees of freedom that are left to the forces, or to the torques, whichever has fewer: their noises differ."""
+    if fit.linear is None:
+        return fit.readings_left
+    return min(3.0 * len(fit.residuals) - float(np.sum(fit.linear.U[:, group] ** 2)) for group in GROUPS)
 
 
 def _tool(fit: Fit) -> RigidTool:

@@ -23,6 +23,7 @@ from .knowledge import (
     known_weight,
 )
 from .least_squares import MOST_DOF, GivenNoise
+from .noise import pooled_scatter
 
 KNOWABLE = ("weight", "com", "mount", "gravity")
 LEAST_SHARE = 1e-6
@@ -33,6 +34,8 @@ def knowledge_given(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, ..
     """`known`: weight: (N, std); com: ((3,) m, std); mount: ((3, 3) R_flange_sensor, std rad); gravity: ((3,) in base
     axes, std rad). A std is one number, or three for com and mount. Raises `InputError`.
     """
+    if not isinstance(known, Mapping):
+        raise InputError(f"known is {type(known).__name__}, expected a mapping, as in {{'weight': (12.3, 0.1)}}")
     pieces: list[Knowledge] = []
     for name, pair in known.items():
         if name not in KNOWABLE:
@@ -41,7 +44,8 @@ def knowledge_given(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, ..
             value, std = pair
         except (TypeError, ValueError):
             raise InputError(f"known {name} is {pair!r}, expected a pair: the value and its std") from None
-        spread = np.broadcast_to(_finite(f"std of known {name}", std, ((), (3,))), (3,))
+        shapes: tuple[tuple[int, ...], ...] = ((), (3,)) if name in ("com", "mount") else ((),)
+        spread = np.broadcast_to(_finite(f"std of known {name}", std, shapes), (3,))
         if not (spread > 0.0).all():
             raise InputError(f"std of known {name} is {_listed(spread)}, expected numbers above 0")
         if name == "weight":
@@ -59,8 +63,9 @@ def knowledge_given(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, ..
     return tuple(pieces)
 
 
-def earlier_tool(prior: Calibration) -> tuple[RigidTool, Knowledge, GivenNoise]:
-    """The tool of an earlier calibration, what that knows of it (its bias forgotten), and its noise.
+def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, GivenNoise]:
+    """The tool of an earlier calibration, what that knows of it (its bias forgotten), and the noise of a pose that is
+    the mean of so many `rows`: what poses differed by, and the scatter of a sample over the rows.
 
     What the earlier model held, mounting or base, is held to `EXACT_TILT_SD`. Raises `InputError` for `affine`.
     """
@@ -77,7 +82,17 @@ def earlier_tool(prior: Calibration) -> tuple[RigidTool, Knowledge, GivenNoise]:
     source = [place[of_prior[k]] for k in there]
     covariance[np.ix_(there, there)] = prior.covariance[np.ix_(source, source)]
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
-    return tool, earlier_calibration(tool, covariance), GivenNoise(prior.noise, prior.dof or MOST_DOF)
+    return tool, earlier_calibration(tool, covariance), GivenNoise(_noise_of(prior, rows), prior.dof or MOST_DOF)
+
+
+def _noise_of(prior: Calibration, rows: int) -> Array:
+    scatter = pooled_scatter(prior.fitted_poses)
+    if scatter is None:
+        return prior.noise
+    of_means: Array = np.einsum("nii->ni", scatter.covariance)
+    of_sample = of_means[0] * prior.fitted_poses[0].n
+    between = np.maximum(prior.noise**2 - of_means.mean(axis=0), 0.0)
+    return np.asarray(np.sqrt(between + of_sample / rows), dtype=np.float64)
 
 
 def _finite(what: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..alternative import Alternative
 from ..calibration import Calibration
-from ..errors import ContactWrenchError, InputError
+from ..errors import InputError, UnobservableError
 from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
@@ -26,9 +26,9 @@ from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words
 from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
 from .cleaned import what_was_cleaned
-from .estimate import Question, estimate, rung_fitted
+from .estimate import HELD_GRAVITY, Question, fitted, require_answerable, rung_fitted
 from .given import earlier_tool, knowledge_given
-from .least_squares import GivenNoise, PoseReadings
+from .least_squares import LEAST_LEFT, GivenNoise, PoseReadings
 from .noise import pooled_scatter
 from .robust import RobustEstimate, cleaned_estimate, confirmed
 from .weakness import weaknesses
@@ -40,7 +40,6 @@ MOST_POSES_KEPT = 10_000
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
 
-HELD_GRAVITY = ("yaw", "mount")
 
 NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
@@ -78,7 +77,7 @@ def calibrate(
     """
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     if prior is not None:
-        question = _with_prior(question, prior, gravity is not None)
+        question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
     return assembled(replace(recorded, found=confirmed(recorded.found, question)), question, origin)
@@ -107,7 +106,7 @@ def question_asked(
         raise InputError(f"model {model!r} is not known, expected one of {', '.join(MODELS)}")
     stated = unit_direction(DOWN if gravity is None else gravity)
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
-        if not 0.0 < sd < np.inf:
+        if sd is None or not 0.0 < sd < np.inf:
             raise InputError(f"{name} is {sd!r}, expected rad above 0")
     noise_std = _noise_std(noise)
     question = Question(
@@ -130,17 +129,23 @@ def _with_known(question: Question, known: Mapping[str, tuple[Any, Any]], gravit
         raise InputError("gravity is stated and given as known too: leave one of them out")
     pieces = knowledge_given(known)
     stated = unit_direction(known["gravity"][0]) if "gravity" in known else question.gravity_direction
-    return replace(question, knowledge=pieces, gravity_direction=stated)
+    priors = TiltPriors(
+        None if "mount" in known else question.priors.mount, None if "gravity" in known else question.priors.base
+    )
+    return replace(question, knowledge=pieces, gravity_direction=stated, priors=priors)
 
 
-def _with_prior(question: Question, prior: Calibration, gravity_stated: bool) -> Question:
+def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, samples: Samples) -> Question:
+    if not isinstance(prior, Calibration):
+        raise InputError(f"prior is {type(prior).__name__}, expected a Calibration: cw.Calibration.load(path)")
     if question.model != "auto":
         raise InputError(
             f"an earlier calibration brings its model, and model {question.model} is asked for: leave one out"
         )
     if gravity_stated:
         raise InputError("an earlier calibration brings its gravity, and gravity is stated too: leave one of them out")
-    tool, knowledge, noise = earlier_tool(prior)
+    rows = min((pose.n for pose in poses_from_samples(samples)), default=1)
+    tool, knowledge, noise = earlier_tool(prior, rows)
     return replace(
         question,
         gravity_direction=tool.gravity_direction,
@@ -171,7 +176,11 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
 
 
 def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
-    return tuple(sorted(poses, key=lambda pose: 0.0 if pose.t_start is None else pose.t_start))
+    return tuple(sorted(poses, key=_middle))
+
+
+def _middle(pose: Pose) -> float:
+    return 0.0 if pose.t_start is None or pose.t_end is None else 0.5 * (pose.t_start + pose.t_end)
 
 
 def _readings(poses: tuple[Pose, ...]) -> PoseReadings:
@@ -184,9 +193,9 @@ def _readings(poses: tuple[Pose, ...]) -> PoseReadings:
 
 def _times(poses: tuple[Pose, ...]) -> Array:
     """The middle of each pose (n,), s; the count of poses where no time is known or it stands still."""
-    times = [0.5 * (pose.t_start + pose.t_end) for pose in poses if pose.t_start is not None and pose.t_end is not None]
-    if len(times) == len(poses) and times[-1] > times[0]:
-        return np.array(times)
+    times = np.array([_middle(pose) for pose in poses])
+    if poses[0].t_start is not None and times[-1] > times[0]:
+        return times
     return np.arange(len(poses), dtype=np.float64)
 
 
@@ -194,11 +203,14 @@ def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternati
     """What the rungs of the ladder make of the same poses; those that the poses cannot tell are left out."""
     rungs = []
     for model in OTHER_RUNGS:
+        of_rung = replace(question, model=model)
         try:
-            fit = estimate(readings, replace(question, model=model, knowledge=())).fit
-        except ContactWrenchError:
+            fit = fitted(readings, of_rung).fit
+            if fit.tool is not None:
+                require_answerable(fit, readings, model, of_rung)
+        except UnobservableError:
             continue
-        freedom = fit.readings_left / 6.0
+        freedom = max(fit.readings_left, LEAST_LEFT) / 6.0
         force, torque = (np.sqrt(np.sum(part**2) / freedom) for part in np.hsplit(fit.residuals, 2))
         rungs.append(
             Alternative(
@@ -226,7 +238,10 @@ def _noise_std(noise: NoiseLike) -> Array | None:
     """Standard deviations (6,) of one pose's reading from what the user gave, or None."""
     if noise is None:
         return None
-    values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
+    try:
+        values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
     if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
         values = values.std(axis=0, ddof=1)
     if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model import RigidTool
+from ..observability import LEVER
 from ..orientation import Array
 from .linearised import Linearised
 from .noise import Scatter, axis_variances, whitening
@@ -38,9 +39,6 @@ LEAST_LEFT = 0.5
 
 MOST_DOF = 1e6
 """What a parameter that the prior alone settles is said to have."""
-
-LEVER = 0.05
-"""m: before anything is known of the noise, a torque counts as a force at this lever."""
 
 State = TypeVar("State")
 
@@ -271,7 +269,7 @@ def _mean_scatter(scatter: Scatter | None) -> Array:
 def _chi2_of_scatter(linear: Linearised, scatter: Scatter | None) -> float:
     """Sum of squares of the residuals over what the samples' scatter alone explains (without any: over the noise)."""
     if scatter is None:
-        return linear.chi2
+        return linear.chi2_of_readings
     variance = np.einsum("nii->ni", scatter.covariance)
     known = variance > 0.0
     return float(np.sum(linear.residuals[known] ** 2 / variance[known]))

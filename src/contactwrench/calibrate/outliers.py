@@ -18,9 +18,12 @@ from ..orientation import Array
 from .noise import GROUPS
 
 FALSE_ALARMS = 0.08
-"""Probability, at most, that a clean recording loses a pose."""
+"""Probability, at most, that a clean recording of `PLENTY` poses or more loses one."""
 
-SURELY_CLEAN = 0.6
+PLENTY = 24
+"""With fewer poses each is dearer, and the probability of losing one falls with the square of their number."""
+
+SURELY_CLEAN = 0.85
 """Of the limit: where no pose is further off than this, none can hide others."""
 
 TAIL = 3.0
@@ -37,6 +40,8 @@ MOST_LEFT_OUT = 0.4
 """Of the poses: where more would have to go, nobody knows which side is right, and none is left out."""
 
 LEAST_DOF = 0.5
+LEAST_SHARE = 0.02
+"""Of a group's sum of squares: how much a pose leaves to the others is exact for both groups together only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +73,15 @@ def outlying(linear: LinearReadings) -> NDArray[np.bool_]:
     return ~kept if np.mean(~kept) <= MOST_LEFT_OUT else ~everything
 
 
+def chance_of_loss(n: int) -> float:
+    """Probability, at most, that a clean recording of n poses loses one."""
+    return FALSE_ALARMS * min(1.0, (n / PLENTY) ** 2)
+
+
 def deleted_distances(linear: LinearReadings, kept: NDArray[np.bool_]) -> tuple[Array, float]:
     """Squared distances (n,) of each pose from what the other poses that are `kept` say, in units of the noise that
-    these have and of the error of the fit to them; and the limit that a clean recording exceeds anywhere with the
-    probability `FALSE_ALARMS`.
+    these have and of the error of the fit to them; and the limit that a clean recording exceeds anywhere with
+    `chance_of_loss`.
     """
     from scipy.special import fdtri
 
@@ -86,11 +96,12 @@ def deleted_distances(linear: LinearReadings, kept: NDArray[np.bool_]) -> tuple[
     # what the others leave once the pose is gone: its own share goes, and so does its pull on them
     rest = _of_groups(weight[:, None] * fit.left**2).sum(axis=0) - _of_groups(weight[:, None] * fit.left * errors)
     dof = np.maximum(fit.dof - 3.0 * weight[:, None], LEAST_DOF)
-    of_others = np.maximum(rest, 1e-9 * float(np.sum(fit.left**2)) + 1e-300) / dof
+    of_all = _of_groups(weight[:, None] * fit.left**2).sum(axis=0)
+    of_others = np.maximum(rest, LEAST_SHARE * of_all + 1e-300) / dof
     spread = linear.J @ inverse @ linear.J.transpose(0, 2, 1)
     spread[:, range(6), range(6)] += np.repeat(of_others, 3, axis=1)
     distance = np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[..., None])[..., 0])
-    return distance, 6.0 * float(fdtri(6.0, 0.5 * float(dof.min(axis=0).sum()), 1.0 - FALSE_ALARMS / n))
+    return distance, 6.0 * float(fdtri(6.0, 0.5 * float(dof.min(axis=0).sum()), 1.0 - chance_of_loss(n) / n))
 
 
 def _robust_start(linear: LinearReadings) -> NDArray[np.bool_]:
@@ -161,7 +172,7 @@ def _of_groups(values: Array) -> Array:
 
 def _inverse(information: Array) -> Array:
     """Inverses (..., p, p) of symmetric positive matrices whose units differ widely; huge where one is singular."""
-    unit = np.sqrt(np.einsum("...pp->...p", information))
+    unit = np.sqrt(np.maximum(np.einsum("...pp->...p", information), 0.0))
     unit = np.where(unit > 0.0, unit, 1.0)
     units = unit[..., :, None] * unit[..., None, :]
     inverse: Array = np.linalg.inv(information / units + 1e-12 * np.eye(unit.shape[-1])) / units

@@ -19,6 +19,7 @@ from .start import SEARCH_OF_MODEL, explained_by_start
 
 SIGNIFICANCE = 0.001
 NEAR_TIE = 0.9
+SURE_SIDE = 4.0
 SURE_WEIGHT = 3.0
 """Standard deviations: a fit whose weight is less sure explains nothing, so that a tie with it says nothing either."""
 
@@ -58,10 +59,12 @@ def check_sign(
     return (NOT_CONFIRMED,) if tie else ()
 
 
-def require_stated_side(tool: RigidTool, stated: Array) -> None:
-    """Raise `AmbiguityError` if gravity was found more than 90 deg from the stated direction (3,)."""
+def require_stated_side(tool: RigidTool, stated: Array, std: float) -> None:
+    """Raise `AmbiguityError` if gravity was found surely more than 90 deg from the stated direction (3,): a robot on a
+    wall is right there, give or take `std` rad.
+    """
     angle = np.rad2deg(np.arccos(np.clip(tool.gravity_direction @ stated, -1.0, 1.0)))
-    if angle > 90.0:
+    if angle > 90.0 + SURE_SIDE * np.rad2deg(std):
         found = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
         raise AmbiguityError(
             f"gravity comes out {angle:.0f} deg from the stated direction: either the sensor reports the reaction "

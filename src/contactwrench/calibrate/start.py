@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model import FLIP, RigidTool, gravity_in_flange
+from ..observability import LEVER
 from ..orientation import Array
 from ..rotations import rotations_about_z, spread_directions, spread_rotations
-from .least_squares import LEVER
 
 FEW_POSES = 5
 """Up to here an unknown base has local optima that score well, so that every direction of gravity goes on."""

@@ -8,7 +8,7 @@ from ..model import AXES, affine_jacobian, gravity_in_flange
 from ..observability import advice_on_poses, natural_jacobian
 from .estimate import Question
 from .least_squares import LEAST_LEFT, Fit, PoseReadings
-from .robust import RobustEstimate
+from .robust import POOR_SHARE, RobustEstimate, force_left, weight_of
 
 WEIGHT_SHARE = 0.10
 COM_STD = 0.010
@@ -16,7 +16,6 @@ BIAS_SHARE = 0.10
 FEWEST_DOF = 3.0
 NOISE_RATIO = 10.0
 GIVEN_NOISE_RATIO = 5.0
-POOR_SHARE = 0.10
 SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
 WELL_SPREAD = 0.1
@@ -112,7 +111,7 @@ def weak_noise(fit: Fit) -> tuple[str, ...]:
 
 def poor_fit(fit: Fit) -> tuple[str, ...]:
     """A warning where far more is left than a sensor and an arm explain: most often the file is read wrongly."""
-    left, weight = _force_left(fit), _weight(fit)
+    left, weight = force_left(fit), weight_of(fit)
     if left <= POOR_SHARE * weight:
         return ()
     return (
@@ -143,8 +142,8 @@ def cross_talk(fit: Fit, readings: PoseReadings) -> tuple[str, ...]:
     B = np.linalg.lstsq(columns.reshape(6 * n, 24), readings.wrench.ravel(), rcond=None)[0].reshape(6, 4)
     values = ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))
     return (
-        f"no rigid tool explains these readings (chance under 0.1 %): the singular values of the force matrix are {values} "
-        "N, a rigid tool three equal ones; unequal gains, cross-talk or a cable: compare --model affine",
+        f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
+        f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare --model affine",
     )
 
 
@@ -164,15 +163,6 @@ def contradicts_earlier(fit: Fit) -> tuple[str, ...]:
     )
 
 
-def _weight(fit: Fit) -> float:
-    return float(np.mean(np.linalg.svd(fit.B[:3, :3], compute_uv=False)))
-
-
-def _force_left(fit: Fit) -> float:
-    """RMS norm (N) of what is left of the force in a pose, degrees of freedom counted."""
-    return float(np.sqrt(np.sum(fit.residuals[:, :3] ** 2) / max(fit.readings_left / 6.0, LEAST_LEFT)))
-
-
 def _advice(fit: Fit, names: tuple[str, ...], readings: PoseReadings, weakest: str) -> str:
     """Where the poses are at fault, why, and what one more would give; else a better reading of the data."""
     if fit.tool is not None:
@@ -182,6 +172,6 @@ def _advice(fit: Fit, names: tuple[str, ...], readings: PoseReadings, weakest: s
     if s[-1] < WELL_SPREAD * s[0]:
         return advice_on_poses(fit.tool, fit.covariance, fit.noise, names, weakest, readings.R_base_flange)
     return (
-        f"the poses are well spread, yet {_force_left(fit):.2g} N are left in them: check that the arm was still and "
+        f"the poses are well spread, yet {force_left(fit):.2g} N are left in them: check that the arm was still and "
         "free, and try contactwrench diagnose; a light tool needs more poses"
     )

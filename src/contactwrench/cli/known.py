@@ -76,7 +76,8 @@ def _parsed(flag: str) -> tuple[str, Array, Array]:
     except ValueError:
         numbers = spread = np.empty(0)
     finite = np.isfinite(numbers).all() and np.isfinite(spread).all()
-    whole = name in FORMS and len(numbers) in FORMS[name] and len(spread) in (1, 3)
+    stds = (1, 3) if name in ("com", "com_mm", "mount") else (1,)
+    whole = name in FORMS and len(numbers) in FORMS[name] and len(spread) in stds
     if not (whole and finite and (spread > 0.0).all()):
         raise typer.BadParameter(
             f"found --known {flag!r}, expected NAME=VALUE+-STD with a std above 0, as in weight=12.3+-0.1 or "

@@ -8,6 +8,7 @@ from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..baselines import LeftOver
 from ..calibration import Calibration
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 SIDES = (1.0, -1.0)
 AXIS_COLOURS = ("#c1443c", "#3a7d44", "#2f5fa8")
 WAY_COLOURS = {"full": "#1b6e9c", "tare": "#c98a1b", "gravity only": "#8a5a9e", "raw": "#8a8f94"}
+LEFT_OUT = "#b3541e"
 WAY_MARKERS = {"full": "o", "tare": "s", "gravity only": "^", "raw": "x"}
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -44,59 +46,71 @@ STYLE: dict[Any, Any] = {
 
 def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
     """What the fit leaves in each pose, axis by axis; the band is two standard deviations of a pose's noise."""
+    kept, left_out = pose_numbers(calibration)
     with _drawing(2, (8.2, 2.9)) as (figure, axes):
         for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
-            number = np.arange(1, len(left.wrench) + 1)
             band = 2.0 * scale * float(calibration.noise[part : part + 3].max())
             ax.axhspan(-band, band, color="#e9eef2", lw=0)
             ax.axhline(0.0, color="#9aa2a9", lw=0.8)
             for k in range(3):
                 shift = 0.18 * (k - 1)
                 values = scale * left.wrench[:, part + k]
-                ax.plot(number + shift, values, "o", ms=4, color=AXIS_COLOURS[k], label="xyz"[k])
+                ax.plot(kept + shift, values, "o", ms=4, color=AXIS_COLOURS[k], label="xyz"[k])
             _label(ax, "pose", f"residual {name}")
-            _whole_numbers(ax, len(number))
+            _number_poses(ax, len(calibration.poses), left_out)
         axes[1].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=1.0)
         return _svg(figure)
 
 
-def left_over_per_pose(ways: tuple[LeftOver, ...]) -> str:
+def left_over_per_pose(calibration: Calibration, ways: tuple[LeftOver, ...]) -> str:
     """The norm of force and torque left in each contact-free pose, by each way of compensation; log scale."""
+    kept, left_out = pose_numbers(calibration)
     with _drawing(2, (8.2, 3.0)) as (figure, axes):
         for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
             for way in ways:
                 norm = scale * np.linalg.norm(way.wrench[:, part : part + 3], axis=1)
                 norm = np.where(norm > 0.0, norm, np.nan)
                 colour, marker = WAY_COLOURS[way.name], WAY_MARKERS[way.name]
-                ax.plot(np.arange(1, len(norm) + 1), norm, marker, ms=4, color=colour, label=way.name, ls="-", lw=0.7)
+                ax.plot(kept, norm, marker, ms=4, color=colour, label=way.name, ls="-", lw=0.7)
             ax.set_yscale("log")
             ax.yaxis.set_major_formatter("{x:g}")
             _label(ax, "pose", f"left over, {name}")
-            _whole_numbers(ax, len(ways[0].wrench))
+            _number_poses(ax, len(calibration.poses), left_out)
         axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
         return _svg(figure)
 
 
-def gravity_on_sphere(calibration: Calibration, R_base_flange: Array) -> str:
-    """The directions of gravity in flange axes that the poses covered: both halves of the sphere, equal areas."""
-    r = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+def pose_numbers(calibration: Calibration) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The numbers, from 1 and in the order of the recording, of the poses that were fitted and of those left out."""
+    out = np.array([pose.rejected is not None for pose in calibration.poses])
+    return np.flatnonzero(~out) + 1, np.flatnonzero(out) + 1
+
+
+def gravity_on_sphere(calibration: Calibration) -> str:
+    """The directions of gravity in flange axes that the poses covered: both halves of the sphere, equal areas. Hollow:
+    poses that were left out.
+    """
+    R = np.array([pose.R_base_flange for pose in calibration.poses])
+    r = gravity_in_flange(R, calibration.gravity_direction)
+    fitted = np.array([pose.rejected is None for pose in calibration.poses])
     with _drawing(2, (6.4, 3.3)) as (figure, axes):
         for ax, side in zip(axes, SIDES, strict=True):
             _globe(ax, side)
             here = side * r[:, 2] >= 0.0
-            x, y = _equal_area(r[here], side)
-            ax.plot(x, y, "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
-            count = int(here.sum())
+            ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=9, mfc="none", mec=LEFT_OUT, mew=1.2)
+            ax.plot(*_equal_area(r[here & fitted], side), "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
+            count = int((here & fitted).sum())
             ax.set_title(f"{_side(side)}: {count} pose{'' if count == 1 else 's'}", fontsize=9, color="#2a3036")
         return _svg(figure)
 
 
-def std_over_orientations(calibration: Calibration, R_base_flange: Array, quantity: str) -> str:
+def std_over_orientations(calibration: Calibration, quantity: str) -> str:
     """The standard deviation of the contact `force` or `torque` that the calibration causes, over the direction of
-    gravity in flange axes; the poses' directions as dots.
+    gravity in flange axes; the directions of the poses that were fitted as dots.
     """
     part, scale, unit = {"force": (slice(0, 3), 1.0, "N"), "torque": (slice(3, 6), 1e3, "mN m")}[quantity]
-    poses = gravity_in_flange(R_base_flange, calibration.gravity_direction)
+    R = np.array([pose.R_base_flange for pose in calibration.fitted_poses])
+    poses = gravity_in_flange(R, calibration.gravity_direction)
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-1.0, 1.0, 41))
     within = 1.0 / np.maximum(np.hypot(x, y), 1.0)
     std = [
@@ -205,9 +219,12 @@ def _label(ax: Axes, x: str, y: str) -> None:
     ax.set_ylabel(y)
 
 
-def _whole_numbers(ax: Axes, n: int) -> None:
+def _number_poses(ax: Axes, n: int, left_out: NDArray[np.intp]) -> None:
+    """Whole numbers along x, with a band where a pose was left out."""
     from matplotlib.ticker import MaxNLocator
 
+    for number in left_out:
+        ax.axvspan(number - 0.4, number + 0.4, color=LEFT_OUT, alpha=0.15, lw=0)
     ax.xaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
     ax.set_xlim(0.4, n + 0.6)
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..alternative import largest_force_change
 from ..baselines import LeftOver, compare
 from ..calibration import Calibration
-from ..calibration_text import headline, parameter_rows
+from ..calibration_text import headline, meaningful_digits, parameter_rows
 from ..files import write_text
 from ..model import AXES
 from ..orientation import Array
@@ -24,6 +25,10 @@ PURPOSE = {
     "gravity only": "the turning weight subtracted, the bias left in (the paper's Table VIII)",
     "raw": "what the sensor reads",
 }
+
+
+BIAS_MOVED = ("the bias stepped", "the bias drifted", "the bias wandered")
+"""How the warning of a bias that moved begins (calibrate/cleaned.py)."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,9 @@ def _section(section: Section) -> str:
         "</div><div><h3>Fit</h3>",
         _fit(c),
         "</div></div>",
+        _assumptions(c),
+        _alternatives(c),
+        _left_out(c),
     ]
     if c.fitted_poses:
         parts += _poses(c)
@@ -71,29 +79,34 @@ def _section(section: Section) -> str:
 
 
 def _poses(c: Calibration) -> list[str]:
-    R = np.array([pose.R_base_flange for pose in c.fitted_poses])
     ways = compare(c, c.fitted_poses)
+    shaded = " Shaded: poses that were left out." if len(c.fitted_poses) < len(c.poses) else ""
+    hollow = " Hollow: poses that were left out." if shaded else ""
     return [
         "<h3>What is left in each contact-free pose</h3>",
         "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
-        _figure(figures.left_over_per_pose(ways), "Norm of what each way of compensation leaves, log scale."),
+        *(f"<p>{_typeset(text)}</p>" for text in _bias_moved(c)),
+        _figure(
+            figures.left_over_per_pose(c, ways), f"Norm of what each way of compensation leaves, log scale.{shaded}"
+        ),
         _ways(ways),
-        _pose_table(ways),
+        _pose_table(c, ways),
         "<h3>Residuals</h3>",
         _figure(
             figures.residuals_per_pose(c, ways[0]),
-            "What the fit leaves, axis by axis. The band is two standard deviations of the noise of a pose's reading.",
+            "What the fit leaves, axis by axis. The band is two standard deviations of the noise of a pose's reading."
+            + shaded,
         ),
         "<h3>Directions of gravity that the poses covered</h3>",
         _figure(
-            figures.gravity_on_sphere(c, R),
+            figures.gravity_on_sphere(c),
             "Gravity as seen from the flange, on the two halves of the sphere in equal-area projection. Poses that "
-            "differ by a turn about the vertical fall on one point, and one such point fixes nothing.",
+            f"differ by a turn about the vertical fall on one point, and one such point fixes nothing.{hollow}",
         ),
         "<h3>Standard deviation of the contact wrench over orientations</h3>",
-        _figure(figures.std_over_orientations(c, R, "force"), "White dots: the poses."),
+        _figure(figures.std_over_orientations(c, "force"), "White dots: the poses."),
         _figure(
-            figures.std_over_orientations(c, R, "torque"),
+            figures.std_over_orientations(c, "torque"),
             "What the calibration's own uncertainty does to the contact wrench, for any direction of gravity.",
         ),
     ]
@@ -111,13 +124,75 @@ def _sentence(text: str) -> str:
     return text[0].upper() + text[1:] + "."
 
 
+def _bias_moved(c: Calibration) -> list[str]:
+    """How the left-overs are to be read where the bias moved."""
+    moved = [warning for warning in c.warnings if warning.startswith(BIAS_MOVED)]
+    return [
+        f"But {warning.partition(': ')[0]}. The calibration holds the last bias; the poses before are drawn against "
+        "it, so their residuals show by how much theirs was another."
+        for warning in moved
+    ]
+
+
+def _assumptions(c: Calibration) -> str:
+    if not c.assumptions:
+        return ""
+    listed = "".join(f"<li>{_typeset(_sentence(assumption))}</li>" for assumption in c.assumptions)
+    return f"<h3>What was assumed</h3><ul>{listed}</ul>"
+
+
+def _alternatives(c: Calibration) -> str:
+    """What other rungs of the ladder of models make of the same poses."""
+    if not c.alternatives:
+        return ""
+    rows = []
+    for other in c.alternatives:
+        weight = ("-", "")
+        if other.weight is not None and other.weight_std is not None:
+            weight = meaningful_digits(other.weight, other.weight_std)
+        change = largest_force_change(c.B, c.gravity_direction, other)
+        numbers = (other.force_left, 1e3 * other.torque_left, change)
+        rows.append(
+            f"<tr><th>{escape(other.model)}</th><td>{weight[0]}</td><td>{'± ' + weight[1] if weight[1] else ''}</td>"
+            f"{''.join(f'<td>{_significant(number)}</td>' for number in numbers)}</tr>"
+        )
+    head = "<th></th><th>weight, N</th><th>std</th><th>left, N</th><th>left, mN m</th><th>change, N</th>"
+    said = (
+        "Left: root mean square norm of what the model leaves in a pose, its parameters counted. Change: by how much "
+        "the contact force would be another one, at the worst orientation."
+    )
+    table = _table(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
+    return f"<h3>What other models make of the same poses</h3>{table}<p class='unit'>{said}</p>"
+
+
+def _left_out(c: Calibration) -> str:
+    """The poses that were left out, why, and what the calibration leaves in them."""
+    poses = [(k + 1, pose) for k, pose in enumerate(c.poses) if pose.rejected is not None]
+    if not poses:
+        return ""
+    timed = any(pose.t_start is not None for _, pose in poses)
+    rows = []
+    for number, pose in poses:
+        left = c.compensate(pose.wrench, pose.R_base_flange)
+        at = "" if pose.t_start is None else f"{pose.t_start:.6g}"
+        rows.append(
+            f"<tr><th>{number}</th>{f'<td>{at}</td>' if timed else ''}<td>{np.linalg.norm(left[:3]):.3g}</td>"
+            f"<td>{1e3 * np.linalg.norm(left[3:]):.3g}</td><td class='said'>{escape(pose.rejected or '')}</td></tr>"
+        )
+    head = f"<th>pose</th>{'<th>time, s</th>' if timed else ''}<th>left, N</th><th>left, mN m</th>"
+    table = _table(f"<thead><tr>{head}<th class='said'>why</th></tr></thead>{''.join(rows)}")
+    last = ", with the last bias" if _bias_moved(c) else ""
+    said = f"{len(poses)} of {len(c.poses)} poses did not take part in the fit. Left: what compensation leaves{last}."
+    return f"<h3>Poses that were left out</h3><p>{said}</p>{table}"
+
+
 def _parameters(c: Calibration) -> str:
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{value}</td><td>{'± ' + std if std else ''}</td>"
         f"<td class='unit'>{escape(unit)}</td></tr>"
         for name, value, std, unit in parameter_rows(c)
     )
-    return f"<table><thead><tr><th></th><th>value</th><th>std</th><th class='unit'>unit</th></tr></thead>{rows}</table>"
+    return _table(f"<thead><tr><th></th><th>value</th><th>std</th><th class='unit'>unit</th></tr></thead>{rows}")
 
 
 def _fit(c: Calibration) -> str:
@@ -138,7 +213,7 @@ def _fit(c: Calibration) -> str:
     )
     trade_offs = "".join(f"<li>{escape(pair)}</li>" for pair in c.observability.trade_offs[:4])
     trading = f"<p>Trading off against each other:</p><ul>{trade_offs}</ul>" if trade_offs else ""
-    return f"<table>{_axis_head()}{body}{listed}</table><p class='unit'>N and mN m</p>{trading}"
+    return f"{_table(_axis_head() + body + listed)}<p class='unit'>N and mN m</p>{trading}"
 
 
 def _ways(ways: tuple[LeftOver, ...]) -> str:
@@ -150,26 +225,33 @@ def _ways(ways: tuple[LeftOver, ...]) -> str:
     )
     meaning = "; ".join(f"<b>{name}</b>: {escape(text)}" for name, text in PURPOSE.items())
     said = f"Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII. {meaning}."
-    return f"<table>{_axis_head('<th></th>')}{rows}</table><p class='unit'>{said}</p>"
+    return f"{_table(_axis_head('<th></th>') + rows)}<p class='unit'>{said}</p>"
 
 
-def _pose_table(ways: tuple[LeftOver, ...]) -> str:
+def _pose_table(c: Calibration, ways: tuple[LeftOver, ...]) -> str:
     head = "".join(f"<th>{escape(way.name)}</th>" for way in ways)
-    rows = []
-    for k in range(len(ways[0].wrench)):
+    kept, left_out = figures.pose_numbers(c)
+    rows = {number: f"<td colspan={2 * len(ways)} class='fact'>left out</td>" for number in left_out.tolist()}
+    for k, number in enumerate(kept.tolist()):
         force = "".join(f"<td>{np.linalg.norm(way.wrench[k, :3]):.3g}</td>" for way in ways)
         torque = "".join(f"<td>{1e3 * np.linalg.norm(way.wrench[k, 3:]):.3g}</td>" for way in ways)
-        rows.append(f"<tr><th>{k + 1}</th>{force}{torque}</tr>")
-    return (
-        "<details><summary>Every pose in numbers</summary><table><thead>"
-        f"<tr><th></th><th colspan={len(ways)}>force, N</th><th colspan={len(ways)}>torque, mN m</th></tr>"
-        f"<tr><th>pose</th>{head}{head}</tr></thead>{''.join(rows)}</table></details>"
+        rows[number] = force + torque
+    body = "".join(f"<tr><th>{number}</th>{rows[number]}</tr>" for number in sorted(rows))
+    table = _table(
+        f"<thead><tr><th></th><th colspan={len(ways)}>force, N</th><th colspan={len(ways)}>torque, mN m</th></tr>"
+        f"<tr><th>pose</th>{head}{head}</tr></thead>{body}"
     )
+    return f"<details><summary>Every pose in numbers</summary>{table}</details>"
 
 
 def _provenance(c: Calibration) -> str:
     rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in c.provenance.items())
-    return f"<details><summary>Where this comes from</summary><table class='facts'>{rows}</table></details>"
+    return f"<details><summary>Where this comes from</summary>{_table(rows, 'facts')}</details>"
+
+
+def _table(rows: str, kind: str = "") -> str:
+    """A table in a box of its own, which scrolls where the page is narrower than the table."""
+    return f"<div class='scroll'><table{f' class={kind}' if kind else ''}>{rows}</table></div>"
 
 
 def _axis_head(before: str = "") -> str:
@@ -190,7 +272,7 @@ def _significant(value: float) -> str:
 
 
 def _figure(svg: str, caption: str) -> str:
-    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+    return f"<figure><div class='scroll'>{svg}</div><figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _paragraphs(paragraphs: tuple[str, ...]) -> str:
