@@ -19,8 +19,8 @@ from .linearised import PriorRows
 
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
 
-TURN_OF_SHIFT = np.array([[0.0, -1.0], [1.0, 0.0]])
-"""Gravity shifted along its horizontal axes (a, b) has turned about them by this: about a towards -b, about b to a."""
+ON_THE_SPOT = 1e-4
+"""rad: below, an angle is its sine."""
 
 
 def known_weight(weight: float, std: float) -> Knowledge:
@@ -115,19 +115,37 @@ def known_rotations(R_flange_sensor: Array, gravity_direction: Array, informatio
 
 def _known_turns(R_flange_sensor: Array, gravity_direction: Array) -> Knowledge:
     """Both rotations with a std of 1 rad, as five turns: of the mounting about the sensor's axes, of gravity about its
-    horizontal axes.
+    horizontal axes. Unlike the sine of `known_gravity`, the turn tells gravity from its opposite.
     """
-    mounting, gravity = known_mounting(R_flange_sensor, np.ones(3)), known_gravity(gravity_direction, 1.0)
+    mounting = known_mounting(R_flange_sensor, np.ones(3))
+    axes = np.stack(horizontal_axes(gravity_direction))
 
     def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        parts = [piece(tool, names) for piece in (mounting, gravity)]
-        off = np.concatenate([part.residuals for part in parts])
-        jacobian = np.concatenate([part.jacobian for part in parts])
-        off[3:] = TURN_OF_SHIFT @ off[3:]
-        jacobian[3:] = TURN_OF_SHIFT @ jacobian[3:]
-        return PriorRows(off, jacobian)
+        of_mounting = mounting(tool, names)
+        d = tool.gravity_direction
+        # about a towards -b, about b towards a
+        sine, cosine = np.array([-axes[1] @ d, axes[0] @ d]), float(gravity_direction @ d)
+        per_sine, bend = _angle_per_sine(float(np.linalg.norm(sine)), cosine)
+        jacobian = np.zeros((2, len(names)))
+        if GRAVITY[0] in names:
+            a, b = horizontal_axes(d)
+            moves = np.stack([-b, a], axis=1)
+            jacobian[:, -2:] = per_sine * np.stack([-axes[1], axes[0]]) @ moves
+            jacobian[:, -2:] -= bend * np.outer(sine, gravity_direction @ moves)
+        return PriorRows(
+            np.concatenate([of_mounting.residuals, -per_sine * sine]), np.concatenate([of_mounting.jacobian, jacobian])
+        )
 
     return rows
+
+
+def _angle_per_sine(sine: float, cosine: float) -> tuple[float, float]:
+    """The angle over its sine, and how that falls with the cosine."""
+    if sine < ON_THE_SPOT and cosine > 0.0:
+        return 1.0, 1.0 / 3.0
+    sine = max(sine, ON_THE_SPOT)
+    angle = float(np.arctan2(sine, cosine))
+    return angle / sine, (sine - angle * cosine) / sine**3
 
 
 def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows | None:

@@ -54,9 +54,6 @@ ROUNDS = 10
 SETTLED = 1e-3
 """Standard deviations: messages are not linearised anew for less."""
 
-GROUPS_OF_AXES = 2.0
-"""Forces and torques: each has its noise estimated from about half of the degrees of freedom."""
-
 
 def calibrate_shared(
     recordings: Sequence[Samples],
@@ -205,7 +202,7 @@ def _message(
         now.names,
         sharing.parameters,
         sharing.known_apart(now),
-        alone.fit.readings_left / GROUPS_OF_AXES,
+        float(alone.fit.dof.min()),
     )
 
 
@@ -294,7 +291,8 @@ def _other_axes(before: RigidTool, after: RigidTool, names: tuple[str, ...]) -> 
     axes = np.eye(len(names))
     if GRAVITY[0] in names:
         old, new = (np.stack(horizontal_axes(tool.gravity_direction)) for tool in (before, after))
-        axes[-2:, -2:] = new @ old.T
+        U, _, Vt = np.linalg.svd(new @ old.T)
+        axes[-2:, -2:] = U @ Vt
     return axes
 
 
