@@ -9,7 +9,7 @@ costs what six parameters cost: so a few bumped poses are not a step, and a step
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ FALSE_ALARM = 0.0025
 """Of each of the three tests."""
 
 FEWEST_POSES = 8
-SIDE = 2
+SIDE = 3
 """A step has at least so many poses on either side."""
 
 MANY_OUTLIERS = 3
@@ -65,8 +65,7 @@ def course_of_bias(linear: LinearReadings, wide: Array, unit: Array, time: Array
     courses = [_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed]
     if n <= MOST_POSES_OF_WALK:
         courses.append(_walk(linear, time, unit))
-    left_out = [out, *(course.outlying for _, course in courses)]
-    courses += [(_criterion(linear, np.zeros((n, 0)), each), replace(steady, outlying=each)) for each in left_out]
+    courses.append((_criterion(linear, np.zeros((n, 0)), out), steady))
     return min(courses, key=lambda course: course[0])[1]
 
 
