@@ -4,7 +4,7 @@ A sensor warms up; a driver zeroes it half-way. In the order of time the residua
 more columns of the linearised problem, zero at the last pose, so that the bias that is estimated is the LAST one; a
 random walk is a covariance between poses. A steady bias is given up only where a test says so, at one false alarm in
 130; the courses are then compared by the Bayesian information criterion (Schwarz, 1978), in which leaving a pose out
-costs what six parameters cost: so a few bumped poses are not a step, and a step is not many bumped poses.
+has a cost too: so a few bumped poses are not a step, and a step is not many bumped poses.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ FALSE_ALARM = 0.0025
 FEWEST_POSES = 8
 SIDE = 3
 """A step has at least so many poses on either side."""
+
+OUTLIER_COST = 20.0
+"""Of leaving a pose out, in the criterion: about the squared distance at which one is left out."""
 
 MANY_OUTLIERS = 3
 SPANNED = 1e-7
@@ -164,8 +167,8 @@ def _criterion(linear: LinearReadings, shape: Array, out: NDArray[np.bool_]) -> 
     """The Bayesian information criterion of columns of this shape with those poses left out."""
     n = len(out)
     fit = weighted_fit(_with(linear, shape), (~out).astype(np.float64))
-    parameters = 6.0 * shape.shape[1] + 6.0 * float(np.sum(out))
-    return float(3.0 * n * np.sum(np.log(fit.variance)) + parameters * np.log(6.0 * n))
+    cost: float = 6.0 * shape.shape[1] * float(np.log(6.0 * n)) + OUTLIER_COST * float(np.sum(out))
+    return 3.0 * n * float(np.sum(np.log(fit.variance))) + cost
 
 
 def _fixed(linear: LinearReadings, shape: Array, kind: str, k: int | None, unit: Array) -> tuple[float, Course]:
@@ -210,6 +213,6 @@ def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Cour
     change = smooth @ (some.errors - some.J @ (fit.inverse @ fit.right)) * unit
     steady = np.einsum("nip,i,niq->pq", some.J, np.repeat(1.0 / fit.weighted_by, 3), some.J)
     growth = fit.inverse - np.linalg.inv(steady + linear.known.T @ linear.known)
-    parameters = 1.0 + 6.0 * float(np.sum(out))
+    cost = float(np.log(6.0 * n)) + OUTLIER_COST * float(np.sum(out))
     taken = 6.0 * float(np.trace(smooth[~out]))
-    return criterion + parameters * float(np.log(6.0 * n)), Course("walk", change, None, out, growth, taken)
+    return criterion + cost, Course("walk", change, None, out, growth, taken)

@@ -23,7 +23,7 @@ FALSE_ALARMS = 0.08
 PLENTY = 24
 """With fewer poses each is dearer, and the probability of losing one falls with the square of their number."""
 
-SURELY_CLEAN = 0.85
+SURELY_CLEAN = 0.75
 """Of the limit: where no pose is further off than this, none can hide others."""
 
 TAIL = 3.0
@@ -61,16 +61,12 @@ class LinearReadings:
 def outlying(linear: LinearReadings) -> NDArray[np.bool_]:
     """Which of the poses (n,) the others do not explain; none where too many would be."""
     n = len(linear.errors)
-    everything = np.ones(n, dtype=bool)
-    distance, limit = deleted_distances(linear, everything)
-    if distance.max() <= SURELY_CLEAN * limit:
-        return ~everything
     kept, seen = _robust_start(linear), {b""}
     while kept.tobytes() not in seen and len(seen) <= ROUNDS:
         seen.add(kept.tobytes())
         distance, limit = deleted_distances(linear, kept)
         kept = distance <= limit
-    return ~kept if np.mean(~kept) <= MOST_LEFT_OUT else ~everything
+    return ~kept if np.mean(~kept) <= MOST_LEFT_OUT else np.zeros(n, dtype=bool)
 
 
 def chance_of_loss(n: int) -> float:
