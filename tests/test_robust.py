@@ -208,6 +208,16 @@ def test_the_paper_s_estimator_and_affine_take_the_readings_as_they_are() -> Non
         assert _left_out(cw.calibrate(cw.Samples(wrench, R), model)) == []
 
 
+def test_torques_in_newton_millimetres_are_told_by_the_com() -> None:
+    rig, R, rng = _rig(14)
+    rig = replace(rig, com=np.array([0.0, 0.01, 0.05]))
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    assert not [text for text in cw.calibrate(cw.Samples(wrench, R)).warnings if "N mm" in text]
+    wrench[:, 3:] *= 1e3
+    (warning,) = (text for text in cw.calibrate(cw.Samples(wrench, R)).warnings if "N mm" in text)
+    assert warning.startswith("weak: the centre of mass comes out 51 m from the sensor: are the torques in N mm? ")
+
+
 def test_unequal_gains_are_said_with_the_singular_values_and_equal_ones_are_not() -> None:
     rig, R, rng = _rig(13)
     wrench = noisy_readings(rig, R, NOISE, rng)

@@ -16,6 +16,9 @@ BIAS_SHARE = 0.10
 FEWEST_DOF = 3.0
 NOISE_RATIO = 10.0
 GIVEN_NOISE_RATIO = 5.0
+FURTHEST_COM = 2.0
+"""m: no arm carries a tool that long."""
+
 SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
 WELL_SPREAD = 0.1
@@ -30,6 +33,7 @@ def weaknesses(found: RobustEstimate, question: Question, trade_offs: tuple[str,
     warnings += weak_noise(fit) if estimated else beyond_given_noise(fit)
     if fit.tool is not None and question.earlier is None:
         warnings += poor_fit(fit)
+        warnings += implausible_com(fit)
         warnings += cross_talk(fit, readings)
     if question.earlier is not None:
         warnings += contradicts_earlier(fit)
@@ -117,6 +121,19 @@ def poor_fit(fit: Fit) -> tuple[str, ...]:
     return (
         f"weak: {left:.2g} N are left in the poses, {100.0 * left / weight:.0f} % of the weight: the file may be read "
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it",
+    )
+
+
+def implausible_com(fit: Fit) -> tuple[str, ...]:
+    """A warning where the centre of mass lies further off than any tool's: what a wrong unit of torque looks like."""
+    if fit.tool is None:
+        return ()
+    distance = float(np.linalg.norm(fit.tool.com))
+    if distance <= FURTHEST_COM:
+        return ()
+    return (
+        f"weak: the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then rename "
+        "their columns tx_nmm ty_nmm tz_nmm; contactwrench diagnose tries this and other ways to read the file",
     )
 
 
