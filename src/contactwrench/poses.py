@@ -44,15 +44,26 @@ class Pose:
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
-def poses_from_samples(samples: Samples, *, by_visit: bool = False) -> tuple[Pose, ...]:
-    """Average the rows of `samples` that share an orientation; poses in the order of their first rows. `by_visit`: an
-    orientation that the arm comes back to is a pose each time.
+def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
+    """Average the rows of `samples` that share an orientation; poses in the order of their first rows."""
+    return _averaged(samples, _label_orientations(samples.R_base_flange))
+
+
+def poses_and_visits(samples: Samples, most: int) -> tuple[tuple[Pose, ...], tuple[Pose, ...] | None]:
+    """The poses, and the visits: an orientation that the arm comes back to counts each time. None where no orientation
+    is visited twice, or where there are more than `most` visits.
     """
     label = _label_orientations(samples.R_base_flange)
+    poses = _averaged(samples, label)
+    visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])[: len(label)]
+    again = len(visit) > 0 and len(poses) < visit[-1] + 1 <= most
+    return poses, _averaged(samples, visit) if again else None
+
+
+def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the rows of each label."""
     if not len(label):
         return ()
-    if by_visit:
-        label = np.r_[0, np.cumsum(label[1:] != label[:-1])]
     in_order = bool((np.diff(label) >= 0).all())
     small = label.astype(np.min_scalar_type(int(label.max())))  # numpy sorts 16-bit integers by radix, far faster
     order = slice(None) if in_order else np.argsort(small, kind="stable")

@@ -19,7 +19,7 @@ from ..errors import InputError, UnobservableError
 from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
-from ..poses import Pose, moments_of_poses, poses_from_samples
+from ..poses import Pose, moments_of_poses, poses_and_visits, poses_from_samples
 from ..samples import Samples
 from ..version import __version__
 from ..wrench import STANDARD_GRAVITY, unit_direction
@@ -164,11 +164,12 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if not (np.isfinite(g) and g > 0.0):
         raise InputError(f"g is {g!r}, expected m/s^2 above 0")
     free, warnings = _contact_free(samples)
-    poses = _in_time(poses_from_samples(free))
+    poses, visits = poses_and_visits(free, MOST_VISITS)
     if not poses:
         raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
-    visits = _in_time(poses_from_samples(free, by_visit=True))
-    if len(poses) < len(visits) <= MOST_VISITS:
+    poses = _in_time(poses)
+    if visits is not None:
+        visits = _in_time(visits)
         found = cleaned_estimate(_readings(visits), _times(visits), question)
         if found.course is not None and found.course.kind != "steady":
             return Recorded(free, visits, found, warnings, g)
