@@ -134,6 +134,19 @@ def test_errors_are_those_that_the_std_states() -> None:
     assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
 
 
+def test_the_std_does_not_depend_on_how_the_base_is_turned() -> None:
+    """Base axes turned about the vertical are other names for the same: the std of every contact wrench stays."""
+    for seed in range(12):
+        rig, _, rng = example(seed)
+        rig = _tilted(replace(rig, weight=6.0), 0.5, 0.5, rng)
+        samples = noisy(rig, POSE_SETS["paper's 6"], rng)
+        turn = Rotation.from_euler("z", rng.uniform(-np.pi, np.pi)).as_matrix()
+        turned = cw.Samples(samples.wrench, turn @ samples.R_base_flange)
+        R = random_rotations(20, rng)
+        as_it_is, other = cw.calibrate(samples), cw.calibrate(turned)
+        assert other.wrench_std(turn @ R) == pytest.approx(as_it_is.wrench_std(R), rel=1e-3)
+
+
 def test_noise_free_readings_return_the_tool() -> None:
     rig, R, rng = example(17)
     for truth in (_tilted(rig, 0.0, 0.0, rng), _tilted(rig, 45.0, 60.0, rng)):

@@ -128,7 +128,7 @@ def test_a_step_among_bumped_poses() -> None:
     wrench[:11] += np.array([1.0, 1.0, -2.0, 0.0, 0.05, 0.0])
     wrench[[4, 17]] += np.array([3.0, 0.0, 2.0, 0.1, 0.0, 0.2])
     calibration = cw.calibrate(cw.Samples(wrench, R))
-    assert {4, 17} <= set(_left_out(calibration)) <= {4, 17, 23}
+    assert _left_out(calibration) == [4, 17]
     assert "between pose 11 and pose 12" in _of_bias(calibration)[0]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .calibrate.noise import pooled_scatter
+from .calibrate.noise import variance_of_means
 from .calibration import Calibration
 from .orientation import Array
 from .poses import Pose
@@ -14,16 +14,8 @@ def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array
     """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
     sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
     """
-    variance = np.tile(calibration.noise**2, (len(poses), 1))
-    fitted = pooled_scatter(calibration.fitted_poses)
-    if fitted is None:
-        return variance
-    of_means: Array = np.einsum("nii->ni", fitted.covariance)
-    of_sample = of_means[0] * calibration.fitted_poses[0].n
     rows = np.array([pose.n for pose in poses], dtype=np.float64)
-    between: Array = np.maximum(variance - of_means.mean(axis=0), 0.0)
-    total: Array = between + of_sample / rows[:, None]
-    return total
+    return variance_of_means(calibration.noise, calibration.fitted_poses, rows)
 
 
 def noise_dof(calibration: Calibration) -> float:

@@ -178,6 +178,18 @@ def stepped(tool: RigidTool, step: Array, names: tuple[str, ...]) -> RigidTool:
     return moved
 
 
+def small_change_about(before: RigidTool, after: RigidTool, names: tuple[str, ...]) -> Array:
+    """The parameters (p, p) of a small change about `after` from those about `before`: the horizontal axes of two
+    directions of gravity may differ by a quarter turn, however close these are.
+    """
+    axes = np.eye(len(names))
+    if GRAVITY[0] in names:
+        old, new = (np.stack(horizontal_axes(tool.gravity_direction)) for tool in (before, after))
+        U, _, Vt = np.linalg.svd(new @ old.T)
+        axes[-2:, -2:] = U @ Vt
+    return axes
+
+
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Half a turn about the flange's x: a sensor whose z points against the flange's, at yaw 0."""
 

@@ -19,7 +19,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..model import PARAMETERS, RigidTool, matrix_jacobian, stepped, wrench_jacobian, wrench_matrix
+from ..model import (
+    PARAMETERS,
+    RigidTool,
+    matrix_jacobian,
+    small_change_about,
+    stepped,
+    wrench_jacobian,
+    wrench_matrix,
+)
 from ..observability import is_separable
 from ..orientation import Array
 from .joint import RigidProblem, finished_rigid, solved_from
@@ -222,11 +230,12 @@ def _mean_over_assumptions(
         return AutoFit(finished_rigid(tool, NAMES, candidate.solved), assumption, odds, None, None)
     for _ in range(CENTRINGS):
         mixture = _mixture(exact, candidate, tool, gravity_direction, priors, knowledge)
-        mean = mixture.probability @ mixture.steps
-        tool = stepped(tool, mean, NAMES)
-    off = mixture.steps[exact.index((False, False))] - mean
+        centre, mean = tool, mixture.probability @ mixture.steps
+        tool = stepped(centre, mean, NAMES)
     fit = finished_rigid(candidate.tool, NAMES, candidate.solved)
-    covariance = fit.covariance + np.outer(off, off)
+    axes = small_change_about(candidate.tool, tool, NAMES)
+    off = small_change_about(centre, tool, NAMES) @ (mixture.steps[exact.index((False, False))] - mean)
+    covariance = axes @ fit.covariance @ axes.T + np.outer(off, off)
     from_parameters = matrix_jacobian(tool, NAMES)
     fit = replace(
         fit,

@@ -23,7 +23,7 @@ from .knowledge import (
     known_weight,
 )
 from .least_squares import MOST_DOF, GivenNoise
-from .noise import pooled_scatter
+from .noise import variance_of_means
 
 KNOWABLE = ("weight", "com", "mount", "gravity")
 LEAST_SHARE = 1e-6
@@ -82,17 +82,8 @@ def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, G
     source = [place[of_prior[k]] for k in there]
     covariance[np.ix_(there, there)] = prior.covariance[np.ix_(source, source)]
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
-    return tool, earlier_calibration(tool, covariance), GivenNoise(_noise_of(prior, rows), prior.dof or MOST_DOF)
-
-
-def _noise_of(prior: Calibration, rows: int) -> Array:
-    scatter = pooled_scatter(prior.fitted_poses)
-    if scatter is None:
-        return prior.noise
-    of_means: Array = np.einsum("nii->ni", scatter.covariance)
-    of_sample = of_means[0] * prior.fitted_poses[0].n
-    between = np.maximum(prior.noise**2 - of_means.mean(axis=0), 0.0)
-    return np.asarray(np.sqrt(between + of_sample / rows), dtype=np.float64)
+    noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
+    return tool, earlier_calibration(tool, covariance), GivenNoise(noise, prior.dof or MOST_DOF)
 
 
 def _finite(what: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> Array:

@@ -49,6 +49,20 @@ def pooled_scatter(poses: tuple[Pose, ...]) -> Scatter | None:
     return Scatter(of_sample / n[:, None, None], dof)
 
 
+def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Array:
+    """Variance (m, 6) of the mean of so many `rows` (m,) each: what the `fitted` poses, whose readings have the std
+    `noise` (6,), differ by, and the scatter of a sample over the rows (where no row is repeated, `noise` has both).
+    """
+    scatter = pooled_scatter(fitted)
+    if scatter is None:
+        return np.tile(noise**2, (len(rows), 1))
+    of_means = np.einsum("nii->ni", scatter.covariance)
+    of_sample = of_means[0] * fitted[0].n
+    between = np.maximum(noise**2 - of_means.mean(axis=0), 0.0)
+    total: Array = between + of_sample / rows[:, None]
+    return total
+
+
 def whitening(between: Array, scatter: Scatter | None, n: int) -> Whitening:
     """Whitening of n poses for the between-pose variances (6,) and the scatter."""
     if scatter is None:

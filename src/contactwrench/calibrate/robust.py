@@ -128,13 +128,17 @@ def _linear_readings(found: Estimate, readings: PoseReadings, unit: Array) -> Li
     if tool is None:
         raise TypeError("a rigid fit has a tool")
     known = rows_of(found.knowledge, tool, found.names)
-    errors = readings.wrench - free_wrench(fit.B, gravity_in_flange(readings.R_base_flange, fit.gravity_direction))
     return LinearReadings(
         J=wrench_jacobian(tool, readings.R_base_flange, found.names) / unit[:, None],
-        errors=errors / unit,
+        errors=_left_by(fit, readings) / unit,
         known=np.zeros((0, len(found.names))) if known is None else known.jacobian,
         known_errors=np.zeros(0) if known is None else known.residuals,
     )
+
+
+def _left_by(fit: Fit, readings: PoseReadings) -> Array:
+    """What a fit leaves in any readings, (n, 6), N and N m."""
+    return readings.wrench - free_wrench(fit.B, gravity_in_flange(readings.R_base_flange, fit.gravity_direction))
 
 
 def two_digits(value: float) -> str:
@@ -178,8 +182,7 @@ def _reasons(
     fit: Fit, readings: PoseReadings, kept: NDArray[np.bool_], course: Course | None
 ) -> tuple[str | None, ...]:
     """Why each pose was left out, None where it was kept."""
-    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
-    off = readings.wrench - r @ fit.B[:, :3].T - fit.B[:, 3]
+    off = _left_by(fit, readings)
     if course is not None:
         off = off - course.change
     return tuple(None if stays else _reason(error, fit.noise) for error, stays in zip(off, kept, strict=True))

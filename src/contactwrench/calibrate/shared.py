@@ -29,6 +29,7 @@ from ..model import (
     gravity_in_flange,
     horizontal_axes,
     matrix_jacobian,
+    small_change_about,
     stepped,
     wrench_matrix,
 )
@@ -218,7 +219,7 @@ def _agreeing(found: Estimate, readings: PoseReadings, common: Estimate, sharing
         moved = replace(moved, R_flange_sensor=agreed.R_flange_sensor)
     if "gravity" in sharing.names:
         moved = replace(moved, gravity_direction=agreed.gravity_direction)
-    axes = _other_axes(tool, moved, names)
+    axes = small_change_about(tool, moved, names)
     before, follow = axes @ fit.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
     of_all = common.fit.covariance[np.ix_(index, index)]
     covariance = before + follow @ (of_all - before[np.ix_(index, index)]) @ follow.T
@@ -282,18 +283,6 @@ def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
         axis = np.cross(before.gravity_direction, after.gravity_direction)
         turns.append(np.stack(horizontal_axes(before.gravity_direction)) @ axis)
     return np.concatenate(turns)
-
-
-def _other_axes(before: RigidTool, after: RigidTool, names: tuple[str, ...]) -> Array:
-    """The parameters (p, p) of a small change about `after` from those about `before`: the horizontal axes of two
-    directions of gravity may differ by a quarter turn, however close these are.
-    """
-    axes = np.eye(len(names))
-    if GRAVITY[0] in names:
-        old, new = (np.stack(horizontal_axes(tool.gravity_direction)) for tool in (before, after))
-        U, _, Vt = np.linalg.svd(new @ old.T)
-        axes[-2:, -2:] = U @ Vt
-    return axes
 
 
 def _index(names: tuple[str, ...], sharing: _Sharing) -> list[int]:
