@@ -55,6 +55,7 @@ LAYER = {
     "demonstration": 6,
     "report": 6,
     "simulate": 6,
+    "experiment": 6,
     "cli": 7,
     "__init__": 7,
     "__main__": 7,

@@ -1,0 +1,76 @@
+"""Where the arm goes: the flange at given joints, and joints that bring the flange to a given pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import InputError
+from ..orientation import Array
+from ..rotations import rotation_log
+from .arm import JOINT_RANGE
+from .rig import JOINTS, Rig, import_mujoco, inverse_dynamics
+
+HOME = np.deg2rad([0.0, 30.0, 0.0, -60.0, 0.0, 90.0, 0.0])
+"""Joints (7,) with the flange down in front of the base, half a metre out: every tilt is within the wrist's reach."""
+
+ITERATIONS = 200
+CLOSE = 1e-11
+"""m and rad."""
+TRIES = 24
+
+
+def flange_pose(rig: Rig, joints: Array) -> tuple[Array, Array]:
+    """`R_base_flange` (n, 3, 3) and position (n, 3), m, in base axes, at joints (n, 7), rad."""
+    physics = inverse_dynamics(rig, joints)
+    return physics.R_base_flange, physics.position
+
+
+def flange_jacobian(rig: Rig, joints: Array) -> Array:
+    """The Jacobian (6, 7) of the flange at joints (7,): velocity (m/s), then angular velocity (rad/s), base axes."""
+    mujoco = import_mujoco()
+    data = mujoco.MjData(rig.model)
+    data.qpos[:] = joints
+    mujoco.mj_kinematics(rig.model, data)
+    mujoco.mj_comPos(rig.model, data)
+    jacobian = np.zeros((6, JOINTS))
+    mujoco.mj_jacSite(rig.model, data, jacobian[:3], jacobian[3:], rig.flange)
+    R_base_world = rig.settings.R_world_base.T
+    return np.concatenate([R_base_world @ jacobian[:3], R_base_world @ jacobian[3:]])
+
+
+def joints_for(
+    rig: Rig, R_base_flange: Array, position: Array | None = None, near: Array = HOME, seed: int = 0
+) -> Array:
+    """Joints (7,), rad, that bring the flange to an orientation (3, 3), and to a position (3,), m, where one is given.
+
+    Newton's steps in the least norm from `near` (7,), then from other places; of seven joints one is free, or four, and
+    stays close to where it began. Raises `InputError` for a pose that no configuration within the limits was found for.
+    """
+    rng = np.random.default_rng(seed)
+    start = np.asarray(near, dtype=np.float64)
+    for _ in range(TRIES):
+        joints = _newton(rig, R_base_flange, position, start)
+        if joints is not None:
+            return joints
+        start = rng.uniform(-0.9 * JOINT_RANGE, 0.9 * JOINT_RANGE)
+    where = "" if position is None else f" at {', '.join(f'{value:.4g}' for value in position)} m"
+    raise InputError(f"the iiwa 7 was not found to reach a flange pose{where}, expected one in its workspace: move it")
+
+
+def _newton(rig: Rig, R_goal: Array, goal: Array | None, start: Array) -> Array | None:
+    """Joints within the limits at the goal, or None."""
+    joints = start.copy()
+    for _ in range(ITERATIONS):
+        R, position = flange_pose(rig, joints[None])
+        error = R[0] @ rotation_log(R[0].T @ R_goal)
+        jacobian = flange_jacobian(rig, joints)
+        if goal is None:
+            jacobian = jacobian[3:]
+        else:
+            error = np.concatenate([goal - position[0], error])
+        if np.abs(error).max() < CLOSE:
+            joints = (joints + np.pi) % (2.0 * np.pi) - np.pi
+            return joints if bool(np.all(np.abs(joints) <= JOINT_RANGE)) else None
+        step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-9 * np.eye(len(error)), error)
+        joints += step * min(1.0, 0.5 / np.abs(step).max())
+    return None

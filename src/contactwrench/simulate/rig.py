@@ -1,0 +1,163 @@
+"""The rig in MuJoCo: arm, sensor, tool and load on a base, and its exact physics for given motions.
+
+MuJoCo's force and torque sensors report what holds the tool, at the tool's side; design.md's wrench is what the tool
+exerts on the sensor. The sign is turned here, once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InputError, MissingExtraError
+from ..orientation import Array
+from ..samples import read_only
+from .arm import FLANGE_HEIGHT, arm_xml, numbers
+from .settings import Settings
+
+if TYPE_CHECKING:
+    import mujoco
+
+JOINTS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """The machine that `settings` describe, with `load_mass` (kg) on the tool's hook, compiled by MuJoCo."""
+
+    settings: Settings
+    load_mass: float
+    model: mujoco.MjModel
+    flange: int
+    sensor: int
+    """Numbers of the sites."""
+
+
+@dataclass(frozen=True, eq=False)
+class Physics:
+    """What is true at each of n moments, without any error of measurement.
+
+    `joints` (n, 7) rad; `wrench` (n, 6) N and N m, what tool and load exert on the sensor, about its origin, in its
+    axes; `joint_torque` (n, 7) N m, what the drives exert; `R_base_flange` (n, 3, 3); `position` (n, 3) m of the flange
+    in base axes.
+    """
+
+    joints: Array
+    wrench: Array
+    joint_torque: Array
+    R_base_flange: Array
+    position: Array
+
+    def __post_init__(self) -> None:
+        for name in ("joints", "wrench", "joint_torque", "R_base_flange", "position"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def build(
+    settings: Settings, load_mass: float = 0.0, *, tool_shape: str = "", scene: str = "", option: str = ""
+) -> Rig:
+    """Compile the rig. `tool_shape` and `scene` are more XML, in sensor axes and in world axes; `option` more
+    attributes of MuJoCo's `option` element. Raises `MissingExtraError` without mujoco.
+    """
+    mujoco = import_mujoco()
+    model = mujoco.MjModel.from_xml_string(_xml(settings, load_mass, tool_shape, scene, option))
+    return Rig(settings, load_mass, model, model.site("flange").id, model.site("sensor").id)
+
+
+def inverse_dynamics(
+    rig: Rig, joints: Array, velocity: Array | None = None, acceleration: Array | None = None
+) -> Physics:
+    """The physics of an arm that is exactly at `joints` (n, 7) rad, with velocities and accelerations (n, 7) rad/s and
+    rad/s^2 (None: at rest), touching nothing.
+    """
+    mujoco = import_mujoco()
+    data = mujoco.MjData(rig.model)
+    n = len(joints)
+    wrench, torque, R, position = np.empty((n, 6)), np.empty((n, JOINTS)), np.empty((n, 9)), np.empty((n, 3))
+    at, speed, change = data.qpos, data.qvel, data.qacc
+    sensed, drives = data.sensordata, data.qfrc_inverse
+    R_world_flange, flange_in_world = data.site_xmat[rig.flange], data.site_xpos[rig.flange]
+    step, model = mujoco.mj_inverse, rig.model
+    speed[:] = change[:] = 0.0
+    for k in range(n):
+        at[:] = joints[k]
+        if velocity is not None:
+            speed[:] = velocity[k]
+        if acceleration is not None:
+            change[:] = acceleration[k]
+        step(model, data)
+        wrench[k], torque[k] = sensed, drives
+        R[k], position[k] = R_world_flange, flange_in_world
+    R_base_world = rig.settings.R_world_base.T
+    return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
+
+
+def import_mujoco() -> Any:
+    """MuJoCo, or the error that says how to install it."""
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtraError(
+            "the virtual rig needs mujoco, which is not installed: pip install 'contactwrench[sim]'"
+        ) from None
+    return mujoco
+
+
+def _xml(settings: Settings, load_mass: float, tool_shape: str, scene: str, option: str) -> str:
+    if load_mass < 0.0:
+        raise InputError(f"the load is {load_mass:g} kg, expected 0 or more")
+    return f"""<mujoco model="iiwa7">
+  <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
+  <option gravity="0 0 {-settings.gravity!r}" {option}/>
+  <visual>
+    <headlight ambient="0.45 0.45 0.45" diffuse="0.45 0.45 0.45" specular="0.1 0.1 0.1"/>
+    <global offwidth="1280" offheight="960"/>
+    <quality shadowsize="4096"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.93 0.95 0.97" width="64" height="64"/>
+  </asset>
+  <default><geom contype="0" conaffinity="0" density="0"/></default>
+  <worldbody>
+    <light pos="1.5 -1.5 3" dir="-0.4 0.4 -1" diffuse="0.5 0.5 0.5"/>
+    {scene}
+    <body name="base" quat="{_quat(settings.R_world_base)}">{arm_xml(_tool_xml(settings, load_mass, tool_shape))}</body>
+  </worldbody>
+  <sensor><force name="force" site="sensor"/><torque name="torque" site="sensor"/></sensor>
+</mujoco>"""
+
+
+def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:
+    """The sensor's moving side, in sensor axes: the tool, with the load on its hook.
+
+    Mass without size: what a point's own inertia would add in motion is left out.
+    """
+    tool, height = settings.tool, settings.mounting.height
+    small = max(tool.mass, 1e-3) * 0.03**2
+    load = ""
+    if load_mass > 0.0:
+        radius = 0.02 * (max(load_mass, 1e-3) / 0.2) ** (1.0 / 3.0)
+        load = (
+            f'<body name="load" pos="{numbers(tool.hook)}"><inertial pos="0 0 0" mass="{load_mass!r}" '
+            f'diaginertia="{numbers((0.4 * load_mass * radius**2,) * 3)}"/>'
+            f'<geom type="sphere" size="{radius!r}" rgba="0.55 0.42 0.2 1"/></body>'
+        )
+    shape = tool_shape or (
+        '<geom type="cylinder" fromto="0 0 0 0 0 0.025" size="0.036" rgba="0.16 0.35 0.55 1"/>'
+        f'<geom type="capsule" fromto="0 0 0.025 {numbers(tool.hook)}" size="0.012" rgba="0.45 0.47 0.5 1"/>'
+    )
+    housing = f'<geom type="cylinder" fromto="0 0 {-height!r} 0 0 0" size="0.0405" rgba="0.16 0.17 0.19 1"/>'
+    return (
+        f'<body name="tool" pos="0 0 {FLANGE_HEIGHT + height!r}" quat="{_quat(settings.R_flange_sensor)}">'
+        f'<inertial pos="{numbers(tool.com)}" mass="{tool.mass!r}" diaginertia="{numbers((small, small, small))}"/>'
+        f'<site name="sensor" size="0.004" rgba="0 0 0 0"/>{housing}{shape}{load}</body>'
+    )
+
+
+def _quat(R: Array) -> str:
+    """MuJoCo's quaternion, scalar first, of a rotation matrix."""
+    from scipy.spatial.transform import Rotation
+
+    return numbers(Rotation.from_matrix(R).as_quat(scalar_first=True))

@@ -1,0 +1,98 @@
+"""What the sensor makes of the true wrench: gain and cross-talk, bias and its drift, filter, delay, noise, limits.
+
+The order is that of the signal's way: strain gauges, amplifier, filter, converter. Rows come at one rate, in blocks of
+any length, so that a whole recording is one block and a control loop takes one row, or a few, at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..orientation import Array
+from .settings import Sensor
+
+HOUR = 3600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """`wrench` (n, 6) N and N m as the sensor gives it, and `saturated` (n, 6), where a channel stands at its limit
+    and shows less than there is.
+    """
+
+    wrench: Array
+    saturated: NDArray[np.bool_]
+
+
+class SensorStream:
+    """The sensor as time passes: `read` takes the true wrenches of the next rows and gives the readings."""
+
+    def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
+        if rate <= 0.0:
+            raise InputError(f"the rate is {rate:g} Hz, expected more than 0")
+        self._sensor = sensor
+        self._rng = rng
+        self._period = 1.0 / rate
+        self._rows = 0
+        self._walk = np.zeros(6)
+        self._late = round(sensor.delay * rate)
+        self._before: Array | None = None
+        self._filtered: Array | None = None
+        self._mixing = (np.diag(sensor.gain) + np.array(sensor.crosstalk)).T
+        self._noise = np.array([*sensor.noise.force, *sensor.noise.torque])
+        self._limit = sensor.overload * np.array(sensor.ranges)
+
+    def read(self, wrench: Array) -> Readings:
+        """Readings (n, 6) of the true wrenches (n, 6), the next n rows."""
+        signal = wrench @ self._mixing + self._bias(len(wrench))
+        signal = self._delayed(self._low_passed(signal))
+        signal = signal + self._noise * self._rng.normal(size=signal.shape)
+        saturated = np.abs(signal) >= self._limit
+        signal = np.clip(signal, -self._limit, self._limit)
+        if self._sensor.quantum > 0.0:
+            signal = np.round(signal / self._sensor.quantum) * self._sensor.quantum
+        self._rows += len(wrench)
+        return Readings(signal, saturated)
+
+    def _bias(self, rows: int) -> Array:
+        """The bias (rows, 6) in the next rows: what warming up leaves of it, and where its random walk has come."""
+        drift = self._sensor.drift
+        t = (self._rows + np.arange(rows)) * self._period
+        bias: Array = np.array(self._sensor.bias) + np.exp(-t / drift.warm_up_time)[:, None] * np.array(drift.warm_up)
+        steps = np.array(drift.walk) * np.sqrt(self._period / HOUR)
+        if steps.any():
+            walk = self._walk + np.cumsum(steps * self._rng.normal(size=(rows, 6)), axis=0)
+            self._walk = walk[-1]
+            bias = bias + walk
+        return bias
+
+    def _low_passed(self, signal: Array) -> Array:
+        """First-order filter, exact for a signal that is constant between rows; it begins settled."""
+        if self._sensor.low_pass == 0.0 or len(signal) == 0:
+            return signal
+        keep = np.exp(-2.0 * np.pi * self._sensor.low_pass * self._period)
+        last = signal[0] if self._filtered is None else self._filtered
+        filtered = np.empty_like(signal)
+        if len(signal) > 8:
+            from scipy.signal import lfilter
+
+            filtered[:] = lfilter([1.0 - keep], [1.0, -keep], signal, axis=0, zi=keep * last[None])[0]
+        else:
+            for row, value in enumerate(signal):
+                last = filtered[row] = keep * last + (1.0 - keep) * value
+        self._filtered = filtered[-1].copy()
+        return filtered
+
+    def _delayed(self, signal: Array) -> Array:
+        """The signal of `delay` ago, in whole rows; before that, the first one."""
+        if self._late == 0 or len(signal) == 0:
+            return signal
+        if self._before is None:
+            self._before = np.repeat(signal[:1], self._late, axis=0)
+        line = np.concatenate([self._before, signal])
+        self._before, delayed = line[len(signal) :], line[: len(signal)]
+        return delayed

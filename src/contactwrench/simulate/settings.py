@@ -1,0 +1,263 @@
+"""What can be set on the virtual rig: every field with its unit and where its default comes from.
+
+Fields are what people speak: millimetres and degrees only where the name ends in `_mm` or `_deg`, SI elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import msgspec
+import numpy as np
+
+from ..errors import InputError
+from ..orientation import Array
+from ..rotations import rotation_exp
+
+Three: TypeAlias = tuple[float, float, float]
+Six: TypeAlias = tuple[float, float, float, float, float, float]
+Seven: TypeAlias = tuple[float, float, float, float, float, float, float]
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2."""
+
+UPRIGHT_OF: dict[str, Array] = {
+    "table": np.eye(3),
+    "wall": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "ceiling": np.diag([1.0, -1.0, -1.0]),
+}
+"""`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Everything on the tool side of the sensor. Defaults: the paper, Table V (weight 1.980 N)."""
+
+    mass: float = 1.980 / STANDARD_GRAVITY
+    """kg."""
+    com: Three = (-0.006, 0.006, 0.032)
+    """Centre of mass, m, sensor axes."""
+    hook: Three = (0.0, 0.0, 0.1)
+    """Where a load hangs, m, sensor axes; assumed (the paper does not say)."""
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """How the sensor sits on the flange: `R_flange_sensor = exp(tilt) Rz(yaw)`."""
+
+    yaw_deg: float = 33.918
+    """About the flange's z. Default: the paper, Table V."""
+    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    """Rotation vector about the flange's x and y; 180 about one of them is a sensor mounted upside down. Default: the
+    parallel faces that the paper assumes."""
+    height: float = 0.03
+    """From the flange to the sensor's origin along the flange's z, m; assumed. It moves no static wrench."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """What the robot stands on."""
+
+    on: Literal["table", "wall", "ceiling"] = "table"
+    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    """Rotation vector about the base's x and y on top of that. Default: level, as the paper assumes."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of the white noise of one row, per axis. Default: 0.05 % of the ranges (assumed)."""
+
+    force: Three = (0.035, 0.035, 0.035)
+    """N."""
+    torque: Three = (0.0015, 0.0005, 0.0005)
+    """N m."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How the bias moves. Default: not at all, as in the paper's model."""
+
+    warm_up: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """What is added to the bias at t = 0 and decays, N and N m."""
+    warm_up_time: float = 1200.0
+    """Its time constant, s; assumed."""
+    walk: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """Random walk: standard deviation after one hour, N and N m."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """An SRI M8125 six-axis force/torque sensor."""
+
+    ranges: Six = (70.0, 70.0, 70.0, 3.0, 1.0, 1.0)
+    """Capacity, N and N m: the paper, Table II."""
+    overload: float = 1.2
+    """The reading stops at this multiple of the range. Not 1: in the paper's Table IV, row 5, the sensor reads 1.054
+    N m on an axis with a range of 1."""
+    bias: Six = (3.769, -6.903, 57.657, 2.228, 0.963, -0.002)
+    """N and N m: the paper, Table V."""
+    noise: Noise = Noise()
+    quantum: float = 0.001
+    """Step of the readings, N and N m: the digits of the paper's Table IV. 0: none."""
+    gain: Six = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    """Reading over truth, axis by axis. Default: exact; Table IX of the paper shows 0.974."""
+    crosstalk: tuple[Six, Six, Six, Six, Six, Six] = (
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+    """What an axis (row) shows of the others (columns), N and N m each. Default: none."""
+    low_pass: float = 50.0
+    """Cut-off of its first-order filter, Hz; 0: none. The paper filters, and does not say at what frequency."""
+    delay: float = 0.001
+    """s; assumed: one sample at 1 kHz."""
+    drift: Drift = Drift()
+
+
+@dataclass(frozen=True)
+class JointTorque:
+    """The torque sensors in the joints, behind the gears, and the arm's model that goes with them."""
+
+    noise: float = 0.05
+    """Standard deviation of one row, N m; assumed."""
+    offset: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """What they read at no torque, N m."""
+    gain: Seven = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    """Reading over truth."""
+    friction: float = 0.1
+    """Coulomb friction on the link's side of the sensor, N m: at rest anything up to it, in motion all; assumed."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """How the rig is recorded."""
+
+    settle: float = 2.0
+    """From one static pose to the next, s: what drift sees."""
+    rows: int = 1
+    """Rows in each static pose, 1 ms apart."""
+    creep: float = 0.0
+    """Speed of the joints while a static pose is read, rad/s, each in a random direction: a reading in motion."""
+    orientation_error_deg: float = 0.0
+    """Standard deviation, per axis, of the orientation that the robot states in a pose."""
+    rate: float = 1000.0
+    """Rows per second of a trajectory."""
+    duration: float = 20.0
+    """Of a trajectory that comes without times, s."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The whole rig."""
+
+    gravity: float = STANDARD_GRAVITY
+    """m/s^2."""
+    tool: Tool = Tool()
+    mounting: Mounting = Mounting()
+    base: Base = Base()
+    sensor: Sensor = Sensor()
+    joint_torque: JointTorque = JointTorque()
+    recording: Recording = Recording()
+
+    def __post_init__(self) -> None:
+        for what, value, good, expected in (
+            ("gravity", self.gravity, self.gravity > 0.0, "more than 0"),
+            ("tool.mass", self.tool.mass, self.tool.mass > 0.0, "more than 0"),
+            ("sensor.overload", self.sensor.overload, self.sensor.overload > 0.0, "more than 0"),
+            ("sensor.quantum", self.sensor.quantum, self.sensor.quantum >= 0.0, "0 or more"),
+            ("sensor.low_pass", self.sensor.low_pass, self.sensor.low_pass >= 0.0, "0 or more"),
+            ("sensor.delay", self.sensor.delay, self.sensor.delay >= 0.0, "0 or more"),
+            (
+                "sensor.drift.warm_up_time",
+                self.sensor.drift.warm_up_time,
+                self.sensor.drift.warm_up_time > 0.0,
+                "more than 0",
+            ),
+            ("recording.rows", self.recording.rows, self.recording.rows >= 1, "1 or more"),
+            ("recording.rate", self.recording.rate, self.recording.rate > 0.0, "more than 0"),
+            ("recording.duration", self.recording.duration, self.recording.duration > 0.0, "more than 0"),
+        ):
+            if not good:
+                raise InputError(f"{what} is {value:g}, expected {expected}")
+
+    @property
+    def R_flange_sensor(self) -> Array:
+        """The mounting (3, 3)."""
+        tilt = np.deg2rad([*self.mounting.tilt_deg, 0.0])
+        yaw = np.deg2rad([0.0, 0.0, self.mounting.yaw_deg])
+        R: Array = rotation_exp(tilt) @ rotation_exp(yaw)
+        return R
+
+    @property
+    def R_world_base(self) -> Array:
+        """How the base stands (3, 3); the world's z is up."""
+        R: Array = UPRIGHT_OF[self.base.on] @ rotation_exp(np.deg2rad([*self.base.tilt_deg, 0.0]))
+        return R
+
+    @property
+    def gravity_direction(self) -> Array:
+        """Down in base axes (3,)."""
+        down: Array = -self.R_world_base[2]
+        return down
+
+
+def changed(settings: Settings, assignments: Iterable[str]) -> Settings:
+    """The settings after assignments such as `sensor.noise.force=0.05` or `tool.com=[0.01,0,0.05]`.
+
+    One number for a list stands for all of its numbers. Raises `InputError` for a name that is not there, and for a
+    value that does not fit, naming the form of the present one.
+    """
+    values: dict[str, Any] = msgspec.to_builtins(settings)
+    for assignment in assignments:
+        name, equals, text = (part.strip() for part in assignment.partition("="))
+        if not equals:
+            raise InputError(f"found {assignment!r}, expected NAME=VALUE, as in sensor.noise.force=0.05")
+        holder, last = _place(values, name)
+        before = holder[last]
+        holder[last] = _spread(_parsed(text), before)
+        try:
+            settings = msgspec.convert(values, Settings)
+        except msgspec.ValidationError as error:
+            if isinstance(error.__cause__, InputError):
+                raise error.__cause__ from None
+            raise InputError(
+                f"{name} is {text}, expected something like {msgspec.json.encode(before).decode()}: write numbers and "
+                "lists as in JSON"
+            ) from None
+    return settings
+
+
+def _place(values: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
+    """The table that holds the setting of that name, and its key there."""
+    *way, last = name.split(".")
+    holder, path = values, ""
+    for part in [*way, last]:
+        if not isinstance(holder, dict) or part not in holder:
+            found = ", ".join(holder) if isinstance(holder, dict) else "nothing below it"
+            raise InputError(f"there is no setting {name}, expected {f'{path} with ' if path else ''}one of: {found}")
+        if part is not last:
+            holder, path = holder[part], f"{path}.{part}".strip(".")
+    if isinstance(holder[last], dict):
+        raise InputError(f"{name} is a group, expected one of its settings: {', '.join(holder[last])}")
+    return holder, last
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return msgspec.json.decode(text)
+    except msgspec.DecodeError:
+        return text
+
+
+def _spread(value: Any, like: Any) -> Any:
+    """One number where a list stands becomes that list; in a matrix it is every element off the diagonal."""
+    if not isinstance(like, (list, tuple)) or not isinstance(value, (int, float)):
+        return value
+    if like and isinstance(like[0], (list, tuple)):
+        return [[0.0 if row == column else value for column in range(len(like))] for row in range(len(like))]
+    return [value] * len(like)
