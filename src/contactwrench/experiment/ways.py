@@ -43,6 +43,7 @@ Learn: TypeAlias = Callable[[Samples], Way]
 
 def calibrated(model: str, name: str) -> Learn:
     """The way of one of our models, by `calibrate`."""
+
     def learn(samples: Samples) -> Way:
         calibration = calibrate(samples, model)
         return Way(name, calibration.B, calibration.gravity_direction)
