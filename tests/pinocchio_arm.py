@@ -1,4 +1,4 @@
-"""The rig's arm in Pinocchio, built by its own calls from the table of links and the settings, not from the rig's XML."""
+"""The rig's arm in Pinocchio, built by its own calls from the table of links and the settings, not from XML."""
 
 from __future__ import annotations
 

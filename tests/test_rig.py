@@ -131,12 +131,12 @@ def test_every_link_is_a_body_that_can_exist() -> None:
     """The principal moments of a body obey the triangle inequality."""
     for link in LINKS:
         small, middle, large = np.sort(link.inertia)
-        assert 0.0 < small
+        assert small > 0.0
         assert large <= small + middle + 1e-15
 
 
 def test_lengths_are_the_makers() -> None:
-    """KUKA: 1266 mm from the floor to the flange of the arm stretched up, the shoulder at 340, 400 to elbow and wrist."""
+    """KUKA: stretched up, 1266 mm from the floor to the flange; the shoulder at 340, 400 to the elbow and the wrist."""
     rig = build(Settings())
     up, forwards, elbow_up, elbow_down, wrist_down = joints = np.zeros((5, 7))
     forwards[1] = elbow_up[1] = elbow_down[1] = wrist_down[1] = wrist_down[5] = np.pi / 2.0
@@ -162,7 +162,8 @@ def test_the_flange_turns_as_in_the_planner(seed: int) -> None:
     """robots.py has the rotations of the iiwa 7 from its data sheet, in another way."""
     joints = any_joints(np.random.default_rng(seed), 20)
     R, _ = flange_pose(build(Settings(base=Base("wall", (3.0, -8.0)))), joints)
-    assert R == pytest.approx(flange_orientation(ARMS["iiwa7"], joints), abs=1e-12)
+    planned = flange_orientation(ARMS["iiwa7"], joints)
+    assert pytest.approx(planned, abs=1e-12) == R
     assert ARMS["iiwa7"].limits[:, 1] == pytest.approx(JOINT_RANGE)
     assert ARMS["iiwa7"].home == pytest.approx(HOME)
 
