@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from ..calibrate import calibrate
 from ..calibration import Calibration
 from ..errors import ContactWrenchError
 from ..orientation import Array
+from ..report.charts import dots_by_group
 from ..samples import Samples
-from .part import Measured, Part, Table, mean
+from .part import Measured, Part, Picture, Table, mean
 from .trials import (
     DEFAULT,
     Free,
@@ -32,7 +33,7 @@ from .trials import (
 )
 from .ways import Way, tare, without_bias
 
-TRIALS = 100
+TRIALS = 80
 MODELS = {"paper": "paper", "yaw": "yaw", "ours": "auto"}
 """The estimators by the names that the tables call them, and the models behind them."""
 
@@ -64,16 +65,11 @@ class Trial:
     unseen: dict[str, Squared]
 
 
-Task: TypeAlias = tuple[Array, Array, int, range]
-"""Joints of the poses and of the unseen orientations, the seed, and the numbers of the trials."""
-
-
 def part(pool: Executor, scale: float, seed: int) -> Part:
     """The paper's identification, repeated with new noise."""
     n = number_of_trials(TRIALS, scale)
     poses, unseen = joints_of_paper(), unseen_joints()
-    trials = in_batches(pool, _run, lambda numbers: (poses, unseen, seed, numbers), n)
-    at_unseen = _at_unseen(trials)
+    trials = in_batches(pool, partial(_run, poses, unseen, seed), n)
     return Part(
         key="identification",
         title="Identification from the paper's six postures",
@@ -85,13 +81,14 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
             _averages(
                 trials, ("gravity only", "tare"), "gravity_only", "The same with gravity only (Table VIII), and a tare"
             ),
-            at_unseen,
+            _at_unseen(trials),
         ),
+        pictures=(_picture(trials),),
     )
 
 
-def _run(task: Task) -> list[Trial]:
-    poses, unseen, seed, numbers = task
+def _run(poses: Array, unseen: Array, seed: int, numbers: range) -> list[Trial]:
+    """The trials of those numbers, on joints (6, 7) and judged at joints (m, 7), rad."""
     free = free_readings(DEFAULT, unseen)
     rngs = [np.random.default_rng((seed, 1, number)) for number in numbers]
     return [_trial(samples, free) for samples in recordings(DEFAULT, poses, rngs)]
@@ -121,7 +118,8 @@ def _parameters(calibration: Calibration) -> Array:
     if calibration.weight is None or calibration.com is None or calibration.yaw is None:
         raise TypeError("a rigid model has a tool")
     values = np.r_[calibration.weight, calibration.com, calibration.yaw, calibration.bias]
-    return np.stack([values, np.r_[std["weight"], std["com"], std["yaw"], std["bias"]]])
+    both: Array = np.stack([values, np.r_[std["weight"], std["com"], std["yaw"], std["bias"]]])
+    return both
 
 
 def _truth() -> Array:
@@ -149,9 +147,9 @@ def _table_v(trials: Sequence[Trial]) -> Table:
         title="Identified parameters (Table V)",
         columns=PARAMETERS,
         rows=tuple(rows),
-        note=f"{len(trials)} data sets of six poses, one reading a pose, noise 0.05 % of the sensor's ranges. True: the "
-        "rig, set to the paper's Table V. Scatter: standard deviation of the estimates from one data set to the next; "
-        f"stated: what the estimate says of itself. {_refusals(trials)}",
+        note=f"{len(trials)} data sets of six poses, one reading a pose, noise 0.05 % of the sensor's ranges. True: "
+        "the rig, set to the paper's Table V. Scatter: standard deviation of the estimates from one data set to the "
+        f"next; stated: what the estimate says of itself. {_refusals(trials)}",
     )
 
 
@@ -222,6 +220,16 @@ def _at_unseen(trials: Sequence[Trial]) -> Table:
     )
 
 
+def _picture(trials: Sequence[Trial]) -> Picture:
+    force = {name: rms_force(_unseen(trials, name)) for name in WAYS}
+    groups = {name: {name: None if isinstance(one, str) else one} for name, one in force.items()}
+    return Picture(
+        name="experiment_unseen",
+        html=dots_by_group(groups, "force error at orientations that were not recorded, N"),
+        caption=f"Calibrated on the paper's six poses: RMS over {len(trials)} data sets, bars of one standard error.",
+    )
+
+
 def _unseen(trials: Sequence[Trial], name: str) -> list[Squared | None]:
     return [trial.unseen.get(name) for trial in trials]
 
@@ -250,25 +258,25 @@ def _said_of_identification(trials: Sequence[Trial]) -> tuple[str, ...]:
             f"In the six poses themselves the paper's estimator leaves {in_poses['paper']:.3f} N and ours "
             f"{in_poses['ours']:.3f} N (root mean square of the force; the noise of one reading has {noise:.3f} N). "
             "Residuals of the fitted poses, which the paper's Tables VI and VII are, say little of any other pose: "
-            f"elsewhere it is {force['paper'] / in_poses['paper']:.2g} and {force['ours'] / in_poses['ours']:.2g} times "
-            "as much."
+            f"elsewhere it is {force['paper'] / in_poses['paper']:.2g} and {force['ours'] / in_poses['ours']:.2g} "
+            "times as much."
         )
         printed = ", ".join(f"{value:g}" for value in PAPER_VII)
         found = ", ".join(
             f"{np.mean([np.abs(trial.left['paper'][:, axis]).mean() for trial in trials]):.3f}" for axis in range(3)
         )
         paragraphs.append(
-            f"The paper prints average errors of {printed} N (Table VII); its estimator on this rig, whose only error is "
-            f"a noise of 0.05 % of the range, leaves {found} N."
+            f"The paper prints average errors of {printed} N (Table VII); its estimator on this rig, whose only error "
+            f"is a noise of 0.05 % of the range, leaves {found} N."
         )
     ratio = force["paper"] / force["ours"]
     better = "ours" if ratio > 1.0 else "the paper's"
     paragraphs.append(
         f"At orientations that were not recorded the paper's estimator leaves {force['paper']:.3g} N, the yaw-only fit "
-        f"that couples its equations {force['yaw']:.3g} N, ours {force['ours']:.3g} N: of the paper's and ours, {better} "
-        f"is better, by a factor of {max(ratio, 1.0 / ratio):.2g}. Ours is not told that the mounting's faces are "
-        f"parallel and the base is level; its error is {force['ours'] / force['yaw']:.3g} times that of the yaw-only "
-        "fit, which is."
+        f"that couples its equations {force['yaw']:.3g} N, ours {force['ours']:.3g} N: of the paper's and ours, "
+        f"{better} is better, by a factor of {max(ratio, 1.0 / ratio):.2g}. Ours is not told that the mounting's faces "
+        f"are parallel and the base is level; its error is {force['ours'] / force['yaw']:.3g} times that of the "
+        "yaw-only fit, which is."
     )
     paragraphs.append(_said_of_weight(trials))
     return tuple(paragraphs)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from functools import cache
-from typing import TypeAlias
+from functools import cache, partial
 
 import numpy as np
 
 from ..orientation import Array
 from ..plan import plan
+from ..report.charts import dots_by_group
 from ..robots import flange_orientation, known_arm, reach
 from ..samples import read_only
-from .part import Measured, Part, Table
+from .part import Measured, Part, Picture, Table
 from .trials import (
     DEFAULT,
     Squared,
@@ -31,15 +31,13 @@ from .trials import (
 )
 from .ways import WAYS, Learn, calibrated
 
-TRIALS = 50
+TRIALS = 40
 ESTIMATORS: dict[str, Learn] = {
     "paper": WAYS["paper"],
     "yaw": calibrated("yaw", "yaw"),
     "ours": WAYS["ours"],
     "tare": WAYS["tare"],
 }
-Task: TypeAlias = tuple[Array, Array, int, range]
-"""Joints of the poses and of the unseen orientations, the seed, and the numbers of the trials."""
 
 
 @cache
@@ -56,19 +54,19 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     n = number_of_trials(TRIALS, scale)
     unseen = unseen_joints()
     paper, planned = (
-        in_batches(pool, _run, lambda numbers, poses=poses: (poses, unseen, seed, numbers), n)
-        for poses in (joints_of_paper(), planned_joints(6))
+        in_batches(pool, partial(_run, poses, unseen, seed), n) for poses in (joints_of_paper(), planned_joints(6))
     )
     return Part(
         key="planned",
         title="Six planned poses",
         paragraphs=_said(paper, planned),
         tables=(_table(paper, planned),),
+        pictures=(_picture(paper, planned),),
     )
 
 
-def _run(task: Task) -> list[dict[str, Squared]]:
-    poses, unseen, seed, numbers = task
+def _run(poses: Array, unseen: Array, seed: int, numbers: range) -> list[dict[str, Squared]]:
+    """The trials of those numbers, on joints (6, 7) and judged at joints (m, 7), rad."""
     free = free_readings(DEFAULT, unseen)
     rngs = [np.random.default_rng((seed, 4, number)) for number in numbers]
     trials = []
@@ -102,6 +100,22 @@ def _table(paper: Sequence[dict[str, Squared]], planned: Sequence[dict[str, Squa
     )
 
 
+def _picture(paper: Sequence[dict[str, Squared]], planned: Sequence[dict[str, Squared]]) -> Picture:
+    groups = {
+        name: {
+            label: None if isinstance(force := rms_force([trial.get(name) for trial in trials]), str) else force
+            for label, trials in (("paper's six poses", paper), ("six planned poses", planned))
+        }
+        for name in ESTIMATORS
+    }
+    return Picture(
+        name="experiment_planned",
+        html=dots_by_group(groups, "force error at orientations that were not recorded, N"),
+        caption=f"What six well chosen poses are worth: RMS over {len(paper)} data sets with each set of poses, bars "
+        "of one standard error.",
+    )
+
+
 def _said(paper: Sequence[dict[str, Squared]], planned: Sequence[dict[str, Squared]]) -> tuple[str, ...]:
     def ratio(name: str) -> str:
         with_paper, with_plan = (rms_force([trial.get(name) for trial in trials]) for trials in (paper, planned))
@@ -110,11 +124,13 @@ def _said(paper: Sequence[dict[str, Squared]], planned: Sequence[dict[str, Squar
         return f"{name} {with_paper.value / with_plan.value:.2g} times"
 
     cost = ", ".join(ratio(name) for name in ("paper", "yaw", "ours"))
-    tilts = [np.rad2deg(np.arccos(np.clip(-R[:, 2, 2], -1.0, 1.0))) for R in (_orientations(joints_of_paper()), _planned())]
+    tilts = [
+        np.rad2deg(np.arccos(np.clip(-R[:, 2, 2], -1.0, 1.0))) for R in (_orientations(joints_of_paper()), _planned())
+    ]
     return (
         f"The paper's six poses tilt the tool by {tilts[0].min():.0f} to {tilts[0].max():.0f} deg from tool down; the "
-        f"six planned ones, all within the iiwa's wrist, by {tilts[1].min():.0f} to {tilts[1].max():.0f} deg. The force "
-        f"error with the paper's poses against that with the planned ones: {cost}.",
+        f"six planned ones, all within the iiwa's wrist, by {tilts[1].min():.0f} to {tilts[1].max():.0f} deg. The "
+        f"force error with the paper's poses against that with the planned ones: {cost}.",
     )
 
 

@@ -25,7 +25,6 @@ from ..simulate.settings import Recording, Settings
 from .part import Measured, root_mean_square
 from .ways import Learn, Way
 
-Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 BRISK = Recording(settle=0.05)
@@ -113,11 +112,9 @@ def number_of_trials(full: int, scale: float) -> int:
     return max(FEWEST, round(full * scale))
 
 
-def in_batches(
-    pool: Executor, run: Callable[[Task], Sequence[Result]], task: Callable[[range], Task], trials: int
-) -> list[Result]:
-    """The results of all trials, in order: `task` names a batch of them, `run` does it, in the pool."""
-    batches = [task(range(start, min(start + A_BATCH, trials))) for start in range(0, trials, A_BATCH)]
+def in_batches(pool: Executor, run: Callable[[range], Sequence[Result]], trials: int) -> list[Result]:
+    """The results of all trials, in order; `run` does a batch of them, by their numbers, in the pool."""
+    batches = [range(start, min(start + A_BATCH, trials)) for start in range(0, trials, A_BATCH)]
     return [result for results in pool.map(run, batches) for result in results]
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compensate import compensate
 from ..orientation import Array
@@ -24,7 +25,7 @@ from .part import Measured, Part, Table, mean, root_mean_square
 from .trials import DEFAULT, in_batches, joints_of_paper, learned, number_of_trials, recordings, unseen_joints
 from .ways import WAYS, Learn, Way, calibrated
 
-TRIALS = 40
+TRIALS = 32
 LOADS = (0.1, 0.2, 0.5, 1.0)
 """kg: the paper's, Table IX."""
 PRINTED = (94.3, 191.5, 480.8, 971.1)
@@ -62,10 +63,6 @@ class Weighed:
     left: dict[str, float]
 
 
-Task: TypeAlias = tuple[Settings, Array, Array, int, range]
-"""The rig, joints of the poses and of the orientations to weigh in (the first: tool down), seed, trials."""
-
-
 def part(pool: Executor, scale: float, seed: int) -> Part:
     """The paper's verification, with a true sensor and with one whose gain is off."""
     n = number_of_trials(TRIALS, scale)
@@ -73,10 +70,7 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     usable = in_range(unseen_joints())
     weighing = np.concatenate([joints_through(build(DEFAULT), TOOL_DOWN[None]), unseen_joints()[usable][:ORIENTATIONS]])
     off = replace(DEFAULT, sensor=replace(DEFAULT.sensor, gain=(GAIN,) * 6))
-    true, low = (
-        in_batches(pool, _run, lambda numbers, rig=rig: (rig, poses, weighing, seed, numbers), n)
-        for rig in (DEFAULT, off)
-    )
+    true, low = (in_batches(pool, partial(_run, rig, poses, weighing, seed), n) for rig in (DEFAULT, off))
     return Part(
         key="weighing",
         title="Verification with known masses",
@@ -85,7 +79,7 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     )
 
 
-def in_range(joints: Array) -> Array:
+def in_range(joints: Array) -> NDArray[np.intp]:
     """The numbers (k,) of the joints (m, 7), rad, at which no channel of the sensor reaches its limit with any load."""
     sensor = DEFAULT.sensor
     limit = sensor.overload * np.array(sensor.ranges)
@@ -94,12 +88,11 @@ def in_range(joints: Array) -> Array:
     for load in LOADS:
         reading = true_poses(DEFAULT, joints, load, np.zeros_like(joints)).wrench + np.array(sensor.bias)
         fits &= np.all(np.abs(reading) + room < limit, axis=1)
-    numbers: Array = np.flatnonzero(fits)
-    return numbers
+    return np.flatnonzero(fits)
 
 
-def _run(task: Task) -> list[Weighed]:
-    settings, poses, weighing, seed, numbers = task
+def _run(settings: Settings, poses: Array, weighing: Array, seed: int, numbers: range) -> list[Weighed]:
+    """The trials of those numbers, on joints (6, 7); masses hang in joints (m, 7), rad, first with the tool down."""
     truth = [true_poses(settings, weighing, load, np.zeros_like(weighing)) for load in LOADS]
     rngs = [np.random.default_rng((seed, 3, number)) for number in numbers]
     trials = []
@@ -162,8 +155,8 @@ def _table_ix(trials: Sequence[Weighed]) -> Table:
         title="Known masses, tool down, by the norm of the contact force (Table IX)",
         columns=("read, g", "from, g", "to, g", "error, %", "RMS error, %"),
         rows=tuple(rows),
-        note=f"{len(trials)} data sets of the paper's six poses, and one reading of each mass with each. From, to: 95 % "
-        "of the data sets lie between. The paper's masses are from one.",
+        note=f"{len(trials)} data sets of the paper's six poses, and one reading of each mass with each. From, to: 95 "
+        "% of the data sets lie between. The paper's masses are from one.",
     )
 
 
@@ -238,8 +231,8 @@ def _gain(true: Sequence[Weighed], low: Sequence[Weighed]) -> Table:
         title="Masses read against masses hung, tool down: the line through them",
         columns=("slope", "offset, g", "scatter of the offset, g", "tool's weight, N", "left in the six poses, N"),
         rows=tuple(rows),
-        note=f"{len(true)} data sets with each gain, of all six channels. The last two columns are what the calibration "
-        "in free air has found.",
+        note=f"{len(true)} data sets with each gain, of all six channels. The last two columns are what the "
+        "calibration in free air has found.",
     )
 
 
@@ -257,13 +250,13 @@ def _said_of_weighing(trials: Sequence[Weighed]) -> str:
     }
     return (
         f"Weighed in any orientation by the norm of the contact force, 100 g comes out with an RMS error of "
-        f"{of('paper', 'norm', 0):.2g} % by the paper's estimator and {of('ours', 'norm', 0):.2g} % by ours, 1000 g with "
-        f"{of('paper', 'norm', 3):.2g} % and {of('ours', 'norm', 3):.2g} %. Along gravity, which a calibration knows, it "
-        f"is {of('paper', 'along gravity', 0):.2g} % and {of('ours', 'along gravity', 0):.2g} % at 100 g. With the tool "
-        f"down, among the poses of the calibration, 100 g has {down['paper']:.2g} % and {down['ours']:.2g} %, and "
-        f"{down['tare']:.2g} % with a mere tare in the first pose. Weighing there, as in the paper's Table IX, tells "
-        f"the tare from ours by a factor of {down['tare'] / down['ours']:.2g}, weighing anywhere by "
-        f"{of('tare', 'norm', 0) / of('ours', 'norm', 0):.2g}."
+        f"{of('paper', 'norm', 0):.2g} % by the paper's estimator and {of('ours', 'norm', 0):.2g} % by ours, 1000 g "
+        f"with {of('paper', 'norm', 3):.2g} % and {of('ours', 'norm', 3):.2g} %. Along gravity, which a calibration "
+        f"knows, it is {of('paper', 'along gravity', 0):.2g} % and {of('ours', 'along gravity', 0):.2g} % at 100 g. "
+        f"With the tool down, among the poses of the calibration, 100 g has {down['paper']:.2g} % and "
+        f"{down['ours']:.2g} %, and {down['tare']:.2g} % with a mere tare in the first pose. Weighing there, as in the "
+        f"paper's Table IX, tells the tare from ours by a factor of {down['tare'] / down['ours']:.2g}, weighing "
+        f"anywhere by {of('tare', 'norm', 0) / of('ours', 'norm', 0):.2g}."
     )
 
 
@@ -272,9 +265,9 @@ def _said_of_range() -> str:
     share = 100.0 * len(in_range(joints)) / len(joints)
     sensor, hook = DEFAULT.sensor, DEFAULT.tool.hook[2]
     return (
-        f"The masses hang {1e3 * hook:.0f} mm from the sensor. With its zero of {sensor.bias[4]:g} N m on Ty, of which it "
-        f"reads {sensor.overload * sensor.ranges[4]:g} N m at most, all four masses stay in range in {share:.0f} % of "
-        f"all orientations; the {ORIENTATIONS} used are such ones, drawn at random."
+        f"The masses hang {1e3 * hook:.0f} mm from the sensor. With its zero of {sensor.bias[4]:g} N m on Ty, of which "
+        f"it reads {sensor.overload * sensor.ranges[4]:g} N m at most, all four masses stay in range in {share:.0f} % "
+        f"of all orientations; the {ORIENTATIONS} used are such ones, drawn at random."
     )
 
 
@@ -287,10 +280,10 @@ def _said_of_gain(true: Sequence[Weighed], low: Sequence[Weighed]) -> str:
         for which in (0, 1)
     )
     return (
-        f"The line through the paper's four masses has a slope of {slope:.3f} and an offset of {offset:.1f} g. A sensor "
-        f"whose gain is {GAIN} gives a slope of {with_gain[:, 0].mean():.4f} (a true one {without[:, 0].mean():.4f}), and "
-        f"an offset that scatters from one data set to the next: {100.0 * beyond:.0f} % of them are further from the "
-        "mean than the paper's is from zero. Calibrating in free air cannot see the gain: the tool's weight comes out "
-        f"{weight[1] / weight[0]:.3f} times as large (ours), and the fit leaves {left[1]:.4f} N instead of {left[0]:.4f} "
-        "N. It takes a known mass."
+        f"The line through the paper's four masses has a slope of {slope:.3f} and an offset of {offset:.1f} g. A "
+        f"sensor whose gain is {GAIN} gives a slope of {with_gain[:, 0].mean():.4f} (a true one "
+        f"{without[:, 0].mean():.4f}), and an offset that scatters from one data set to the next: {100.0 * beyond:.0f} "
+        "% of them are further from the mean than the paper's is from zero. Calibrating in free air cannot see the "
+        f"gain: the tool's weight comes out {weight[1] / weight[0]:.3f} times as large (ours), and the fit leaves "
+        f"{left[1]:.4f} N instead of {left[0]:.4f} N. It takes a known mass."
     )

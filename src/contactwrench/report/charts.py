@@ -88,15 +88,25 @@ def dots_by_group(groups: Mapping[str, Mapping[str, Cell]], x: str) -> str:
     dot its value, and a bar of one standard error to both sides.
     """
     series = list(dict.fromkeys(name for cells in groups.values() for name in cells))
-    step = 0.26
-    tall = len(groups) * (0.14 + step * len(series)) + 0.9
+    own = all(len(cells) == 1 for cells in groups.values())
+    lanes = 1 if own else len(series)
+    tall = len(groups) * (0.14 + 0.2 * lanes) + 0.95
     with drawing(1, (7.4, tall)) as (figure, (ax,)):
         for k, name in enumerate(series):
             colour, marker = _style(name, k)
             values, errors = _columns([cells.get(name) for cells in groups.values()])
-            down = np.arange(len(groups)) + 0.7 * ((k + 0.5) / len(series) - 0.5)
+            down = np.arange(len(groups)) + (0.0 if own else 0.72 * ((k + 0.5) / lanes - 0.5))
             ax.errorbar(
-                values, down, xerr=errors, color=colour, marker=marker, ms=6, ls="none", elinewidth=1.1, mew=0, label=name
+                values,
+                down,
+                xerr=errors,
+                color=colour,
+                marker=marker,
+                ms=6,
+                ls="none",
+                elinewidth=1.1,
+                mew=0,
+                label=name,
             )
             for value, error, height in zip(values, errors, down, strict=True):
                 if np.isfinite(value):
@@ -114,7 +124,7 @@ def dots_by_group(groups: Mapping[str, Mapping[str, Cell]], x: str) -> str:
         low, high = ax.get_xlim()
         ax.set_xlim(low, high * (high / low) ** 0.08)
         ax.set_xlabel(x)
-        if len(series) > 1:
+        if not own:
             figure.legend(loc="outside upper left", ncols=len(series), handletextpad=0.4)
         return svg_text(figure)
 
