@@ -31,7 +31,7 @@ from .trials import (
 )
 from .ways import WAYS, Learn, calibrated
 
-TRIALS = 40
+TRIALS = 32
 ESTIMATORS: dict[str, Learn] = {
     "paper": WAYS["paper"],
     "yaw": calibrated("yaw", "yaw"),

@@ -4,9 +4,10 @@
   introduction describes them): in two orientations with gravity reversed the readings add up to twice the bias, and
   half their difference is gravity alone. It needs such pairs, and the sensor's axes are taken for aligned as stated.
 - Bias, mass and centre of mass by linear least squares with the sensor's orientation known (Vougioukas, WSEAS
-  symposium, Athens 2001, as the paper's introduction has it). The usual ROS tool, force_torque_sensor_calib of kth-ros-pkg/force_torque_tools, stacks the
-  same ten unknowns, solves them by SVD with forces and torques weighed alike, and takes the sensor's mounting from the
-  robot's description; its gravity comes from an accelerometer, here it is that of a level base.
+  symposium, Athens 2001, as the paper's introduction has it). The usual ROS tool, force_torque_sensor_calib of
+  kth-ros-pkg/force_torque_tools, stacks the same ten unknowns, solves them by SVD with forces and torques weighed
+  alike, and takes the sensor's mounting from the robot's description; its gravity comes from an accelerometer, here it
+  is that of a level base.
 - A base assumed upright, with any mounting: our own model `mount`.
 """
 

@@ -223,7 +223,7 @@ def _said(poses: str, found: Found) -> str:
         f"On {poses}, of {len(found)} cases, ours is within 30 % of the best estimator of each in {near_best}; "
         f"furthest from it with {_cell_name(*worst_cell)}, where {best} has {min(worst.values()):.3g} N and ours "
         f"{worst.get('ours', np.nan):.3g} N. The paper's error is {min(ratios):.2g} to {max(ratios):.2g} times ours. "
-        f"By more than {CLEARLY:g} standard errors of the difference, trial by trial, ours is smaller in "
+        f"By more than {CLEARLY:g} standard errors of the ratio of both errors, trial by trial, ours is smaller in "
         f"{len(ours_better)} of the cases and the paper's in {len(paper_better)}"
         f"{': ' + ', '.join(paper_better) if paper_better else ''}; the other "
         f"{len(found) - len(ours_better) - len(paper_better)} are not told apart."
@@ -232,10 +232,8 @@ def _said(poses: str, found: Found) -> str:
 
 def _told_apart(trials: Trials) -> str | None:
     """Which of the paper's and ours has clearly the smaller error, where one has."""
-    more = [trial["paper"].force - trial["ours"].force for trial in trials if "paper" in trial and "ours" in trial]
-    difference = mean(more) if more else None
-    if difference is None or difference.standard_error is None:
+    ratios = [np.log(trial["paper"].force / trial["ours"].force) for trial in trials if {"paper", "ours"} <= set(trial)]
+    ratio = mean(ratios) if ratios else None
+    if ratio is None or ratio.standard_error is None or abs(ratio.value) <= CLEARLY * ratio.standard_error:
         return None
-    if abs(difference.value) <= CLEARLY * difference.standard_error:
-        return None
-    return "ours" if difference.value > 0.0 else "paper"
+    return "ours" if ratio.value > 0.0 else "paper"
