@@ -150,7 +150,8 @@ def _table_v(trials: Sequence[Trial]) -> Table:
         rows=tuple(rows),
         note=f"{len(trials)} data sets of six poses, one reading a pose, noise 0.05 % of the sensor's ranges. True: "
         "the rig, set to the paper's Table V. Scatter: standard deviation of the estimates from one data set to the "
-        f"next; stated: what the estimate says of itself; ours counts tilts of mounting and base, which this rig does not have. {_refusals(trials)}",
+        "next; stated: what the estimate says of itself, of which ours counts tilts of mounting and base that this rig "
+        f"does not have. {_refusals(trials)}",
     )
 
 
