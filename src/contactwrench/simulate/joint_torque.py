@@ -15,7 +15,6 @@ from .arm import MAX_TORQUE
 from .rig import JOINTS, Rig, import_mujoco
 from .settings import JointTorque
 
-
 SHARE_OF_OFFSET = SHARE_OF_GAIN = 0.01
 """Largest offset, of a joint's largest torque, and largest error of gain: together KUKA's 2 % (see `JointTorque`)."""
 
