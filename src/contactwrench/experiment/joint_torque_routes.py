@@ -7,6 +7,7 @@ transposed Jacobian makes a wrench of it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +34,8 @@ SHORT_OF_STRETCHED = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 """m that the wrist has left to the end of its reach, on a level line out of the shoulder."""
 SETTLE = 0.2
 """s: 60 time constants of the wrist sensor's filter."""
+SINGULAR = 1e-10
+"""Of the largest singular value: below it a direction is not felt at all."""
 NO_MASS = 1e-9
 """kg: MuJoCo's bodies weigh something."""
 
@@ -89,17 +92,25 @@ def one_robot(seed: np.random.SeedSequence) -> Robot:
     settings = Settings(joint_torque=any_robot(JointTorque(), rng))
     settings = replace(settings, recording=replace(settings.recording, settle=SETTLE))
     rig = build(settings)
-    unloaded = record_poses(settings, paper_joints(rig), rng=rng).samples
+    postures, into_stretched = _fixed_joints()
+    unloaded = record_poses(settings, postures, rng=rng).samples
     ways = (ours(unloaded), paper(unloaded))
     error = ModelError(MASS_ERROR * rng.normal(size=JOINTS), COM_ERROR * rng.normal(size=(JOINTS, 3)))
     workspace = pushed(rig, random_joints(rig, CONFIGURATIONS, rng), rng)
-    line = pushed(rig, stretching(rig), rng)
+    line = pushed(rig, into_stretched, rng)
     return Robot(
         smallest_singular_value(workspace.jacobians, settings.tool.hook),
         squared_errors(rig, ways, error, workspace, rng),
         squared_errors(rig, ways, error, line, rng),
         _by_source(rig, ways[0], error, workspace, rng),
     )
+
+
+@cache
+def _fixed_joints() -> tuple[Array, Array]:
+    """The joints that are the same for all robots: the paper's six postures, and the line into the stretched arm."""
+    rig = build(Settings())
+    return paper_joints(rig), stretching(rig)
 
 
 def pushed(rig: Rig, joints: Array, rng: np.random.Generator) -> Pushed:
@@ -151,15 +162,17 @@ def tool_wrench(way: Way, R_base_flange: Array) -> Array:
 
 def wrench_from_torques(jacobians: Array, external: Array) -> Array:
     """The contact wrenches (n, 6), sensor axes, that explain what the joints feel of them (n, 7), N m, best in least
-    squares: `(J^T)^+ tau`, at Jacobians (n, 6, 7). Unbounded on the way into a singularity.
+    squares: `(J^T)^+ tau`, at Jacobians (n, 6, 7). Unbounded on the way into a singularity; in it, the shortest.
     """
-    wrench: Array = np.einsum("nij,nj->ni", np.linalg.pinv(jacobians.swapaxes(1, 2)), external)
+    wrench: Array = np.einsum("nij,nj->ni", np.linalg.pinv(jacobians.swapaxes(1, 2), rcond=SINGULAR), external)
     return wrench
 
 
 def force_from_torques(jacobians: Array, at: ArrayLike, external: Array) -> Array:
     """The forces (n, 3), sensor axes, that do so if they act at one known point (3,), m, with no torque about it."""
-    force: Array = np.einsum("nij,nj->ni", np.linalg.pinv(_moved(jacobians, at)[:, :3].swapaxes(1, 2)), external)
+    force: Array = np.einsum(
+        "nij,nj->ni", np.linalg.pinv(_moved(jacobians, at)[:, :3].swapaxes(1, 2), rcond=SINGULAR), external
+    )
     return force
 
 

@@ -33,7 +33,7 @@ from .joint_torque_routes import (
 )
 from .part import Measured, Part, Picture, Table, mean, root_mean_square, share
 
-ROBOTS = 60
+ROBOTS = 50
 """At scale 1."""
 STEADY = 0.1
 """Smallest singular value (m and rad) from which a configuration counts as away from singularities: about half do."""
@@ -217,6 +217,6 @@ def _picture(robots: list[Robot]) -> Picture:
             tuple(ROUTES[k] for k in drawn), distance, errors[drawn, :], np.array(SHORT_OF_STRETCHED), line[:, drawn, :]
         ),
         f"Error of a contact force of {PUSH:g} N. Left: {len(distance):,} configurations against the smallest singular "
-        "value of the Jacobian (0: singular); dots are some of them, lines the RMS of equal shares of them. Right: RMS "
+        "value of the Jacobian (0: singular); dots are some of them, lines the RMS between two values. Right: RMS "
         "on a straight line into the stretched arm. Bars: two standard errors.",
     )

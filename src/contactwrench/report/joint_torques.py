@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 COLOURS = ("#b3541e", "#c98a1b", "#8a5a9e", "#1b6e9c")
 MARKERS = ("o", "s", "^", "D")
-BINS = 12
+BINS = 10
+LEFTMOST = 0.01
+"""The share of the configurations in the first bin, all that are closest to a singularity."""
 DOTS = 250
 """Of each kind: more hide each other."""
 
@@ -23,9 +25,10 @@ def error_near_singularities(names: tuple[str, ...], distance: Array, errors: Ar
     """Errors of force of up to four routes, N: (routes, n) at configurations with smallest singular values `distance`
     (n,), and squared (trials, routes, k) at `short` (k,), m, of the end of a line into a singularity.
     """
-    order = np.argsort(distance)
-    bins = np.array_split(order, min(BINS, len(order)))
-    middle = np.array([np.median(distance[one]) for one in bins])
+    edges = np.geomspace(np.quantile(distance, LEFTMOST), distance.max(), BINS)
+    place = np.searchsorted(edges[:-1], distance)
+    bins = [np.flatnonzero(place == k) for k in np.unique(place)]
+    middle = np.array([np.exp(np.log(distance[one]).mean()) for one in bins])
     some = np.random.default_rng(1).permutation(len(distance))[:DOTS]
     with _drawing(2, (9.0, 3.9)) as (figure, axes):
         everywhere, into = axes
