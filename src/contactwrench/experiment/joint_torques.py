@@ -175,9 +175,9 @@ def _words(robots: list[Robot]) -> Iterator[str]:
     yield (
         f"Half of the time the force is wrong by more than {in_order}. A wrench from joint torques has "
         f"{median[2] / median[0]:.3g} times the error of our wrist sensor and {median[2] / median[1]:.3g} times that "
-        f"of the paper's; knowing that the contact is a single force at one known point leaves "
-        f"{median[3] / median[2]:.2g} of it. In {lost[2]:.2g} % of the configurations the wrench's force is off by "
-        f"more than the {PUSH:g} N that it should find (our wrist sensor: {lost[0]:.2g} %)."
+        "of the paper's; knowing that the contact is a single force at one known point makes it "
+        f"{median[3] / median[2]:.2g} times as large. In {lost[2]:.2g} % of the configurations the wrench's force is "
+        f"off by more than the {PUSH:g} N that it should find (our wrist sensor: {lost[0]:.2g} %)."
     )
     close, far = (_rms_within(robots, OF_WRENCH, low, high) for low, high in (EDGES[:2], EDGES[-2:]))
     line = np.sqrt(np.mean([robot.line for robot in robots], axis=0))
@@ -214,7 +214,12 @@ def _picture(robots: list[Robot]) -> Picture:
     return Picture(
         "joint_torques",
         error_near_singularities(
-            tuple(ROUTES[k] for k in drawn), distance, errors[drawn, :], np.array(SHORT_OF_STRETCHED), line[:, drawn, :]
+            tuple(ROUTES[k] for k in drawn),
+            PUSH,
+            distance,
+            errors[drawn, :],
+            np.array(SHORT_OF_STRETCHED),
+            line[:, drawn, :],
         ),
         f"Error of a contact force of {PUSH:g} N. Left: {len(distance):,} configurations against the smallest singular "
         "value of the Jacobian (0: singular); dots are some of them, lines the RMS between two values. Right: RMS "

@@ -21,22 +21,25 @@ DOTS = 250
 """Of each kind: more hide each other."""
 
 
-def error_near_singularities(names: tuple[str, ...], distance: Array, errors: Array, short: Array, line: Array) -> str:
-    """Errors of force of up to four routes, N: (routes, n) at configurations with smallest singular values `distance`
-    (n,), and squared (trials, routes, k) at `short` (k,), m, of the end of a line into a singularity.
+def error_near_singularities(
+    names: tuple[str, ...], force: float, distance: Array, errors: Array, short: Array, line: Array
+) -> str:
+    """Errors of up to four routes to a force of that size, N: (routes, n) at configurations with smallest singular
+    values `distance` (n,), and squared (trials, routes, k) at `short` (k,), m, of the end of a line into a singularity.
     """
     edges = np.geomspace(np.quantile(distance, LEFTMOST), distance.max(), BINS)
     place = np.searchsorted(edges[:-1], distance)
     bins = [np.flatnonzero(place == k) for k in np.unique(place)]
     middle = np.array([np.exp(np.log(distance[one]).mean()) for one in bins])
     some = np.random.default_rng(1).permutation(len(distance))[:DOTS]
-    with _drawing(2, (9.0, 3.9)) as (figure, axes):
+    with _drawing(2, (9.0, 4.2)) as (figure, axes):
         everywhere, into = axes
         for k, name in enumerate(names):
             everywhere.plot(distance[some], errors[k, some], MARKERS[k], ms=2.4, color=COLOURS[k], alpha=0.25, mew=0)
             _line(everywhere, middle, [errors[k, one] ** 2 for one in bins], k, name)
             _line(into, 1e3 * short, list(line[:, k].T), k, name)
         for ax in axes:
+            ax.axhline(force, color="#6a7178", lw=0.9, ls=":", label="the force itself")
             ax.set_xscale("log")
             ax.set_yscale("log")
             ax.xaxis.set_major_formatter("{x:g}")
@@ -44,7 +47,7 @@ def error_near_singularities(names: tuple[str, ...], distance: Array, errors: Ar
             ax.set_ylabel("error of the contact force, N")
         everywhere.set_xlabel("smallest singular value of the Jacobian (m, rad)")
         into.set_xlabel("left to the stretched arm, mm")
-        figure.legend(*into.get_legend_handles_labels(), ncols=4, loc="outside upper left", handletextpad=0.4)
+        figure.legend(*into.get_legend_handles_labels(), ncols=3, loc="outside upper left", handletextpad=0.4)
         return _svg(figure)
 
 
