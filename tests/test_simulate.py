@@ -301,7 +301,8 @@ def test_the_page_on_the_rig_has_every_setting_with_its_default() -> None:
             assert text == default, name
         elif not text.endswith("..."):
             numbers = np.array([float(number) for number in text.split(",")])
-            assert np.broadcast_to(numbers, np.shape(default)) == pytest.approx(np.array(default), abs=1e-4), name
+            stands_for = numbers if len(numbers) > 1 else np.full(np.shape(default), numbers[0])
+            assert stands_for == pytest.approx(np.array(default), abs=1e-4), name
 
 
 def flat(path: str, values: object) -> Iterator[tuple[str, object]]:
