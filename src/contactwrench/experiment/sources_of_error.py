@@ -225,8 +225,8 @@ def _said(poses: str, found: Found) -> str:
         f"{worst.get('ours', np.nan):.3g} N. The paper's error is {min(ratios):.2g} to {max(ratios):.2g} times ours. "
         f"By more than {CLEARLY:g} standard errors of the ratio of both errors, trial by trial, ours is smaller in "
         f"{len(ours_better)} of the cases and the paper's in {len(paper_better)}"
-        f"{': ' + ', '.join(paper_better) if paper_better else ''}; the other "
-        f"{len(found) - len(ours_better) - len(paper_better)} are not told apart."
+        f"{': ' + ', '.join(paper_better) if paper_better else ''}; not told apart: "
+        f"{len(found) - len(ours_better) - len(paper_better)}."
     )
 
 
