@@ -89,7 +89,7 @@ def reach(arm: Arm, around: Array | None = None) -> Reach:
     further than half a turn from where it stands. Collisions of the arm with itself, its cables or its surroundings are
     not known here. Raises `InputError` for a wrong number of joints and for one outside its limits.
     """
-    start = np.round(arm.home if around is None else _checked(arm, around), TYPED_DIGITS)
+    start = np.round(arm.home if around is None else within_limits(arm, around), TYPED_DIGITS)
     wrist = min(WRIST, len(arm))
     low, high = arm.limits[-wrist:].T
     low = np.minimum(np.maximum(low + MARGIN, start[-wrist:] - np.pi), start[-wrist:])
@@ -102,8 +102,9 @@ def reach(arm: Arm, around: Array | None = None) -> Reach:
     return Reach(arm.name, start, R[kept], joints[kept])
 
 
-def _checked(arm: Arm, around: Array) -> Array:
-    joints = np.asarray(around, dtype=np.float64)
+def within_limits(arm: Arm, joints: ArrayLike) -> Array:
+    """The joints (k,), rad, of an arm. Raises `InputError` for a wrong number, and for one outside its limits."""
+    joints = np.asarray(joints, dtype=np.float64)
     if joints.shape != (len(arm),):
         raise InputError(f"found {joints.size} joint angles, expected {len(arm)} for {arm.name}: give one a joint, rad")
     for number, (q, (low, high)) in enumerate(zip(joints, arm.limits, strict=True), start=1):

@@ -20,6 +20,7 @@ from .diagnose import diagnose
 from .diff import diff
 from .plan import plan
 from .show import show
+from .simulate import simulate
 from .verify import verify
 from .weigh import weigh
 
@@ -37,7 +38,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (plan, calibrate, diagnose, compensate, verify, weigh, show, diff, demo):
+for verb in (plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, demo):
     app.command()(verb)
 
 

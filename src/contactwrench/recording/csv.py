@@ -96,6 +96,16 @@ def read_csv(path: str | Path, orientation: str = "auto") -> Table:
     )
 
 
+def orientations(places: dict[str, int], body: Body, orientation: str) -> tuple[Array, set[int]]:
+    """Rotations (n, 3, 3) of a table that need not hold readings, and the places of the columns that they are from.
+
+    Raises `FileFormatError` naming the file, the row and the column.
+    """
+    chosen, columns = _orientation_columns(places, orientation, body.source)
+    values = numbers(body, columns) / np.array([column.per_si for column in columns])
+    return _rotations(chosen, columns, values, body), {column.place for column in columns}
+
+
 def read_as_written(path: str | Path, orientation: str = "auto") -> AsWritten:
     """Read a table without making rotations of its orientation. Raises as `read_csv`, but for numbers that are no
     rotation, and where `auto` cannot choose between columns that all could be one.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..orientation import Array
+from ..robots import known_arm
 
 BASE_TO_SHOULDER = 0.34
 SHOULDER_TO_ELBOW = 0.4
@@ -23,7 +24,7 @@ TOTAL_MASS = 23.9
 BASE_MASS = 4.6
 """kg. The base does not move."""
 
-JOINT_RANGE = np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0])
+JOINT_RANGE = known_arm("iiwa7").limits[:, 1]
 """rad, to both sides."""
 MAX_TORQUE = np.array([176.0, 176.0, 110.0, 110.0, 110.0, 40.0, 40.0])
 """N m."""

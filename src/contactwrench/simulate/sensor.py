@@ -54,7 +54,7 @@ class SensorStream:
         saturated = np.abs(signal) >= self._limit
         signal = np.clip(signal, -self._limit, self._limit)
         if self._sensor.quantum > 0.0:
-            signal = np.round(signal / self._sensor.quantum) * self._sensor.quantum
+            signal = np.round(signal / self._sensor.quantum) * self._sensor.quantum + 0.0
         self._rows += len(wrench)
         return Readings(signal, saturated)
 

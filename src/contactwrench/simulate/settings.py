@@ -225,10 +225,11 @@ def changed(settings: Settings, assignments: Iterable[str]) -> Settings:
         except msgspec.ValidationError as error:
             if isinstance(error.__cause__, InputError):
                 raise error.__cause__ from None
-            raise InputError(
-                f"{name} is {text}, expected something like {msgspec.json.encode(before).decode()}: write numbers and "
-                "lists as in JSON"
-            ) from None
+            like = msgspec.json.encode(before).decode()
+            expected = f"something like {like}: write numbers and lists as in JSON"
+            if isinstance(before, str):
+                expected = f"one of: {', '.join(UPRIGHT_OF)}"
+            raise InputError(f"{name} is {text}, expected {expected}") from None
     return settings
 
 

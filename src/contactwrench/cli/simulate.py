@@ -1,0 +1,172 @@
+"""`contactwrench simulate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from ..errors import InputError
+from ..orientation import Array
+from .reading import Orientation
+
+if TYPE_CHECKING:
+    from ..simulate.recording import Recorded
+    from ..simulate.settings import Settings
+
+DEFAULT_POSES = "paper"
+
+
+def simulate(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="OUT.csv", help="The recording; OUT.truth.json goes beside it.")
+    ],
+    poses: Annotated[
+        str | None,
+        typer.Option(
+            metavar="paper|plan[:N]|random:N|FILE",
+            help="Static poses: the paper's six, planned ones, random ones, or a CSV with q1..q7 (rad) or an "
+            f"orientation (and x y z). [default: {DEFAULT_POSES}]",
+        ),
+    ] = None,
+    load_g: Annotated[
+        str | None, typer.Option(metavar="G,G,...", help="Loads hung on the tool, g, each in every pose; 0 is none.")
+    ] = None,
+    trajectory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="excite|sweep|FILE", help="A motion instead of static poses; a FILE has t and q1..q7 (rad)."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="S", help="Of everything random: same seed, same bytes.", min=0)] = 0,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Change a setting of the rig, as in sensor.noise.force=0.05 or base.on=wall; again for more. A wrong "
+            "name lists the right ones.",
+        ),
+    ] = None,
+    orientation: Orientation = "auto",
+) -> None:
+    """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
+    from ..files import require_distinct
+    from ..simulate.recording_file import truth_path, write_recording
+    from ..simulate.settings import Settings, changed
+
+    rig_settings = changed(Settings(), settings or [])
+    if poses is not None and trajectory is not None:
+        raise InputError("found both --poses and --trajectory, expected one of them: leave the other out")
+    if str(output) == "-" or output.suffix.lower() != ".csv":
+        raise InputError(f"--output is {output}, expected a name that ends in .csv: the truth goes beside it")
+    source = trajectory or poses or DEFAULT_POSES
+    require_distinct(output, {"file that is read": Path(source)})
+    rng = np.random.default_rng(seed)
+    loads = (0.0,) if load_g is None else _loads(load_g)
+    if trajectory is None:
+        recorded = _static(rig_settings, source, loads, orientation, rng)
+    else:
+        recorded = _moving(rig_settings, trajectory, loads, rng)
+    asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}
+    write_recording(output, recorded, asked)
+    typer.echo(_said(recorded, output, truth_path(output)))
+
+
+def _static(
+    settings: Settings, poses: str, loads: tuple[float, ...], orientation: str, rng: np.random.Generator
+) -> Recorded:
+    from ..simulate.recording import record_poses
+
+    return record_poses(settings, _joints(settings, poses, orientation, rng), loads, rng=rng)
+
+
+def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Generator) -> Array:
+    """Joints (n, 7) of the poses that are asked for."""
+    from ..simulate.poses import joints_through, paper_joints, random_joints
+    from ..simulate.rig import JOINTS, build
+
+    kind, colon, count = poses.partition(":")
+    rig = build(settings)
+    if poses == "paper":
+        return paper_joints(rig)
+    if kind == "plan" and (not colon or count.isdecimal()):
+        return _planned(settings, int(count or 6))
+    if kind == "random" and colon and count.isdecimal() and int(count) > 0:
+        return random_joints(rig, int(count), rng)
+    if not Path(poses).suffix:
+        raise InputError(f"--poses is {poses}, expected paper, plan, plan:N, random:N or a CSV file")
+    from ..recording.goals import read_goals
+    from ..robots import known_arm, within_limits
+
+    goals = read_goals(poses, JOINTS, orientation)
+    try:
+        if goals.joints is not None:
+            return np.array([within_limits(known_arm("iiwa7"), row) for row in goals.joints])
+        return joints_through(rig, goals.R_base_flange, goals.position)
+    except InputError as error:
+        raise InputError(f"{poses}: {error}") from None
+
+
+def _planned(settings: Settings, n: int) -> Array:
+    """Joints of the poses that `contactwrench plan --robot iiwa7` gives for this base."""
+    from ..plan import expected_tool, plan
+    from ..robots import known_arm, reach
+
+    around_home = reach(known_arm("iiwa7"))
+    planned = plan(n, expected_tool(None, "auto", settings.gravity_direction), reach=around_home)
+    return around_home.joints[:0] if planned.joints is None else planned.joints
+
+
+def _moving(settings: Settings, trajectory: str, loads: tuple[float, ...], rng: np.random.Generator) -> Recorded:
+    from ..simulate.recording import record_motion
+    from ..simulate.trajectory import exciting, sweeping, through
+
+    if len(loads) > 1:
+        raise InputError(f"found {len(loads)} loads for a motion, expected one: simulate a file for each")
+    duration, rate = settings.recording.duration, settings.recording.rate
+    if trajectory == "excite":
+        motion = exciting(duration, rate, rng)
+    elif trajectory == "sweep":
+        motion = sweeping(duration, rate)
+    elif not Path(trajectory).suffix:
+        raise InputError(f"--trajectory is {trajectory}, expected excite, sweep or a CSV file with t and q1 to q7")
+    else:
+        from ..recording.goals import read_goals
+        from ..simulate.rig import JOINTS
+
+        goals = read_goals(trajectory, JOINTS)
+        if goals.joints is None or goals.t is None:
+            raise InputError(f"{trajectory}: found no {'t' if goals.t is None else 'q1 to q7'}, expected both: add it")
+        try:
+            motion = through(goals.t, goals.joints, rate)
+        except InputError as error:
+            raise InputError(f"{trajectory}: {error}") from None
+    return record_motion(settings, motion, loads[0], rng=rng)
+
+
+def _loads(text: str) -> tuple[float, ...]:
+    """Loads in kg."""
+    try:
+        grams = [float(part) for part in text.split(",")]
+    except ValueError:
+        grams = [-1.0]
+    if not all(0.0 <= load < np.inf for load in grams):
+        raise InputError(f"--load-g is {text!r}, expected loads in grams, 0 or more, as in 100,200,500")
+    return tuple(load / 1000.0 for load in grams)
+
+
+def _said(recorded: Recorded, output: Path, truth: Path) -> str:
+    from ..simulate.recording_file import AXES
+
+    rows = len(recorded.t)
+    lines = [f"Wrote {rows} row{'' if rows == 1 else 's'} to {output}, and what is true to {truth}"]
+    stuck = recorded.saturated.sum(axis=0)
+    if stuck.any():
+        channels = ", ".join(f"{axis} in {n}" for axis, n in zip(AXES, stuck, strict=True) if n)
+        lines.append(
+            f"  saturated: {channels} of {rows} rows; they show less than there is, leave them out (column saturated)"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,103 @@
+"""Motions of the arm: splines through joint angles at given times, and two that are made to identify a tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..orientation import Array
+from ..samples import read_only
+from .arm import JOINT_RANGE, MAX_SPEED
+from .kinematics import HOME
+
+HARMONICS = 5
+KNOTS_PER_SECOND = 20.0
+OF_RANGE, OF_SPEED = 0.6, 0.6
+"""Of the room that a joint has around home, and of its largest speed: what the exciting motion takes."""
+
+SWEEP_DEG = (
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 90.0),
+    (0.0, 0.0, -90.0),
+    (0.0, 0.0, 0.0),
+    (0.0, -70.0, 0.0),
+    (90.0, -70.0, 0.0),
+    (-90.0, -70.0, 0.0),
+    (-90.0, -70.0, 90.0),
+    (0.0, 0.0, 0.0),
+)
+"""Turns of the last three joints from home: about the flange's z, then tilted, then round."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Times (n,), s, and joints (n, 7), rad, with their velocities and accelerations."""
+
+    t: Array
+    joints: Array
+    velocity: Array
+    acceleration: Array
+
+    def __post_init__(self) -> None:
+        for name in ("t", "joints", "velocity", "acceleration"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def through(t: Array, joints: Array, rate: float) -> Motion:
+    """The motion at `rate` (Hz) along cubic splines through joints (k, 7), rad, at times (k,), s; at rest at both ends.
+
+    Raises `InputError` for fewer than two knots, times that do not increase, and joints beyond their range or speed.
+    """
+    from scipy.interpolate import CubicSpline
+
+    if len(t) < 2:
+        raise InputError(f"found {len(t)} points of a trajectory, expected 2 or more: add points")
+    if np.any(np.diff(t) <= 0.0):
+        row = int(np.argmax(np.diff(t) <= 0.0)) + 1
+        raise InputError(
+            f"t in point {row + 1} is {t[row]:g} s, expected more than {t[row - 1]:g}: sort the points", row
+        )
+    spline = CubicSpline(t, joints, bc_type="clamped")
+    times = t[0] + np.arange(int(np.floor((t[-1] - t[0]) * rate + 1e-9)) + 1) / rate
+    motion = Motion(times - t[0], spline(times), spline(times, 1), spline(times, 2))
+    _require_within(motion)
+    return motion
+
+
+def _require_within(motion: Motion) -> None:
+    for what, values, most, unit, mend in (
+        ("goes to", motion.joints, JOINT_RANGE, "deg", "leave out the points beyond"),
+        ("turns at", motion.velocity, MAX_SPEED, "deg/s", "take more time"),
+    ):
+        worst = np.abs(values).max(axis=0)
+        if np.any(worst > most):
+            joint = int(np.argmax(worst / most))
+            raise InputError(
+                f"q{joint + 1} {what} {np.rad2deg(worst[joint]):.0f} {unit}, expected at most "
+                f"{np.rad2deg(most[joint]):.0f}: {mend}"
+            )
+
+
+def exciting(duration: float, rate: float, rng: np.random.Generator) -> Motion:
+    """A sum of sines with random amplitudes and phases in every joint around home (Swevers et al. 1997), rising from
+    rest and coming back to it.
+    """
+    t = np.linspace(0.0, duration, max(8, round(duration * KNOTS_PER_SECOND) + 1))
+    harmonic = 2.0 * np.pi * np.arange(1, HARMONICS + 1) / duration
+    amplitude = rng.uniform(0.3, 1.0, size=(HARMONICS, len(HOME))) / np.sqrt(np.arange(1.0, HARMONICS + 1.0))[:, None]
+    phase = rng.uniform(0.0, 2.0 * np.pi, size=(HARMONICS, len(HOME)))
+    shape = np.einsum("kj,tkj->tj", amplitude, np.sin(t[:, None, None] * harmonic[:, None] + phase))
+    shape *= np.sin(np.pi * t / duration)[:, None]
+    speed = np.abs(np.gradient(shape, t, axis=0)).max(axis=0)
+    room = OF_RANGE * (JOINT_RANGE - np.abs(HOME)) / np.abs(shape).max(axis=0)
+    return through(t, HOME + shape * np.minimum(room, OF_SPEED * MAX_SPEED / speed), rate)
+
+
+def sweeping(duration: float, rate: float) -> Motion:
+    """One joint of the wrist after the other, slowly: about the flange's z, tilted, and round in the tilt."""
+    turns = np.zeros((len(SWEEP_DEG), len(HOME)))
+    turns[:, 4:] = np.deg2rad(SWEEP_DEG)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
+    return through(duration * way / way[-1], HOME + turns, rate)
