@@ -8,7 +8,9 @@ reading, late, noisy and biased, and the orientation that the robot states.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,6 +20,10 @@ from .arm import MAX_SPEED, MAX_TORQUE
 from .rig import JOINTS, Rig, build, import_mujoco
 from .sensor import SensorStream
 from .settings import Settings
+
+ToContact: TypeAlias = Callable[[Array, Array], Array]
+"""The sense of touch: from a reading (6,) and the flange's orientation (3, 3), both as the controller is told them, to
+the contact wrench (6,), N and N m, sensor axes."""
 
 STEP = 0.001
 """Of the physics, and one row of the sensor; s."""
