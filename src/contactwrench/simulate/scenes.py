@@ -33,6 +33,9 @@ HOLE_RADIUS = PEG_RADIUS + CLEARANCE / 2.0
 CHAMFER = 0.003
 """m wide and deep, at 45 deg."""
 HOLE_DEPTH = 0.03
+FIXTURE_STIFFNESS, FIXTURE_TURNING = 20_000.0, 100.0
+"""N/m and N m/rad: a vice on rubber feet, and the rubber of the gripper."""
+BLOCK_MASS = 0.5
 SIDES = 12
 RIM = 0.001
 """Radius of the peg's rounded rim and of the hole's edge, m."""
@@ -106,9 +109,25 @@ def hole() -> str:
         touching = [(f"{piece}{k}", f"rim{k}") for piece in ("wall", "chamfer", "face")] + [(f"edge{k}", "peg")]
         pairs += [f'<pair geom1="{a}" geom2="{b}" friction="{SLIDING}" {HARD}/>' for a, b in touching]
     return (
-        f'<asset>{_block_mesh()}</asset><worldbody><body name="work" mocap="true">'
-        f'<geom type="mesh" mesh="block" rgba="{BRIGHT}"/>{"".join(flats)}</body></worldbody>'
+        f'<asset>{_block_mesh()}</asset><worldbody><body name="work" mocap="true"><body name="block" gravcomp="1">'
+        f"{_fixture()}"
+        f'<geom type="mesh" mesh="block" rgba="{BRIGHT}"/>{"".join(flats)}</body></body></worldbody>'
         f"<contact>{''.join(pairs)}</contact>"
+    )
+
+
+def _fixture() -> str:
+    """Springs that hold the block, and its gripper's rubber with it: critically damped, along and about three axes."""
+    inertia = BLOCK_MASS * 0.03**2
+    slides = "".join(
+        f'<joint type="slide" axis="{axis}" stiffness="{FIXTURE_STIFFNESS}" '
+        f'damping="{2.0 * np.sqrt(FIXTURE_STIFFNESS * BLOCK_MASS):.6g}"/>'
+        for axis in ("1 0 0", "0 1 0", "0 0 1")
+    )
+    return (
+        f'{slides}<joint type="ball" stiffness="{FIXTURE_TURNING}" '
+        f'damping="{2.0 * np.sqrt(FIXTURE_TURNING * inertia):.6g}"/>'
+        f'<inertial pos="0 0 0" mass="{BLOCK_MASS}" diaginertia="{numbers((inertia,) * 3)}"/>'
     )
 
 
