@@ -27,10 +27,10 @@ the contact wrench (6,), N and N m, sensor axes."""
 
 STEP = 0.001
 """Of the physics, and one row of the sensor; s."""
-ROWS = 4
+ROWS = 8
 """Of the sensor in a period of the controller."""
 PERIOD = ROWS * STEP
-"""s: 250 commands a second."""
+"""s: 125 commands a second, as many arms take them."""
 
 ROTORS = np.array([1.5, 1.5, 1.0, 1.0, 0.5, 0.3, 0.2])
 """Inertia of the drives' rotors through their gears, kg m^2; assumed."""

@@ -28,7 +28,7 @@ DEEP = 0.02
 """m below the block's face: the peg is in."""
 START = 0.005
 """m: of the peg's end over the face, as the robot believes."""
-LONGEST = 6.0
+LONGEST = 5.0
 """s."""
 TOO_MUCH = 100.0
 """N: the robot's protective stop, and the end of the try."""
