@@ -17,6 +17,7 @@ from ..wrench import cross_matrix
 from .admittance import Admittance
 from .closed_loop import PERIOD, ClosedLoop, ToContact, Trace
 from .kinematics import joints_for
+from .postures import roomy_joints
 from .rig import Rig, build
 from .scenes import TIP, tip_in_flange
 
@@ -28,8 +29,8 @@ DEEP = 0.02
 """m below the block's face: the peg is in."""
 START = 0.005
 """m: of the peg's end over the face, as the robot believes."""
-LONGEST = 5.0
-"""s."""
+LONGEST = 10.0
+"""s: five times and more what it takes with the true contact wrench."""
 TOO_MUCH = 100.0
 """N: the robot's protective stop, and the end of the try."""
 LOST = 0.012
@@ -67,7 +68,7 @@ class Insertion:
 def joints_over(rig: Rig, R_base_hole: Array, mouth: Array) -> Array:
     """Joints (7,), rad, with the peg's end in the middle of the hole's mouth (3,), m, base axes."""
     R = R_base_hole @ TOOL_IN_HOLE @ rig.settings.R_flange_sensor.T
-    return joints_for(build(rig.settings), R, mouth - R @ tip_in_flange(rig))
+    return roomy_joints(build(rig.settings), R, mouth - R @ tip_in_flange(rig))
 
 
 def insert(

@@ -12,12 +12,13 @@ from ..samples import read_only
 from .admittance import Admittance
 from .closed_loop import PERIOD, ClosedLoop, ToContact, Trace
 from .kinematics import joints_for
+from .postures import roomy_joints
 from .rig import Rig, build
 from .scenes import BALL_RADIUS, tip_in_flange
 
 FORCE = 10.0
 """N, along the plate's normal."""
-LEAN = np.deg2rad(40.0)
+LEAN = np.deg2rad(30.0)
 """The largest of the tool, from square to the plate, to all sides."""
 FIGURE_MOST = 1.25
 """Of `hypot(sin a, sin 2a)` over all a: the tool draws a figure of eight."""
@@ -57,7 +58,7 @@ class Pushing:
 def joints_at(rig: Rig, R_base_plate: Array, spot: Array) -> Array:
     """Joints (7,), rad, with the tool square to the plate and the ball at a spot (3,) of it, m, base axes."""
     R = R_base_plate @ np.diag([1.0, -1.0, -1.0]) @ rig.settings.R_flange_sensor.T
-    return joints_for(build(rig.settings), R, spot + BALL_RADIUS * R_base_plate[:, 2] - R @ tip_in_flange(rig))
+    return roomy_joints(build(rig.settings), R, spot + BALL_RADIUS * R_base_plate[:, 2] - R @ tip_in_flange(rig))
 
 
 def push(
