@@ -41,7 +41,7 @@ RIM = 0.001
 """Radius of the peg's rounded rim and of the hole's edge, m."""
 
 BLUE, STEEL, DARK, RED = "0.16 0.35 0.55 1", "0.72 0.74 0.77 1", "0.3 0.32 0.35 1", "0.8 0.22 0.16 1"
-GREEN, BRIGHT = "0.42 0.6 0.5 1", "0.8 0.82 0.85 1"
+BRIGHT, GLASS = "0.8 0.82 0.85 1", "0.55 0.68 0.78 0.45"
 UNSEEN = 'rgba="0 0 0 0" group="4"'
 SLIDING = "0.15 0.15 0.005 0.0001 0.0001"
 """Coulomb friction of greased steel."""
@@ -111,7 +111,7 @@ def hole() -> str:
     return (
         f'<asset>{_block_mesh()}</asset><worldbody><body name="work" mocap="true"><body name="block" gravcomp="1">'
         f"{_fixture()}"
-        f'<geom type="mesh" mesh="block" rgba="{BRIGHT}"/>{"".join(flats)}</body></body></worldbody>'
+        f'<geom type="mesh" mesh="block" rgba="{GLASS}"/>{"".join(flats)}</body></body></worldbody>'
         f"<contact>{''.join(pairs)}</contact>"
     )
 
