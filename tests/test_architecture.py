@@ -183,6 +183,38 @@ def test_there_is_no_cycle() -> None:
         visit(module, ())
 
 
+JUDGED = {"model", "calibrate", "calibration", "compensate", "plan", "observability", "alternative"}
+"""What the virtual rig judges, and so never imports."""
+
+
+def _reached_from(package: str) -> dict[str, str]:
+    """Every module that the package's modules import, also through others and when called, by way of which one. The
+    package's root is left out: it imports the estimators for the user.
+    """
+    imports: dict[str, set[str]] = {}
+    for module, target, _ in _edges():
+        if target:
+            imports.setdefault(module, set()).add(target)
+    reached = {module: "" for module in imports if module.partition(".")[0] == package}
+    waiting = list(reached)
+    while waiting:
+        module = waiting.pop()
+        for target in imports.get(module, set()) - reached.keys():
+            reached[target] = module
+            waiting.append(target)
+    return reached
+
+
+def test_the_rig_does_not_know_what_it_judges() -> None:
+    reached = _reached_from("simulate")
+    assert {"simulate.rig", "rotations"} <= reached.keys()
+    assert {module: way for module, way in reached.items() if module.partition(".")[0] in JUDGED} == {}
+
+
+def test_knowing_what_is_judged_would_be_seen() -> None:
+    assert {"calibrate", "model", "calibration"} <= {module.partition(".")[0] for module in _reached_from("experiment")}
+
+
 def test_numerics_touch_no_file_network_clock_or_screen() -> None:
     touching = [
         f"{_module(path)} imports {target}"

@@ -139,7 +139,8 @@ def _moving(settings: Settings, trajectory: str, loads: tuple[float, ...], rng: 
 
         goals = read_goals(trajectory, JOINTS)
         if goals.joints is None or goals.t is None:
-            raise InputError(f"{trajectory}: found no {'t' if goals.t is None else 'q1 to q7'}, expected both: add it")
+            missing = "t" if goals.t is None else "q1 to q7"
+            raise InputError(f"{trajectory}: found no {missing}, expected t and q1 to q7: add it")
         try:
             motion = through(goals.t, goals.joints, rate)
         except InputError as error:

@@ -20,9 +20,8 @@ ELBOW_TO_WRIST = 0.4
 WRIST_TO_FLANGE = 0.126
 """m. The paper's R800 is the reach, from the shoulder to the wrist."""
 
-TOTAL_MASS = 23.9
 BASE_MASS = 4.6
-"""kg. The base does not move."""
+"""kg. It does not move."""
 
 JOINT_RANGE = known_arm("iiwa7").limits[:, 1]
 """rad, to both sides."""
@@ -80,7 +79,9 @@ def arm_xml(at_flange: str) -> str:
     inside = f'<site name="flange" pos="0 0 {FLANGE_HEIGHT!r}" size="0.004" rgba="0 0 0 0"/>{at_flange}'
     for number in range(len(LINKS), 0, -1):
         inside = _link_xml(number, LINKS[number - 1], inside)
+    inertia = numbers((BASE_MASS * 0.08**2,) * 3)
     return (
+        f'<inertial pos="0 0 0.07" mass="{BASE_MASS!r}" diaginertia="{inertia}"/>'
         f'<geom type="cylinder" fromto="0 0 0 0 0 0.02" size="0.11" rgba="{GREY}"/>'
         f'<geom type="cylinder" fromto="0 0 0.02 0 0 0.15" size="0.078" rgba="{WHITE}"/>{inside}'
     )

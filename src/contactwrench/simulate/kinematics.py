@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..errors import InputError
@@ -27,15 +29,23 @@ def flange_pose(rig: Rig, joints: Array) -> tuple[Array, Array]:
 
 def flange_jacobian(rig: Rig, joints: Array) -> Array:
     """The Jacobian (6, 7) of the flange at joints (7,): velocity (m/s), then angular velocity (rad/s), base axes."""
+    return _flange(rig, import_mujoco().MjData(rig.model), joints)[2]
+
+
+def _flange(rig: Rig, data: Any, joints: Array) -> tuple[Array, Array, Array]:
+    """`R_base_flange` (3, 3), position (3,) and Jacobian (6, 7) at joints (7,); `data` is MuJoCo's, to work in."""
     mujoco = import_mujoco()
-    data = mujoco.MjData(rig.model)
     data.qpos[:] = joints
     mujoco.mj_kinematics(rig.model, data)
     mujoco.mj_comPos(rig.model, data)
     jacobian = np.zeros((6, JOINTS))
     mujoco.mj_jacSite(rig.model, data, jacobian[:3], jacobian[3:], rig.flange)
     R_base_world = rig.settings.R_world_base.T
-    return np.concatenate([R_base_world @ jacobian[:3], R_base_world @ jacobian[3:]])
+    return (
+        R_base_world @ data.site_xmat[rig.flange].reshape(3, 3),
+        R_base_world @ data.site_xpos[rig.flange],
+        np.concatenate([R_base_world @ jacobian[:3], R_base_world @ jacobian[3:]]),
+    )
 
 
 def joints_for(
@@ -59,15 +69,14 @@ def joints_for(
 
 def _newton(rig: Rig, R_goal: Array, goal: Array | None, start: Array) -> Array | None:
     """Joints within the limits at the goal, or None."""
-    joints = start.copy()
+    joints, data = start.copy(), import_mujoco().MjData(rig.model)
     for _ in range(ITERATIONS):
-        R, position = flange_pose(rig, joints[None])
-        error = R[0] @ rotation_log(R[0].T @ R_goal)
-        jacobian = flange_jacobian(rig, joints)
+        R, position, jacobian = _flange(rig, data, joints)
+        error = R @ rotation_log(R.T @ R_goal)
         if goal is None:
             jacobian = jacobian[3:]
         else:
-            error = np.concatenate([goal - position[0], error])
+            error = np.concatenate([goal - position, error])
         if np.abs(error).max() < CLOSE:
             joints = (joints + np.pi) % (2.0 * np.pi) - np.pi
             return joints if bool(np.all(np.abs(joints) <= JOINT_RANGE)) else None

@@ -50,6 +50,8 @@ class SensorStream:
 
     def read(self, wrench: Array) -> Readings:
         """Readings (n, 6) of the true wrenches (n, 6), the next n rows."""
+        if len(wrench) == 0:
+            return Readings(np.empty((0, 6)), np.empty((0, 6), dtype=bool))
         signal = wrench @ self._mixing + self._bias(len(wrench))
         signal = self._delayed(self._low_passed(signal))
         signal = signal + self._noise * self._rng.normal(size=signal.shape)
@@ -74,7 +76,7 @@ class SensorStream:
 
     def _low_passed(self, signal: Array) -> Array:
         """First-order filter, exact for a signal that is constant between rows; it begins settled."""
-        if self._sensor.low_pass == 0.0 or len(signal) == 0:
+        if self._sensor.low_pass == 0.0:
             return signal
         keep = np.exp(-2.0 * np.pi * self._sensor.low_pass * self._period)
         last = signal[0] if self._filtered is None else self._filtered
@@ -91,7 +93,7 @@ class SensorStream:
 
     def _delayed(self, signal: Array) -> Array:
         """The signal of `delay` ago, in whole rows; before that, the first one."""
-        if self._late == 0 or len(signal) == 0:
+        if self._late == 0:
             return signal
         if self._before is None:
             self._before = np.repeat(signal[:1], self._late, axis=0)

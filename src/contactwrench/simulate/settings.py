@@ -235,14 +235,17 @@ def changed(settings: Settings, assignments: Iterable[str]) -> Settings:
 
 def _place(values: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
     """The table that holds the setting of that name, and its key there."""
-    *way, last = name.split(".")
     holder, path = values, ""
-    for part in [*way, last]:
-        if not isinstance(holder, dict) or part not in holder:
-            found = ", ".join(holder) if isinstance(holder, dict) else "nothing below it"
-            raise InputError(f"there is no setting {name}, expected {f'{path} with ' if path else ''}one of: {found}")
-        if part is not last:
-            holder, path = holder[part], f"{path}.{part}".strip(".")
+    parts = name.split(".")
+    for depth, part in enumerate(parts, start=1):
+        if not isinstance(holder, dict):
+            raise InputError(f"there is no setting {name}, expected {path}: there is nothing below it")
+        if part not in holder:
+            within = f"{path} with " if path else ""
+            raise InputError(f"there is no setting {name}, expected {within}one of: {', '.join(holder)}")
+        if depth < len(parts):
+            holder, path = holder[part], ".".join(parts[:depth])
+    last = parts[-1]
     if isinstance(holder[last], dict):
         raise InputError(f"{name} is a group, expected one of its settings: {', '.join(holder[last])}")
     return holder, last

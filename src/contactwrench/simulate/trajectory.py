@@ -89,7 +89,7 @@ def exciting(duration: float, rate: float, rng: np.random.Generator) -> Motion:
     amplitude = rng.uniform(0.3, 1.0, size=(HARMONICS, len(HOME))) / np.sqrt(np.arange(1.0, HARMONICS + 1.0))[:, None]
     phase = rng.uniform(0.0, 2.0 * np.pi, size=(HARMONICS, len(HOME)))
     shape = np.einsum("kj,tkj->tj", amplitude, np.sin(t[:, None, None] * harmonic[:, None] + phase))
-    shape *= np.sin(np.pi * t / duration)[:, None]
+    shape *= np.sin(np.pi * t / duration)[:, None] ** 2
     speed = np.abs(np.gradient(shape, t, axis=0)).max(axis=0)
     room = OF_RANGE * (JOINT_RANGE - np.abs(HOME)) / np.abs(shape).max(axis=0)
     return through(t, HOME + shape * np.minimum(room, OF_SPEED * MAX_SPEED / speed), rate)
