@@ -62,6 +62,12 @@ def approaches(rig: Rig, n: int, rng: np.random.Generator) -> Array:
     return chosen
 
 
+def tool_axis(rig: Rig, joints: Array) -> Array:
+    """The direction (3,) of the move from `joints` (7,), rad: the flange's z in base axes."""
+    axis: Array = flange_pose(build(rig.settings), joints[None])[0][0][:, 2]
+    return axis
+
+
 def guarded_move(rig: Rig, joints: Array, to_contact: ToContact, rng: np.random.Generator) -> GuardedMove:
     """One move of `servo_rig(settings, PROBE, PLATE)` from `joints` (7,), rad, towards a plate that the robot does not
     know: at a random distance, leaning in a random direction.
