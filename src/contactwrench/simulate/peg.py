@@ -1,7 +1,7 @@
 """Peg in hole: a peg of 20 mm in a hole 0.5 mm wider, which is not quite where the robot believes it to be.
 
 The peg is pushed along the hole's believed axis with a constant force, and yields to the contact wrench at its tip in
-the other directions: to sideways forces, and to torques about both axes across. The chamfer is 3 mm, wider than the
+the other directions: to sideways forces, and to torques about both axes across. The chamfer is as wide as the
 largest offset, so no search is needed: all that can go wrong is what the robot believes it feels.
 """
 

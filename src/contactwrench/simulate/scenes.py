@@ -30,8 +30,8 @@ PEG_RADIUS = 0.01
 CLEARANCE = 0.0005
 """m, on the diameter."""
 HOLE_RADIUS = PEG_RADIUS + CLEARANCE / 2.0
-CHAMFER = 0.003
-"""m wide and deep, at 45 deg."""
+CHAMFER = 0.002
+"""m wide and deep, at 45 deg: as wide as the largest offset that the peg is tried with, so that no search is needed."""
 HOLE_DEPTH = 0.03
 FIXTURE_STIFFNESS, FIXTURE_TURNING = 20_000.0, 100.0
 """N/m and N m/rad: a vice on rubber feet, and the rubber of the gripper."""
