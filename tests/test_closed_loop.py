@@ -16,7 +16,18 @@ from contactwrench.simulate.kinematics import HOME, flange_pose, joints_for  # n
 from contactwrench.simulate.postures import roomy_joints  # noqa: E402
 from contactwrench.simulate.rig import Rig, build, inverse_dynamics  # noqa: E402
 from contactwrench.simulate.scenes import (  # noqa: E402
-    BALL_RADIUS, CHAMFER, CLEARANCE, HOLE_RADIUS, PEG_RADIUS, PLATE, PLATE_STIFFNESS, PROBE, SIDES, TOOL, hole, peg_tool,
+    BALL_RADIUS,
+    CHAMFER,
+    CLEARANCE,
+    HOLE_RADIUS,
+    PEG_RADIUS,
+    PLATE,
+    PLATE_STIFFNESS,
+    PROBE,
+    SIDES,
+    TOOL,
+    hole,
+    peg_tool,
     tip_in_flange,
 )  # fmt: skip
 from contactwrench.simulate.settings import Base, Mounting, Noise, Sensor, Settings  # noqa: E402

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..orientation import Array
 from ..simulate import guarded_move, peg, pushing
 from ..simulate.scenes import CHAMFER, CLEARANCE, PEG_RADIUS, PLATE_STIFFNESS
 from .force_chart import force_chart
@@ -27,16 +28,17 @@ from .touch import (
     guarded,
     guarded_pictures,
     inserted,
+    joints_of_moves,
+    joints_of_peg,
+    joints_of_pushing,
     learned,
     peg_pictures,
     pushed,
     pushing_pictures,
-    starts,
 )
-from .ways import Way
 
 MOVES, PUSHES, PEGS, PEGS_LEVEL = 100, 4, 100, 30
-"""Trials of each way at scale 1; on the level face as a check, since no way but one has trouble there."""
+"""Trials of each way at scale 1; fewer on the level face, where the tare was taken."""
 CALIBRATIONS = 10
 BLOCK = 10
 """Trials of a job."""
@@ -50,27 +52,25 @@ def parts(pool: Executor, scale: float, seed: int) -> tuple[Part, ...]:
     """The three tasks; `scale` is of the number of trials. All jobs go to the pool at once."""
     ways = learned(seed, min(CALIBRATIONS, _count(CALIBRATIONS, scale)))
     moves, pegs = _count(MOVES, scale), {"upright": _count(PEGS, scale), "level": _count(PEGS_LEVEL, scale)}
-    begin = starts(moves, seed)
-    ours = ways["ours"]
+    begin = joints_of_moves(moves, seed)
+    at_plate, over_hole = ({face: joints(face) for face in FACES} for joints in (joints_of_pushing, joints_of_peg))
 
-    def all_ways(work: Callable[[Job], list[T]], trials: int, face: str, block: int) -> Runs[T]:
+    def all_ways(work: Callable[[Job], list[T]], trials: int, block: int, face: str, joints: Array) -> Runs[T]:
+        blocks = [(first, min(first + block, trials)) for first in range(0, trials, block)]
         return {
-            name: pool.map(work, [
-                Job(learned_ways, first, min(first + block, trials), seed, face, begin)
-                for first in range(0, trials, block)
-            ])
-            for name, learned_ways in ways.items()
-        }  # fmt: skip
+            name: pool.map(work, [Job(found, *part, seed, face, joints) for part in blocks])
+            for name, found in ways.items()
+        }
 
-    tries = {face: all_ways(inserted, pegs[face], face, BLOCK) for face in FACES}
-    runs = {face: all_ways(pushed, _count(PUSHES, scale), face, 1) for face in FACES}
-    stops = all_ways(guarded, moves, "level", BLOCK)
+    tries = {face: all_ways(inserted, pegs[face], BLOCK, face, over_hole[face]) for face in FACES}
+    runs = {face: all_ways(pushed, _count(PUSHES, scale), 1, face, at_plate[face]) for face in FACES}
+    stops = all_ways(guarded, moves, BLOCK, "level", begin)
     strips = [
-        pool.map(work, [Job(ours, 0, shown, seed, face, begin)])
-        for work, shown, face in (
-            (guarded_pictures, min(3, moves), "level"),
-            (pushing_pictures, 1, "level"),
-            (peg_pictures, 1, "upright"),
+        pool.map(work, [Job(ways["ours"], 0, shown, seed, face, joints)])
+        for work, shown, face, joints in (
+            (guarded_pictures, min(3, moves), "level", begin),
+            (pushing_pictures, 1, "level", at_plate["level"]),
+            (peg_pictures, 1, "upright", over_hole["upright"]),
         )
     ]
     return (
@@ -110,8 +110,7 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         f"The arm goes straight ahead along its tool at {1e3 * guarded_move.SPEED:g} mm/s until it feels "
         f"{guarded_move.THRESHOLD:g} N, and stops. Each move begins in another orientation, anywhere in the workspace; "
         f"the plate is {1e3 * guarded_move.GAP[0]:g} to {1e3 * guarded_move.GAP[1]:g} mm away, leans by up to "
-        f"{np.rad2deg(guarded_move.LARGEST_LEAN):.0f} deg and gives by 1 mm for {PLATE_STIFFNESS / 1e3:g} N. "
-        + _tool()
+        f"{np.rad2deg(guarded_move.LARGEST_LEAN):.0f} deg and gives by 1 mm for {PLATE_STIFFNESS / 1e3:g} N. " + _tool()
     )
     table = Table(
         "guarded_move", "Guarded moves in any orientation",
@@ -129,7 +128,7 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
         face: {name: root_mean_square([run.error**2 for run in found]) for name, found in of.items()}
         for face, of in runs.items()
     }
-    rows = tuple(
+    rows: tuple[tuple[str, tuple[Measured | str, ...]], ...] = tuple(
         (name, (*(errors[face][name] for face in FACES), *(_ended_early(runs[face][name]) for face in FACES)))
         for name in names
     )
@@ -165,17 +164,17 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
 
 def _peg_part(tries: dict[str, dict[str, list[Inserted]]], strip: Strip) -> Part:
     setting = (
-        f"A peg of {2e3 * PEG_RADIUS:g} mm goes {1e3 * peg.DEEP:g} mm into a hole that is {1e3 * CLEARANCE:g} mm wider, "
-        f"with a chamfer of {1e3 * CHAMFER:g} mm. The robot believes the hole to be elsewhere: off by up to "
+        f"A peg of {2e3 * PEG_RADIUS:g} mm goes {1e3 * peg.DEEP:g} mm into a hole that is {1e3 * CLEARANCE:g} mm "
+        f"wider, with a chamfer of {1e3 * CHAMFER:g} mm. The robot believes the hole to be elsewhere: off by up to "
         f"{1e3 * peg.LARGEST_OFFSET:g} mm and tilted by up to {np.rad2deg(peg.LARGEST_TILT):.0f} deg. The same "
-        f"admittance controller for every way pushes with {peg.PUSH:g} N and yields to sideways forces and to torques "
-        f"at the peg's tip. A try fails after {peg.LONGEST:g} s, {1e3 * peg.LOST:g} mm off, or when the protective stop "
-        f"comes at {peg.TOO_MUCH:g} N."
+        f"admittance controller for every way pushes with {peg.PUSH:g} N and yields to sideways forces and to "
+        f"torques at the peg's tip. A try fails after {peg.LONGEST:g} s, {1e3 * peg.LOST:g} mm off, or when the "
+        f"protective stop comes at {peg.TOO_MUCH:g} N."
     )
     where = (
         "The tare is taken as people take it: the sensor is zeroed once, with the tool straight down over the bench. "
-        "Where the hole is matters to it alone, so both are shown: a hole in the upright side of a machine, and one "
-        "straight below. " + _tool()
+        "What a tare is worth depends on how far the tool has turned since, so two holes are shown: one in the upright "
+        "side of a machine, and one straight below. " + _tool()
     )
     tables, words = [], []
     for face in FACES:
@@ -206,8 +205,8 @@ def _against_ours(face: str, tries: dict[str, list[Inserted]], name: str) -> str
     verdict = "fewer" if high < our_low else "more" if low > our_high else "which these trials cannot tell apart"
     force, our_force = (float(np.mean([one.largest_force for one in tries[which]])) for which in (name, "ours"))
     words = (
-        f"{_sentence(_where(face))}, {name} brought {counts[name]} of {n} pegs in and ours {counts['ours']}: {verdict}. "
-        f"Its largest force was {force:.1f} N in the mean, ours {our_force:.1f} N"
+        f"{_sentence(_where(face))}, {name} brought {counts[name]} of {n} pegs in and ours {counts['ours']}: "
+        f"{verdict}. Its largest force was {force:.1f} N in the mean, ours {our_force:.1f} N"
     )
     times = [[one.seconds for one in tries[which] if one.inserted] for which in (name, "ours")]
     if all(times):

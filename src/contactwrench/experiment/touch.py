@@ -7,7 +7,7 @@ way; trials take turns at the calibrations, each learned from a recording of its
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -67,16 +67,17 @@ def touch(way: Way) -> ToContact:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Trials `first` to `last` (that one not) with one way, learned several times; `face` is the name of one, `starts`
-    (n, 7) rad are where all guarded moves begin.
+    """Trials `first` to `last` (that one not) with one way, learned several times, on the `face` of that name.
+
+    `joints`, rad: where each guarded move begins (n, 7), or where the arm is at that face (7,).
     """
 
     ways: tuple[Way, ...]
     first: int
     last: int
     seed: int
-    face: str = "level"
-    starts: Array = field(default_factory=lambda: np.empty((0, 7)))
+    face: str
+    joints: Array
 
     def trials(self, task: int) -> list[tuple[int, ToContact, np.random.Generator]]:
         """Number, sense and random generator of each; `task` keeps the tasks' generators apart."""
@@ -86,13 +87,23 @@ class Job:
         ]
 
 
-def starts(n: int, seed: int) -> Array:
+def joints_of_moves(n: int, seed: int) -> Array:
     """Joints (n, 7), rad, where the guarded moves begin: the same for every way."""
     rng, found = np.random.default_rng([seed, 1]), np.empty((0, 7))
     rig = _probe_rig()
     while len(found) < n:
         found = np.concatenate([found, guarded_move.approaches(rig, 2 * n, rng)])
     return found[:n]
+
+
+def joints_of_pushing(face: str) -> Array:
+    """Joints (7,), rad, with the probe at a plate."""
+    return pushing.joints_at(_probe_rig(), *FACES[face])
+
+
+def joints_of_peg(face: str) -> Array:
+    """Joints (7,), rad, with the peg over a hole."""
+    return peg.joints_over(_peg_rig(), *FACES[face])
 
 
 @dataclass(frozen=True)
@@ -105,9 +116,10 @@ class Stopped:
 
 
 def guarded(job: Job) -> list[Stopped]:
+    """The job's guarded moves."""
     rig = _probe_rig()
     moves = [
-        guarded_move.guarded_move(rig, job.starts[number], sense, rng) for number, sense, rng in job.trials(task=2)
+        guarded_move.guarded_move(rig, job.joints[number], sense, rng) for number, sense, rng in job.trials(task=2)
     ]
     return [Stopped(move.ended, move.at_stop, move.largest) for move in moves]
 
@@ -125,10 +137,10 @@ EVERY = 20
 
 
 def pushed(job: Job) -> list[Pushed]:
+    """The job's pushing."""
     rig = _probe_rig()
     R, spot = FACES[job.face]
-    joints = pushing.joints_at(rig, R, spot)
-    runs = [pushing.push(rig, R, spot, joints, sense, rng) for _, sense, rng in job.trials(task=3)]
+    runs = [pushing.push(rig, R, spot, job.joints, sense, rng) for _, sense, rng in job.trials(task=3)]
     return [Pushed(run.error, run.ended_early, run.normal_force[::EVERY].copy()) for run in runs]
 
 
@@ -142,10 +154,10 @@ class Inserted:
 
 
 def inserted(job: Job) -> list[Inserted]:
+    """The job's pegs."""
     rig = _peg_rig()
     R, mouth = FACES[job.face]
-    joints = peg.joints_over(rig, R, mouth)
-    tries = [peg.insert(rig, R, mouth, joints, sense, rng) for _, sense, rng in job.trials(task=4)]
+    tries = [peg.insert(rig, R, mouth, job.joints, sense, rng) for _, sense, rng in job.trials(task=4)]
     return [Inserted(one.inserted, one.largest_force, one.seconds) for one in tries]
 
 
@@ -155,27 +167,29 @@ def guarded_pictures(job: Job) -> Strip:
     R_world_base = rig.settings.R_world_base
     films = []
     for number, sense, rng in job.trials(task=2):
-        trace = guarded_move.guarded_move(rig, job.starts[number], sense, rng).trace
-        approach = R_world_base @ guarded_move.tool_axis(rig, job.starts[number])
+        trace = guarded_move.guarded_move(rig, job.joints[number], sense, rng).trace
+        approach = R_world_base @ guarded_move.tool_axis(rig, job.joints[number])
         films.append((trace, trace.t[-1:], film.whole_arm(trace.work_position, approach)))
     return _strip(rig, films)
 
 
 def pushing_pictures(job: Job) -> Strip:
+    """The job's first run, square to the plate and leaning."""
     rig = _probe_rig()
     R, spot = FACES[job.face]
     _, sense, rng = job.trials(task=3)[0]
-    trace = pushing.push(rig, R, spot, pushing.joints_at(rig, R, spot), sense, rng).trace
+    trace = pushing.push(rig, R, spot, job.joints, sense, rng).trace
     moments = pushing.SETTLED + pushing.ROUND * np.array([0.0, 0.11, 0.39, 0.61])
     x, y, z = (float(value) for value in spot)
     return _strip(rig, [(trace, moments, film.View((x - 0.1, y, z + 0.2), 1.0, 125.0, -12.0))])
 
 
 def peg_pictures(job: Job) -> Strip:
+    """The job's first peg: the whole arm, and on its way in."""
     rig = _peg_rig()
     R, mouth = FACES[job.face]
     _, sense, rng = job.trials(task=4)[0]
-    trace = peg.insert(rig, R, mouth, peg.joints_over(rig, R, mouth), sense, rng).trace
+    trace = peg.insert(rig, R, mouth, job.joints, sense, rng).trace
     end, into = trace.t[-1], -R[:, 2]
     x, y, z = (float(value) for value in mouth)
     near = film.View((x, y, z), 0.32, 215.0, -25.0)

@@ -44,7 +44,6 @@ DAMPED = 0.01
 """m or rad per unit: what keeps joint speeds finite near a singularity."""
 
 
-
 def servo_rig(settings: Settings, tool_shape: str, work: str) -> Rig:
     """The rig with drives, and with a sensor of the true contact force on the tool and of its place, world axes.
 

@@ -83,9 +83,7 @@ def frames(
         for moment in np.searchsorted(trace.t, times).clip(0, len(trace.t) - 1):
             data.qpos[:] = trace.qpos[moment]
             mujoco.mj_forward(rig.model, data)
-            mujoco.mjv_updateScene(
-                rig.model, data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene
-            )
+            mujoco.mjv_updateScene(rig.model, data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
             _post(mujoco, scene, data)
             _arrow(mujoco, scene, trace.force[moment], trace.point[moment])
             mujoco.mjr_render(window, scene, context)

@@ -10,7 +10,7 @@ from .arm import JOINT_RANGE
 from .kinematics import HOME, flange_jacobian, joints_for
 from .rig import Rig
 
-TRIED = 16
+TRIED = 10
 ROOM = 2.0
 """rad from the nearest limit that count as much as a Jacobian whose least singular value (m and rad) is `NIMBLE`."""
 NIMBLE = 0.25

@@ -96,4 +96,3 @@ def push(
         if ended_early:
             break
     return Pushing(rows[round(SETTLED / PERIOD) :].ravel(), ended_early, arm.trace())
-

@@ -56,7 +56,13 @@ class Physics:
 
 
 def build(
-    settings: Settings, load_mass: float = 0.0, *, tool_shape: str = "", scene: str = "", option: str = "", more: str = ""
+    settings: Settings,
+    load_mass: float = 0.0,
+    *,
+    tool_shape: str = "",
+    scene: str = "",
+    option: str = "",
+    more: str = "",
 ) -> Rig:
     """Compile the rig. `tool_shape` and `scene` are more XML, in sensor axes and in world axes; `option` more
     attributes of MuJoCo's `option` element; `more` what stands beside the world, such as actuators, or bodies whose

@@ -16,8 +16,8 @@ from .rig import Rig
 from .settings import Tool
 
 TOOL = Tool(mass=0.4, com=(-0.006, 0.006, 0.04))
-"""Probe and gripper with peg alike: twice the paper's, lighter than most grippers because the paper's sensor has no room
-for more: its zero takes 0.963 of the 1 N m of one axis."""
+"""Probe and gripper with peg alike: twice as heavy as the paper's, and lighter than most grippers, because the paper's
+sensor has no room for more: its zero takes 0.963 of the 1 N m of one axis."""
 TIP = np.array([0.0, 0.0, 0.1])
 """The ball's centre, and the middle of the peg's end; m, sensor axes."""
 
@@ -63,7 +63,7 @@ PLATE = (
     f'damping="{2.0 * np.sqrt(PLATE_STIFFNESS * PLATE_MASS):.6g}"/>'
     f'<inertial pos="0 0 0" mass="{PLATE_MASS}" diaginertia="0.001 0.001 0.001"/>'
     f'<geom name="plate" type="box" size="0.1 0.1 0.006" pos="0 0 -0.006" rgba="{BRIGHT}"/>'
-    f'</body></body></worldbody><contact><pair geom1="plate" geom2="ball" friction="0.2 0.2 0.005 0.0001 0.0001" {HARD}/>'
+    f'</body></body></worldbody><contact><pair geom1="plate" geom2="ball" friction="{SLIDING}" {HARD}/>'
     "</contact>"
 )
 """The plate's face is at z = 0 of the work's axes, z out of it; it sinks along z on a critically damped spring."""
