@@ -14,7 +14,10 @@ pytest.importorskip("matplotlib")
 from contactwrench.experiment import feeling
 from contactwrench.experiment.part import Measured, Part
 from contactwrench.experiment.touch import FACES, Inserted, Job, guarded, joints_of_moves, learned
-from contactwrench.simulate import peg, pushing
+from contactwrench.orientation import Array
+from contactwrench.simulate import film, peg, pushing
+from contactwrench.simulate.closed_loop import Trace
+from contactwrench.simulate.rig import Rig
 
 
 def drawn(rig: Rig, trace: Trace, times: Array, view: film.View) -> list[NDArray[np.uint8]]:
@@ -28,7 +31,7 @@ def drawn(rig: Rig, trace: Trace, times: Array, view: film.View) -> list[NDArray
 def three() -> tuple[Part, ...]:
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as pool:
         patch.setattr(pushing, "ROUND", 1.0)
-        patch.setattr(peg, "LONGEST", 2.0)
+        patch.setattr(peg, "LONGEST", 0.4)
         patch.setattr(film, "frames", drawn)
         return feeling.parts(pool, 0.0, 1)
 
