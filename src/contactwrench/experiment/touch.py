@@ -192,7 +192,7 @@ def peg_pictures(job: Job) -> Strip:
     trace = peg.insert(rig, R, mouth, job.joints, sense, rng).trace
     end, into = trace.t[-1], -R[:, 2]
     x, y, z = (float(value) for value in mouth)
-    near = film.View((x, y, z), 0.32, 215.0, -25.0)
+    near = film.View((x, y + 0.03, z), 0.36, 215.0, -25.0)
     return _strip(
         rig, [(trace, trace.t[-1:], film.whole_arm(mouth, into)), (trace, end * np.array([0.0, 0.5, 1.0]), near)]
     )

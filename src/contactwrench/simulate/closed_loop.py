@@ -58,7 +58,7 @@ def servo_rig(settings: Settings, tool_shape: str, work: str) -> Rig:
     rig = build(
         settings,
         tool_shape=tool_shape,
-        scene='<geom type="plane" size="20 20 1" rgba="0.82 0.85 0.87 1"/>',
+        scene='<geom type="plane" size="20 20 1" rgba="0.97 0.98 0.99 1"/>',
         option=f'timestep="{STEP}" integrator="implicitfast" cone="elliptic"',
         more=f"{work}<actuator>{drives}</actuator><sensor>{touch}</sensor>",
     )
