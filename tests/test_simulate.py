@@ -6,8 +6,11 @@ What is read back is judged by the static balance of benchmarks/world.py, by wei
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -285,3 +288,26 @@ def test_settings_are_in_the_truth(tmp_path: Path, capsys: Capture) -> None:
     assert settings["sensor"]["gain"] == [0.974] * 6
     assert truth["command"] == {"poses": "paper", "load_g": [100.0], "seed": 0}
     assert changed(Settings(), []) == Settings()
+
+
+def test_the_page_on_the_rig_has_every_setting_with_its_default() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "simulating.md").read_text(encoding="utf-8")
+    stated = dict(re.findall(r"^\| `([a-z_.]+)` \| ([^|]*) \|", page, flags=re.MULTILINE))
+    defaults = dict(flat("", msgspec.to_builtins(Settings())))
+    assert stated.keys() == defaults.keys()
+    for name, text in stated.items():
+        default = defaults[name]
+        if isinstance(default, str):
+            assert text == default, name
+        elif not text.endswith("..."):
+            numbers = np.array([float(number) for number in text.split(",")])
+            stands_for = numbers if len(numbers) > 1 else np.full(np.shape(default), numbers[0])
+            assert stands_for == pytest.approx(np.array(default), abs=1e-4), name
+
+
+def flat(path: str, values: object) -> Iterator[tuple[str, object]]:
+    if isinstance(values, dict):
+        for key, value in values.items():
+            yield from flat(f"{path}.{key}".strip("."), value)
+    else:
+        yield path, values

@@ -19,7 +19,6 @@ ROUND_THE_COLUMN = 0.3
 """m: a random pose keeps both at least this far from the axis of the base."""
 WITHIN = 0.95
 """Of each joint's range, for random poses."""
-MOST_TRIED = 10_000
 
 
 def paper_joints(rig: Rig) -> Array:
@@ -51,13 +50,11 @@ def joints_through(rig: Rig, R_base_flange: Array, position: Array | None = None
 
 def random_joints(rig: Rig, n: int, rng: np.random.Generator) -> Array:
     """Joints (n, 7), rad, uniform within the limits, as far as flange and tool stay clear of ground and column."""
-    kept: list[Array] = []
-    for _ in range(MOST_TRIED):
-        if len(kept) == n:
-            break
-        joints = rng.uniform(-WITHIN * JOINT_RANGE, WITHIN * JOINT_RANGE)
-        R, position = flange_pose(rig, joints[None])
-        places = position[0] + np.array([[0.0], [TOOL_LENGTH]]) * R[0, :, 2]
-        if np.all(places[:, 2] > CLEARANCE) and np.all(np.hypot(places[:, 0], places[:, 1]) > ROUND_THE_COLUMN):
-            kept.append(joints)
-    return np.array(kept).reshape(-1, len(HOME))
+    kept = np.empty((0, len(HOME)))
+    while len(kept) < n:
+        joints = rng.uniform(-WITHIN * JOINT_RANGE, WITHIN * JOINT_RANGE, size=(2 * n, len(HOME)))
+        R, position = flange_pose(rig, joints)
+        places = position + np.array([[[0.0]], [[TOOL_LENGTH]]]) * R[:, :, 2]
+        clear = (places[..., 2] > CLEARANCE) & (np.hypot(places[..., 0], places[..., 1]) > ROUND_THE_COLUMN)
+        kept = np.concatenate([kept, joints[clear.all(axis=0)]])
+    return kept[:n]

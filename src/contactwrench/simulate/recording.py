@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..orientation import Array
 from ..rotations import rotation_exp
 from ..samples import Samples, read_only
-from .joint_torque import joint_torque_readings
+from .joint_torque import friction_torque, joint_torque_readings
 from .rig import Physics, build, inverse_dynamics
 from .sensor import SensorStream
 from .settings import Settings
@@ -90,9 +90,8 @@ def read_poses(
     )
     stream = SensorStream(settings.sensor, SENSOR_RATE, rng)
     readings = [stream.read(_in_time(wrench[pose], before, rows, moving)) for pose in range(poses)]
-    velocity = np.zeros((poses * rows, 7))
-    if moving:
-        velocity = np.repeat((joints[:, -1] - joints[:, -2]) * SENSOR_RATE, rows, axis=0)
+    velocity = (joints[:, -1] - joints[:, -2]) * SENSOR_RATE if moving else np.zeros((poses, 7))
+    friction = np.repeat(friction_torque(settings.joint_torque, velocity, rng), rows, axis=0)
 
     def read(values: Array) -> Array:
         last = values[:, -rows:] if moving else np.repeat(values, rows, axis=1)
@@ -109,7 +108,7 @@ def read_poses(
         stated,
         read(position),
         read(joints),
-        joint_torque_readings(settings.joint_torque, read(torque), velocity, rng),
+        joint_torque_readings(settings.joint_torque, read(torque), friction, rng),
         np.repeat(load_masses, poses * rows // len(load_masses)),
     )
 
@@ -130,6 +129,7 @@ def record_motion(settings: Settings, motion: Motion, load_mass: float = 0.0, *,
     """A recording along a motion that the arm follows exactly, row by row at the motion's own times."""
     physics = inverse_dynamics(build(settings, load_mass), motion.joints, motion.velocity, motion.acceleration)
     readings = SensorStream(settings.sensor, settings.recording.rate, rng).read(physics.wrench)
+    friction = friction_torque(settings.joint_torque, motion.velocity, rng)
     return Recorded(
         settings,
         motion.t,
@@ -138,6 +138,6 @@ def record_motion(settings: Settings, motion: Motion, load_mass: float = 0.0, *,
         physics.R_base_flange,
         physics.position,
         motion.joints,
-        joint_torque_readings(settings.joint_torque, physics.joint_torque, motion.velocity, rng),
+        joint_torque_readings(settings.joint_torque, physics.joint_torque, friction, rng),
         np.full(len(motion.t), load_mass),
     )
