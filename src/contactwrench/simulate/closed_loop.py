@@ -31,6 +31,8 @@ ROWS = 8
 """Of the sensor in a period of the controller."""
 PERIOD = ROWS * STEP
 """s: 125 commands a second, as many arms take them."""
+WITHIN_PERIOD = STEP * np.arange(1.0, ROWS + 1.0)[:, None]
+"""s after a period's beginning (rows, 1): the drives' commands go evenly from one of the controller's to the next."""
 
 ROTORS = np.array([1.5, 1.5, 1.0, 1.0, 0.5, 0.3, 0.2])
 """Inertia of the drives' rotors through their gears, kg m^2; assumed."""
@@ -107,11 +109,12 @@ class ClosedLoop:
         mujoco.mj_forward(self._model, self._data)
         self._stream = SensorStream(rig.settings.sensor, 1.0 / STEP, rng)
         touch = rig.model.sensor("touch").adr[0]
-        self._sensed, self._touch = self._data.sensordata[:6], self._data.sensordata[touch : touch + 6]
-        self._wrench, self.contact_force = np.empty((ROWS, 6)), np.zeros((ROWS, 3))
+        self._sensed, self._drive = self._data.sensordata, self._data.ctrl
+        self._rows = np.tile(self._sensed, (ROWS, 1))
+        self._wrench, self._touch = self._rows[:, :6], self._sensed[touch : touch + 6]
+        self.contact_force = self._rows[:, touch : touch + 3]
         self._jacobian = np.zeros((6, rig.model.nv))
         self._seen: list[tuple[float, Array, Array]] = []
-        self._wrench[:] = -self._sensed
         self._look()
 
     @property
@@ -123,13 +126,12 @@ class ClosedLoop:
     def advance(self, R_base_flange: Array, position: Array) -> None:
         """One period, at the end of which the flange is commanded to be at an orientation (3, 3) and position (3,)."""
         speed = self._joint_speed(self._R_world_base @ R_base_flange, self._R_world_base @ position)
-        ahead = self._command + LEAD * speed
-        data, step, model = self._data, self._mujoco.mj_step, self._model
+        drives = self._command + (LEAD + WITHIN_PERIOD) * speed
+        data, step, model, drive, sensed = self._data, self._mujoco.mj_step, self._model, self._drive, self._sensed
         for row in range(ROWS):
-            data.ctrl[:] = ahead + (row + 1.0) * STEP * speed
+            drive[:] = drives[row]
             step(model, data)
-            np.negative(self._sensed, out=self._wrench[row])
-            self.contact_force[row] = self._touch[:3]
+            self._rows[row] = sensed
         self._command += PERIOD * speed
         self._feed_forward()
         self._look()
@@ -146,7 +148,7 @@ class ClosedLoop:
 
     def _look(self) -> None:
         """What the controller is told at the end of a period."""
-        self.reading = self._stream.read(self._wrench).wrench[-1]
+        self.reading = self._stream.read(-self._wrench).wrench[-1]
         self.R_base_flange = self._R_world_base.T @ self._data.site_xmat[self._flange].reshape(3, 3)
         self._seen.append((self._data.time, self._data.qpos.copy(), self._touch.copy()))
 

@@ -121,7 +121,7 @@ def _image(pixels: NDArray[np.uint8]) -> Any:
 
 def _post(mujoco: Any, scene: Any, data: Any) -> None:
     """What holds the work: a post from behind it down to the floor."""
-    behind = data.mocap_pos[0] - 0.045 * data.xmat[1].reshape(3, 3)[:, 2]
+    behind = data.mocap_pos[0] - 0.045 * data.body("work").xmat.reshape(3, 3)[:, 2]
     _bar(mujoco, scene, mujoco.mjtGeom.mjGEOM_CAPSULE, 0.02, behind, np.array([behind[0], behind[1], 0.0]), POST_COLOUR)
 
 
