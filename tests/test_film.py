@@ -82,7 +82,6 @@ def test_a_filmstrip_holds_its_pictures_side_by_side_and_a_gif_one_after_the_oth
 @pytest.fixture
 def nothing_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     def no_driver(name: str) -> None:
-        os.environ["PYOPENGL_PLATFORM"] = name
         raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")
 
     monkeypatch.setattr(film, "import_module", no_driver)
@@ -92,10 +91,12 @@ def nothing_draws(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_where_nothing_can_draw_it_says_so_in_one_line_and_leaves_no_trace(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
+    for name in ("PYOPENGL_PLATFORM", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
     with pytest.raises(film.NoPictures, match=r"^neither EGL nor OSMesa works here, expected one of them: install .*$"):
         film.frames(rig, trace(0.0), np.array([0.0]), VIEW)
     assert "PYOPENGL_PLATFORM" not in os.environ
+    assert "MUJOCO_GL" not in os.environ
 
 
 def test_the_camera_looks_across_the_work_from_outside() -> None:

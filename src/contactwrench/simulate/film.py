@@ -76,9 +76,7 @@ def frames(
     camera.lookat[:], camera.distance = view.lookat, view.distance
     camera.azimuth, camera.elevation = view.azimuth, view.elevation
     scene, option, pixels = mujoco.MjvScene(rig.model, maxgeom=400), mujoco.MjvOption(), []
-    with _drawing(width, height):
-        context = mujoco.MjrContext(rig.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+    with _drawing(mujoco, rig.model, width, height) as context:
         window = mujoco.MjrRect(0, 0, width, height)
         for moment in np.searchsorted(trace.t, times).clip(0, len(trace.t) - 1):
             data.qpos[:] = trace.qpos[moment]
@@ -90,7 +88,6 @@ def frames(
             picture = np.empty((height, width, 3), dtype=np.uint8)
             mujoco.mjr_readPixels(picture, None, window, context)
             pixels.append(picture[::-1])
-        context.free()
     return pixels
 
 
@@ -141,34 +138,44 @@ def _bar(mujoco: Any, scene: Any, kind: Any, width: float, start: Array, end: Ar
 
 
 @contextmanager
-def _drawing(width: int, height: int) -> Iterator[None]:
-    """A current OpenGL context, without a screen."""
-    context = None
+def _drawing(mujoco: Any, model: Any, width: int, height: int) -> Iterator[Any]:
+    """MuJoCo's drawing context, off-screen, by the first platform that works."""
     for platform in ("egl", "osmesa"):
-        context = _context(platform, width, height)
-        if context is not None:
-            break
-    if context is None:
-        raise NoPictures("neither EGL nor OSMesa works here, expected one of them: install libegl1 or libosmesa6")
-    context.make_current()
+        with _platform_set(platform):
+            try:
+                gl = import_module(f"mujoco.{platform}").GLContext(width, height)
+                gl.make_current()
+                context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            except Exception:  # whatever a driver that is not there raises: ImportError, AttributeError, its own
+                _forget_opengl()
+                continue
+            try:
+                mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+                yield context
+            finally:
+                context.free()
+                gl.free()
+            return
+    raise NoPictures("neither EGL nor OSMesa works here, expected one of them: install libegl1 or libosmesa6")
+
+
+@contextmanager
+def _platform_set(platform: str) -> Iterator[None]:
+    """The variables that PyOpenGL and MuJoCo choose their platform by, for as long as pictures are drawn."""
+    names = ("MUJOCO_GL", "PYOPENGL_PLATFORM")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, platform))
     try:
         yield
     finally:
-        context.free()
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
-def _context(platform: str, width: int, height: int) -> Any:
-    """A context of one platform, or None. PyOpenGL binds itself to a platform when it is first imported, and would
-    stay with one that does not work.
-    """
-    before = os.environ.get("PYOPENGL_PLATFORM")
-    try:
-        return import_module(f"mujoco.{platform}").GLContext(width, height)
-    except Exception:  # whatever a driver that is not there raises: ImportError, AttributeError, its own
-        for name in [name for name in sys.modules if name == "OpenGL" or name.startswith("OpenGL.")]:
-            del sys.modules[name]
-        if before is None:
-            os.environ.pop("PYOPENGL_PLATFORM", None)
-        else:
-            os.environ["PYOPENGL_PLATFORM"] = before
-        return None
+def _forget_opengl() -> None:
+    """PyOpenGL binds itself to a platform when it is first imported, and would stay with one that does not work."""
+    for name in [name for name in sys.modules if name == "OpenGL" or name.startswith("OpenGL.")]:
+        del sys.modules[name]
