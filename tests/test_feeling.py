@@ -65,7 +65,7 @@ def test_with_the_zero_left_in_no_move_reaches_the_plate_and_with_a_calibration_
 @pytest.mark.parametrize(("theirs", "ours", "verdict"), [(2, 38, "fewer"), (38, 2, "more"), (36, 38, "cannot tell")])
 def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, verdict: str) -> None:
     tries = {
-        name: [Inserted(number < went_in, 8.0, 2.0) for number in range(40)]
+        name: [Inserted(number < went_in, 8.0, 2.0, 0.0) for number in range(40)]
         for name, went_in in (("tare", theirs), ("ours", ours))
     }
     words = feeling._against_ours("upright", tries, "tare")

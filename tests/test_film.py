@@ -37,7 +37,7 @@ def trace(force: float) -> Trace:
     qpos[:, :7] = HOME
     qpos[1, 0] = 0.6
     up = np.tile([0.0, 0.0, force], (2, 1))
-    return Trace(np.array([0.0, 1.0]), qpos, up, np.tile(WORK, (2, 1)), WORK, np.array([1.0, 0.0, 0.0, 0.0]))
+    return Trace(np.array([0.0, 1.0]), qpos, up, np.tile(WORK, (2, 1)), WORK, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 
 
 def drawn(rig: Rig, force: float, times: tuple[float, ...] = (0.0,), view: film.View = VIEW) -> list[NDArray[np.uint8]]:

@@ -141,6 +141,7 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
         force = float(np.mean([run.normal_force.mean() for face in FACES for run in runs[face][name]]))
         if abs(force - pushing.FORCE) > 0.1 * pushing.FORCE:
             words.append(f"{_sentence(name)} pushed with {force:.1f} N in the mean instead of {pushing.FORCE:g} N.")
+    words.append(_saturated(runs))
     setting = (
         f"A ball-ended probe pushes against a plate with {pushing.FORCE:g} N while the tool leans over by up to "
         f"{np.rad2deg(pushing.LEAN):.0f} deg to all sides, a figure of eight in {pushing.ROUND:g} s. An admittance "
@@ -193,6 +194,7 @@ def _peg_part(tries: dict[str, dict[str, list[Inserted]]], strip: Strip) -> Part
             "Largest force: mean over the tries of the largest in each. Seconds: mean of those that went in.",
         ))  # fmt: skip
         words += [_against_ours(face, tries[face], name) for name in tries[face] if name != "ours"]
+    words.append(_saturated(tries))
     caption = "A peg going into the hole in the upright face, with our calibration; the block is drawn as glass."
     return _part("peg", "Peg in hole", [setting, where, *words], tuple(tables), strip, caption)
 
@@ -225,6 +227,20 @@ def _tool() -> str:
     return (
         f"The tool weighs {weight:.1f} N ({tool.mass:g} kg, centre of mass at {com} mm), the sensor's zero is "
         f"{bias[2]:g} N along its z; calibrations come from the paper's six postures with this tool."
+    )
+
+
+def _saturated(found: dict[str, dict[str, list[Pushed]]] | dict[str, dict[str, list[Inserted]]]) -> str:
+    """In how many readings the sensor was at its limit, and why."""
+    shares = {
+        name: float(np.mean([one.saturated for face in FACES for one in found[face][name]])) for name in found["level"]
+    }
+    sensor = SETTINGS.sensor
+    room = sensor.overload * np.array(sensor.ranges[3:]) - np.abs(sensor.bias[3:])
+    figures = ", ".join(f"{100.0 * value:.1f} % ({name})" for name, value in shares.items())
+    return (
+        f"A channel of the sensor stood at its limit, and showed less than there was, in {figures} of the readings: "
+        f"its zero leaves {room.min():.2f} N m of one torque axis, and no calibration gives that back."
     )
 
 

@@ -126,11 +126,14 @@ def guarded(job: Job) -> list[Stopped]:
 
 @dataclass(frozen=True, eq=False)
 class Pushed:
-    """One pushing, as in `Pushing`: its error, N, and the true normal force every `EVERY` rows."""
+    """One pushing, as in `Pushing`: its error, N, and the true normal force every `EVERY` rows; `saturated` as in
+    `Trace`.
+    """
 
     error: float
     ended_early: bool
     normal_force: Array
+    saturated: float
 
 
 EVERY = 20
@@ -141,16 +144,17 @@ def pushed(job: Job) -> list[Pushed]:
     rig = _probe_rig()
     R, spot = FACES[job.face]
     runs = [pushing.push(rig, R, spot, job.joints, sense, rng) for _, sense, rng in job.trials(task=3)]
-    return [Pushed(run.error, run.ended_early, run.normal_force[::EVERY].copy()) for run in runs]
+    return [Pushed(run.error, run.ended_early, run.normal_force[::EVERY].copy(), run.trace.saturated) for run in runs]
 
 
 @dataclass(frozen=True)
 class Inserted:
-    """One peg, as in `Insertion`."""
+    """One peg, as in `Insertion`; `saturated` as in `Trace`."""
 
     inserted: bool
     largest_force: float
     seconds: float
+    saturated: float
 
 
 def inserted(job: Job) -> list[Inserted]:
@@ -158,7 +162,7 @@ def inserted(job: Job) -> list[Inserted]:
     rig = _peg_rig()
     R, mouth = FACES[job.face]
     tries = [peg.insert(rig, R, mouth, job.joints, sense, rng) for _, sense, rng in job.trials(task=4)]
-    return [Inserted(one.inserted, one.largest_force, one.seconds) for one in tries]
+    return [Inserted(one.inserted, one.largest_force, one.seconds, one.trace.saturated) for one in tries]
 
 
 def guarded_pictures(job: Job) -> Strip:

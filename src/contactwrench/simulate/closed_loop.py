@@ -71,7 +71,8 @@ def servo_rig(settings: Settings, tool_shape: str, work: str) -> Rig:
 @dataclass(frozen=True, eq=False)
 class Trace:
     """A motion as it was: `t` (n,) s, `qpos` (n, q) of the whole scene, `force` (n, 3) N the true contact force on the
-    tool and `point` (n, 3) m where it acts, both in world axes; `work_position` and `work_quat_wxyz` of the work.
+    tool and `point` (n, 3) m where it acts, both in world axes; `work_position` and `work_quat_wxyz` of the work;
+    `saturated` the share of the controller's readings in which a channel stood at its limit.
     """
 
     t: Array
@@ -80,6 +81,7 @@ class Trace:
     point: Array
     work_position: Array
     work_quat_wxyz: Array
+    saturated: float
 
     def __post_init__(self) -> None:
         for name in ("t", "qpos", "force", "point", "work_position", "work_quat_wxyz"):
@@ -115,6 +117,7 @@ class ClosedLoop:
         self.contact_force = self._rows[:, touch : touch + 3]
         self._jacobian = np.zeros((6, rig.model.nv))
         self._seen: list[tuple[float, Array, Array]] = []
+        self._saturated = 0
         self._look()
 
     @property
@@ -139,16 +142,17 @@ class ClosedLoop:
     def trace(self) -> Trace:
         """Everything since the beginning, one row a period."""
         t, qpos, touch = (np.array(part) for part in zip(*self._seen, strict=True))
-        return Trace(
-            t, qpos, touch[:, :3], touch[:, 3:], self._data.mocap_pos[0].copy(), self._data.mocap_quat[0].copy()
-        )
+        work_position, work_quat_wxyz = self._data.mocap_pos[0].copy(), self._data.mocap_quat[0].copy()
+        return Trace(t, qpos, touch[:, :3], touch[:, 3:], work_position, work_quat_wxyz, self._saturated / len(t))
 
     def _feed_forward(self) -> None:
         self._data.qfrc_applied[:JOINTS] = self._data.qfrc_bias[:JOINTS]
 
     def _look(self) -> None:
         """What the controller is told at the end of a period."""
-        self.reading = self._stream.read(-self._wrench).wrench[-1]
+        readings = self._stream.read(-self._wrench)
+        self.reading = readings.wrench[-1]
+        self._saturated += int(readings.saturated[-1].any())
         self.R_base_flange = self._R_world_base.T @ self._data.site_xmat[self._flange].reshape(3, 3)
         self._seen.append((self._data.time, self._data.qpos.copy(), self._touch.copy()))
 
