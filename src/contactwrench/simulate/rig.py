@@ -56,13 +56,20 @@ class Physics:
 
 
 def build(
-    settings: Settings, load_mass: float = 0.0, *, tool_shape: str = "", scene: str = "", option: str = ""
+    settings: Settings,
+    load_mass: float = 0.0,
+    *,
+    tool_shape: str = "",
+    scene: str = "",
+    option: str = "",
+    more: str = "",
 ) -> Rig:
     """Compile the rig. `tool_shape` and `scene` are more XML, in sensor axes and in world axes; `option` more
-    attributes of MuJoCo's `option` element. Raises `MissingExtraError` without mujoco.
+    attributes of MuJoCo's `option` element; `more` what stands beside the world, such as actuators, or bodies whose
+    joints come after the arm's. Raises `MissingExtraError` without mujoco.
     """
     mujoco = import_mujoco()
-    model = mujoco.MjModel.from_xml_string(_xml(settings, load_mass, tool_shape, scene, option))
+    model = mujoco.MjModel.from_xml_string(_xml(settings, load_mass, tool_shape, scene, option, more))
     return Rig(settings, load_mass, model, model.site("flange").id, model.site("sensor").id)
 
 
@@ -105,7 +112,7 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def _xml(settings: Settings, load_mass: float, tool_shape: str, scene: str, option: str) -> str:
+def _xml(settings: Settings, load_mass: float, tool_shape: str, scene: str, option: str, more: str) -> str:
     if load_mass < 0.0:
         raise InputError(f"the load is {load_mass:g} kg, expected 0 or more")
     return f"""<mujoco model="iiwa7">
@@ -126,6 +133,7 @@ def _xml(settings: Settings, load_mass: float, tool_shape: str, scene: str, opti
     <body name="base" quat="{_quat(settings.R_world_base)}">{arm_xml(_tool_xml(settings, load_mass, tool_shape))}</body>
   </worldbody>
   <sensor><force name="force" site="sensor"/><torque name="torque" site="sensor"/></sensor>
+  {more}
 </mujoco>"""
 
 

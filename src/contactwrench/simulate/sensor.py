@@ -42,6 +42,8 @@ class SensorStream:
         self._late = round(sensor.delay * rate)
         self._before: Array | None = None
         self._filtered: Array | None = None
+        self._bias_at_rest, self._warm_up = np.array(sensor.bias), np.array(sensor.drift.warm_up)
+        self._walk_steps = np.array(sensor.drift.walk) * np.sqrt(self._period / HOUR)
         self._mixing = (np.diag(sensor.gain) + np.array(sensor.crosstalk)).T
         self._noise = np.array([*sensor.noise.force, *sensor.noise.torque])
         self._limit = sensor.overload * np.array(sensor.ranges)
@@ -62,12 +64,12 @@ class SensorStream:
 
     def _bias(self, rows: int) -> Array:
         """The bias (rows, 6) in the next rows: what warming up leaves of it, and where its random walk has come."""
-        drift = self._sensor.drift
-        t = (self._rows + np.arange(rows)) * self._period
-        bias: Array = np.array(self._sensor.bias) + np.exp(-t / drift.warm_up_time)[:, None] * np.array(drift.warm_up)
-        steps = np.array(drift.walk) * np.sqrt(self._period / HOUR)
-        if steps.any():
-            walk = self._walk + np.cumsum(steps * self._rng.normal(size=(rows, 6)), axis=0)
+        bias = np.broadcast_to(self._bias_at_rest, (rows, 6))
+        if self._warm_up.any():
+            t = (self._rows + np.arange(rows)) * self._period
+            bias = bias + np.exp(-t / self._sensor.drift.warm_up_time)[:, None] * self._warm_up
+        if self._walk_steps.any():
+            walk = self._walk + np.cumsum(self._walk_steps * self._rng.normal(size=(rows, 6)), axis=0)
             self._walk = walk[-1]
             bias = bias + walk
         return bias
