@@ -4,16 +4,19 @@ RUN = .venv/run
 DEV = .venv/dev
 WHAT_IS_BUILT = pyproject.toml Makefile
 
-.PHONY: demo test bench lint types docs check lock clean
+.PHONY: demo test bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
 	$(RUN)/bin/contactwrench demo --out contactwrench-demo
 
 test: $(DEV)/ready  ## all tests
-	$(DEV)/bin/python -m pytest
+	$(DEV)/bin/python -m pytest -n auto
 
 bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against memcpy
 	$(DEV)/bin/python -m benchmarks
+
+experiment: $(RUN)/ready  ## the paper's experiment on the virtual rig; docs/experiment.md is made by it
+	$(RUN)/bin/contactwrench experiment --out contactwrench-experiment
 
 lint: $(DEV)/ready
 	$(DEV)/bin/ruff check
@@ -46,4 +49,4 @@ lock: $(DEV)/ready  ## exact versions with hashes, no addresses
 	$(LOCK) --group dev -o requirements-dev.lock
 
 clean:
-	rm -rf .venv contactwrench-demo
+	rm -rf .venv contactwrench-demo contactwrench-experiment

@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -305,7 +306,7 @@ def test_the_page_on_the_rig_has_every_setting_with_its_default() -> None:
             assert stands_for == pytest.approx(np.array(default), abs=1e-4), name
 
 
-def flat(path: str, values: object) -> Iterator[tuple[str, object]]:
+def flat(path: str, values: Any) -> Iterator[tuple[str, Any]]:
     if isinstance(values, dict):
         for key, value in values.items():
             yield from flat(f"{path}.{key}".strip("."), value)

@@ -66,11 +66,21 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
         ) from None
 
 
-def _write_beside_then_rename(target: Path, pieces: Iterable[str]) -> None:
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a binary file: beside it, then renamed over it. Raises `FileAccessError`."""
+    try:
+        _write_beside_then_rename(path, [content])
+    except OSError as error:
+        raise FileAccessError(
+            f"{path}: cannot be written ({_reason(error)}): check the space on the disk and the permissions"
+        ) from None
+
+
+def _write_beside_then_rename(target: Path, pieces: Iterable[str] | Iterable[bytes]) -> None:
     handle, beside = tempfile.mkstemp(prefix=".contactwrench-", dir=target.parent)
     try:
-        with open(handle, "w", encoding="utf-8", newline="") as file:
-            file.writelines(pieces)
+        with open(handle, "wb") as file:
+            file.writelines(piece.encode() if isinstance(piece, str) else piece for piece in pieces)
             file.flush()
             os.fsync(file.fileno())
         Path(beside).chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask())

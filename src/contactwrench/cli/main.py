@@ -18,6 +18,7 @@ from .compensate import compensate
 from .demo import demo
 from .diagnose import diagnose
 from .diff import diff
+from .experiment import experiment
 from .plan import plan
 from .show import show
 from .simulate import simulate
@@ -38,7 +39,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, demo):
+for verb in (plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, experiment, demo):
     app.command()(verb)
 
 

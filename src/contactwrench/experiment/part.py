@@ -17,6 +17,11 @@ class Measured:
     standard_error: float | None
     trials: int
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "value", float(self.value))
+        if self.standard_error is not None:
+            object.__setattr__(self, "standard_error", float(self.standard_error))
+
 
 @dataclass(frozen=True)
 class Table:

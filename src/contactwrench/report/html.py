@@ -47,19 +47,22 @@ def write_calibration_report(path: str | Path, calibration: Calibration) -> None
 
 def write_report(path: str | Path, title: str, introduction: tuple[str, ...], sections: tuple[Section, ...]) -> None:
     """Write a report of several calibrations, one after the other."""
-    body = "".join(_section(section) for section in sections)
-    page = (
+    write_text(path, page(title, introduction, "".join(_section(section) for section in sections)))
+
+
+def page(title: str, introduction: tuple[str, ...], body: str) -> str:
+    """A whole page: `body` is HTML, the rest plain text."""
+    return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{escape(title)}</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<header><h1>{escape(title)}</h1>{_paragraphs(introduction)}</header>"
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<header><h1>{escape(title)}</h1>{paragraphs_html(introduction)}</header>"
         f"\n{body}<footer>contactwrench {__version__}</footer>\n</body>\n</html>\n"
     )
-    write_text(path, page)
 
 
 def _section(section: Section) -> str:
     c = section.calibration
-    parts = [f"<section><h2>{escape(section.title)}</h2>", _paragraphs(section.paragraphs), _verdict(c)]
+    parts = [f"<section><h2>{escape(section.title)}</h2>", paragraphs_html(section.paragraphs), _verdict(c)]
     parts += [
         '<div class="side-by-side"><div><h3>Parameters</h3>',
         _parameters(c),
@@ -85,27 +88,27 @@ def _poses(c: Calibration) -> list[str]:
     return [
         "<h3>What is left in each contact-free pose</h3>",
         "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
-        *(f"<p>{_typeset(text)}</p>" for text in _bias_moved(c)),
-        _figure(
+        *(f"<p>{typeset(text)}</p>" for text in _bias_moved(c)),
+        figure_html(
             figures.left_over_per_pose(c, ways), f"Norm of what each way of compensation leaves, log scale.{shaded}"
         ),
         _ways(ways),
         _pose_table(c, ways),
         "<h3>Residuals</h3>",
-        _figure(
+        figure_html(
             figures.residuals_per_pose(c, ways[0]),
             "What the fit leaves, axis by axis. The band is two standard deviations of the noise of a pose's reading."
             + shaded,
         ),
         "<h3>Directions of gravity that the poses covered</h3>",
-        _figure(
+        figure_html(
             figures.gravity_on_sphere(c),
             "Gravity as seen from the flange, on the two halves of the sphere in equal-area projection. Poses that "
             f"differ by a turn about the vertical fall on one point, and one such point fixes nothing.{hollow}",
         ),
         "<h3>Standard deviation of the contact wrench over orientations</h3>",
-        _figure(figures.std_over_orientations(c, "force"), "White dots: the poses."),
-        _figure(
+        figure_html(figures.std_over_orientations(c, "force"), "White dots: the poses."),
+        figure_html(
             figures.std_over_orientations(c, "torque"),
             "What the calibration's own uncertainty does to the contact wrench, for any direction of gravity.",
         ),
@@ -114,7 +117,7 @@ def _poses(c: Calibration) -> list[str]:
 
 def _verdict(c: Calibration) -> str:
     quality, _, sentence = c.verdict.partition(": ")
-    warnings = "".join(f"<li>{_typeset(warning)}</li>" for warning in c.warnings)
+    warnings = "".join(f"<li>{typeset(warning)}</li>" for warning in c.warnings)
     listed = f"<ul>{warnings}</ul>" if warnings else ""
     said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(sentence))}"
     return f'<div class="verdict {quality}">{said}{listed}</div>'
@@ -137,7 +140,7 @@ def _bias_moved(c: Calibration) -> list[str]:
 def _assumptions(c: Calibration) -> str:
     if not c.assumptions:
         return ""
-    listed = "".join(f"<li>{_typeset(_sentence(assumption))}</li>" for assumption in c.assumptions)
+    listed = "".join(f"<li>{typeset(_sentence(assumption))}</li>" for assumption in c.assumptions)
     return f"<h3>What was assumed</h3><ul>{listed}</ul>"
 
 
@@ -161,7 +164,7 @@ def _alternatives(c: Calibration) -> str:
         "Left: root mean square norm of what the model leaves in a pose, its parameters counted. Change: by how much "
         "the contact force would be another one, at the worst orientation."
     )
-    table = _table(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
+    table = table_html(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
     return f"<h3>What other models make of the same poses</h3>{table}<p class='unit'>{said}</p>"
 
 
@@ -180,7 +183,7 @@ def _left_out(c: Calibration) -> str:
             f"<td>{1e3 * np.linalg.norm(left[3:]):.3g}</td><td class='said'>{escape(pose.rejected or '')}</td></tr>"
         )
     head = f"<th>pose</th>{'<th>time, s</th>' if timed else ''}<th>left, N</th><th>left, mN m</th>"
-    table = _table(f"<thead><tr>{head}<th class='said'>why</th></tr></thead>{''.join(rows)}")
+    table = table_html(f"<thead><tr>{head}<th class='said'>why</th></tr></thead>{''.join(rows)}")
     last = ", with the last bias" if _bias_moved(c) else ""
     said = f"{len(poses)} of {len(c.poses)} poses did not take part in the fit. Left: what compensation leaves{last}."
     return f"<h3>Poses that were left out</h3><p>{said}</p>{table}"
@@ -192,7 +195,7 @@ def _parameters(c: Calibration) -> str:
         f"<td class='unit'>{escape(unit)}</td></tr>"
         for name, value, std, unit in parameter_rows(c)
     )
-    return _table(f"<thead><tr><th></th><th>value</th><th>std</th><th class='unit'>unit</th></tr></thead>{rows}")
+    return table_html(f"<thead><tr><th></th><th>value</th><th>std</th><th class='unit'>unit</th></tr></thead>{rows}")
 
 
 def _fit(c: Calibration) -> str:
@@ -213,7 +216,7 @@ def _fit(c: Calibration) -> str:
     )
     trade_offs = "".join(f"<li>{escape(pair)}</li>" for pair in c.observability.trade_offs[:4])
     trading = f"<p>Trading off against each other:</p><ul>{trade_offs}</ul>" if trade_offs else ""
-    return f"{_table(_axis_head() + body + listed)}<p class='unit'>N and mN m</p>{trading}"
+    return f"{table_html(_axis_head() + body + listed)}<p class='unit'>N and mN m</p>{trading}"
 
 
 def _ways(ways: tuple[LeftOver, ...]) -> str:
@@ -225,7 +228,7 @@ def _ways(ways: tuple[LeftOver, ...]) -> str:
     )
     meaning = "; ".join(f"<b>{name}</b>: {escape(text)}" for name, text in PURPOSE.items())
     said = f"Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII. {meaning}."
-    return f"{_table(_axis_head('<th></th>') + rows)}<p class='unit'>{said}</p>"
+    return f"{table_html(_axis_head('<th></th>') + rows)}<p class='unit'>{said}</p>"
 
 
 def _pose_table(c: Calibration, ways: tuple[LeftOver, ...]) -> str:
@@ -237,7 +240,7 @@ def _pose_table(c: Calibration, ways: tuple[LeftOver, ...]) -> str:
         torque = "".join(f"<td>{1e3 * np.linalg.norm(way.wrench[k, 3:]):.3g}</td>" for way in ways)
         rows[number] = force + torque
     body = "".join(f"<tr><th>{number}</th>{rows[number]}</tr>" for number in sorted(rows))
-    table = _table(
+    table = table_html(
         f"<thead><tr><th></th><th colspan={len(ways)}>force, N</th><th colspan={len(ways)}>torque, mN m</th></tr>"
         f"<tr><th>pose</th>{head}{head}</tr></thead>{body}"
     )
@@ -246,10 +249,10 @@ def _pose_table(c: Calibration, ways: tuple[LeftOver, ...]) -> str:
 
 def _provenance(c: Calibration) -> str:
     rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in c.provenance.items())
-    return f"<details><summary>Where this comes from</summary>{_table(rows, 'facts')}</details>"
+    return f"<details><summary>Where this comes from</summary>{table_html(rows, 'facts')}</details>"
 
 
-def _table(rows: str, kind: str = "") -> str:
+def table_html(rows: str, kind: str = "") -> str:
     """A table in a box of its own, which scrolls where the page is narrower than the table."""
     return f"<div class='scroll'><table{f' class={kind}' if kind else ''}>{rows}</table></div>"
 
@@ -271,13 +274,16 @@ def _significant(value: float) -> str:
     return f"{value:.{min(digits, 6)}f}"
 
 
-def _figure(svg: str, caption: str) -> str:
+def figure_html(svg: str, caption: str) -> str:
+    """An SVG or an `img` with a caption of plain text."""
     return f"<figure><div class='scroll'>{svg}</div><figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _paragraphs(paragraphs: tuple[str, ...]) -> str:
-    return "".join(f"<p>{_typeset(paragraph)}</p>" for paragraph in paragraphs)
+def paragraphs_html(paragraphs: tuple[str, ...]) -> str:
+    """Plain text as paragraphs."""
+    return "".join(f"<p>{typeset(paragraph)}</p>" for paragraph in paragraphs)
 
 
-def _typeset(text: str) -> str:
+def typeset(text: str) -> str:
+    """Plain text as HTML."""
     return escape(text).replace("+-", "±")

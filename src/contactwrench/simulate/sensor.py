@@ -16,6 +16,8 @@ from ..orientation import Array
 from .settings import Sensor
 
 HOUR = 3600.0
+FILTER_ROWS = 64
+"""Rows that the filter takes at a time, by one matrix product."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,10 @@ class SensorStream:
         self._walk_steps = np.array(sensor.drift.walk) * np.sqrt(self._period / HOUR)
         self._mixing = (np.diag(sensor.gain) + np.array(sensor.crosstalk)).T
         self._noise = np.array([*sensor.noise.force, *sensor.noise.torque])
+        age = np.arange(FILTER_ROWS) - np.arange(FILTER_ROWS)[:, None]
+        keep = np.exp(-2.0 * np.pi * sensor.low_pass * self._period)
+        self._response = (1.0 - keep) * np.tril(keep ** np.maximum(-age, 0))
+        self._decay = keep ** np.arange(1.0, FILTER_ROWS + 1.0)[:, None]
         self._limit = sensor.overload * np.array(sensor.ranges)
 
     def read(self, wrench: Array) -> Readings:
@@ -76,19 +82,16 @@ class SensorStream:
 
     def _low_passed(self, signal: Array) -> Array:
         """First-order filter, exact for a signal that is constant between rows; it begins settled."""
-        if self._sensor.low_pass == 0.0:
+        if self._sensor.low_pass == 0.0 or len(signal) == 0:
             return signal
-        keep = np.exp(-2.0 * np.pi * self._sensor.low_pass * self._period)
         last = signal[0] if self._filtered is None else self._filtered
         filtered = np.empty_like(signal)
-        if len(signal) > 8:
-            from scipy.signal import lfilter
-
-            filtered[:] = lfilter([1.0 - keep], [1.0, -keep], signal, axis=0, zi=keep * last[None])[0]
-        else:
-            for row, value in enumerate(signal):
-                last = filtered[row] = keep * last + (1.0 - keep) * value
-        self._filtered = filtered[-1].copy()
+        for start in range(0, len(signal), FILTER_ROWS):
+            rows = signal[start : start + FILTER_ROWS]
+            n = len(rows)
+            filtered[start : start + n] = self._response[:n, :n] @ rows + self._decay[:n] * last
+            last = filtered[start + n - 1]
+        self._filtered = last.copy()
         return filtered
 
     def _delayed(self, signal: Array) -> Array:

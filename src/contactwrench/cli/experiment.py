@@ -1,0 +1,72 @@
+"""`contactwrench experiment`."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from concurrent.futures import Executor, ProcessPoolExecutor
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+QUICK = 0.05
+"""Of the trials."""
+
+
+def experiment(
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for the report, the figures and the pictures.")
+    ] = Path("contactwrench-experiment"),
+    seed: Annotated[int, typer.Option(metavar="S", help="Of everything random: same seed, same figures.", min=0)] = 0,
+    quick: Annotated[
+        bool, typer.Option("--quick", help=f"{QUICK:.0%} of the trials: a look at it, no result.")
+    ] = False,
+) -> None:
+    """Run the paper's experiment on the virtual rig, with every estimator, and report all figures."""
+    from ..experiment.run import STEPS, run
+    from ..files import make_folder
+    from ..report.experiment import write_experiment
+    from ..simulate.rig import import_mujoco
+
+    import_mujoco()
+    make_folder(out)
+    scale = QUICK if quick else 1.0
+    with _processes() as pool, _progress() as progress:
+        task = progress.add_task("", total=len(STEPS))
+        begun = count()
+
+        def begin(name: str) -> None:
+            progress.update(task, description=name, completed=next(begun))
+
+        parts = run(pool, scale, seed, begin)
+        progress.update(task, description="done", completed=len(STEPS))
+    write_experiment(out, parts, scale, seed)
+    typer.echo(f"Wrote report.html, figures.json, experiment.md and images to {out}")
+
+
+def _progress() -> Progress:
+    """A line on stderr: the step, of how many, and the time."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+    )
+    return Progress(*columns, console=Console(stderr=True))
+
+
+def _processes() -> Executor:
+    """A process a core, from a fresh interpreter each, with one thread for its linear algebra."""
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    return ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn"))

@@ -1,0 +1,58 @@
+"""The whole experiment, part after part, over a pool of processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from .feeling import parts as feeling
+from .identification import part as identification
+from .joint_torques import part as joint_torques
+from .part import Part
+from .planned import part as planned
+from .prior_work import part as prior_work
+from .sources_of_error import part as sources_of_error
+from .weighing import part as weighing
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the experiment: what it is called while it runs, and what makes its parts of a pool, a scale of the
+    numbers of trials (1: all) and a seed.
+    """
+
+    name: str
+    make: Callable[[Executor, float, int], tuple[Part, ...]]
+
+
+def _alone(make: Callable[[Executor, float, int], Part]) -> Callable[[Executor, float, int], tuple[Part, ...]]:
+    def parts(pool: Executor, scale: float, seed: int) -> tuple[Part, ...]:
+        return (make(pool, scale, seed),)
+
+    return parts
+
+
+STEPS = (
+    Step("six postures", _alone(identification)),
+    Step("weighing", _alone(weighing)),
+    Step("planned postures", _alone(planned)),
+    Step("joint torques", _alone(joint_torques)),
+    Step("prior work", _alone(prior_work)),
+    Step("sources of error", _alone(sources_of_error)),
+    Step("feeling contact", feeling),
+)
+
+
+def run(
+    pool: Executor, scale: float = 1.0, seed: int = 0, begin: Callable[[str], None] = lambda name: None
+) -> tuple[Part, ...]:
+    """Every part of the experiment; `begin` is told each step's name. Same seed, same figures.
+
+    Raises `MissingExtraError` without mujoco or matplotlib.
+    """
+    parts: list[Part] = []
+    for number, step in enumerate(STEPS):
+        begin(step.name)
+        parts += step.make(pool, scale, seed + number)
+    return tuple(parts)
