@@ -41,7 +41,9 @@ Learn: TypeAlias = Callable[[Samples], Way]
 """From contact-free samples (no load) to a way. May raise what `calibrate` raises."""
 
 
-def _calibrated(model: str, name: str) -> Learn:
+def calibrated(model: str, name: str) -> Learn:
+    """The way of one of our models, by `calibrate`."""
+
     def learn(samples: Samples) -> Way:
         calibration = calibrate(samples, model)
         return Way(name, calibration.B, calibration.gravity_direction)
@@ -66,8 +68,8 @@ def without_bias(name: str, calibration: Calibration) -> Way:
     return Way(name, B, calibration.gravity_direction)
 
 
-ours = _calibrated("auto", "ours")
-paper = _calibrated("paper", "paper")
+ours = calibrated("auto", "ours")
+paper = calibrated("paper", "paper")
 
 WAYS: dict[str, Learn] = {"ours": ours, "paper": paper, "tare": tare, "gravity only": gravity_only}
 """What every part compares; parts add others."""

@@ -47,7 +47,7 @@ STYLE: dict[Any, Any] = {
 def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
     """What the fit leaves in each pose, axis by axis; the band is two standard deviations of a pose's noise."""
     kept, left_out = pose_numbers(calibration)
-    with _drawing(2, (8.2, 2.9)) as (figure, axes):
+    with drawing(2, (8.2, 2.9)) as (figure, axes):
         for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
             band = 2.0 * scale * float(calibration.noise[part : part + 3].max())
             ax.axhspan(-band, band, color="#e9eef2", lw=0)
@@ -59,13 +59,13 @@ def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
             _label(ax, "pose", f"residual {name}")
             _number_poses(ax, len(calibration.poses), left_out)
         axes[1].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=1.0)
-        return _svg(figure)
+        return svg_text(figure)
 
 
 def left_over_per_pose(calibration: Calibration, ways: tuple[LeftOver, ...]) -> str:
     """The norm of force and torque left in each contact-free pose, by each way of compensation; log scale."""
     kept, left_out = pose_numbers(calibration)
-    with _drawing(2, (8.2, 3.0)) as (figure, axes):
+    with drawing(2, (8.2, 3.0)) as (figure, axes):
         for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
             for way in ways:
                 norm = scale * np.linalg.norm(way.wrench[:, part : part + 3], axis=1)
@@ -77,7 +77,7 @@ def left_over_per_pose(calibration: Calibration, ways: tuple[LeftOver, ...]) -> 
             _label(ax, "pose", f"left over, {name}")
             _number_poses(ax, len(calibration.poses), left_out)
         axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
-        return _svg(figure)
+        return svg_text(figure)
 
 
 def pose_numbers(calibration: Calibration) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -93,7 +93,7 @@ def gravity_on_sphere(calibration: Calibration) -> str:
     R = np.array([pose.R_base_flange for pose in calibration.poses])
     r = gravity_in_flange(R, calibration.gravity_direction)
     fitted = np.array([pose.rejected is None for pose in calibration.poses])
-    with _drawing(2, (6.4, 3.3)) as (figure, axes):
+    with drawing(2, (6.4, 3.3)) as (figure, axes):
         for ax, side in zip(axes, SIDES, strict=True):
             _globe(ax, side)
             here = side * r[:, 2] >= 0.0
@@ -101,7 +101,7 @@ def gravity_on_sphere(calibration: Calibration) -> str:
             ax.plot(*_equal_area(r[here & fitted], side), "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
             count = int((here & fitted).sum())
             ax.set_title(f"{_side(side)}: {count} pose{'' if count == 1 else 's'}", fontsize=9, color="#2a3036")
-        return _svg(figure)
+        return svg_text(figure)
 
 
 def std_over_orientations(calibration: Calibration, quantity: str) -> str:
@@ -117,7 +117,7 @@ def std_over_orientations(calibration: Calibration, quantity: str) -> str:
         scale * _std(calibration, _from_equal_area((x * within).ravel(), (y * within).ravel(), side), part)
         for side in SIDES
     ]
-    with _drawing(2, (6.9, 3.2)) as (figure, axes):
+    with drawing(2, (6.9, 3.2)) as (figure, axes):
         for ax, half, side in zip(axes, std, SIDES, strict=True):
             shown = ax.pcolormesh(
                 x, y, half.reshape(x.shape), vmin=np.min(std), vmax=np.max(std), cmap="YlGnBu", shading="gouraud",
@@ -130,7 +130,7 @@ def std_over_orientations(calibration: Calibration, quantity: str) -> str:
         bar = figure.colorbar(shown, ax=list(axes), shrink=0.8, pad=0.02)
         bar.set_label(f"std of the contact {quantity}, {unit}")
         bar.outline.set_visible(False)
-        return _svg(figure)
+        return svg_text(figure)
 
 
 def _std(calibration: Calibration, r: Array, part: slice) -> Array:
@@ -201,7 +201,8 @@ def _side(side: float) -> str:
 
 
 @contextmanager
-def _drawing(columns: int, size: tuple[float, float]) -> Iterator[tuple[Figure, list[Axes]]]:
+def drawing(columns: int, size: tuple[float, float], rows: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of that size, inches, and its axes, row by row. Raises `MissingExtraError` without matplotlib."""
     try:
         import matplotlib as mpl
         from matplotlib.figure import Figure
@@ -211,7 +212,7 @@ def _drawing(columns: int, size: tuple[float, float]) -> Iterator[tuple[Figure, 
         ) from None
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=size, layout="constrained")
-        yield figure, list(figure.subplots(1, columns))
+        yield figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
 def _label(ax: Axes, x: str, y: str) -> None:
@@ -229,7 +230,8 @@ def _number_poses(ax: Axes, n: int, left_out: NDArray[np.intp]) -> None:
     ax.set_xlim(0.4, n + 0.6)
 
 
-def _svg(figure: Figure) -> str:
+def svg_text(figure: Figure) -> str:
+    """The figure as an SVG element, the same bytes for the same figure."""
     text = StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None}, dpi=150)
     svg = text.getvalue()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..orientation import Array
-from .figures import _drawing, _svg
+from .figures import drawing, svg_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def error_near_singularities(
     bins = [np.flatnonzero(place == k) for k in np.unique(place)]
     middle = np.array([np.exp(np.log(distance[one]).mean()) for one in bins])
     some = np.random.default_rng(1).permutation(len(distance))[:DOTS]
-    with _drawing(2, (9.0, 4.2)) as (figure, axes):
+    with drawing(2, (9.0, 4.2)) as (figure, axes):
         everywhere, into = axes
         for k, name in enumerate(names):
             everywhere.plot(distance[some], errors[k, some], MARKERS[k], ms=2.4, color=COLOURS[k], alpha=0.25, mew=0)
@@ -48,7 +48,7 @@ def error_near_singularities(
         everywhere.set_xlabel("smallest singular value of the Jacobian (m, rad)")
         into.set_xlabel("left to the stretched arm, mm")
         figure.legend(*into.get_legend_handles_labels(), ncols=3, loc="outside upper left", handletextpad=0.4)
-        return _svg(figure)
+        return svg_text(figure)
 
 
 def _line(ax: Axes, x: Array, squares: list[Array], k: int, name: str) -> None:
