@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from ..errors import InputError
@@ -10,7 +12,7 @@ from .arm import JOINT_RANGE
 from .kinematics import HOME, flange_jacobian, joints_for
 from .rig import Rig
 
-TRIED = 10
+TRIED = 9
 ROOM = 2.0
 """rad from the nearest limit that count as much as a Jacobian whose least singular value (m and rad) is `NIMBLE`."""
 NIMBLE = 0.25
@@ -21,18 +23,13 @@ def roomy_joints(rig: Rig, R_base_flange: Array, position: Array) -> Array:
     limits and singularities. `rig` has no joints but the arm's. Raises `InputError` where no posture reaches the pose.
     """
     rng = np.random.default_rng(0)
-    best, most = None, -1.0
-    for near in [HOME, *rng.uniform(-0.6, 0.6, (TRIED - 1, len(HOME))) * JOINT_RANGE]:
-        try:
-            joints = joints_for(rig, R_base_flange, position, near)
-        except InputError:
-            if best is None:
-                raise
-            continue
-        least = np.linalg.svd(flange_jacobian(rig, joints), compute_uv=False)[-1]
-        room = min(float(np.min(JOINT_RANGE - np.abs(joints))) / ROOM, float(least) / NIMBLE)
-        if room > most:
-            best, most = joints, room
-    if best is None:
-        raise InputError("no posture was tried, expected one or more")
-    return best
+    found = [joints_for(rig, R_base_flange, position)]
+    for near in rng.uniform(-0.6, 0.6, (TRIED, len(HOME))) * JOINT_RANGE:
+        with suppress(InputError):
+            found.append(joints_for(rig, R_base_flange, position, near))
+    return max(found, key=lambda joints: _room(rig, joints))
+
+
+def _room(rig: Rig, joints: Array) -> float:
+    least = float(np.linalg.svd(flange_jacobian(rig, joints), compute_uv=False)[-1])
+    return min(float(np.min(JOINT_RANGE - np.abs(joints))) / ROOM, least / NIMBLE)

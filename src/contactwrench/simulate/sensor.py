@@ -69,8 +69,11 @@ class SensorStream:
         return Readings(signal, saturated)
 
     def _bias(self, rows: int) -> Array:
-        """The bias (rows, 6) in the next rows: what warming up leaves of it, and where its random walk has come."""
-        bias = np.broadcast_to(self._bias_at_rest, (rows, 6))
+        """The bias in the next rows: what warming up leaves of it, and where its random walk has come.
+
+        (rows, 6), or (6,) of one that stays.
+        """
+        bias = self._bias_at_rest
         if self._warm_up.any():
             t = (self._rows + np.arange(rows)) * self._period
             bias = bias + np.exp(-t / self._sensor.drift.warm_up_time)[:, None] * self._warm_up
