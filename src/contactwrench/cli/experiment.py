@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 from concurrent.futures import Executor, ProcessPoolExecutor
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,20 +38,14 @@ def experiment(
     make_folder(out)
     scale = QUICK if quick else 1.0
     with _processes() as pool, _progress() as progress:
-        task = progress.add_task("", total=len(STEPS))
-        begun = count()
-
-        def begin(name: str) -> None:
-            progress.update(task, description=name, completed=next(begun))
-
-        parts = run(pool, scale, seed, begin)
-        progress.update(task, description="done", completed=len(STEPS))
+        task = progress.add_task("all steps at once", total=len(STEPS))
+        parts = run(pool, scale, seed, lambda name: progress.update(task, advance=1, description=f"done: {name}"))
     write_experiment(out, parts, scale, seed)
     typer.echo(f"Wrote report.html, figures.json, experiment.md and images to {out}")
 
 
 def _progress() -> Progress:
-    """A line on stderr: the step, of how many, and the time."""
+    """A line on stderr: how many steps are done, the time, and the last one."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 

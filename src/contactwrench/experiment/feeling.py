@@ -13,9 +13,9 @@ from typing import TypeVar
 import numpy as np
 
 from ..orientation import Array
+from ..report.force_chart import force_chart
 from ..simulate import guarded_move, peg, pushing
 from ..simulate.scenes import CHAMFER, CLEARANCE, PEG_RADIUS, PLATE_STIFFNESS
-from .force_chart import force_chart
 from .part import Measured, Part, Picture, Table, mean, root_mean_square, share, wilson
 from .touch import (
     EVERY,
@@ -37,7 +37,7 @@ from .touch import (
     pushing_pictures,
 )
 
-MOVES, PUSHES, PEGS, PEGS_LEVEL = 100, 4, 100, 30
+MOVES, PUSHES, PEGS, PEGS_LEVEL = 50, 3, 100, 12
 """Trials of each way at scale 1; fewer on the level face, where the tare was taken."""
 CALIBRATIONS = 10
 BLOCK = 10

@@ -33,7 +33,7 @@ from .trials import (
 )
 from .ways import Way, tare, without_bias
 
-TRIALS = 64
+TRIALS = 40
 MODELS = {"paper": "paper", "yaw": "yaw", "ours": "auto"}
 """The estimators by the names that the tables call them, and the models behind them."""
 

@@ -33,7 +33,7 @@ from .joint_torque_routes import (
 )
 from .part import Measured, Part, Picture, Table, mean, root_mean_square, share
 
-ROBOTS = 50
+ROBOTS = 24
 """At scale 1."""
 STEADY = 0.1
 """Smallest singular value (m and rad) from which a configuration counts as away from singularities: about half do."""

@@ -31,7 +31,7 @@ from .trials import (
 )
 from .ways import WAYS, Learn, calibrated
 
-TRIALS = 32
+TRIALS = 20
 ESTIMATORS: dict[str, Learn] = {
     "paper": WAYS["paper"],
     "yaw": calibrated("yaw", "yaw"),

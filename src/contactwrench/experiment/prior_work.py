@@ -47,7 +47,7 @@ from .trials import (
 )
 from .ways import DOWN, WAYS, Learn, Way, calibrated
 
-TRIALS = 12
+TRIALS = 8
 TRUE_YAW = DEFAULT.mounting.yaw_deg
 BASE_TILT = 2.0
 """deg, about the base's x."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
 from .feeling import parts as feeling
@@ -18,7 +18,7 @@ from .weighing import part as weighing
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the experiment: what it is called while it runs, and what makes its parts of a pool, a scale of the
+    """A step of the experiment: what it is called, and what makes its parts of a pool, a scale of the
     numbers of trials (1: all) and a seed.
     """
 
@@ -45,14 +45,16 @@ STEPS = (
 
 
 def run(
-    pool: Executor, scale: float = 1.0, seed: int = 0, begin: Callable[[str], None] = lambda name: None
+    pool: Executor, scale: float = 1.0, seed: int = 0, done: Callable[[str], None] = lambda name: None
 ) -> tuple[Part, ...]:
-    """Every part of the experiment; `begin` is told each step's name. Same seed, same figures.
+    """Every part of the experiment; `done` is told the name of each step that is. Same seed, same figures.
 
-    Raises `MissingExtraError` without mujoco or matplotlib.
+    All steps feed the pool at once, so that none of its processes waits for the end of a step. Raises
+    `MissingExtraError` without mujoco or matplotlib.
     """
-    parts: list[Part] = []
-    for number, step in enumerate(STEPS):
-        begin(step.name)
-        parts += step.make(pool, scale, seed + number)
-    return tuple(parts)
+    with ThreadPoolExecutor(len(STEPS)) as threads:
+        names = {threads.submit(step.make, pool, scale, seed + number): step.name for number, step in enumerate(STEPS)}
+        for future in as_completed(names):
+            future.result()
+            done(names[future])
+    return tuple(part for future in names for part in future.result())

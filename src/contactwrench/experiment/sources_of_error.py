@@ -34,7 +34,7 @@ from .trials import (
 )
 from .ways import WAYS, Learn, calibrated
 
-TRIALS = 6
+TRIALS = 4
 CLEARLY = 3.0
 """Standard errors by which a difference counts: with so few trials chance alone often gives two."""
 ESTIMATORS: dict[str, Learn] = {

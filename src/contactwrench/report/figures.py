@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import StringIO
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,8 @@ AXIS_COLOURS = ("#c1443c", "#3a7d44", "#2f5fa8")
 WAY_COLOURS = {"full": "#1b6e9c", "tare": "#c98a1b", "gravity only": "#8a5a9e", "raw": "#8a8f94"}
 LEFT_OUT = "#b3541e"
 WAY_MARKERS = {"full": "o", "tare": "s", "gravity only": "^", "raw": "x"}
+ONE_AT_A_TIME = Lock()
+"""Matplotlib's style belongs to the whole program, whose threads may draw."""
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "contactwrench",
@@ -210,7 +213,7 @@ def drawing(columns: int, size: tuple[float, float], rows: int = 1) -> Iterator[
         raise MissingExtraError(
             "the report needs matplotlib, which is not installed: pip install 'contactwrench[report]'"
         ) from None
-    with mpl.rc_context(STYLE):
+    with ONE_AT_A_TIME, mpl.rc_context(STYLE):
         figure = Figure(figsize=size, layout="constrained")
         yield figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
