@@ -17,6 +17,8 @@ bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against mem
 
 experiment: $(RUN)/ready  ## the paper's experiment on the virtual rig; docs/experiment.md is made by it
 	$(RUN)/bin/contactwrench experiment --out contactwrench-experiment
+	cp contactwrench-experiment/experiment.md docs/experiment.md
+	cp contactwrench-experiment/images/* docs/images/
 
 lint: $(DEV)/ready
 	$(DEV)/bin/ruff check

@@ -104,7 +104,8 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         felt = "" if force is None else f", at {force.value:.1f} N in the mean"
         words.append(
             f"{_sentence(name)}: of {len(moves)} moves {len(at_plate)} ended at the plate{felt}; {early} stopped in "
-            f"free air, {len(missed)} had not stopped when {guarded_move.TOO_MUCH:g} N were reached or the way was up."
+            f"free air, {len(missed)} had not stopped when {guarded_move.TOO_MUCH:g} N or the end of the way was "
+            "reached."
         )
     setting = (
         f"The arm goes straight ahead along its tool at {1e3 * guarded_move.SPEED:g} mm/s until it feels "

@@ -13,6 +13,7 @@ from .part import Part
 from .planned import part as planned
 from .prior_work import part as prior_work
 from .sources_of_error import part as sources_of_error
+from .summary import summary
 from .weighing import part as weighing
 
 
@@ -47,8 +48,9 @@ STEPS = (
 def run(
     pool: Executor, scale: float = 1.0, seed: int = 0, done: Callable[[str], None] = lambda name: None
 ) -> tuple[Part, ...]:
-    """Every part of the experiment; `done` is told the name of each step that is. Same seed, same figures.
+    """A summary, and every part of the experiment; `done` is told the name of each step that is.
 
+    Same seed, same figures.
     All steps feed the pool at once, so that none of its processes waits for the end of a step. Raises
     `MissingExtraError` without mujoco or matplotlib.
     """
@@ -57,4 +59,5 @@ def run(
         for future in as_completed(names):
             future.result()
             done(names[future])
-    return tuple(part for future in names for part in future.result())
+    parts = tuple(part for future in names for part in future.result())
+    return (summary(parts), *parts)

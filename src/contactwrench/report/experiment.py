@@ -68,7 +68,8 @@ def shown(cell: Measured) -> str:
     """The figure +- its standard error, with the digits that mean something."""
     if cell.standard_error is None or cell.standard_error == 0.0:
         return f"{cell.value:.4g}"
-    return " +- ".join(meaningful_digits(cell.value, cell.standard_error))
+    value, error = meaningful_digits(cell.value, cell.standard_error)
+    return f"{value.removeprefix('-') if float(value) == 0.0 else value} +- {error}"
 
 
 def experiment_markdown(parts: tuple[Part, ...]) -> str:

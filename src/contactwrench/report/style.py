@@ -30,6 +30,7 @@ td.said, th.said { text-align: left; white-space: normal; min-width: 18rem; max-
 .verdict ul { margin: .4rem 0 0; padding-left: 1.2rem; }
 figure { margin: .8rem 0 1rem; }
 figure svg { max-width: 100%; min-width: 34rem; height: auto; }
+figure img { max-width: 100%; height: auto; }
 figcaption { color: var(--soft); font-size: .85rem; max-width: 48rem; }
 details { margin: .8rem 0; }
 summary { cursor: pointer; color: var(--soft); }
