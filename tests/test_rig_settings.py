@@ -82,6 +82,13 @@ MESSAGES = {
     "recording.rows=0": "recording.rows is 0, expected 1 or more",
     "recording.rate=0": "recording.rate is 0, expected more than 0",
     "recording.duration=-2": "recording.duration is -2, expected more than 0",
+    "sensor.noise.force=-1": "sensor.noise.force is -1, expected 0 or more",
+    "sensor.ranges=[70,70,70,3,0,1]": "sensor.ranges is 0, expected more than 0",
+    "joint_torque.noise=-0.1": "joint_torque.noise is -0.1, expected 0 or more",
+    "recording.settle=-1": "recording.settle is -1, expected 0 or more",
+    "recording.orientation_error_deg=-1": "recording.orientation_error_deg is -1, expected 0 or more",
+    "recording.duration=1e9": "the recording would have 1e+12 rows, expected at most 1e+07: shorten "
+    "recording.duration or lower recording.rate or recording.rows",
 }
 
 

@@ -21,8 +21,10 @@ TITLE = "The paper's experiment on a virtual rig"
 INTRODUCTION = (
     "A KUKA iiwa 7 R800 with an SRI M8125 at its flange, simulated in MuJoCo, goes through Section IV of Yang, Li, "
     "Gao, Song, Li: Force Perception of Industrial Robot Based on Multi-parameter Coupled Model. What is true is "
-    "known, so errors are errors and not residuals. The estimators see readings and stated orientations alone.",
-    "Every figure is given +- its standard error over independent trials; without one it is exact or from one trial.",
+    "known, so errors are errors and not residuals. The estimators see readings, the orientations that the robot "
+    "states, and times; ours also takes tilts of mounting and base for small unless the readings say otherwise.",
+    "Figures in the tables are given +- their standard error over independent data sets, robots or calibrations. "
+    "Extremes, ends of intervals, shares beside their interval, and what is known exactly stand alone.",
 )
 DATA_URI = re.compile(r'src="data:image/(?P<kind>png|gif);base64,(?P<data>[^"]+)"')
 

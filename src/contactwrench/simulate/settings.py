@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, Literal, TypeAlias
 
 import msgspec
@@ -29,6 +30,19 @@ UPRIGHT_OF: dict[str, Array] = {
     "ceiling": np.diag([1.0, -1.0, -1.0]),
 }
 """`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
+
+
+ABOVE_ZERO = (
+    *("gravity", "tool.mass", "sensor.ranges", "sensor.overload", "sensor.drift.warm_up_time"),
+    *("recording.rate", "recording.duration"),
+)
+NOT_NEGATIVE = (
+    *("mounting.height", "sensor.noise.force", "sensor.noise.torque", "sensor.quantum", "sensor.low_pass"),
+    *("sensor.delay", "sensor.drift.walk", "joint_torque.noise", "joint_torque.friction"),
+    *("recording.settle", "recording.creep", "recording.orientation_error_deg"),
+)
+MOST_ROWS = 1e7
+"""2 GB of CSV."""
 
 
 @dataclass(frozen=True)
@@ -169,25 +183,22 @@ class Settings:
     recording: Recording = Recording()
 
     def __post_init__(self) -> None:
-        for what, value, good, expected in (
-            ("gravity", self.gravity, self.gravity > 0.0, "more than 0"),
-            ("tool.mass", self.tool.mass, self.tool.mass > 0.0, "more than 0"),
-            ("sensor.overload", self.sensor.overload, self.sensor.overload > 0.0, "more than 0"),
-            ("sensor.quantum", self.sensor.quantum, self.sensor.quantum >= 0.0, "0 or more"),
-            ("sensor.low_pass", self.sensor.low_pass, self.sensor.low_pass >= 0.0, "0 or more"),
-            ("sensor.delay", self.sensor.delay, self.sensor.delay >= 0.0, "0 or more"),
-            (
-                "sensor.drift.warm_up_time",
-                self.sensor.drift.warm_up_time,
-                self.sensor.drift.warm_up_time > 0.0,
-                "more than 0",
-            ),
-            ("recording.rows", self.recording.rows, self.recording.rows >= 1, "1 or more"),
-            ("recording.rate", self.recording.rate, self.recording.rate > 0.0, "more than 0"),
-            ("recording.duration", self.recording.duration, self.recording.duration > 0.0, "more than 0"),
+        for names, good, expected in (
+            (ABOVE_ZERO, np.greater, "more than 0"),
+            (NOT_NEGATIVE, np.greater_equal, "0 or more"),
+            (("recording.rows",), np.greater, "1 or more"),
         ):
-            if not good:
-                raise InputError(f"{what} is {value:g}, expected {expected}")
+            for name in names:
+                values = np.atleast_1d(attrgetter(name)(self))
+                if not np.all(good(values, 0.0)):
+                    raise InputError(f"{name} is {values[~good(values, 0.0)][0]:g}, expected {expected}")
+        rows = self.recording.duration * self.recording.rate
+        most = max(rows, self.recording.rows)
+        if most > MOST_ROWS:
+            raise InputError(
+                f"the recording would have {most:.3g} rows, expected at most {MOST_ROWS:.0e}: "
+                "shorten recording.duration or lower recording.rate or recording.rows"
+            )
 
     @property
     def R_flange_sensor(self) -> Array:
