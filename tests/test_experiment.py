@@ -85,6 +85,7 @@ def test_page_figures_markdown_and_pictures_are_written(short: tuple[Part, ...],
         r'xmlns(:\w+)?="[^"]*"|<metadata>.*?</metadata>|<!DOCTYPE[^>]*>', "", page, flags=re.DOTALL
     )
     assert "&lt;b&gt; &amp; c" in page
+    assert "Made by contactwrench experiment --seed 1 with 0% of the trials: a look at the report, no result" in page
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert (figures["schema"], figures["seed"], figures["scale"]) == ("contactwrench/experiment/1", 1, 0.0)
     first = figures["parts"]["identification"]["tables"]["unseen"]["rows"]["ours"]["force, N"]
@@ -175,4 +176,4 @@ def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_markdown_cells_with_nothing_are_empty() -> None:
     part = Part("k", "T", ("Words.",), (Table("t", "Table", ("a", "b"), (("row", (None, "refused")),)),))
-    assert "| row |  | refused |" in experiment_markdown((part,))
+    assert "| row |  | refused |" in experiment_markdown((part,), 1.0, 0)

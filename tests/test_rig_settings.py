@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from benchmarks.world import Array
 from contactwrench.errors import InputError
-from contactwrench.simulate.settings import UPRIGHT_OF, Base, Mounting, Settings, changed
+from contactwrench.simulate.settings import BOUNDS, UPRIGHT_OF, Base, Mounting, Settings, changed
 
 DEFAULTS = {
     "gravity": 9.80665,
@@ -72,23 +73,26 @@ MESSAGES = {
     ),
     "recording.rows=1.5": "recording.rows is 1.5, expected something like 1: write numbers and lists as in JSON",
     "base.on=roof": "base.on is roof, expected one of: table, wall, ceiling",
-    "gravity=0": "gravity is 0, expected more than 0",
-    "tool.mass=-1": "tool.mass is -1, expected more than 0",
-    "sensor.overload=0": "sensor.overload is 0, expected more than 0",
-    "sensor.quantum=-0.001": "sensor.quantum is -0.001, expected 0 or more",
-    "sensor.low_pass=-5": "sensor.low_pass is -5, expected 0 or more",
-    "sensor.delay=-1": "sensor.delay is -1, expected 0 or more",
-    "sensor.drift.warm_up_time=0": "sensor.drift.warm_up_time is 0, expected more than 0",
-    "recording.rows=0": "recording.rows is 0, expected 1 or more",
-    "recording.rate=0": "recording.rate is 0, expected more than 0",
-    "recording.duration=-2": "recording.duration is -2, expected more than 0",
-    "sensor.noise.force=-1": "sensor.noise.force is -1, expected 0 or more",
-    "sensor.ranges=[70,70,70,3,0,1]": "sensor.ranges is 0, expected more than 0",
-    "joint_torque.noise=-0.1": "joint_torque.noise is -0.1, expected 0 or more",
-    "recording.settle=-1": "recording.settle is -1, expected 0 or more",
-    "recording.orientation_error_deg=-1": "recording.orientation_error_deg is -1, expected 0 or more",
-    "recording.duration=1e9": "the recording would have 1e+12 rows, expected at most 1e+07: shorten "
-    "recording.duration or lower recording.rate or recording.rows",
+    "gravity=0": "gravity is 0, expected 0.1 to 100",
+    "tool.mass=-1": "tool.mass is -1, expected 1e-06 to 1000",
+    "tool.mass=1e308": "tool.mass is 1e+308, expected 1e-06 to 1000",
+    "tool.com=[10,0,60]": "tool.com is 10, expected -1 to 1 (are these mm?)",
+    "mounting.yaw_deg=1e300": "mounting.yaw_deg is 1e+300, expected -360 to 360",
+    "mounting.height=30": "mounting.height is 30, expected 0 to 1 (is this mm?)",
+    "sensor.overload=0": "sensor.overload is 0, expected 0.001 to 1e+06",
+    "sensor.quantum=-0.001": "sensor.quantum is -0.001, expected 0 to 1e+06",
+    "sensor.low_pass=-5": "sensor.low_pass is -5, expected 0 to 1e+06",
+    "sensor.delay=20": "sensor.delay is 20, expected 0 to 10 (is this ms?)",
+    "sensor.drift.warm_up_time=0": "sensor.drift.warm_up_time is 0, expected 0.001 to 1e+09",
+    "recording.rows=0": "recording.rows is 0, expected 1 to 10000",
+    "recording.rate=0": "recording.rate is 0, expected 1 to 100000",
+    "recording.creep=5": "recording.creep is 5, expected 0 to 1.7",
+    "sensor.noise.force=-1": "sensor.noise.force is -1, expected 0 to 1e+06",
+    "sensor.ranges=[70,70,70,3,0,1]": "sensor.ranges is 0, expected 1e-06 to 1e+06",
+    "joint_torque.noise=-0.1": "joint_torque.noise is -0.1, expected 0 to 1000",
+    "recording.settle=-1": "recording.settle is -1, expected 0 to 60",
+    "recording.duration=5e4": "a motion would have 5e+07 rows, expected at most 1e+07: shorten recording.duration or "
+    "lower recording.rate",
 }
 
 
@@ -182,3 +186,12 @@ def test_the_mounting_is_a_yaw_and_then_a_tilt_about_the_flanges_axes() -> None:
     assert upside_down == pytest.approx(np.diag([-1.0, 1.0, -1.0]) @ _turn("z", 33.0))
     both = Settings(mounting=Mounting(0.0, (3.0, 4.0))).R_flange_sensor
     assert np.rad2deg(np.arccos(both[2, 2])) == pytest.approx(5.0)
+
+
+def test_every_number_has_bounds() -> None:
+    def names(path: str, values: object) -> list[str]:
+        if not isinstance(values, dict):
+            return [] if isinstance(values, str) else [path]
+        return [name for key, value in values.items() for name in names(f"{path}.{key}".strip("."), value)]
+
+    assert names("", msgspec.to_builtins(Settings())) == list(BOUNDS)

@@ -123,6 +123,16 @@ def test_a_saturated_reading_is_flagged_and_said(tmp_path: Path, capsys: Capture
     assert truth["saturated"]["fx"] == 0
 
 
+def test_a_pose_below_the_table_is_said(tmp_path: Path, capsys: Capture) -> None:
+    goals = tmp_path / "low.csv"
+    goals.write_text("q1,q2,q3,q4,q5,q6,q7\n0,0.5,0,-1,0,1,0\n0,1.9,0,-2,0,-2,0\n")
+    done = run(capsys, "simulate", "-o", tmp_path / "out.csv", f"--poses={goals}", "--set=sensor.bias=0")
+    assert done.out.splitlines()[1:] == [
+        "  below: in 1 of 2 rows, the first of them row 3, the flange is below the plane that the robot stands on; "
+        "nothing stops it here"
+    ]
+
+
 def test_rows_of_a_pose_and_times(tmp_path: Path, capsys: Capture) -> None:
     samples, _, _ = simulated(capsys, tmp_path, "--set=recording.rows=3", "--set=recording.settle=1")
     assert samples.t is not None
@@ -199,6 +209,8 @@ def test_poses_and_motions_from_files(tmp_path: Path, capsys: Capture) -> None:
 
 BAD_FILES = {
     "far.csv": "qx,qy,qz,qw,x,y,z\n0,0,0,1,3,0,0\n",
+    "mm.csv": "a,b,c,x,y,z\n0,0,180,500,0,600\n",
+    "ms.csv": "t,q1,q2,q3,q4,q5,q6,q7\n0,0,0,0,0,0,0,0\n1000000,0,0,0,0,0,0,0.1\n",
     "degrees.csv": "q1,q2,q3,q4,q5,q6,q7\n10,30,0,-60,0,90,0\n",
     "one.csv": "t,q1,q2,q3,q4,q5,q6,q7\n0,0,0,0,0,0,0,0\n",
     "back.csv": "t,q1,q2,q3,q4,q5,q6,q7\n0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0,0.1\n",
@@ -211,13 +223,25 @@ BAD_FILES = {
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (["--poses=foo"], "--poses is foo, expected paper, plan, plan:N, random:N or a CSV file"),
-        (["--poses=random:0"], "--poses is random:0, expected paper, plan, plan:N, random:N or a CSV file"),
+        (["--poses=foo"], "--poses is foo, expected paper, plan, plan:N, random:N (1 to 10000) or a CSV file"),
+        (
+            ["--poses=random:0"],
+            "--poses is random:0, expected paper, plan, plan:N, random:N (1 to 10000) or a CSV file",
+        ),
         (["--poses=gone.csv"], "gone.csv: there is no such file, expected a readable file: check the path"),
         (
             ["--poses=far.csv"],
             "far.csv: pose 1: the iiwa 7 was not found to reach a flange pose at 3, 0, 0 m, expected one in its "
             "workspace: move it",
+        ),
+        (
+            ["--poses=mm.csv"],
+            "mm.csv: pose 1: the iiwa 7 was not found to reach a flange pose at 500, 0, 600 m, expected one in its "
+            "workspace (are these mm?): move it",
+        ),
+        (
+            ["--trajectory=ms.csv"],
+            "ms.csv: t goes over 1e+06 s, expected at most 10000 s at 1000 Hz: is it in seconds?",
         ),
         (["--poses=degrees.csv"], "degrees.csv: q1 of iiwa7 is 10 rad, expected -2.967 to 2.967 (are these degrees?)"),
         (

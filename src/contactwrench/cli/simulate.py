@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..simulate.settings import Settings
 
 DEFAULT_POSES = "paper"
+MOST_RANDOM = 10_000
 
 
 def simulate(
@@ -94,10 +95,12 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
         return paper_joints(rig)
     if kind == "plan" and (not colon or count.isdecimal()):
         return _planned(settings, int(count or 6))
-    if kind == "random" and colon and count.isdecimal() and int(count) > 0:
+    if kind == "random" and colon and count.isdecimal() and 0 < int(count) <= MOST_RANDOM:
         return random_joints(rig, int(count), rng)
     if not Path(poses).suffix:
-        raise InputError(f"--poses is {poses}, expected paper, plan, plan:N, random:N or a CSV file")
+        raise InputError(
+            f"--poses is {poses}, expected paper, plan, plan:N, random:N (1 to {MOST_RANDOM}) or a CSV file"
+        )
     from ..recording.goals import read_goals
     from ..robots import known_arm, within_limits
 
@@ -168,6 +171,13 @@ def _said(recorded: Recorded, output: Path, truth: Path) -> str:
     if stuck.any():
         channels = ", ".join(f"{axis} in {n}" for axis, n in zip(AXES, stuck, strict=True) if n)
         lines.append(
-            f"  saturated: {channels} of {rows} rows; they show less than there is, leave them out (column saturated)"
+            f"  saturated: {channels} of {rows} rows; they show less than there is: leave them out (column saturated), "
+            "or give the sensor room (--set sensor.bias=0)"
+        )
+    below = np.unique(np.flatnonzero(recorded.position[:, 2] < 0.0))
+    if len(below):
+        lines.append(
+            f"  below: in {len(below)} of {rows} rows, the first of them row {below[0] + 2}, the flange is below the "
+            "plane that the robot stands on; nothing stops it here"
         )
     return "\n".join(lines)

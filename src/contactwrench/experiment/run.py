@@ -50,14 +50,18 @@ def run(
 ) -> tuple[Part, ...]:
     """A summary, and every part of the experiment; `done` is told the name of each step that is.
 
-    Same seed, same figures.
+    Same seed, same figures. A failure or an interruption shuts the pool down.
     All steps feed the pool at once, so that none of its processes waits for the end of a step. Raises
     `MissingExtraError` without mujoco or matplotlib.
     """
     with ThreadPoolExecutor(len(STEPS)) as threads:
         names = {threads.submit(step.make, pool, scale, seed + number): step.name for number, step in enumerate(STEPS)}
-        for future in as_completed(names):
-            future.result()
-            done(names[future])
+        try:
+            for future in as_completed(names):
+                future.result()
+                done(names[future])
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     parts = tuple(part for future in names for part in future.result())
     return (summary(parts), *parts)

@@ -33,18 +33,31 @@ def write_experiment(folder: Path, parts: tuple[Part, ...], scale: float, seed: 
     """Write report.html, figures.json, experiment.md and images/ to a folder. Raises `FileAccessError`."""
     images = folder / "images"
     make_folder(images)
-    write_text(folder / "report.html", experiment_html(parts))
+    write_text(folder / "report.html", experiment_html(parts, scale, seed))
     write_text(folder / "figures.json", experiment_json(parts, scale, seed))
-    write_text(folder / "experiment.md", experiment_markdown(parts))
+    write_text(folder / "experiment.md", experiment_markdown(parts, scale, seed))
     for part in parts:
         for picture in part.pictures:
             _write_picture(images, picture)
 
 
-def experiment_html(parts: tuple[Part, ...]) -> str:
+def experiment_html(parts: tuple[Part, ...], scale: float, seed: int) -> str:
     """One page with everything in it, no network and no script."""
     contents = "".join(f"<li><a href='#{part.key}'>{typeset(part.title)}</a></li>" for part in parts)
-    return page(TITLE, INTRODUCTION, f"<nav><ol>{contents}</ol></nav>{''.join(map(_part_html, parts))}")
+    return page(
+        TITLE, (*_made(scale, seed), *INTRODUCTION), f"<nav><ol>{contents}</ol></nav>{''.join(map(_part_html, parts))}"
+    )
+
+
+def _made(scale: float, seed: int) -> tuple[str, ...]:
+    """How the page was made, and a warning where it is only a look."""
+    made = f"Made by contactwrench experiment --seed {seed}"
+    if scale >= 1.0:
+        return (f"{made}.",)
+    return (
+        f"{made} with {scale:.0%} of the trials: a look at the report, no result. Standard errors of two or three "
+        "trials mean nothing, nor do comparisons by them.",
+    )
 
 
 def _part_html(part: Part) -> str:
@@ -74,9 +87,9 @@ def shown(cell: Measured) -> str:
     return f"{value.removeprefix('-') if float(value) == 0.0 else value} +- {error}"
 
 
-def experiment_markdown(parts: tuple[Part, ...]) -> str:
+def experiment_markdown(parts: tuple[Part, ...], scale: float, seed: int) -> str:
     """The same as Markdown, its pictures in images/."""
-    blocks = [f"# {TITLE}", "Made by `contactwrench experiment`.", *INTRODUCTION]
+    blocks = [f"# {TITLE}", *_made(scale, seed), *INTRODUCTION]
     for part in parts:
         blocks += [f"## {part.title}", *part.paragraphs]
         for picture in part.pictures:

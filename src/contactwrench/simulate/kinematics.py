@@ -19,6 +19,8 @@ ITERATIONS = 200
 CLOSE = 1e-11
 """m and rad."""
 TRIES = 24
+MILLIMETRES = 10.0
+"""m: beyond this a position was meant in mm."""
 
 
 def flange_pose(rig: Rig, joints: Array) -> tuple[Array, Array]:
@@ -63,8 +65,13 @@ def joints_for(
         if joints is not None:
             return joints
         start = rng.uniform(-0.9 * JOINT_RANGE, 0.9 * JOINT_RANGE)
-    where = "" if position is None else f" at {', '.join(f'{value:.4g}' for value in position)} m"
-    raise InputError(f"the iiwa 7 was not found to reach a flange pose{where}, expected one in its workspace: move it")
+    where, hint = "", ""
+    if position is not None:
+        where = f" at {', '.join(f'{value:.4g}' for value in position)} m"
+        hint = " (are these mm?)" if np.abs(position).max() > MILLIMETRES else ""
+    raise InputError(
+        f"the iiwa 7 was not found to reach a flange pose{where}, expected one in its workspace{hint}: move it"
+    )
 
 
 def _newton(rig: Rig, R_goal: Array, goal: Array | None, start: Array) -> Array | None:

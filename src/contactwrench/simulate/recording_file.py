@@ -35,8 +35,8 @@ def write_recording(path: Path, recorded: Recorded, command: dict[str, object]) 
 
     Same recording, same bytes. Raises `FileAccessError`.
     """
-    write_text(path, _rows(recorded))
     write_text(truth_path(path), truth_json(recorded, command))
+    write_text(path, _rows(recorded))
 
 
 def truth_json(recorded: Recorded, command: dict[str, object]) -> str:

@@ -32,17 +32,42 @@ UPRIGHT_OF: dict[str, Array] = {
 """`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
 
 
-ABOVE_ZERO = (
-    *("gravity", "tool.mass", "sensor.ranges", "sensor.overload", "sensor.drift.warm_up_time"),
-    *("recording.rate", "recording.duration"),
-)
-NOT_NEGATIVE = (
-    *("mounting.height", "sensor.noise.force", "sensor.noise.torque", "sensor.quantum", "sensor.low_pass"),
-    *("sensor.delay", "sensor.drift.walk", "joint_torque.noise", "joint_torque.friction"),
-    *("recording.settle", "recording.creep", "recording.orientation_error_deg"),
-)
+BOUNDS: dict[str, tuple[float, float, str]] = {
+    "gravity": (0.1, 100.0, ""),
+    "tool.mass": (1e-6, 1000.0, ""),
+    "tool.com": (-1.0, 1.0, " (are these mm?)"),
+    "tool.hook": (-1.0, 1.0, " (are these mm?)"),
+    "mounting.yaw_deg": (-360.0, 360.0, ""),
+    "mounting.tilt_deg": (-360.0, 360.0, ""),
+    "mounting.height": (0.0, 1.0, " (is this mm?)"),
+    "base.tilt_deg": (-360.0, 360.0, ""),
+    "sensor.ranges": (1e-6, 1e6, ""),
+    "sensor.overload": (1e-3, 1e6, ""),
+    "sensor.bias": (-1e6, 1e6, ""),
+    "sensor.noise.force": (0.0, 1e6, ""),
+    "sensor.noise.torque": (0.0, 1e6, ""),
+    "sensor.quantum": (0.0, 1e6, ""),
+    "sensor.gain": (-1e3, 1e3, ""),
+    "sensor.crosstalk": (-1e3, 1e3, ""),
+    "sensor.low_pass": (0.0, 1e6, ""),
+    "sensor.delay": (0.0, 10.0, " (is this ms?)"),
+    "sensor.drift.warm_up": (-1e6, 1e6, ""),
+    "sensor.drift.warm_up_time": (1e-3, 1e9, ""),
+    "sensor.drift.walk": (0.0, 1e6, ""),
+    "joint_torque.noise": (0.0, 1e3, ""),
+    "joint_torque.offset": (-1e3, 1e3, ""),
+    "joint_torque.gain": (-1e3, 1e3, ""),
+    "joint_torque.friction": (0.0, 1e3, ""),
+    "recording.settle": (0.0, 60.0, ""),
+    "recording.rows": (1, 10_000, ""),
+    "recording.creep": (0.0, 1.7, ""),
+    "recording.orientation_error_deg": (0.0, 180.0, ""),
+    "recording.rate": (1.0, 1e5, ""),
+    "recording.duration": (0.1, 1e5, ""),
+}
+"""The least and the most of every number, each end included: what MuJoCo can compute and somebody could mean."""
 MOST_ROWS = 1e7
-"""2 GB of CSV."""
+"""Of a motion: 3 GB of CSV."""
 
 
 @dataclass(frozen=True)
@@ -183,21 +208,16 @@ class Settings:
     recording: Recording = Recording()
 
     def __post_init__(self) -> None:
-        for names, good, expected in (
-            (ABOVE_ZERO, np.greater, "more than 0"),
-            (NOT_NEGATIVE, np.greater_equal, "0 or more"),
-            (("recording.rows",), np.greater, "1 or more"),
-        ):
-            for name in names:
-                values = np.atleast_1d(attrgetter(name)(self))
-                if not np.all(good(values, 0.0)):
-                    raise InputError(f"{name} is {values[~good(values, 0.0)][0]:g}, expected {expected}")
+        for name, (least, most, hint) in BOUNDS.items():
+            values = np.atleast_1d(attrgetter(name)(self)).ravel()
+            beyond = ~((values >= least) & (values <= most))
+            if beyond.any():
+                raise InputError(f"{name} is {values[beyond][0]:g}, expected {least:g} to {most:g}{hint}")
         rows = self.recording.duration * self.recording.rate
-        most = max(rows, self.recording.rows)
-        if most > MOST_ROWS:
+        if rows > MOST_ROWS:
             raise InputError(
-                f"the recording would have {most:.3g} rows, expected at most {MOST_ROWS:.0e}: "
-                "shorten recording.duration or lower recording.rate or recording.rows"
+                f"a motion would have {rows:.3g} rows, expected at most {MOST_ROWS:.0e}: shorten recording.duration or "
+                "lower recording.rate"
             )
 
     @property

@@ -11,6 +11,7 @@ from ..orientation import Array
 from ..samples import read_only
 from .arm import JOINT_RANGE, MAX_SPEED
 from .kinematics import HOME
+from .settings import MOST_ROWS
 
 HARMONICS = 5
 KNOTS_PER_SECOND = 20.0
@@ -46,8 +47,9 @@ class Motion:
 
 
 def through(t: Array, joints: Array, rate: float) -> Motion:
-    """The motion at `rate` (Hz) along cubic splines through joints (k, 7), rad, at times (k,), s; at rest at both ends.
+    """The motion at `rate` (Hz), its times from 0, along cubic splines through joints (k, 7), rad, at times (k,), s.
 
+    It is at rest at both ends.
     Raises `InputError` for fewer than two knots, times that do not increase, and joints beyond their range or speed.
     """
     from scipy.interpolate import CubicSpline
@@ -58,6 +60,11 @@ def through(t: Array, joints: Array, rate: float) -> Motion:
         row = int(np.argmax(np.diff(t) <= 0.0)) + 1
         raise InputError(
             f"t in point {row + 1} is {t[row]:g} s, expected more than {t[row - 1]:g}: sort the points", row
+        )
+    rows = (t[-1] - t[0]) * rate
+    if rows > MOST_ROWS:
+        raise InputError(
+            f"t goes over {t[-1] - t[0]:g} s, expected at most {MOST_ROWS / rate:g} s at {rate:g} Hz: is it in seconds?"
         )
     spline = CubicSpline(t, joints, bc_type="clamped")
     times = t[0] + np.arange(int(np.floor((t[-1] - t[0]) * rate + 1e-9)) + 1) / rate
