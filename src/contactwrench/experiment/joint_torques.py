@@ -189,8 +189,8 @@ def _words(robots: list[Robot]) -> Iterator[str]:
         "brought to the tool by the pseudo-inverse of the transposed Jacobian."
     )
     yield (
-        "What each is granted. The wrist sensor: one reading in free air in each of the paper's six poses, on the robot "
-        f"itself; its gains are off by {100.0 * GAIN_ERROR:g} % and its cross-talk is {100.0 * CROSSTALK:g} % of range "
+        "What each is granted. The wrist sensor: one reading in free air in each of the paper's six poses, on that "
+        f"robot; its gains are off by {100.0 * GAIN_ERROR:g} % and its cross-talk is {100.0 * CROSSTALK:g} % of range "
         "(standard deviations, assumed; the paper's Table IX shows a gain that is off by "
         f"{100.0 * abs(GAIN_OF_THE_PAPER - 1.0):.2g} %), which free air does not show. The joint sensors: the maker's "
         "accuracy, a model of the arm that errs, and the tool as our calibration of the wrist sensor finds it. Zeroed: "
@@ -207,8 +207,8 @@ def _words(robots: list[Robot]) -> Iterator[str]:
         f"{median[WRENCH] / median[SENSOR_PAPER]:.3g} times that of the paper's, zeroed "
         f"{median[ZEROED_WRENCH] / median[SENSOR_OURS]:.3g} and {median[ZEROED_WRENCH] / median[SENSOR_PAPER]:.3g} "
         "times; knowing that the contact is a single force at one known point makes it "
-        f"{median[FORCE] / median[WRENCH]:.2g} times as large, zeroed {median[ZEROED_FORCE] / median[ZEROED_WRENCH]:.2g}"
-        f" times. In {lost[WRENCH]:.2g} % of the configurations the wrench's force is off by more than the {PUSH:g} N "
+        f"{median[FORCE] / median[WRENCH]:.2g} times as large, zeroed "
+        f"{median[ZEROED_FORCE] / median[ZEROED_WRENCH]:.2g} times. In {lost[WRENCH]:.2g} % of the configurations the wrench's force is off by more than the {PUSH:g} N "
         f"that it should find, zeroed in {lost[ZEROED_WRENCH]:.2g} % (our wrist sensor: {lost[SENSOR_OURS]:.2g} %)."
     )
     yield _near_singularities(robots, errors)
@@ -219,7 +219,8 @@ def _words(robots: list[Robot]) -> Iterator[str]:
     before, after = (_steady_rms(robots, route) for route in (WRENCH, ZEROED_WRENCH))
     yield (
         f"Away from singularities (smallest singular value over {STEADY:g}) the largest single source is "
-        f"{SOURCES[worst]}: {alone[worst]:.3g} N of {together:.3g} N. Zeroing brings {before:.3g} N to {after:.3g} N. Friction and noise leave {by_chance:.3g} N, so "
+        f"{SOURCES[worst]}: {alone[worst]:.3g} N of {together:.3g} N. Zeroing brings the route from {before:.3g} N "
+        f"to {after:.3g} N. Friction and noise leave {by_chance:.3g} N, so "
         "that a perfect correction of everything that is the same from touch to touch could take "
         f"{100.0 * (1.0 - by_chance / together):.0f} % away. From outside: Osburg et al. (2022, "
         "doi:10.3389/frobt.2022.892916) trained a network on 330,000 contacts of a real iiwa 7 R800 and took 57 % off "
@@ -282,5 +283,5 @@ def _picture(robots: list[Robot]) -> Picture:
         ),
         f"Error of a contact force of {PUSH:g} N. Left: {len(distance):,} configurations against the smallest singular "
         "value of the Jacobian (0: singular); dots are some of them, lines the RMS between two values. Right: RMS "
-        "on a straight line into the stretched arm. Bars: two standard errors.",
+        "on a straight line into the stretched arm. Dashed and hollow: zeroed, without dots. Bars: two standard errors.",
     )
