@@ -197,7 +197,8 @@ def test_a_wrong_mass_is_felt_at_its_lever(
     right = arm_gravity(settings, NO_ERROR, joints)[0]
 
     def more(error: ModelError) -> Array:
-        return arm_gravity(settings, error, joints)[0] - right
+        torque: Array = arm_gravity(settings, error, joints)[0] - right
+        return torque
 
     heavier = more(ModelError(which, np.zeros((7, 3))))
     assert heavier[1] == pytest.approx(-mass * 9.80665 * lever, abs=1e-9)

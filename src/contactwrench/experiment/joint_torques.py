@@ -208,7 +208,8 @@ def _words(robots: list[Robot]) -> Iterator[str]:
         f"{median[ZEROED_WRENCH] / median[SENSOR_OURS]:.3g} and {median[ZEROED_WRENCH] / median[SENSOR_PAPER]:.3g} "
         "times; knowing that the contact is a single force at one known point makes it "
         f"{median[FORCE] / median[WRENCH]:.2g} times as large, zeroed "
-        f"{median[ZEROED_FORCE] / median[ZEROED_WRENCH]:.2g} times. In {lost[WRENCH]:.2g} % of the configurations the wrench's force is off by more than the {PUSH:g} N "
+        f"{median[ZEROED_FORCE] / median[ZEROED_WRENCH]:.2g} times. "
+        f"In {lost[WRENCH]:.2g} % of the configurations the wrench's force is off by more than the {PUSH:g} N "
         f"that it should find, zeroed in {lost[ZEROED_WRENCH]:.2g} % (our wrist sensor: {lost[SENSOR_OURS]:.2g} %)."
     )
     yield _near_singularities(robots, errors)
@@ -283,5 +284,6 @@ def _picture(robots: list[Robot]) -> Picture:
         ),
         f"Error of a contact force of {PUSH:g} N. Left: {len(distance):,} configurations against the smallest singular "
         "value of the Jacobian (0: singular); dots are some of them, lines the RMS between two values. Right: RMS "
-        "on a straight line into the stretched arm. Dashed and hollow: zeroed, without dots. Bars: two standard errors.",
+        "on a straight line into the stretched arm. Dashed and hollow: zeroed, without dots. Bars: two standard "
+        "errors.",
     )
