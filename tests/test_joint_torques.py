@@ -13,23 +13,32 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from contactwrench.experiment.joint_torque_routes import (
     COM_ERROR,
+    CROSSTALK,
+    FORCE,
+    GAIN_ERROR,
     MASS_ERROR,
     PUSH,
     ROUTES,
     WRENCH,
+    ZEROED_FORCE,
+    ZEROED_WRENCH,
     ModelError,
+    any_wrist_sensor,
     arm_gravity,
     force_from_torques,
+    one_robot,
     pushed,
     smallest_singular_value,
     squared_errors,
     stretching,
     tool_wrench,
     wrench_from_torques,
+    zeroed,
 )
-from contactwrench.experiment.joint_torques import part
+from contactwrench.experiment.joint_torques import STEADY, part
 from contactwrench.experiment.part import Measured, Part
 from contactwrench.experiment.ways import Way
+from contactwrench.orientation import Array
 from contactwrench.simulate.arm import MAX_TORQUE
 from contactwrench.simulate.joint_torque import (
     any_robot,
@@ -38,7 +47,7 @@ from contactwrench.simulate.joint_torque import (
     sensor_jacobians,
     torque_against,
 )
-from contactwrench.simulate.poses import random_joints
+from contactwrench.simulate.poses import paper_joints, random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
 from contactwrench.simulate.settings import Base, JointTorque, Mounting, Noise, Sensor, Settings, Tool
@@ -110,7 +119,8 @@ def test_without_errors_both_ways_are_exact(seed: int) -> None:
     rig, truth = build(settings), _truth(settings)
     joints = random_joints(rig, 40, rng)
     steady = smallest_singular_value(sensor_jacobians(rig, joints), settings.tool.hook) > 1e-3
-    errors = np.sqrt(squared_errors(rig, (truth, truth), NO_ERROR, pushed(rig, joints[steady], rng), rng))
+    push = pushed(rig, joints[steady], rng)
+    errors = np.sqrt(squared_errors(rig, (truth, truth), NO_ERROR, np.zeros(7), push, rng))
     assert errors.shape == (len(ROUTES), steady.sum())
     assert errors.max() < 1e-7
 
@@ -129,14 +139,73 @@ def test_the_arms_own_gravity_is_that_of_an_arm_without_a_tool() -> None:
     assert torque == pytest.approx(np.array([judge(bare, q).joint_torque for q in joints]), abs=1e-7)
 
 
-def test_a_wrong_mass_is_felt_at_its_lever() -> None:
-    """Of the last link, centre of mass 901 mm from the shoulder; of the second, 60 mm out and a bit to the side."""
+def test_zeroed_joint_sensors_have_no_offset_and_keep_every_other_error() -> None:
+    """With offsets alone the zeroed routes are exact; with a gain too, an error is left."""
+    rng = np.random.default_rng(12)
+    offset = (3.0, -2.0, 1.0, 4.0, -1.0, 0.5, -0.7)
+    for gain, exact in ((1.0, True), (1.01, False)):
+        settings = Settings(
+            mounting=Mounting(40.0, (3.0, -2.0)),
+            base=Base("table", (5.0, -8.0)),
+            sensor=replace(QUIET, ranges=(1e3,) * 6),
+            joint_torque=replace(RIGHT, offset=offset, gain=(gain,) * 7),
+        )
+        rig, truth = build(settings), _truth(settings)
+        zero = zeroed(rig, truth, NO_ERROR, record_poses(settings, paper_joints(build(Settings())), rng=rng))
+        # the arm alone is one with a tool of 1e-9 kg, 1e-8 N m at a lever of a metre
+        assert (np.abs(zero - offset).max() < 2e-8) == exact
+        joints = random_joints(rig, 40, rng)
+        joints = joints[smallest_singular_value(sensor_jacobians(rig, joints), settings.tool.hook) > 0.01]
+        errors = np.sqrt(squared_errors(rig, (truth, truth), NO_ERROR, zero, pushed(rig, joints, rng), rng))
+        error = dict(zip(ROUTES, errors.max(axis=1), strict=True))
+        assert min(error[WRENCH], error[FORCE]) > 1.0
+        assert (max(error[ZEROED_WRENCH], error[ZEROED_FORCE]) < 1e-6) == exact
+
+
+def test_any_wrist_sensor_is_off_in_gain_and_cross_talk_as_stated() -> None:
+    rng, ranges = np.random.default_rng(13), np.array(Settings().sensor.ranges)
+    sensors = [any_wrist_sensor(Settings(tool=Tool(mass=0.3)), rng) for _ in range(300)]
+    assert {one.tool.mass for one in sensors} == {0.3}
+    gain = np.array([one.sensor.gain for one in sensors])
+    assert gain.std() == pytest.approx(GAIN_ERROR, rel=0.1)
+    assert gain.mean() == pytest.approx(1.0, abs=5.0 * GAIN_ERROR / np.sqrt(gain.size))
+    # each other axis at its full range, as a share of the range of the axis that shows it
+    shown = np.array([one.sensor.crosstalk for one in sensors]) * ranges / ranges[:, None]
+    assert np.all(np.diagonal(shown, axis1=1, axis2=2) == 0.0)
+    assert shown[:, ~np.eye(6, dtype=bool)].std(axis=0) == pytest.approx(np.full(30, CROSSTALK), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("link", "mass", "lever", "outwards"),
+    [
+        (2, 3.6, 0.060, (0.0, -1.0, 0.0)),
+        (3, 3.4, 0.200 + 0.120, (0.0, 0.0, 1.0)),
+        (4, 3.3, 0.400 + 0.060, (0.0, 1.0, 0.0)),
+        (5, 2.0, 0.600 + 0.100, (0.0, 0.0, 1.0)),
+        (6, 2.8, 0.800, (0.0, -1.0, 0.0)),
+        (7, 0.7, 0.881 + 0.020, (0.0, 0.0, 1.0)),
+    ],
+)
+def test_a_wrong_mass_is_felt_at_its_lever(
+    link: int, mass: float, lever: float, outwards: tuple[float, float, float]
+) -> None:
+    """About the shoulder, from which the arm is stretched out level: a link's axis `outwards` is along the arm and its
+    x is down. Every link, because MuJoCo has a short cut for those with their centre of mass at their origin.
+    """
     settings, joints = Settings(), FORWARDS[None]
+    which = np.eye(7)[link - 1]
     right = arm_gravity(settings, NO_ERROR, joints)[0]
-    heavier = arm_gravity(settings, ModelError(np.eye(7)[6], np.zeros((7, 3))), joints)[0]
-    assert (heavier - right)[1] == pytest.approx(-0.7 * 9.80665 * 0.901, abs=1e-9)
-    longer = arm_gravity(settings, ModelError(np.zeros(7), np.eye(7)[:, 6:] * [0.0, 0.0, 0.01]), joints)[0]
-    assert (longer - right)[1] == pytest.approx(-0.7 * 9.80665 * 0.01, abs=1e-9)
+
+    def more(error: ModelError) -> Array:
+        torque: Array = arm_gravity(settings, error, joints)[0] - right
+        return torque
+
+    heavier = more(ModelError(which, np.zeros((7, 3))))
+    assert heavier[1] == pytest.approx(-mass * 9.80665 * lever, abs=1e-9)
+    longer = more(ModelError(np.zeros(7), np.outer(which, outwards) * 0.01))
+    assert longer[1] == pytest.approx(-mass * 9.80665 * 0.01, abs=1e-9)
+    lower = more(ModelError(np.zeros(7), np.outer(which, [0.01, 0.0, 0.0])))
+    assert lower == pytest.approx(np.zeros(7), abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +337,14 @@ def test_the_part_has_its_figures(small: Part) -> None:
     median = {name: _cells(cells[column]) for name, cells in workspace.rows}
     assert 1.0 < median[WRENCH] < 20.0
     assert all(len(cells) == len(table.columns) for table in small.tables for _, cells in table.rows)
-    assert f"{median[WRENCH]:.3g} N ({WRENCH})" in small.paragraphs[1]
+    assert all(f"{median[route]:.3g} N ({route})" in small.paragraphs[2] for route in ROUTES)
+    near = {name: _cells(cells[by_distance.columns.index(WRENCH)]) for name, cells in by_distance.rows}
+    assert f"more than {near['0 to 0.01']:.3g} N where" in small.paragraphs[3]
+    assert f"more than {near['0.2 and more']:.3g} N where" in small.paragraphs[3]
+    assert near["0.2 and more"] < near["0 to 0.01"]
+    # the flange looks down, and the paper's six poses tilt it by up to 27 degrees (Table III, row 5)
+    assert "within the tilts of up to 27 deg" in small.paragraphs[4]
+    assert not any("e+" in paragraph for paragraph in small.paragraphs)
     assert len(line.rows) == 6
     *alone, by_chance, together = [_cells(cells[0]) for _, cells in sources.rows]
     assert max(alone) < together < np.sum(alone)
@@ -280,9 +356,10 @@ def test_the_part_has_its_figures(small: Part) -> None:
     assert all(route in picture.html for route in ROUTES)
 
 
-def test_the_sum_of_the_sources_is_what_the_route_shows(small: Part) -> None:
-    """Reading by reading with all errors, against the errors of the torques added up."""
-    by_distance, sources = small.tables[1], small.tables[3]
-    steady = [cells for name, cells in by_distance.rows if float(name.split()[0]) >= 0.1]
-    shares, rms = (np.array([_cells(cells[k]) for cells in steady]) for k in (0, 1 + ROUTES.index(WRENCH)))
-    assert _cells(sources.rows[-1][1][0]) == pytest.approx(np.sqrt(np.sum(shares * rms**2) / shares.sum()), rel=0.05)
+def test_the_sum_of_the_sources_is_what_the_route_shows() -> None:
+    """Reading by reading with all errors, against the errors of the torques added up, for one robot."""
+    robot = one_robot(np.random.SeedSequence(3))
+    steady = robot.distance >= STEADY
+    for source, route in enumerate((WRENCH, FORCE)):
+        summed = robot.sources[-1, source, steady].mean()
+        assert np.sqrt(summed) == pytest.approx(np.sqrt(robot.workspace[ROUTES.index(route), steady].mean()), rel=0.05)

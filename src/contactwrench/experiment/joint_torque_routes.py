@@ -17,9 +17,9 @@ from ..simulate.arm import BASE_TO_SHOULDER, ELBOW_TO_WRIST, SHOULDER_TO_ELBOW, 
 from ..simulate.joint_torque import any_robot, friction_torque, sensor_jacobians, torque_against
 from ..simulate.kinematics import joints_for
 from ..simulate.poses import paper_joints, random_joints
-from ..simulate.recording import read_poses, record_poses
+from ..simulate.recording import Recorded, read_poses, record_poses
 from ..simulate.rig import JOINTS, Physics, Rig, build, inverse_dynamics
-from ..simulate.settings import JointTorque, Settings
+from ..simulate.settings import JointTorque, Settings, changed
 from ..wrench import cross_matrix
 from .ways import Way, ours, paper
 
@@ -30,6 +30,10 @@ PUSH = 10.0
 MASS_ERROR, COM_ERROR = 0.03, 0.003
 """Standard deviations of what the controller's model has wrong in the links' masses (of the mass) and centres of mass
 (m, per axis); assumed."""
+GAIN_ERROR, CROSSTALK = 0.01, 0.005
+"""Standard deviations of what the wrist sensor has wrong: in the gain of an axis, and in what an axis shows of each
+other one, both at full range; assumed. No calibration in free air sees a gain.
+"""
 SHORT_OF_STRETCHED = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 """m that the wrist has left to the end of its reach, on a level line out of the shoulder."""
 SETTLE = 0.2
@@ -41,7 +45,9 @@ NO_MASS = 1e-9
 
 SENSOR_OURS, SENSOR_PAPER = "wrist sensor, ours", "wrist sensor, paper"
 WRENCH, FORCE = "joint torques, any wrench", "joint torques, a force at the hook"
-ROUTES = (SENSOR_OURS, SENSOR_PAPER, WRENCH, FORCE)
+ZEROED_WRENCH = "joint torques, zeroed, any wrench"
+ZEROED_FORCE = "joint torques, zeroed, a force at the hook"
+ROUTES = (SENSOR_OURS, SENSOR_PAPER, WRENCH, FORCE, ZEROED_WRENCH, ZEROED_FORCE)
 
 OFFSET, GAIN = "offsets of the joint torque sensors", "gains of the joint torque sensors"
 MASSES, COMS = "link masses in the arm's model", "centres of mass in the arm's model"
@@ -85,25 +91,35 @@ class Robot:
 
 
 def one_robot(seed: np.random.SeedSequence) -> Robot:
-    """A robot with joint sensors, a model of its arm and a calibrated wrist sensor of its own. May raise what
-    `calibrate` raises.
+    """A robot with joint sensors, a model of its arm and a wrist sensor of its own, both sensors as one recording of
+    the paper's six postures in free air leaves them. May raise what `calibrate` raises.
     """
     rng = np.random.default_rng(seed)
-    settings = Settings(joint_torque=any_robot(JointTorque(), rng))
+    settings = any_wrist_sensor(Settings(joint_torque=any_robot(JointTorque(), rng)), rng)
     settings = replace(settings, recording=replace(settings.recording, settle=SETTLE))
     rig = build(settings)
     postures, into_stretched = _fixed_joints()
-    unloaded = record_poses(settings, postures, rng=rng).samples
-    ways = (ours(unloaded), paper(unloaded))
+    unloaded = record_poses(settings, postures, rng=rng)
+    ways = (ours(unloaded.samples), paper(unloaded.samples))
     error = ModelError(MASS_ERROR * rng.normal(size=JOINTS), COM_ERROR * rng.normal(size=(JOINTS, 3)))
+    zero = zeroed(rig, ways[0], error, unloaded)
     workspace = pushed(rig, random_joints(rig, CONFIGURATIONS, rng), rng)
     line = pushed(rig, into_stretched, rng)
     return Robot(
         smallest_singular_value(workspace.jacobians, settings.tool.hook),
-        squared_errors(rig, ways, error, workspace, rng),
-        squared_errors(rig, ways, error, line, rng),
+        squared_errors(rig, ways, error, zero, workspace, rng),
+        squared_errors(rig, ways, error, zero, line, rng),
         _by_source(rig, ways[0], error, workspace, rng),
     )
+
+
+def any_wrist_sensor(settings: Settings, rng: np.random.Generator) -> Settings:
+    """The rig with a wrist sensor at random: gains and cross-talk off by `GAIN_ERROR` and `CROSSTALK`."""
+    ranges = np.array(settings.sensor.ranges)
+    gain = 1.0 + GAIN_ERROR * rng.normal(size=6)
+    crosstalk = CROSSTALK * rng.normal(size=(6, 6)) * ranges[:, None] / ranges
+    np.fill_diagonal(crosstalk, 0.0)
+    return changed(settings, [f"sensor.gain={gain.tolist()}", f"sensor.crosstalk={crosstalk.tolist()}"])
 
 
 @cache
@@ -133,16 +149,35 @@ def stretching(rig: Rig) -> Array:
     return np.array(joints)
 
 
-def squared_errors(rig: Rig, ways: tuple[Way, Way], error: ModelError, push: Pushed, rng: np.random.Generator) -> Array:
-    """The squared errors of force (routes, n), N^2, from one reading of all sensors in each configuration."""
-    read = read_poses(rig.settings, [push.under], (0.0,), rng)
-    tool = torque_against(push.jacobians, tool_wrench(ways[0], read.R_base_flange))
-    external = arm_gravity(rig.settings, error, read.joints) + tool - read.joint_torque
+def squared_errors(
+    rig: Rig, ways: tuple[Way, Way], error: ModelError, zero: Array, push: Pushed, rng: np.random.Generator
+) -> Array:
+    """The squared errors of force (routes, n), N^2, from one reading of all sensors in each configuration; `zero` (7,),
+    N m, is what the zeroed routes take off the joints' readings.
+    """
+    read, at = read_poses(rig.settings, [push.under], (0.0,), rng), rig.settings.tool.hook
+    external = torque_of_model(rig.settings, ways[0], error, push.jacobians, read) - read.joint_torque
     forces = [way.contact(read.wrench, read.R_base_flange)[:, :3] for way in ways]
-    forces.append(wrench_from_torques(push.jacobians, external)[:, :3])
-    forces.append(force_from_torques(push.jacobians, rig.settings.tool.hook, external))
+    for felt in (external, external + zero):
+        forces.append(wrench_from_torques(push.jacobians, felt)[:, :3])
+        forces.append(force_from_torques(push.jacobians, at, felt))
     squared: Array = np.sum((np.array(forces) - push.contact[:, :3]) ** 2, axis=2)
     return squared
+
+
+def zeroed(rig: Rig, way: Way, error: ModelError, unloaded: Recorded) -> Array:
+    """What the joints read (7,), N m, over what the model of arm and tool says: the mean over poses in free air."""
+    modelled = torque_of_model(rig.settings, way, error, sensor_jacobians(rig, unloaded.joints), unloaded)
+    zero: Array = np.mean(unloaded.joint_torque - modelled, axis=0)
+    return zero
+
+
+def torque_of_model(settings: Settings, way: Way, error: ModelError, jacobians: Array, read: Recorded) -> Array:
+    """The torques (n, 7), N m, that a controller expects of an arm that touches nothing: by its model of the arm, and
+    for the tool by what a way of compensation found.
+    """
+    tool = torque_against(jacobians, tool_wrench(way, read.R_base_flange))
+    return arm_gravity(settings, error, read.joints) + tool
 
 
 def arm_gravity(settings: Settings, error: ModelError, joints: Array) -> Array:
@@ -151,6 +186,8 @@ def arm_gravity(settings: Settings, error: ModelError, joints: Array) -> Array:
     links = [rig.model.body(f"link{number}").id for number in range(1, JOINTS + 1)]
     rig.model.body_mass[links] *= 1.0 + error.mass
     rig.model.body_ipos[links] += error.com
+    # a link that was compiled with its centre of mass at its origin would never be asked for it
+    rig.model.body_sameframe[links] = 0
     return inverse_dynamics(rig, joints).joint_torque
 
 

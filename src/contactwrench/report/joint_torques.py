@@ -12,8 +12,9 @@ from .figures import drawing, svg_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = ("#b3541e", "#c98a1b", "#8a5a9e", "#1b6e9c")
-MARKERS = ("o", "s", "^", "D")
+COLOURS = ("#b3541e", "#b3541e", "#c98a1b", "#c98a1b", "#8a5a9e", "#1b6e9c")
+MARKERS = ("o", "o", "s", "s", "^", "D")
+DASHED = (False, True, False, True, False, False)
 BINS = 10
 LEFTMOST = 0.01
 """The share of the configurations in the first bin, all that are closest to a singularity."""
@@ -24,7 +25,7 @@ DOTS = 250
 def error_near_singularities(
     names: tuple[str, ...], force: float, distance: Array, errors: Array, short: Array, line: Array
 ) -> str:
-    """Errors of up to four routes to a force of that size, N: (routes, n) at configurations with smallest singular
+    """Errors of up to six routes to a force of that size, N: (routes, n) at configurations with smallest singular
     values `distance` (n,), and squared (trials, routes, k) at `short` (k,), m, of the end of a line into a singularity.
     """
     edges = np.geomspace(np.quantile(distance, LEFTMOST), distance.max(), BINS)
@@ -35,7 +36,9 @@ def error_near_singularities(
     with drawing(2, (9.0, 4.2)) as (figure, axes):
         everywhere, into = axes
         for k, name in enumerate(names):
-            everywhere.plot(distance[some], errors[k, some], MARKERS[k], ms=2.4, color=COLOURS[k], alpha=0.25, mew=0)
+            if not DASHED[k]:
+                dots = errors[k, some]
+                everywhere.plot(distance[some], dots, MARKERS[k], ms=2.4, color=COLOURS[k], alpha=0.25, mew=0)
             _line(everywhere, middle, [errors[k, one] ** 2 for one in bins], k, name)
             _line(into, 1e3 * short, list(line[:, k].T), k, name)
         for ax in axes:
@@ -55,4 +58,7 @@ def _line(ax: Axes, x: Array, squares: list[Array], k: int, name: str) -> None:
     """The RMS of squared errors at each x, with bars of two standard errors."""
     root = np.array([np.sqrt(one.mean()) for one in squares])
     bar = [one.std() / np.sqrt(len(one)) / rms if rms > 0.0 else 0.0 for one, rms in zip(squares, root, strict=True)]
-    ax.errorbar(x, root, bar, color=COLOURS[k], marker=MARKERS[k], ms=4, lw=1.4, elinewidth=1.0, label=name)
+    style, fill = ("--", "white") if DASHED[k] else ("-", COLOURS[k])
+    ax.errorbar(
+        x, root, bar, color=COLOURS[k], ls=style, marker=MARKERS[k], mfc=fill, ms=4, lw=1.4, elinewidth=1.0, label=name
+    )
