@@ -34,7 +34,7 @@ UPRIGHT_OF: dict[str, Array] = {
 
 BOUNDS: dict[str, tuple[float, float, str]] = {
     "gravity": (0.1, 100.0, ""),
-    "tool.mass": (1e-9, 1000.0, ""),
+    "tool.mass": (1e-12, 1000.0, ""),
     "tool.com": (-1.0, 1.0, " (are these mm?)"),
     "tool.hook": (-1.0, 1.0, " (are these mm?)"),
     "mounting.yaw_deg": (-360.0, 360.0, ""),
