@@ -230,7 +230,7 @@ def _at_unseen(trials: Sequence[Trial]) -> Table:
         note=f"Root mean square over {len(trials)} data sets and {len(unseen_joints())} orientations spread at random "
         "over all rotations, of the norm of what is left of a free tool, without the noise of that reading. "
         "Gravity only takes off the gravity that our estimate finds. Expected: a simulation that has nothing in common "
-        f"with this rig, {', '.join(f'{name} {count} trials' for name, (_, count) in BENCHMARK.items())}. "
+        f"with this rig; trials: {', '.join(f'{name} {count}' for name, (_, count) in BENCHMARK.items())}. "
         f"{_refusals(trials)}",
     )
 

@@ -227,7 +227,8 @@ def _anywhere(trials: Sequence[Weighed]) -> Table:
         columns=COLUMNS,
         rows=tuple(rows),
         note=f"{len(trials)} data sets of the paper's six poses, and with each one reading of each mass in "
-        f"{ORIENTATIONS} orientations, drawn anew from the random ones in which the sensor stays in range. A tare does not know where gravity is in the sensor's axes. "
+        f"{ORIENTATIONS} orientations, drawn anew from the random ones in which the sensor stays in range. A tare "
+        "does not know where gravity is in the sensor's axes. "
         "Expected: 20 000 trials of a simulation that has nothing in common with this rig, without the noise of the "
         "reading.",
     )
@@ -336,8 +337,9 @@ def _said_of_range() -> str:
     return (
         f"The masses hang {1e3 * hook:.0f} mm from the sensor. With its zero of {sensor.bias[4]:g} N m on Ty, of which "
         f"it reads {sensor.overload * sensor.ranges[4]:g} N m at most, all four masses stay in range in "
-        f"{100.0 * within.value:.0f} +- {100.0 * (within.standard_error or 0.0):.0f} % of orientations: of {len(joints)} "
-        f"random ones {round(within.value * len(joints))}. From these each data set draws {ORIENTATIONS} anew."
+        f"{100.0 * within.value:.0f} +- {100.0 * (within.standard_error or 0.0):.0f} % of orientations: of "
+        f"{len(joints)} random ones {round(within.value * len(joints))}. From these each data set draws "
+        f"{ORIENTATIONS} anew."
     )
 
 
