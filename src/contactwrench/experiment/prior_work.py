@@ -13,6 +13,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -187,19 +188,16 @@ def _force(trials: Trials, name: str) -> Measured | str:
 
 def _refusals(poses: Sequence[str], found: dict[tuple[str, str], Trials], rig: str) -> str:
     """Who refused what, how often, and the error's own words."""
-    who: dict[str, dict[str, dict[str, int]]] = {}
-    for where, name in product(poses, ESTIMATORS):
-        for one in (trial[name] for trial in found[rig, where]):
-            if isinstance(one, str):
-                counts = who.setdefault(one, {}).setdefault(where, {})
-                counts[name] = counts.get(name, 0) + 1
+    who: dict[str, dict[str, list[str]]] = {}
+    for name, where in product(ESTIMATORS, poses):
+        whys = Counter(one for trial in found[rig, where] if isinstance(one := trial[name], str))
+        for why, count in whys.items():
+            who.setdefault(why, {}).setdefault(name, []).append(f"{where} {count} of {len(found[rig, where])}")
     said = [
-        f"on {where} {'; '.join(f'{name} ({count} of {len(found[rig, where])})' for name, count in counts.items())}: "
-        f"“{why}”"
-        for why, places in who.items()
-        for where, counts in places.items()
+        f"“{why}”: " + "; ".join(f"{name} ({', '.join(places)})" for name, places in of.items())
+        for why, of in who.items()
     ]
-    return f"Refused, {', '.join(said)}." if said else "No data set was refused."
+    return f"Refused, {'. '.join(said)}." if said else "No data set was refused."
 
 
 def _table(rig: str, poses: Sequence[str], found: dict[tuple[str, str], Trials], n: int) -> Table:

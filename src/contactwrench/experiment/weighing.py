@@ -207,7 +207,7 @@ def _ends(read: Array) -> tuple[Measured, Measured]:
     """
     n = len(read)
     of_sets = read.mean(axis=1)
-    variance = np.sum((read - read.mean()) ** 2) / (read.size - 1) + of_sets.var(ddof=1) / n
+    variance = (1.0 + 1.0 / n) * of_sets.var(ddof=1) + np.mean((read - of_sets[:, None]) ** 2)
     half = student(n - 1, OUTSIDE) * float(np.sqrt(variance))
     return Measured(float(read.mean()) - half, None, n), Measured(float(read.mean()) + half, None, n)
 
