@@ -56,6 +56,9 @@ def test_the_parts_repeat_themselves_and_say_how_many() -> None:
     assert figures(first) == figures(again)
     assert first.paragraphs == again.paragraphs
     assert "2 data sets" in first.tables[0].note
+    expected = {row: cell(first, "unseen", row, "expected: force, N").trials for row in ("paper", "ours")}
+    assert expected == {"paper": 20_000, "ours": 60}
+    assert "Fz reaches 1.177 N in 0" in first.paragraphs[2]
     assert cell(first, "parameters", "true", "G, N").value == pytest.approx(1.980)
     assert cell(first, "parameters", "true", "theta, deg").value == pytest.approx(33.918)
     assert abs(cell(first, "parameters", "ours: mean error", "F0x, N").value) < 0.1

@@ -93,3 +93,6 @@ def test_the_part_prints_every_idea_and_repeats_itself(monkeypatch: pytest.Monke
     assert 0.8 < cell(first, "level_base", "known mounting, yaw 34 deg off", "six planned").value < 1.1
     refused = dict(first.tables[0].rows)["opposite poses, yaw exact"]
     assert [isinstance(one, str) for one in refused] == [False, True, True]
+    assert "expected three along different axes" in first.tables[0].note
+    assert "opposite poses, yaw exact (six planned 2 of 2, paper's six 2 of 2)" in first.tables[0].note
+    assert "known mounting" not in first.tables[0].note

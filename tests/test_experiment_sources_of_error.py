@@ -10,8 +10,18 @@ import pytest
 
 from contactwrench.errors import UnobservableError
 from contactwrench.experiment import sources_of_error
+from contactwrench.experiment.part import Measured
 from contactwrench.experiment.sources_of_error import RIG, SOURCES
-from contactwrench.experiment.trials import free_readings, joints_of_paper, unseen_joints
+from contactwrench.experiment.trials import (
+    Squared,
+    force_ratio,
+    free_readings,
+    in_words,
+    joints_of_paper,
+    ratio_of_rms,
+    student,
+    unseen_joints,
+)
 from contactwrench.experiment.ways import Way, tare
 from contactwrench.rotations import rotation_angle
 from contactwrench.samples import Samples
@@ -58,7 +68,9 @@ def test_the_drift_ends_where_the_judge_has_it() -> None:
     recorded = record_poses(settings, joints_of_paper(), rng=np.random.default_rng(0))
     last = free_readings(settings, joints_of_paper(), float(recorded.t[-1])).wrench[-1]
     np.testing.assert_allclose(recorded.wrench[-1], last, atol=1e-3)
-    start, end = (free_readings(settings, joints_of_paper()[:1], t).wrench[0] for t in (0.0, 30.0))
+    start, end = (
+        free_readings(settings, joints_of_paper()[:1], float(t)).wrench[0] for t in (recorded.t[0], recorded.t[-1])
+    )
     np.testing.assert_allclose(np.abs(end - start)[:3], 0.2, rtol=1e-6)
     np.testing.assert_allclose(np.abs(end - start) / RIG.sensor.ranges, 0.2 / 70.0, rtol=1e-6)
 
@@ -85,16 +97,70 @@ def test_every_case_is_in_table_and_picture_and_refusals_are_said(monkeypatch: p
         part = sources_of_error.part(pool, 0.01, 6)
     assert len(part.tables) == len(part.pictures) == 2
     for table in part.tables:
-        assert len(table.rows) == 19
+        assert len(table.rows) == 13
         assert "mount with base tilt 2 deg in 2 of 2" in table.note
         assert all(cells[2] == "refused" for _, cells in table.rows)
-    assert "not told apart: 19." in part.paragraphs[0]
+    assert "not told apart: 13." in part.paragraphs[0]
     for picture in part.pictures:
         assert picture.html.startswith("<svg")
         for source in SOURCES.values():
             assert source.name in picture.html
     assert cell(part, "six_planned_poses", "no error but the noise", "ours").value == pytest.approx(2.8, abs=0.3)
-    assert len(figures(part)) == 2 * 2 * 2 * 19
+    assert len(figures(part)) == 2 * 2 * 2 * 13
+
+
+def trials_of(**forces: list[float | None]) -> list[dict[str, Squared]]:
+    """Trials by the squared force that each estimator leaves; None where it refuses."""
+    rows = zip(*forces.values(), strict=True)
+    return [{name: Squared(f, f) for name, f in zip(forces, row, strict=True) if f is not None} for row in rows]
+
+
+def test_a_way_that_refuses_is_not_the_best_and_ratios_are_over_what_both_solved() -> None:
+    trials = trials_of(ours=[4.0, 4.0, 100.0], paper=[9.0, 9.0, None], tare=[1.0, 1.0, 1.0], mount=[0.1, 0.1, None])
+    best, ratio = sources_of_error._against_best(trials)
+    assert (best, ratio.trials) == ("tare", 3)
+    assert ratio.value == pytest.approx(6.0)
+    paper = force_ratio(trials, "paper", "ours")
+    assert paper is not None
+    assert paper.trials == 2
+    assert paper.value == pytest.approx(1.5)
+    assert force_ratio(trials_of(ours=[1.0], paper=[None]), "paper", "ours") is None
+
+
+def test_chance_alone_is_called_a_difference_once_in_a_thousand() -> None:
+    """Heavy tails and all: squared errors whose logarithm is normal."""
+    rng = np.random.default_rng(1)
+    named = [
+        sources_of_error._told_apart(trials_of(ours=list(a), paper=list(b)))
+        for a, b in np.exp(rng.normal(size=(4000, 2, 8)))
+    ]
+    assert sum(one is not None for one in named) < 12
+    ours = np.exp(rng.normal(size=8))
+    paper = 9.0 * ours * rng.uniform(0.9, 1.1, size=8)
+    assert sources_of_error._told_apart(trials_of(ours=list(ours), paper=list(paper))) == "ours"
+    assert sources_of_error._told_apart(trials_of(ours=list(paper), paper=list(ours))) == "paper"
+
+
+def test_figures_in_words_and_students_t_are_those_of_the_tables() -> None:
+    assert student(7, 0.001) == pytest.approx(5.408, abs=1e-3)
+    assert student(15, 0.05) == pytest.approx(2.131, abs=1e-3)
+    assert in_words(Measured(5.622, 0.93, 40)) == "5.6 +- 0.9"
+    assert in_words(Measured(1.0, 0.0016, 16)) == "1.0000 +- 0.0016"
+    assert in_words(Measured(39.7, 5.1, 16)) == "40 +- 5"
+    assert in_words(None) == "(refused)"
+
+
+def test_the_standard_error_of_a_ratio_is_that_of_its_repetition() -> None:
+    rng = np.random.default_rng(3)
+    common = rng.chisquare(8.0, size=(2000, 40))
+    above, below = (
+        4.0 * common * rng.chisquare(30.0, size=common.shape),
+        common * rng.chisquare(30.0, size=common.shape),
+    )
+    ratios = [ratio_of_rms(a, b) for a, b in zip(above, below, strict=True)]
+    stated = np.mean([one.standard_error or 0.0 for one in ratios])
+    assert np.mean([one.value for one in ratios]) == pytest.approx(2.0, rel=0.01)
+    assert np.std([one.value for one in ratios]) == pytest.approx(stated, rel=0.06)
 
 
 def test_the_same_seed_gives_the_same_trials() -> None:

@@ -10,7 +10,7 @@ import pytest
 from contactwrench.experiment import weighing
 from contactwrench.experiment.trials import DEFAULT, joints_of_paper, unseen_joints
 from contactwrench.experiment.ways import calibrated, tare
-from contactwrench.experiment.weighing import GAIN, LOADS, PRINTED, SCALES, in_range, line, masses
+from contactwrench.experiment.weighing import GAIN, LOADS, PRINTED, SCALES, _ends, in_range, line, masses
 from contactwrench.simulate.recording import record_poses
 from tests.experiments import cell, figures, noise_free, one_thread, recorded
 
@@ -54,6 +54,34 @@ def test_out_of_range_is_where_the_sensor_saturates() -> None:
     touched = np.any(hung.saturated, axis=1).reshape(len(LOADS), -1).any(axis=0)
     assert not touched[fits].any()
     assert touched[others].mean() > 0.9
+
+
+def test_an_interval_holds_one_more_reading_with_95_per_cent() -> None:
+    """Of readings whose error is the data set's and the orientation's alike, with few data sets."""
+    rng = np.random.default_rng(2)
+
+    def readings(sets: int, each: int) -> np.ndarray:
+        return np.asarray(100.0 + 3.0 * rng.normal(size=(sets, 1)) + 3.0 * rng.normal(size=(sets, each)))
+
+    for each, most in ((1, 0.96), (12, 0.985)):
+        held = []
+        for _ in range(4000):
+            low, high = _ends(readings(6, each))
+            held.append(low.value <= readings(1, 1)[0, 0] <= high.value)
+        assert 0.94 < np.mean(held) < most
+
+
+def test_each_data_set_is_weighed_in_orientations_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(weighing, "ESTIMATORS", {"tare": tare})
+    way = "tare", "norm"
+    usable = unseen_joints()[in_range(unseen_joints())]
+    poses = np.concatenate([joints_of_paper()[:1], usable])
+    first, second = (
+        trial.anywhere[way] for trial in weighing._run(noise_free(), joints_of_paper(), poses, 5, range(2))
+    )
+    assert first.shape == second.shape == (len(LOADS), weighing.ORIENTATIONS)
+    assert len(np.unique(np.round(first[0], 6))) == weighing.ORIENTATIONS
+    assert not np.allclose(np.sort(first[0]), np.sort(second[0]), atol=0.1)
 
 
 def test_the_part_has_both_sensors_and_repeats_itself() -> None:

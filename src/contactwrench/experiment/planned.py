@@ -19,10 +19,12 @@ from .trials import (
     Squared,
     free_readings,
     in_batches,
+    in_words,
     joints_of_paper,
     learned,
     left_by,
     number_of_trials,
+    ratio_of_rms,
     recordings,
     rms_force,
     rms_torque,
@@ -118,10 +120,11 @@ def _picture(paper: Sequence[dict[str, Squared]], planned: Sequence[dict[str, Sq
 
 def _said(paper: Sequence[dict[str, Squared]], planned: Sequence[dict[str, Squared]]) -> tuple[str, ...]:
     def ratio(name: str) -> str:
-        with_paper, with_plan = (rms_force([trial.get(name) for trial in trials]) for trials in (paper, planned))
-        if isinstance(with_paper, str) or isinstance(with_plan, str):
+        both = [(a[name].force, b[name].force) for a, b in zip(paper, planned, strict=True) if name in a and name in b]
+        if not both:
             return f"{name}: refused"
-        return f"{name} {with_paper.value / with_plan.value:.2g} times"
+        refused = "" if len(both) == len(paper) else f" (over the {len(both)} of {len(paper)} that it solved on both)"
+        return f"{name} {in_words(ratio_of_rms(*zip(*both, strict=True)))} times{refused}"
 
     cost = ", ".join(ratio(name) for name in ("paper", "yaw", "ours"))
     tilts = [

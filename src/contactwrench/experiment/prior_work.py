@@ -13,15 +13,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
 
-from ..errors import UnobservableError
+from ..errors import ContactWrenchError, UnobservableError
 from ..orientation import Array
 from ..report.charts import dots_by_group
 from ..rotations import rotations_about_z
@@ -34,11 +36,11 @@ from .part import Measured, Part, Picture, Table
 from .planned import planned_joints
 from .trials import (
     DEFAULT,
+    Free,
     Squared,
     free_readings,
     in_batches,
     joints_of_paper,
-    learned,
     left_by,
     number_of_trials,
     recordings,
@@ -125,7 +127,8 @@ RIGS = {
     f"base tilted {BASE_TILT:g} deg": replace(DEFAULT, base=Base(tilt_deg=(BASE_TILT, 0.0))),
 }
 
-Trials: TypeAlias = list[dict[str, Squared]]
+Trials: TypeAlias = list[dict[str, Squared | str]]
+"""By estimator what it leaves, or in its own words why it refused."""
 
 
 def opposite_joints() -> Array:
@@ -168,28 +171,43 @@ def _run(settings: Settings, poses: Array, unseen: Array, seed: int, numbers: ra
     rngs = [np.random.default_rng((seed, 6, number)) for number in numbers]
     trials = []
     for samples in recordings(settings, poses, rngs):
-        ways = {name: learned(learn, samples) for name, learn in ESTIMATORS.items()}
-        trials.append({name: left_by(way, free) for name, way in ways.items() if way is not None})
+        trials.append({name: _left(learn, samples, free) for name, learn in ESTIMATORS.items()})
     return trials
 
 
+def _left(learn: Learn, samples: Samples, free: Free) -> Squared | str:
+    try:
+        return left_by(learn(samples), free)
+    except ContactWrenchError as error:
+        return str(error)
+
+
 def _force(trials: Trials, name: str) -> Measured | str:
-    of = [trial[name] for trial in trials if name in trial]
-    return rms_force(of) if of else "refused"
+    return rms_force([one for trial in trials if isinstance(one := trial[name], Squared)])
+
+
+def _refusals(poses: Sequence[str], found: dict[tuple[str, str], Trials], rig: str) -> str:
+    """Who refused what, how often, and the error's own words."""
+    who: dict[str, dict[str, list[str]]] = {}
+    for name, where in product(ESTIMATORS, poses):
+        whys = Counter(one for trial in found[rig, where] if isinstance(one := trial[name], str))
+        for why, count in whys.items():
+            who.setdefault(why, {}).setdefault(name, []).append(f"{where} {count} of {len(found[rig, where])}")
+    said = [
+        f"“{why}”: " + "; ".join(f"{name} ({', '.join(places)})" for name, places in of.items())
+        for why, of in who.items()
+    ]
+    return f"Refused, {'. '.join(said)}." if said else "No data set was refused."
 
 
 def _table(rig: str, poses: Sequence[str], found: dict[tuple[str, str], Trials], n: int) -> Table:
-    refused = sum(
-        0 < sum(name not in trial for trial in found[rig, where]) < n for name in ESTIMATORS for where in poses
-    )
     return Table(
         key=rig.replace(" ", "_"),
         title=f"Force left at orientations that were not recorded, N: {rig}",
         columns=tuple(poses),
         rows=tuple((name, tuple(_force(found[rig, where], name) for where in poses)) for name in ESTIMATORS),
-        note=f"Root mean square over {n} data sets a cell and {len(unseen_joints())} random orientations. Refused: the "
-        "idea needs pairs of opposite poses, and these are none. Cells in which some data sets were refused and others "
-        f"not: {refused}.",
+        note=f"Root mean square over {n} data sets a cell and {len(unseen_joints())} random orientations, without the "
+        f"refused ones. {_refusals(poses, found, rig)}",
     )
 
 

@@ -7,13 +7,14 @@ reading itself: that noise is the sensor's, whatever the way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import ContactWrenchError
 from ..orientation import Array
@@ -22,7 +23,7 @@ from ..simulate.poses import joints_through, paper_joints
 from ..simulate.recording import read_poses, true_poses
 from ..simulate.rig import build, inverse_dynamics
 from ..simulate.settings import Recording, Settings
-from .part import Measured, root_mean_square
+from .part import Measured, mean, root_mean_square
 from .ways import Learn, Way
 
 Result = TypeVar("Result")
@@ -140,3 +141,56 @@ def times(measured: Measured | str, factor: float) -> Measured | str:
     return replace(
         measured, value=factor * measured.value, standard_error=None if error is None else abs(factor) * error
     )
+
+
+def ratio_of_rms(above: ArrayLike, below: ArrayLike) -> Measured:
+    """The ratio of two root mean squares, each of one square a trial (n,), trial by trial the same dice; its standard
+    error by propagation, in which what both have in common cancels.
+    """
+    a, b = (np.asarray(squares, dtype=np.float64) for squares in (above, below))
+    ratio = float(np.sqrt(a.mean() / b.mean()))
+    relative = mean(a / a.mean() - b / b.mean()).standard_error
+    return Measured(ratio, None if relative is None else 0.5 * ratio * relative, len(a))
+
+
+def force_ratio(trials: Iterable[Mapping[str, Squared]], above: str, below: str) -> Measured | None:
+    """How many times the RMS force of one way that of another is, over the trials that neither refused; None without
+    any.
+    """
+    both = [(trial[above].force, trial[below].force) for trial in trials if above in trial and below in trial]
+    return ratio_of_rms(*zip(*both, strict=True)) if both else None
+
+
+def scatter(values: ArrayLike) -> Measured:
+    """The standard deviation of estimates (n,) from trial to trial, and its standard error if they are normal."""
+    array = np.asarray(values, dtype=np.float64)
+    n = len(array)
+    if n < 2:
+        return Measured(0.0, None, n)
+    std = float(array.std(ddof=1))
+    return Measured(std, std / np.sqrt(2.0 * (n - 1)), n)
+
+
+def student(dof: int, outside: float) -> float:
+    """Standard deviations to both sides of the mean outside of which a share of Student's t distribution lies."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(dof, 1.0 - 0.5 * outside))
+
+
+def in_words(measured: Measured | None) -> str:
+    """The figure +- its standard error, as prose has it."""
+    if measured is None:
+        return "(refused)"
+    if measured.standard_error is None:
+        return f"{measured.value:.2g}"
+    return " +- ".join(_digits(measured.value, measured.standard_error))
+
+
+def _digits(value: float, error: float) -> tuple[str, str]:
+    """With one digit of the error, or two where the first is a 1."""
+    if not error > 0.0:
+        return f"{value:.3g}", "0"
+    place = int(np.floor(np.log10(error)))
+    digits = max(0, -place + (error < 2.0 * 10.0**place))
+    return f"{value:.{digits}f}", f"{error:.{digits}f}"

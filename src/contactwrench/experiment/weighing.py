@@ -1,14 +1,15 @@
 """Section 3: known masses hung on the tool (Table IX), and what a gain error of the sensor does to them.
 
-The paper takes the norm of the contact force for the weight. A norm is never negative, and errors across the load make
-it larger; the component along gravity, whose direction a calibration knows, stands beside it.
+The paper says neither in which orientation it weighed nor by which component of the contact force; here its table is
+compared with the tool down, by the norm. A norm is never negative, and errors across the load make it larger; the
+component along gravity, whose direction a calibration knows, stands beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -19,10 +20,22 @@ from ..orientation import Array
 from ..samples import Samples
 from ..simulate.poses import joints_through
 from ..simulate.recording import read_poses, true_poses
-from ..simulate.rig import build
+from ..simulate.rig import Physics, build
 from ..simulate.settings import Settings
-from .part import Measured, Part, Table, mean, root_mean_square
-from .trials import DEFAULT, in_batches, joints_of_paper, learned, number_of_trials, recordings, unseen_joints
+from .part import Measured, Part, Table, mean, root_mean_square, share
+from .trials import (
+    DEFAULT,
+    in_batches,
+    in_words,
+    joints_of_paper,
+    learned,
+    number_of_trials,
+    ratio_of_rms,
+    recordings,
+    scatter,
+    student,
+    unseen_joints,
+)
 from .ways import WAYS, Learn, Way, calibrated
 
 TRIALS = 16
@@ -40,8 +53,8 @@ GAIN = 0.974
 
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 ORIENTATIONS = 12
-NORMAL_95 = 1.96
-"""Standard deviations to both sides of the mean that hold 95 % of a normal distribution."""
+OUTSIDE = 0.05
+"""The share of data sets that an interval leaves out."""
 CLEAR_OF_LIMIT = 6.0
 """Standard deviations of the noise between a reading and the sensor's limit."""
 
@@ -51,6 +64,10 @@ ESTIMATORS: dict[str, Learn] = {
     "ours": WAYS["ours"],
     "tare": WAYS["tare"],
 }
+FROM_TO = (
+    "From, to: a prediction interval, which holds the reading of one more data set with 95 % (Student's t with one "
+    "degree of freedom less than there are data sets, readings taken for normal)."
+)
 SCALES = ("norm", "along gravity")
 COLUMNS = ("100 g", "200 g", "500 g", "1000 g")
 
@@ -72,14 +89,14 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     n = number_of_trials(TRIALS, scale)
     poses = joints_of_paper()
     usable = in_range(unseen_joints())
-    weighing = np.concatenate([joints_through(build(DEFAULT), TOOL_DOWN[None]), unseen_joints()[usable][:ORIENTATIONS]])
+    weighing = np.concatenate([joints_through(build(DEFAULT), TOOL_DOWN[None]), unseen_joints()[usable]])
     off = replace(DEFAULT, sensor=replace(DEFAULT.sensor, gain=(GAIN,) * 6))
     true, low = (in_batches(pool, partial(_run, rig, poses, weighing, seed), n) for rig in (DEFAULT, off))
     return Part(
         key="weighing",
         title="Verification with known masses",
         paragraphs=(_said_of_weighing(true), _said_of_range(), _said_of_gain(true, low)),
-        tables=(_table_ix(true), _anywhere(true), _gain(true, low)),
+        tables=(_table_ix(true), _anywhere(true), _intervals(true), _gain(true, low)),
     )
 
 
@@ -96,12 +113,15 @@ def in_range(joints: Array) -> NDArray[np.intp]:
 
 
 def _run(settings: Settings, poses: Array, weighing: Array, seed: int, numbers: range) -> list[Weighed]:
-    """The trials of those numbers, on joints (6, 7); masses hang in joints (m, 7), rad, first with the tool down."""
+    """The trials of those numbers, on joints (6, 7); masses hang in the first of joints (m, 7), rad, which has the tool
+    down, and in some of the others, drawn anew for each trial.
+    """
     truth = [true_poses(settings, weighing, load, np.zeros_like(weighing)) for load in LOADS]
     rngs = [np.random.default_rng((seed, 3, number)) for number in numbers]
     trials = []
     for samples, rng in zip(recordings(settings, poses, rngs), rngs, strict=True):
-        hung = read_poses(settings, truth, LOADS, rng).samples
+        drawn = np.r_[0, rng.choice(np.arange(1, len(weighing)), ORIENTATIONS, replace=False)]
+        hung = read_poses(settings, [_of_poses(physics, drawn) for physics in truth], LOADS, rng).samples
         ways = {name: learned(learn, samples) for name, learn in ESTIMATORS.items()}
         read = {
             (name, scale): masses(way, hung, scale, settings.gravity).reshape(len(LOADS), -1)
@@ -119,6 +139,10 @@ def _run(settings: Settings, poses: Array, weighing: Array, seed: int, numbers: 
             )
         )
     return trials
+
+
+def _of_poses(physics: Physics, poses: NDArray[np.intp]) -> Physics:
+    return Physics(*(getattr(physics, field.name)[poses] for field in fields(physics)))
 
 
 def masses(way: Way, hung: Samples, scale: str, g: float) -> Array:
@@ -159,8 +183,9 @@ def _table_ix(trials: Sequence[Weighed]) -> Table:
         title="Known masses, tool down, by the norm of the contact force (Table IX)",
         columns=("read, g", "from, g", "to, g", "error, %", "RMS error, %"),
         rows=tuple(rows),
-        note=f"{len(trials)} data sets of the paper's six poses, and one reading of each mass with each. From, to: "
-        "the interval that holds 95 % of the data sets, by their standard deviation. The paper's masses are from one.",
+        note=f"{len(trials)} data sets of the paper's six poses, and one reading of each mass with each. {FROM_TO} "
+        "The paper says neither in which orientation nor by which component it weighed; its masses are from one data "
+        "set.",
     )
 
 
@@ -173,9 +198,18 @@ def _one_load(read: Array, true: float) -> tuple[Measured | str | None, ...]:
     if len(read) < 2:
         return ("refused",) * 5
     percent = 100.0 * (read / true - 1.0)
-    half = NORMAL_95 * float(read.std(ddof=1))
-    ends = (Measured(float(read.mean()) + side * half, None, len(read)) for side in (-1.0, 1.0))
-    return mean(read), *ends, mean(percent), root_mean_square(percent**2)
+    return mean(read), *_ends(read[:, None]), mean(percent), root_mean_square(percent**2)
+
+
+def _ends(read: Array) -> tuple[Measured, Measured]:
+    """From where to where 95 % of single readings lie, by those of n data sets (n, k): a prediction interval, with the
+    uncertainty of mean and scatter in it. The k readings of a data set share its errors: no more freedom than n - 1.
+    """
+    n = len(read)
+    of_sets = read.mean(axis=1)
+    variance = (1.0 + 1.0 / n) * of_sets.var(ddof=1) + np.mean((read - of_sets[:, None]) ** 2)
+    half = student(n - 1, OUTSIDE) * float(np.sqrt(variance))
+    return Measured(float(read.mean()) - half, None, n), Measured(float(read.mean()) + half, None, n)
 
 
 def _anywhere(trials: Sequence[Weighed]) -> Table:
@@ -189,11 +223,12 @@ def _anywhere(trials: Sequence[Weighed]) -> Table:
             rows.append((f"{name}, norm: expected", printed))
     return Table(
         key="weights_anywhere",
-        title="RMS error of the mass in any orientation, %",
+        title="RMS error of the mass in any orientation within range, %",
         columns=COLUMNS,
         rows=tuple(rows),
-        note=f"{len(trials)} data sets of the paper's six poses, and one reading of each mass in {ORIENTATIONS} random "
-        "orientations in which the sensor stays in range. A tare does not know where gravity is in the sensor's axes. "
+        note=f"{len(trials)} data sets of the paper's six poses, and with each one reading of each mass in "
+        f"{ORIENTATIONS} orientations, drawn anew from the random ones in which the sensor stays in range. A tare "
+        "does not know where gravity is in the sensor's axes. "
         "Expected: 20 000 trials of a simulation that has nothing in common with this rig, without the noise of the "
         "reading.",
     )
@@ -205,6 +240,23 @@ def _error_anywhere(trials: Sequence[Weighed], name: str, scale: str, k: int) ->
         return "none"
     true = 1e3 * LOADS[k]
     return root_mean_square(((100.0 * (np.array(read) / true - 1.0)) ** 2).mean(axis=1))
+
+
+def _intervals(trials: Sequence[Weighed]) -> Table:
+    rows: list[tuple[str, tuple[Measured | str | None, ...]]] = []
+    for name in ESTIMATORS:
+        for scale in SCALES:
+            read = np.array([trial.anywhere[name, scale] for trial in trials if (name, scale) in trial.anywhere])
+            cells = [end for k in range(len(LOADS)) for end in _ends(read[:, k])] if len(read) > 1 else []
+            rows.append((f"{name}, {scale}", tuple(cells) or ("none",) * (2 * len(LOADS))))
+    return Table(
+        key="weights_anywhere_intervals",
+        title="From where to where 95 % of single readings lie, in any orientation within range, g",
+        columns=tuple(f"{label}: {end}" for label in COLUMNS for end in ("from", "to")),
+        rows=tuple(rows),
+        note=f"The readings of the table above, {ORIENTATIONS} of each mass with each of {len(trials)} data sets. "
+        f"{FROM_TO} A norm is not normal where the error is as large as the mass: it cannot be below zero.",
+    )
 
 
 def line(read: Array) -> tuple[float, float]:
@@ -229,9 +281,8 @@ def _gain(true: Sequence[Weighed], low: Sequence[Weighed]) -> Table:
             if not len(of):
                 rows.append((f"{label}: {name}", ("refused",) * 5))
                 continue
-            scatter = Measured(float(of[:, 1].std(ddof=1)), None, len(of)) if len(of) > 1 else None
             free = [mean([by[name] for by in found if name in by]) for found in _found(trials)]
-            rows.append((f"{label}: {name}", (mean(of[:, 0]), mean(of[:, 1]), scatter, *free)))
+            rows.append((f"{label}: {name}", (mean(of[:, 0]), mean(of[:, 1]), scatter(of[:, 1]), *free)))
     return Table(
         key="gain",
         title="Masses read against masses hung, tool down: the line through them",
@@ -251,45 +302,63 @@ def _said_of_weighing(trials: Sequence[Weighed]) -> str:
         cell = _error_anywhere(trials, name, scale, k)
         return float("nan") if isinstance(cell, str) else cell.value
 
-    down = {
-        name: float(np.sqrt(np.mean((_down(trials, name)[:, 0] / 100.0 - 1.0) ** 2))) * 100.0 for name in ESTIMATORS
-    }
+    down = {name: (_down(trials, name)[:, 0] - 100.0) ** 2 for name in ESTIMATORS}
+    percent = {name: f"{np.sqrt(squares.mean()):.2g} %" for name, squares in down.items() if len(squares)}
+    here, anywhere = (
+        in_words(ratio_of_rms(*zip(*both, strict=True))) if both else "(refused)"
+        for both in (_both(trials, lambda trial: trial.down), _both(trials, lambda trial: trial.anywhere))
+    )
     return (
-        f"Weighed in any orientation by the norm of the contact force, 100 g comes out with an RMS error of "
-        f"{of('paper', 'norm', 0):.2g} % by the paper's estimator and {of('ours', 'norm', 0):.2g} % by ours, 1000 g "
+        f"Weighed in any orientation within range by the norm of the contact force, 100 g comes out with an RMS error "
+        f"of {of('paper', 'norm', 0):.2g} % by the paper's estimator and {of('ours', 'norm', 0):.2g} % by ours, 1000 g "
         f"with {of('paper', 'norm', 3):.2g} % and {of('ours', 'norm', 3):.2g} %. Along gravity, which a calibration "
         f"knows, it is {of('paper', 'along gravity', 0):.2g} % and {of('ours', 'along gravity', 0):.2g} % at 100 g. "
-        f"With the tool down, among the poses of the calibration, 100 g has {down['paper']:.2g} % and "
-        f"{down['ours']:.2g} %, and {down['tare']:.2g} % with a mere tare in the first pose. Weighing there, as in the "
-        f"paper's Table IX, tells the tare from ours by a factor of {down['tare'] / down['ours']:.2g}, weighing "
-        f"anywhere by {of('tare', 'norm', 0) / of('ours', 'norm', 0):.2g}."
+        f"With the tool down, among the poses of the calibration, 100 g has {percent.get('paper', 'refused')} and "
+        f"{percent.get('ours', 'refused')}, and {percent['tare']} with a mere tare in the first pose. The paper says "
+        f"neither in which orientation nor by which component it weighed; here: tool down, the norm. Weighing there "
+        f"tells the tare from ours by a factor of {here}, weighing anywhere by {anywhere}."
     )
+
+
+def _both(trials: Sequence[Weighed], read: Callable[[Weighed], dict[tuple[str, str], Array]]) -> list[Array]:
+    """Squared errors, g^2, of 100 g by tare and ours, trial by trial where neither refused."""
+    keys = ("tare", "norm"), ("ours", "norm")
+    return [
+        np.array([np.mean((read(trial)[key][0] - 100.0) ** 2) for key in keys])
+        for trial in trials
+        if all(key in read(trial) for key in keys)
+    ]
 
 
 def _said_of_range() -> str:
     joints = unseen_joints()
-    share = 100.0 * len(in_range(joints)) / len(joints)
+    within = share(np.isin(np.arange(len(joints)), in_range(joints)))
     sensor, hook = DEFAULT.sensor, DEFAULT.tool.hook[2]
     return (
         f"The masses hang {1e3 * hook:.0f} mm from the sensor. With its zero of {sensor.bias[4]:g} N m on Ty, of which "
-        f"it reads {sensor.overload * sensor.ranges[4]:g} N m at most, all four masses stay in range in {share:.0f} % "
-        f"of all orientations; the {ORIENTATIONS} used are such ones, drawn at random."
+        f"it reads {sensor.overload * sensor.ranges[4]:g} N m at most, all four masses stay in range in "
+        f"{100.0 * within.value:.0f} +- {100.0 * (within.standard_error or 0.0):.0f} % of orientations: of "
+        f"{len(joints)} random ones {round(within.value * len(joints))}. From these each data set draws "
+        f"{ORIENTATIONS} anew."
     )
 
 
 def _said_of_gain(true: Sequence[Weighed], low: Sequence[Weighed]) -> str:
     slope, offset = line(np.array(PRINTED))
     with_gain, without = _lines(low, "paper"), _lines(true, "paper")
-    beyond = float(np.mean(np.abs(with_gain[:, 1] - with_gain[:, 1].mean()) >= abs(offset)))
+    if not len(with_gain) or not len(without):
+        return "The paper's estimator refused every data set."
+    beyond = int(np.sum(np.abs(with_gain[:, 1] - with_gain[:, 1].mean()) >= abs(offset)))
     weight, left = (
         [float(np.mean([by["ours"] for by in _found(trials)[which] if "ours" in by])) for trials in (true, low)]
         for which in (0, 1)
     )
     return (
         f"The line through the paper's four masses has a slope of {slope:.3f} and an offset of {offset:.1f} g. A "
-        f"sensor whose gain is {GAIN} gives a slope of {with_gain[:, 0].mean():.4f} (a true one "
-        f"{without[:, 0].mean():.4f}), and an offset that scatters from one data set to the next: {100.0 * beyond:.0f} "
-        "% of them are further from the mean than the paper's is from zero. Calibrating in free air cannot see the "
-        f"gain: the tool's weight comes out {weight[1] / weight[0]:.3f} times as large (ours), and the fit leaves "
-        f"{left[1]:.4f} N instead of {left[0]:.4f} N. It takes a known mass."
+        f"sensor whose gain is {GAIN:g} gives a slope of {in_words(mean(with_gain[:, 0]))} (a true one "
+        f"{in_words(mean(without[:, 0]))}), and an offset that scatters by {in_words(scatter(with_gain[:, 1]))} g from "
+        f"one data set to the next: {beyond} of {len(with_gain)} are further from the mean than the paper's is from "
+        f"zero. The line of Table IX is what a gain of {GAIN:g} gives{'' if beyond else ' but for its offset'}. "
+        f"Calibrating in free air cannot see the gain: the tool's weight comes out {weight[1] / weight[0]:.3f} times "
+        f"as large (ours), and the fit leaves {left[1]:.4f} N instead of {left[0]:.4f} N. It takes a known mass."
     )
