@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..calibrate import calibrate
+from ..calibrate.auto import BASE_TILT_SD, MOUNT_TILT_SD
 from ..calibration import Calibration
 from ..errors import ContactWrenchError
 from ..orientation import Array
@@ -51,8 +52,6 @@ BENCHMARK = {
 }
 """N, and the number of trials: the method, section 5, by a simulation that has nothing in common with this rig."""
 
-PRIOR_MOUNTING_DEG, PRIOR_BASE_DEG = 1.41, 0.71
-"""Per axis: what `auto` expects of the tilts."""
 TELLING = 1.5
 """Times the force left in the fitted poses, from which on these tell little of others."""
 
@@ -298,8 +297,8 @@ def _said_of_identification(trials: Sequence[Trial]) -> tuple[str, ...]:
         f"that couples its equations {force['yaw']:.3g} N, ours {force['ours']:.3g} N: of the paper's and ours, "
         f"{smaller} has the smaller error, by a factor of "
         f"{in_words(force_ratio(unseen, worse, better))}. Ours takes faces and base for parallel and level only within "
-        f"{PRIOR_MOUNTING_DEG:g} and {PRIOR_BASE_DEG:g} deg (standard deviations); on this rig they are exactly so, "
-        f"which suits it. Its error is {in_words(force_ratio(unseen, 'ours', 'yaw'))} times that of the yaw-only fit, "
+        f"{np.rad2deg(MOUNT_TILT_SD):g} and {np.rad2deg(BASE_TILT_SD):g} deg (standard deviations); on this rig "
+        f"they are exactly so, which suits it. Its error is {in_words(force_ratio(unseen, 'ours', 'yaw'))} times that of the yaw-only fit, "
         "which takes them for exactly so."
     )
     paragraphs.append(_said_of_weight(trials))

@@ -14,7 +14,7 @@ WAYS = ("tare", "gravity only", "paper", "ours")
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("force error, paper's six poses, N", "identification", "unseen", "{way}", "force, N"),
     ("force error, six planned poses, N", "planned", "poses", "{way}", "six planned: force, N"),
-    ("100 g weighed anywhere, RMS %", "weighing", "weights_anywhere", "{way}, norm", "100 g"),
+    ("100 g weighed in any orientation, RMS %", "weighing", "weights_anywhere", "{way}, norm", "100 g"),
     ("guarded moves that end at the plate", "guarded_move", "guarded_move", "{way}", "at the plate"),
     ("pushing with 10 N, upright plate, RMS error, N", "pushing", "pushing", "{way}", "upright plate, N"),
     ("pushing with 10 N, level plate, RMS error, N", "pushing", "pushing", "{way}", "level plate, N"),
@@ -91,7 +91,7 @@ def _claims(figures: _Figures) -> Iterable[str]:
     yield (
         "“Good estimation accuracy”, shown by weighing (Table IX): with the tool down 100 g come out with an RMS error "
         f"of {down['paper']:.2g} % by the paper's estimator, {down['ours']:.2g} % by ours, and {down['tare']:.2g} % by "
-        f"a mere tare. In any orientation it is {anywhere['paper']:.2g} % by the paper's estimator and "
+        f"a mere tare. In any orientation within range it is {anywhere['paper']:.2g} % by the paper's estimator and "
         f"{anywhere['ours']:.2g} % by ours."
     )
     slope = figures.value("weighing", "gain", "gain 0.974: paper", "slope")
