@@ -13,7 +13,15 @@ pytest.importorskip("matplotlib")
 
 from contactwrench.experiment import feeling
 from contactwrench.experiment.part import Measured, Part
-from contactwrench.experiment.touch import FACES, Inserted, Job, guarded, joints_of_moves, learned
+from contactwrench.experiment.touch import (
+    FACES,
+    Inserted,
+    Job,
+    guarded,
+    joints_of_calibration,
+    joints_of_moves,
+    learned,
+)
 from contactwrench.orientation import Array
 from contactwrench.simulate import film, peg, pushing
 from contactwrench.simulate.closed_loop import Trace
@@ -65,7 +73,7 @@ def test_with_the_zero_left_in_no_move_reaches_the_plate_and_with_a_calibration_
 @pytest.mark.parametrize(("theirs", "ours", "verdict"), [(2, 38, "fewer"), (38, 2, "more"), (36, 38, "cannot tell")])
 def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, verdict: str) -> None:
     tries = {
-        name: [Inserted(number < went_in, 8.0, 2.0, 0.0) for number in range(40)]
+        name: [Inserted("in" if number < went_in else "time", 8.0, 2.0, 0.0) for number in range(40)]
         for name, went_in in (("tare", theirs), ("ours", ours))
     }
     words = feeling._against_ours("upright", tries, "tare")
@@ -74,7 +82,8 @@ def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, 
 
 
 def test_same_seed_same_moves_and_blocks_do_not_matter() -> None:
-    ways = learned(3, 2)["ours"]
+    postures = joints_of_calibration()
+    ways = tuple(learned(3, number, postures)["ours"] for number in range(3))
     begin = joints_of_moves(3, 3)
     whole = guarded(Job(ways, 0, 3, 3, "level", begin))
     assert whole == guarded(Job(ways, 0, 2, 3, "level", begin)) + guarded(Job(ways, 2, 3, 3, "level", begin))
