@@ -62,6 +62,22 @@ def test_shares_of_the_moves_sum_to_one(three: tuple[Part, ...]) -> None:
         assert sum(shares) == pytest.approx(1.0)
 
 
+def test_shares_stand_with_an_interval_and_the_tries_that_failed_are_told_apart(three: tuple[Part, ...]) -> None:
+    for part in (three[0], three[2]):
+        for table in part.tables:
+            at = [number for number, name in enumerate(table.columns) if name.endswith("(share)")]
+            cells = [row[number] for _, row in table.rows for number in at]
+            assert cells
+            assert all(isinstance(cell, Measured) and cell.standard_error is None for cell in cells)
+            assert "2 calibrations" in table.note
+    for table in three[2].tables:
+        columns = {name: number for number, name in enumerate(table.columns)}
+        for _, row in table.rows:
+            done, failed = row[columns["in the hole (share)"]], row[columns["out of time, lost, stopped"]]
+            assert isinstance(done, Measured)
+            assert sum(map(int, str(failed).split(", "))) == round((1.0 - done.value) * done.trials)
+
+
 def test_with_the_zero_left_in_no_move_reaches_the_plate_and_with_a_calibration_all_do(three: tuple[Part, ...]) -> None:
     rows = dict(three[0].tables[0].rows)
     for name, at_plate in (("gravity only", 0.0), ("paper", 1.0), ("ours", 1.0)):

@@ -54,7 +54,7 @@ Runs = dict[str, Iterator[list[T]]]
 
 
 def parts(pool: Executor, scale: float, seed: int) -> tuple[Part, ...]:
-    """The three tasks; `scale` is of the number of trials. All jobs go to the pool at once."""
+    """The three tasks; `scale` is of the number of trials. Calibrations go to the pool first, then all the trials."""
     moves, pegs = _count(MOVES, scale), {"upright": _count(PEGS, scale), "level": _count(PEGS_LEVEL, scale)}
     lessons = list(
         pool.map(learned, repeat(seed), range(max(moves, *pegs.values())), repeat(joints_of_calibration()), chunksize=2)
@@ -255,15 +255,16 @@ def _tool() -> str:
 
 
 def _late() -> str:
-    """By how much the force grows between what is felt and the stop."""
+    """By how much the force goes past the threshold until the stop is commanded, and why."""
     sensor, growth = SETTINGS.sensor, guarded_move.SPEED * PLATE_STIFFNESS
     lag = 1.0 / (2.0 * np.pi * sensor.low_pass)
     late = lag + sensor.delay + PERIOD
     return (
-        f"The force grows by {growth:g} N/s, and until the stop the sensor's lag ({1e3 * lag:.1f} ms), its delay "
-        f"({1e3 * sensor.delay:g} ms) and up to one period of the controller ({1e3 * PERIOD:g} ms) pass: up to about "
-        f"{growth * late:.1f} N more than {guarded_move.THRESHOLD:g} N with a perfect calibration, about "
-        f"{growth * (late - 0.5 * PERIOD):.1f} N in the mean."
+        f"Square to a rigid arm the force would grow by {growth:g} N/s, and until the stop the sensor's lag "
+        f"({1e3 * lag:.1f} ms), its delay ({1e3 * sensor.delay:g} ms) and up to one period of the controller "
+        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would be {growth * (late - 0.5 * PERIOD):.1f} N over "
+        f"{guarded_move.THRESHOLD:g} N in the mean and {growth * late:.1f} N at the most. The arm gives a little too, "
+        "and plates lean, which makes it less."
     )
 
 
