@@ -262,9 +262,9 @@ def _late() -> str:
     return (
         f"Square to a rigid arm the force would grow by {growth:g} N/s, and until the stop the sensor's lag "
         f"({1e3 * lag:.1f} ms), its delay ({1e3 * sensor.delay:g} ms) and up to one period of the controller "
-        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would be {growth * (late - 0.5 * PERIOD):.1f} N over "
-        f"{guarded_move.THRESHOLD:g} N in the mean and {growth * late:.1f} N at the most. The arm gives a little too, "
-        "and plates lean, which makes it less."
+        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would be over {guarded_move.THRESHOLD:g} N by about "
+        f"{growth * (late - 0.5 * PERIOD):.1f} N in the mean and {growth * late:.1f} N at the most. The arm gives a "
+        "little too, and plates lean, which makes it less."
     )
 
 
