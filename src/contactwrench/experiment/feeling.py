@@ -262,9 +262,9 @@ def _late() -> str:
     return (
         f"Square to a rigid arm the force would grow by {growth:g} N/s, and until the stop the sensor's lag "
         f"({1e3 * lag:.1f} ms), its delay ({1e3 * sensor.delay:g} ms) and up to one period of the controller "
-        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would be over {guarded_move.THRESHOLD:g} N by about "
-        f"{growth * (late - 0.5 * PERIOD):.1f} N in the mean and {growth * late:.1f} N at the most. The arm gives a "
-        "little too, and plates lean, which makes it less."
+        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would then be over {guarded_move.THRESHOLD:g} N by "
+        f"about {growth * (late - 0.5 * PERIOD):.1f} N in the mean and {growth * late:.1f} N at the most. The arm "
+        "gives a little too, and plates lean, which makes it less."
     )
 
 
@@ -288,7 +288,7 @@ def _share(successes: int, trials: int) -> Measured:
 
 
 def _calibrations(n: int) -> str:
-    return f"{n} calibrations: each trial has one of its own, the same for every way's"
+    return f"{n} calibrations: every trial has one of its own, and all ways learn from the same recording"
 
 
 def _interval(successes: int, trials: int) -> str:
