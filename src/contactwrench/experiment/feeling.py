@@ -288,7 +288,7 @@ def _share(successes: int, trials: int) -> Measured:
 
 
 def _calibrations(n: int) -> str:
-    return f"{n} calibrations: every trial has one of its own, and all ways learn from the same recording"
+    return f"{n} calibrations: every trial has one of its own"
 
 
 def _interval(successes: int, trials: int) -> str:
