@@ -103,6 +103,21 @@ def test_the_contact_force_is_the_plates_spring_and_what_the_sensor_feels(tilt: 
     assert trace.point[-1] == pytest.approx(spot + (trace.qpos[-1, 7]) * normal, abs=2e-4)
 
 
+def test_a_place_in_the_axes_of_the_work_is_told_from_where_the_spring_let_it_sink() -> None:
+    settings = Settings(tool=TOOL, sensor=IDEAL, base=Base(tilt_deg=(4.0, -7.0)))
+    rig = probe(settings)
+    R_base_plate, spot = rotation_exp(np.array([0.4, -0.3, 0.2])), np.array([0.55, 0.05, 0.35])
+    R, position, joints = over_plate(rig, R_base_plate, spot, 0.0005)
+    arm = ClosedLoop(rig, joints, R_base_plate, spot, np.random.default_rng(0))
+    beside = np.array([0.03, -0.02, 0.01])
+    assert arm.in_work(spot + R_base_plate @ beside) == pytest.approx(beside, abs=1e-9)
+    for k in range(150):
+        arm.advance(R, position - min(0.0012, 1e-5 * k) * R_base_plate[:, 2])
+    sunk = arm.largest_force / PLATE_STIFFNESS
+    assert sunk > 2e-4
+    assert arm.in_work(spot + R_base_plate @ beside) == pytest.approx(beside + np.array([0.0, 0.0, sunk]), abs=2e-5)
+
+
 def test_the_contact_torque_is_that_of_the_force_at_its_point() -> None:
     settings = Settings(tool=TOOL, sensor=IDEAL)
     rig = probe(settings)

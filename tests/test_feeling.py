@@ -13,7 +13,15 @@ pytest.importorskip("matplotlib")
 
 from contactwrench.experiment import feeling
 from contactwrench.experiment.part import Measured, Part
-from contactwrench.experiment.touch import FACES, Inserted, Job, guarded, joints_of_moves, learned
+from contactwrench.experiment.touch import (
+    FACES,
+    Inserted,
+    Job,
+    guarded,
+    joints_of_calibration,
+    joints_of_moves,
+    learned,
+)
 from contactwrench.orientation import Array
 from contactwrench.simulate import film, peg, pushing
 from contactwrench.simulate.closed_loop import Trace
@@ -54,6 +62,22 @@ def test_shares_of_the_moves_sum_to_one(three: tuple[Part, ...]) -> None:
         assert sum(shares) == pytest.approx(1.0)
 
 
+def test_shares_stand_with_an_interval_and_the_tries_that_failed_are_told_apart(three: tuple[Part, ...]) -> None:
+    for part in (three[0], three[2]):
+        for table in part.tables:
+            at = [number for number, name in enumerate(table.columns) if name.endswith("(share)")]
+            cells = [row[number] for _, row in table.rows for number in at]
+            assert cells
+            assert all(isinstance(cell, Measured) and cell.standard_error is None for cell in cells)
+            assert "2 calibrations" in table.note
+    for table in three[2].tables:
+        columns = {name: number for number, name in enumerate(table.columns)}
+        for _, row in table.rows:
+            done, failed = row[columns["in the hole (share)"]], row[columns["out of time, lost, stopped"]]
+            assert isinstance(done, Measured)
+            assert sum(map(int, str(failed).split(", "))) == round((1.0 - done.value) * done.trials)
+
+
 def test_with_the_zero_left_in_no_move_reaches_the_plate_and_with_a_calibration_all_do(three: tuple[Part, ...]) -> None:
     rows = dict(three[0].tables[0].rows)
     for name, at_plate in (("gravity only", 0.0), ("paper", 1.0), ("ours", 1.0)):
@@ -65,7 +89,7 @@ def test_with_the_zero_left_in_no_move_reaches_the_plate_and_with_a_calibration_
 @pytest.mark.parametrize(("theirs", "ours", "verdict"), [(2, 38, "fewer"), (38, 2, "more"), (36, 38, "cannot tell")])
 def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, verdict: str) -> None:
     tries = {
-        name: [Inserted(number < went_in, 8.0, 2.0, 0.0) for number in range(40)]
+        name: [Inserted("in" if number < went_in else "time", 8.0, 2.0, 0.0) for number in range(40)]
         for name, went_in in (("tare", theirs), ("ours", ours))
     }
     words = feeling._against_ours("upright", tries, "tare")
@@ -74,7 +98,8 @@ def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, 
 
 
 def test_same_seed_same_moves_and_blocks_do_not_matter() -> None:
-    ways = learned(3, 2)["ours"]
+    postures = joints_of_calibration()
+    ways = tuple(learned(3, number, postures)["ours"] for number in range(3))
     begin = joints_of_moves(3, 3)
     whole = guarded(Job(ways, 0, 3, 3, "level", begin))
     assert whole == guarded(Job(ways, 0, 2, 3, "level", begin)) + guarded(Job(ways, 2, 3, 3, "level", begin))

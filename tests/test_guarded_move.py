@@ -13,7 +13,7 @@ from contactwrench.simulate import guarded_move, peg, pushing
 from contactwrench.simulate.closed_loop import ToContact, servo_rig
 from contactwrench.simulate.kinematics import flange_pose
 from contactwrench.simulate.rig import Rig, build
-from contactwrench.simulate.scenes import PLATE, PROBE, TOOL, hole, peg_tool
+from contactwrench.simulate.scenes import PLATE, PROBE, TOOL, hole, peg_tool, tip_in_flange
 from contactwrench.simulate.settings import Settings
 
 SETTINGS = Settings(tool=TOOL)
@@ -136,9 +136,49 @@ def test_with_a_perfect_sense_the_peg_goes_in_gently(peg_rig: Rig, over_hole: Ar
         assert one.seconds > (peg.START + peg.DEEP) / (peg.PUSH / peg.YIELDING.damping[2])
 
 
-def test_a_peg_that_feels_a_pull_of_eight_newton_sideways_is_lost(peg_rig: Rig, over_hole: Array) -> None:
-    sense = perfect(SETTINGS, (8.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+@pytest.mark.parametrize(("pull", "ended"), [(8.0, "time"), (20.0, "lost")])
+def test_a_peg_that_feels_a_pull_sideways_stays_at_the_mouth_or_is_lost(
+    peg_rig: Rig, over_hole: Array, pull: float, ended: str
+) -> None:
+    sense = perfect(SETTINGS, (pull, 0.0, 0.0, 0.0, 0.0, 0.0))
     one = peg.insert(peg_rig, *SIDE, over_hole, sense, np.random.default_rng(0))
+    assert one.ended == ended
+    assert not one.inserted
+
+
+def test_the_depth_is_that_below_the_face_of_the_block_where_its_springs_let_it_be(
+    peg_rig: Rig, over_hole: Array
+) -> None:
+    """Pushed with 60 N too much the block sinks; the peg's end, less the block's travel, is `DEEP` below the face."""
+    R, mouth = SIDE
+
+    def pushes_too_hard(reading: Array, R_base_flange: Array) -> Array:
+        wrench = perfect(SETTINGS)(reading, R_base_flange)
+        wrench[:3] += (R_base_flange @ SETTINGS.R_flange_sensor).T @ (-60.0 * R[:, 2])
+        return wrench
+
+    one = peg.insert(peg_rig, R, mouth, over_hole, pushes_too_hard, np.random.default_rng(1))
+    R_base_flange, position = flange_pose(build(SETTINGS), one.trace.qpos[-2:, :7])
+    below_where_it_stood = -((position + R_base_flange @ tip_in_flange(peg_rig) - mouth) @ R)[:, 2]
+    before, last = below_where_it_stood + one.trace.qpos[-2:, 9]
+    assert one.ended == "in"
+    assert one.trace.qpos[-1, 9] < -0.0004
+    assert before < peg.DEEP
+    assert one.depth == pytest.approx(last, abs=2e-4)
+
+
+def test_a_try_without_time_ends_so(peg_rig: Rig, over_hole: Array, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peg, "LONGEST", 0.1)
+    one = peg.insert(peg_rig, *SIDE, over_hole, perfect(SETTINGS), np.random.default_rng(0))
+    assert one.ended == "time"
+
+
+def test_a_push_beyond_the_protective_stop_ends_so(
+    peg_rig: Rig, over_hole: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(peg, "TOO_MUCH", 5.0)
+    one = peg.insert(peg_rig, *SIDE, over_hole, perfect(SETTINGS), np.random.default_rng(2))
+    assert one.ended == "stop"
     assert not one.inserted
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from itertools import chain
+from itertools import chain, repeat
 from typing import TypeVar
 
 import numpy as np
@@ -15,8 +15,9 @@ import numpy as np
 from ..orientation import Array
 from ..report.force_chart import force_chart
 from ..simulate import guarded_move, peg, pushing
+from ..simulate.closed_loop import PERIOD
 from ..simulate.scenes import CHAMFER, CLEARANCE, PEG_RADIUS, PLATE_STIFFNESS
-from .part import Measured, Part, Picture, Table, mean, root_mean_square, share, wilson
+from .part import Measured, Part, Picture, Table, mean, root_mean_square, wilson
 from .touch import (
     EVERY,
     SETTINGS,
@@ -28,6 +29,7 @@ from .touch import (
     guarded,
     guarded_pictures,
     inserted,
+    joints_of_calibration,
     joints_of_moves,
     joints_of_peg,
     joints_of_pushing,
@@ -37,21 +39,27 @@ from .touch import (
     pushing_pictures,
 )
 
-MOVES, PUSHES, PEGS, PEGS_LEVEL = 50, 3, 100, 12
-"""Trials of each way at scale 1; fewer on the level face, where the tare was taken."""
-CALIBRATIONS = 10
-BLOCK = 10
+MOVES, PUSHES, PEGS, PEGS_LEVEL = 50, 8, 50, 12
+"""Trials of each way at scale 1, each with a calibration of its own; fewer pegs straight below, where the tare was
+taken.
+"""
+BLOCK = 5
 """Trials of a job."""
 FACES = ("upright", "level")
+FAILED = ("time", "lost", "stop")
+"""How a try of the peg ends that fails."""
 
 T = TypeVar("T")
 Runs = dict[str, Iterator[list[T]]]
 
 
 def parts(pool: Executor, scale: float, seed: int) -> tuple[Part, ...]:
-    """The three tasks; `scale` is of the number of trials. All jobs go to the pool at once."""
-    ways = learned(seed, min(CALIBRATIONS, _count(CALIBRATIONS, scale)))
+    """The three tasks; `scale` is of the number of trials. Calibrations go to the pool first, then all the trials."""
     moves, pegs = _count(MOVES, scale), {"upright": _count(PEGS, scale), "level": _count(PEGS_LEVEL, scale)}
+    lessons = list(
+        pool.map(learned, repeat(seed), range(max(moves, *pegs.values())), repeat(joints_of_calibration()), chunksize=2)
+    )
+    ways = {name: tuple(lesson[name] for lesson in lessons) for name in lessons[0]}
     begin = joints_of_moves(moves, seed)
     at_plate, over_hole = ({face: joints(face) for face in FACES} for joints in (joints_of_pushing, joints_of_peg))
 
@@ -97,8 +105,8 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         force = mean([move.at_stop for move in at_plate]) if at_plate else None
         largest = Measured(max(move.largest for move in moves), None, len(moves))
         rows.append((name, (
-            share(move.ended == "contact" for move in moves), _interval(len(at_plate), len(moves)),
-            share(move.ended == "false stop" for move in moves), share(move.ended == "missed" for move in moves),
+            _share(len(at_plate), len(moves)), _interval(len(at_plate), len(moves)),
+            _share(early, len(moves)), _share(len(missed), len(moves)),
             force, largest,
         )))  # fmt: skip
         felt = "" if force is None else f", at {force.value:.1f} N in the mean"
@@ -111,13 +119,17 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         f"The arm goes straight ahead along its tool at {1e3 * guarded_move.SPEED:g} mm/s until it feels "
         f"{guarded_move.THRESHOLD:g} N, and stops. Each move begins in another orientation, anywhere in the workspace; "
         f"the plate is {1e3 * guarded_move.GAP[0]:g} to {1e3 * guarded_move.GAP[1]:g} mm away, leans by up to "
-        f"{np.rad2deg(guarded_move.LARGEST_LEAN):.0f} deg and gives by 1 mm for {PLATE_STIFFNESS / 1e3:g} N. " + _tool()
+        f"{np.rad2deg(guarded_move.LARGEST_LEAN):.0f} deg and gives by 1 mm for {PLATE_STIFFNESS / 1e3:g} N. "
+        f"{_late()} {_tool()}"
     )
+    n = len(stops["ours"])
     table = Table(
         "guarded_move", "Guarded moves in any orientation",
-        ("at the plate", "its 95 % interval", "in free air", "not stopped", "force at the stop, N", "largest force, N"),
+        ("at the plate (share)", "its 95 % interval", "in free air (share)", "not stopped (share)",
+         "force at the stop, N", "largest force, N"),
         tuple(rows),
-        "Shares of all moves; the force is the true one when the stop was commanded, mean of those at the plate.",
+        f"{n} moves of each way, {_calibrations(n)}. Shares of all moves; the force is the true one when the stop was "
+        "commanded, mean of those at the plate.",
     )  # fmt: skip
     caption = "The ends of guarded moves with our calibration, each in another orientation."
     return _part("guarded_move", "A guarded move", [setting, *words], (table,), strip, caption)
@@ -143,6 +155,7 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
         if abs(force - pushing.FORCE) > 0.1 * pushing.FORCE:
             words.append(f"{_sentence(name)} pushed with {force:.1f} N in the mean instead of {pushing.FORCE:g} N.")
     words.append(_saturated(runs))
+    count = len(runs["level"]["ours"])
     setting = (
         f"A ball-ended probe pushes against a plate with {pushing.FORCE:g} N while the tool leans over by up to "
         f"{np.rad2deg(pushing.LEAN):.0f} deg to all sides, a figure of eight in {pushing.ROUND:g} s. An admittance "
@@ -152,7 +165,7 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
     table = Table(
         "pushing", "Error of the true normal force (root mean square), N",
         (*(f"{face} plate, N" for face in FACES), *(f"ended early, {face}" for face in FACES)), rows,
-        "Ended early: the arm left the plate by more than "
+        f"{count} runs of each way and plate, {_calibrations(count)}. Ended early: the arm left the plate by more than "
         f"{1e3 * pushing.LOST:g} mm, or pushed with {pushing.TOO_MUCH:g} N and its protective stop ended the run.",
     )  # fmt: skip
     first = {name: found[0].normal_force for name, found in runs["upright"].items()}
@@ -181,18 +194,22 @@ def _peg_part(tries: dict[str, dict[str, list[Inserted]]], strip: Strip) -> Part
     tables, words = [], []
     for face in FACES:
         rows = []
+        n = len(tries[face]["ours"])
         for name, found in tries[face].items():
             done = [one for one in found if one.inserted]
             seconds = mean([one.seconds for one in done]) if done else None
             rows.append((name, (
-                share(one.inserted for one in found), _interval(len(done), len(found)),
+                _share(len(done), n), _interval(len(done), n), _failed(found),
                 mean([one.largest_force for one in found]),
                 Measured(max(one.largest_force for one in found), None, len(found)), seconds,
             )))  # fmt: skip
         tables.append(Table(
             f"peg_{face}", f"Peg in a hole, {_where(face)}",
-            ("in the hole", "its 95 % interval", "largest force, N", "largest of all, N", "seconds"), tuple(rows),
-            "Largest force: mean over the tries of the largest in each. Seconds: mean of those that went in.",
+            ("in the hole (share)", "its 95 % interval", "out of time, lost, stopped", "largest force, N",
+             "largest of all, N", "seconds"), tuple(rows),
+            f"{n} tries of each way, {_calibrations(n)}. Out of time, lost, stopped: how many of the other tries ended "
+            f"after {peg.LONGEST:g} s, {1e3 * peg.LOST:g} mm off, and by the protective stop. Largest force: mean over "
+            "the tries of the largest in each. Seconds: mean of those that went in.",
         ))  # fmt: skip
         words += [_against_ours(face, tries[face], name) for name in tries[face] if name != "ours"]
     words.append(_saturated(tries))
@@ -217,6 +234,11 @@ def _against_ours(face: str, tries: dict[str, list[Inserted]], name: str) -> str
     return f"{words}."
 
 
+def _failed(found: Sequence[Inserted]) -> str:
+    """How many tries ended in each of the ways to fail."""
+    return ", ".join(str(sum(one.ended == end for one in found)) for end in FAILED)
+
+
 def _where(face: str) -> str:
     return "in the upright face" if face == "upright" else "straight below"
 
@@ -227,7 +249,22 @@ def _tool() -> str:
     com = ", ".join(f"{1e3 * value:g}" for value in tool.com)
     return (
         f"The tool weighs {weight:.1f} N ({tool.mass:g} kg, centre of mass at {com} mm), the sensor's zero is "
-        f"{bias[2]:g} N along its z; calibrations come from the paper's six postures with this tool."
+        f"{bias[2]:g} N along its z; calibrations come from the paper's six postures with this tool. The controller "
+        "knows the sensor's mounting exactly, for every way; only what is subtracted differs."
+    )
+
+
+def _late() -> str:
+    """By how much the force goes past the threshold until the stop is commanded, and why."""
+    sensor, growth = SETTINGS.sensor, guarded_move.SPEED * PLATE_STIFFNESS
+    lag = 1.0 / (2.0 * np.pi * sensor.low_pass)
+    late = lag + sensor.delay + PERIOD
+    return (
+        f"Square to a rigid arm the force would grow by {growth:g} N/s, and until the stop the sensor's lag "
+        f"({1e3 * lag:.1f} ms), its delay ({1e3 * sensor.delay:g} ms) and up to one period of the controller "
+        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would then be over {guarded_move.THRESHOLD:g} N by "
+        f"about {growth * (late - 0.5 * PERIOD):.1f} N in the mean and {growth * late:.1f} N at the most. The arm "
+        "gives a little too, and plates lean, which makes it less."
     )
 
 
@@ -243,6 +280,15 @@ def _saturated(found: dict[str, dict[str, list[Pushed]]] | dict[str, dict[str, l
         f"A channel of the sensor stood at its limit, and showed less than there was, in {figures} of the readings: "
         f"its zero leaves {room.min():.2f} N m of one torque axis, and no calibration gives that back."
     )
+
+
+def _share(successes: int, trials: int) -> Measured:
+    """Without a standard error: the interval beside it is what counts, and it is right at 0 and 1 too."""
+    return Measured(successes / trials, None, trials)
+
+
+def _calibrations(n: int) -> str:
+    return f"{n} calibrations: every trial has one of its own"
 
 
 def _interval(successes: int, trials: int) -> str:

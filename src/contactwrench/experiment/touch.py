@@ -2,16 +2,17 @@
 experiment's pool does. Jobs and what they give back are small, so that they go between processes.
 
 A job is a block of trials with one way. Every trial has its own random offsets, distances and noise, the same for every
-way; trials take turns at the calibrations, each learned from a recording of its own.
+way, and a calibration of its own, learned from a recording of its own: trials are independent.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from ..calibrate import calibrate
 from ..errors import MissingExtraError
 from ..orientation import Array
 from ..simulate import film, guarded_move, peg, pushing
@@ -22,7 +23,7 @@ from ..simulate.recording import record_poses
 from ..simulate.rig import Rig, build
 from ..simulate.scenes import PLATE, PROBE, TOOL, hole, peg_tool
 from ..simulate.settings import Settings
-from .ways import Way, gravity_only, ours, paper, tare
+from .ways import Way, paper, tare, without_bias
 
 SETTINGS = Settings(tool=TOOL)
 
@@ -36,26 +37,31 @@ Strip: TypeAlias = tuple[str, str]
 """An `img`, and no word; or nothing, and the word why there is no picture."""
 
 
-def learned(seed: int, calibrations: int) -> dict[str, tuple[Way, ...]]:
-    """Every way as it came out of so many recordings.
+def joints_of_calibration() -> Array:
+    """Joints (6, 7), rad, in the paper's six postures."""
+    return paper_joints(build(SETTINGS))
 
-    The recordings are of the paper's six postures, with the tool that does the work. The tare is what people do: the
-    sensor is zeroed once, with the arm at `HOME`, where the tool points straight down.
+
+def learned(seed: int, number: int, joints: Array) -> dict[str, Way]:
+    """Every way as it came out of the recording of that number.
+
+    The recording is of the paper's six postures, `joints` (6, 7), rad, with the tool that does the work. The tare is
+    what people do: the sensor is zeroed once, with the arm at `HOME`, where the tool points straight down.
     """
-    joints = paper_joints(build(SETTINGS))
-    ways: dict[str, list[Way]] = {"tare": [], "gravity only": [], "paper": [], "ours": []}
-    for number in range(calibrations):
-        rng = np.random.default_rng([seed, 0, number])
-        samples = record_poses(SETTINGS, joints, rng=rng).samples
-        ways["tare"].append(tare(record_poses(SETTINGS, HOME[None], rng=rng).samples))
-        ways["gravity only"].append(gravity_only(samples))
-        ways["paper"].append(paper(samples))
-        ways["ours"].append(ours(samples))
-    return {name: tuple(found) for name, found in ways.items()}
+    rng = np.random.default_rng([seed, 0, number])
+    samples = record_poses(SETTINGS, joints, rng=rng).samples
+    zeroed = tare(record_poses(SETTINGS, HOME[None], rng=rng).samples)
+    calibration = calibrate(samples, "auto")
+    return {
+        "tare": zeroed,
+        "gravity only": without_bias("gravity only", calibration),
+        "paper": paper(samples),
+        "ours": Way("ours", calibration.B, calibration.gravity_direction),
+    }
 
 
 def touch(way: Way) -> ToContact:
-    """A way as a controller calls it a hundred times a second, without the checks of arrays that nobody typed in."""
+    """A way as a controller calls it 125 times a second, without the checks of arrays that nobody typed in."""
     gravity, bias, down = np.array(way.B[:, :3]), np.array(way.B[:, 3]), np.array(way.gravity_direction)
 
     def to_contact(reading: Array, R_base_flange: Array) -> Array:
@@ -67,7 +73,7 @@ def touch(way: Way) -> ToContact:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Trials `first` to `last` (that one not) with one way, learned several times, on the `face` of that name.
+    """Trials `first` to `last` (that one not) with one way, as each of them learned it, on the `face` of that name.
 
     `joints`, rad: where each guarded move begins (n, 7), or where the arm is at that face (7,).
     """
@@ -82,7 +88,7 @@ class Job:
     def trials(self, task: int) -> list[tuple[int, ToContact, np.random.Generator]]:
         """Number, sense and random generator of each; `task` keeps the tasks' generators apart."""
         return [
-            (number, touch(self.ways[number % len(self.ways)]), np.random.default_rng([self.seed, task, number]))
+            (number, touch(self.ways[number]), np.random.default_rng([self.seed, task, number]))
             for number in range(self.first, self.last)
         ]
 
@@ -151,10 +157,15 @@ def pushed(job: Job) -> list[Pushed]:
 class Inserted:
     """One peg, as in `Insertion`; `saturated` as in `Trace`."""
 
-    inserted: bool
+    ended: Literal["in", "time", "lost", "stop"]
     largest_force: float
     seconds: float
     saturated: float
+
+    @property
+    def inserted(self) -> bool:
+        """Whether the peg is in."""
+        return self.ended == "in"
 
 
 def inserted(job: Job) -> list[Inserted]:
@@ -162,7 +173,7 @@ def inserted(job: Job) -> list[Inserted]:
     rig = _peg_rig()
     R, mouth = FACES[job.face]
     tries = [peg.insert(rig, R, mouth, job.joints, sense, rng) for _, sense, rng in job.trials(task=4)]
-    return [Inserted(one.inserted, one.largest_force, one.seconds, one.trace.saturated) for one in tries]
+    return [Inserted(one.ended, one.largest_force, one.seconds, one.trace.saturated) for one in tries]
 
 
 def guarded_pictures(job: Job) -> Strip:

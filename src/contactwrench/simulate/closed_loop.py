@@ -42,8 +42,11 @@ BANDWIDTH = 2.0 * np.pi * 20.0
 """Of the position servos, rad/s."""
 LEAD = 2.0 / BANDWIDTH
 """s: critical damping holds a moving joint back by so much time, and the command is ahead by it."""
+ROWS_AHEAD = LEAD + WITHIN_PERIOD
+PER_SPEED = 1.0 / MAX_SPEED
 DAMPED = 0.01
 """m or rad per unit: what keeps joint speeds finite near a singularity."""
+DAMPING = DAMPED**2 * np.eye(6)
 
 
 def servo_rig(settings: Settings, tool_shape: str, work: str) -> Rig:
@@ -101,9 +104,11 @@ class ClosedLoop:
         mujoco = import_mujoco()
         self._mujoco, self._model, self._flange = mujoco, rig.model, rig.flange
         self._R_world_base = rig.settings.R_world_base
+        self._R_base_world = np.ascontiguousarray(self._R_world_base.T)
         self._data, self._plan = mujoco.MjData(rig.model), mujoco.MjData(rig.model)
         self._data.mocap_pos[0] = self._R_world_base @ work_position
         mujoco.mju_mat2Quat(self._data.mocap_quat[0], (self._R_world_base @ R_base_work).ravel())
+        self._applied, self._needed = self._data.qfrc_applied[:JOINTS], self._data.qfrc_bias[:JOINTS]
         self._command = np.array(joints, dtype=np.float64)
         self._data.qpos[:JOINTS] = self._data.ctrl[:] = self._command
         mujoco.mj_forward(self._model, self._data)
@@ -112,10 +117,18 @@ class ClosedLoop:
         self._stream = SensorStream(rig.settings.sensor, 1.0 / STEP, rng)
         touch = rig.model.sensor("touch").adr[0]
         self._sensed, self._drive = self._data.sensordata, self._data.ctrl
+        self._qpos = self._data.qpos
+        self._R_world_flange = self._data.site_xmat[self._flange].reshape(3, 3)
+        self._flange_in_world = self._data.site_xpos[self._flange]
+        # MuJoCo numbers a body's only child next after it
+        work = rig.model.body("work").id + 1
+        self._R_world_work, self._work_in_world = self._data.xmat[work].reshape(3, 3), self._data.xpos[work]
         self._rows = np.tile(self._sensed, (ROWS, 1))
         self._wrench, self._touch = self._rows[:, :6], self._sensed[touch : touch + 6]
         self.contact_force = self._rows[:, touch : touch + 3]
         self._jacobian = np.zeros((6, rig.model.nv))
+        self._planned, self._planned_in_world = self._plan.qpos[:JOINTS], self._plan.site_xpos[self._flange]
+        self._R_world_planned = self._plan.site_xmat[self._flange].reshape(3, 3)
         self._seen: list[tuple[float, Array, Array]] = []
         self._saturated = 0
         self._look()
@@ -123,18 +136,27 @@ class ClosedLoop:
     @property
     def position(self) -> Array:
         """Of the flange (3,), m, base axes, as it is."""
-        here: Array = self._R_world_base.T @ self._data.site_xpos[self._flange]
+        here: Array = self._R_base_world @ self._flange_in_world
         return here
+
+    @property
+    def largest_force(self) -> float:
+        """The largest contact force in the last period, N."""
+        return float(np.einsum("ij,ij->i", self.contact_force, self.contact_force).max() ** 0.5)
+
+    def in_work(self, place: Array) -> Array:
+        """A place (3,), m, base axes, in the axes of the work as it is now, sunk and tilted on its springs."""
+        there: Array = (self._R_world_base @ place - self._work_in_world) @ self._R_world_work
+        return there
 
     def advance(self, R_base_flange: Array, position: Array) -> None:
         """One period, at the end of which the flange is commanded to be at an orientation (3, 3) and position (3,)."""
         speed = self._joint_speed(self._R_world_base @ R_base_flange, self._R_world_base @ position)
-        drives = self._command + (LEAD + WITHIN_PERIOD) * speed
         data, step, model, drive, sensed = self._data, self._mujoco.mj_step, self._model, self._drive, self._sensed
-        for row in range(ROWS):
-            drive[:] = drives[row]
+        for drives, row in zip(self._command + ROWS_AHEAD * speed, self._rows, strict=True):
+            drive[:] = drives
             step(model, data)
-            self._rows[row] = sensed
+            row[:] = sensed
         self._command += PERIOD * speed
         self._feed_forward()
         self._look()
@@ -146,32 +168,31 @@ class ClosedLoop:
         return Trace(t, qpos, touch[:, :3], touch[:, 3:], work_position, work_quat_wxyz, self._saturated / len(t))
 
     def _feed_forward(self) -> None:
-        self._data.qfrc_applied[:JOINTS] = self._data.qfrc_bias[:JOINTS]
+        self._applied[:] = self._needed
 
     def _look(self) -> None:
         """What the controller is told at the end of a period."""
         readings = self._stream.read(-self._wrench)
         self.reading = readings.wrench[-1]
         self._saturated += int(readings.saturated[-1].any())
-        self.R_base_flange = self._R_world_base.T @ self._data.site_xmat[self._flange].reshape(3, 3)
-        self._seen.append((self._data.time, self._data.qpos.copy(), self._touch.copy()))
+        self.R_base_flange = self._R_base_world @ self._R_world_flange
+        self._seen.append((self._data.time, self._qpos.copy(), self._touch.copy()))
 
     def _joint_speed(self, R: Array, position: Array) -> Array:
         """Joint speeds (7,) that bring the commanded flange to a pose in world axes within one period: one step of
         damped least squares a period, which stays on the pose because every step begins with what the last one left.
         """
         plan, mujoco, model = self._plan, self._mujoco, self._model
-        plan.qpos[:JOINTS] = self._command
+        self._planned[:] = self._command
         mujoco.mj_kinematics(model, plan)
         mujoco.mj_comPos(model, plan)
         mujoco.mj_jacSite(model, plan, self._jacobian[:3], self._jacobian[3:], self._flange)
         jacobian = self._jacobian[:, :JOINTS]
-        turn = R @ plan.site_xmat[self._flange].reshape(3, 3).T
-        error = np.empty(6)
-        error[:3] = position - plan.site_xpos[self._flange]
-        error[3:] = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
-        error[3:] *= 0.5
-        gram = jacobian @ jacobian.T
-        gram.flat[::7] += DAMPED**2
-        speed: Array = jacobian.T @ np.linalg.solve(gram, error) / PERIOD
-        return speed / max(1.0, float(np.max(np.abs(speed) / MAX_SPEED)))
+        (_, xy, xz), (yx, _, yz), (zx, zy, _) = (R @ self._R_world_planned.T).tolist()
+        x, y, z = (position - self._planned_in_world).tolist()
+        error = np.array([x, y, z, 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)])
+        gram = jacobian @ jacobian.T + DAMPING
+        mujoco.mju_cholFactor(gram, 0.0)
+        mujoco.mju_cholSolve(error, gram, error.copy())
+        speed: Array = (error @ jacobian) / PERIOD
+        return speed / max(1.0, float((np.abs(speed) * PER_SPEED).max()))

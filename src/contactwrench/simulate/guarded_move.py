@@ -53,7 +53,8 @@ class GuardedMove:
 def approaches(rig: Rig, n: int, rng: np.random.Generator) -> Array:
     """Joints (m, 7), rad, from which a short straight move along the tool is possible, in any orientation.
 
-    They are `n` random configurations (`random_joints`) less those near a singularity and near a limit.
+    They are `n` random configurations (`random_joints`, which stay away from the joints' limits) less those near a
+    singularity.
     """
     plain = build(rig.settings)
     joints = random_joints(plain, n, rng)
@@ -90,7 +91,7 @@ def guarded_move(rig: Rig, joints: Array, to_contact: ToContact, rng: np.random.
             else:
                 way += SPEED * PERIOD
         arm.advance(R, start + way * ahead)
-        largest = max(largest, float(np.sqrt(np.max(np.sum(arm.contact_force**2, axis=1)))))
+        largest = max(largest, arm.largest_force)
     if not stopped:
         return GuardedMove("missed", at_stop, largest, arm.trace())
     return GuardedMove("contact" if touched else "false stop", at_stop, largest, arm.trace())

@@ -13,7 +13,9 @@ from .arm import JOINT_RANGE
 from .rig import JOINTS, Rig, import_mujoco, inverse_dynamics
 
 HOME = np.deg2rad([0.0, 30.0, 0.0, -60.0, 0.0, 90.0, 0.0])
-"""Joints (7,) with the flange down in front of the base, half a metre out: every tilt is within the wrist's reach."""
+"""Joints (7,) with the flange down in front of the base, at x = 0.600 and z = 0.560 m: every tilt is within the wrist's
+reach.
+"""
 
 ITERATIONS = 200
 CLOSE = 1e-11

@@ -8,6 +8,7 @@ largest offset, so no search is needed: all that can go wrong is what the robot 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -45,24 +46,31 @@ YIELDING = Admittance(
 hole there is no spring, and the damping makes the push 15 mm/s in free air.
 """
 
-ARM = cross_matrix(TIP)
+AT_TIP = np.block([[np.eye(3), np.zeros((3, 3))], [-cross_matrix(TIP), np.eye(3)]])
+"""From a wrench at the sensor to the same wrench about the peg's tip, both in sensor axes."""
 TOOL_IN_HOLE = np.diag([1.0, -1.0, -1.0])
 """The tool points into the hole."""
 
 
 @dataclass(frozen=True, eq=False)
 class Insertion:
-    """`inserted`: the peg's end came to `DEEP` below the face within `LONGEST`, with no protective stop.
+    """How it ended: `in`, the peg's end at `DEEP` below the face of the block where its springs let it be; out of
+    `time`; `lost`; or by the protective `stop`.
 
     `largest_force` N: the largest net force of block and peg on each other; `depth` m: how far it came; `seconds` that
     it took, or until it was given up.
     """
 
-    inserted: bool
+    ended: Literal["in", "time", "lost", "stop"]
     largest_force: float
     depth: float
     seconds: float
     trace: Trace
+
+    @property
+    def inserted(self) -> bool:
+        """Whether the peg is in."""
+        return self.ended == "in"
 
 
 def joints_over(rig: Rig, R_base_hole: Array, mouth: Array) -> Array:
@@ -92,21 +100,26 @@ def insert(
     R, position = flange(displacement)
     arm = ClosedLoop(rig, joints_for(build(rig.settings), R, position, joints), R_base_hole, mouth, rng)
     largest, depth, seconds = 0.0, 0.0, 0.0
-    while seconds < LONGEST and depth < DEEP:
-        wrench = to_contact(arm.reading, arm.R_base_flange)
-        to_hole = R_believed.T @ arm.R_base_flange @ R_flange_sensor
-        force = np.concatenate([to_hole @ wrench[:3], to_hole @ (wrench[3:] - ARM @ wrench[:3])])
+    ended: Literal["in", "time", "lost", "stop"] = "time"
+    while ended == "time" and seconds < LONGEST:
+        felt = AT_TIP @ to_contact(arm.reading, arm.R_base_flange)
+        R_sensor_believed = (arm.R_base_flange @ R_flange_sensor).T @ R_believed
+        force = (felt.reshape(2, 3) @ R_sensor_believed).ravel()
         force[2] -= PUSH
         force[5] = 0.0
         displacement, velocity = YIELDING.step(displacement, velocity, force, PERIOD)
         arm.advance(*flange(displacement))
         seconds += PERIOD
-        largest = max(largest, float(np.sqrt(np.max(np.sum(arm.contact_force**2, axis=1)))))
-        true_tip = R_base_hole.T @ (arm.position + arm.R_base_flange @ tip - mouth)
-        depth = -float(true_tip[2])
-        if largest > TOO_MUCH or max(np.hypot(true_tip[0], true_tip[1]), -depth) > LOST:
-            break
-    return Insertion(depth >= DEEP and largest <= TOO_MUCH, largest, depth, seconds, arm.trace())
+        largest = max(largest, arm.largest_force)
+        x, y, z = arm.in_work(arm.position + arm.R_base_flange @ tip).tolist()
+        depth = -z
+        if largest > TOO_MUCH:
+            ended = "stop"
+        elif depth >= DEEP:
+            ended = "in"
+        elif max(np.hypot(x, y), z) > LOST:
+            ended = "lost"
+    return Insertion(ended, largest, depth, seconds, arm.trace())
 
 
 def _misplaced(R_base_hole: Array, mouth: Array, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -53,6 +53,7 @@ class SensorStream:
         self._response = (1.0 - keep) * np.tril(keep ** np.maximum(-age, 0))
         self._decay = keep ** np.arange(1.0, FILTER_ROWS + 1.0)[:, None]
         self._limit = sensor.overload * np.array(sensor.ranges)
+        self._warms, self._walks = bool(self._warm_up.any()), bool(self._walk_steps.any())
 
     def read(self, wrench: Array) -> Readings:
         """Readings (n, 6) of the true wrenches (n, 6), the next n rows."""
@@ -60,11 +61,11 @@ class SensorStream:
             return Readings(np.empty((0, 6)), np.empty((0, 6), dtype=bool))
         signal = wrench @ self._mixing + self._bias(len(wrench))
         signal = self._delayed(self._low_passed(signal))
-        signal = signal + self._noise * self._rng.normal(size=signal.shape)
+        signal = signal + self._noise * self._rng.standard_normal(signal.shape)
         saturated = np.abs(signal) >= self._limit
-        signal = np.clip(signal, -self._limit, self._limit)
+        signal = np.minimum(np.maximum(signal, -self._limit), self._limit)
         if self._sensor.quantum > 0.0:
-            signal = np.round(signal / self._sensor.quantum) * self._sensor.quantum + 0.0
+            signal = np.rint(signal / self._sensor.quantum) * self._sensor.quantum + 0.0
         self._rows += len(wrench)
         return Readings(signal, saturated)
 
@@ -74,10 +75,10 @@ class SensorStream:
         (rows, 6), or (6,) of one that stays.
         """
         bias = self._bias_at_rest
-        if self._warm_up.any():
+        if self._warms:
             t = (self._rows + np.arange(rows)) * self._period
             bias = bias + np.exp(-t / self._sensor.drift.warm_up_time)[:, None] * self._warm_up
-        if self._walk_steps.any():
+        if self._walks:
             walk = self._walk + np.cumsum(self._walk_steps * self._rng.normal(size=(rows, 6)), axis=0)
             self._walk = walk[-1]
             bias = bias + walk
