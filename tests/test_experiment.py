@@ -65,7 +65,9 @@ def test_the_headline_is_taken_from_the_parts(short: tuple[Part, ...]) -> None:
     }
     table = short[0].tables[0]
     headline = {label: dict(zip(table.columns, cells, strict=True)) for label, cells in table.rows}
-    assert headline["pegs in the hole, upright face"]["ours"] == found["peg", "peg_upright", "ours", "in the hole"]
+    assert (
+        headline["pegs in the hole, upright face"]["ours"] == found["peg", "peg_upright", "ours", "in the hole (share)"]
+    )
     of_planned = headline["force error, six planned poses, N"]
     assert of_planned["tare"] == found["planned", "poses", "tare", "six planned: force, N"]
     assert of_planned["gravity only"] is None

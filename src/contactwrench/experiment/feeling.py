@@ -39,7 +39,7 @@ from .touch import (
     pushing_pictures,
 )
 
-MOVES, PUSHES, PEGS, PEGS_LEVEL = 50, 8, 50, 12
+MOVES, PUSHES, PEGS, PEGS_LEVEL = 50, 5, 100, 12
 """Trials of each way at scale 1, each with a calibration of its own; fewer pegs straight below, where the tare was
 taken.
 """

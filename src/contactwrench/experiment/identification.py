@@ -298,8 +298,8 @@ def _said_of_identification(trials: Sequence[Trial]) -> tuple[str, ...]:
         f"{smaller} has the smaller error, by a factor of "
         f"{in_words(force_ratio(unseen, worse, better))}. Ours takes faces and base for parallel and level only within "
         f"{np.rad2deg(MOUNT_TILT_SD):g} and {np.rad2deg(BASE_TILT_SD):g} deg (standard deviations); on this rig "
-        f"they are exactly so, which suits it. Its error is {in_words(force_ratio(unseen, 'ours', 'yaw'))} times that of the yaw-only fit, "
-        "which takes them for exactly so."
+        f"they are exactly so, which suits it. Its error is {in_words(force_ratio(unseen, 'ours', 'yaw'))} times that "
+        "of the yaw-only fit, which takes them for exactly so."
     )
     paragraphs.append(_said_of_weight(trials))
     return tuple(paragraphs)

@@ -37,7 +37,7 @@ from .trials import (
 )
 from .ways import WAYS, Learn, calibrated
 
-TRIALS = 7
+TRIALS = 6
 BY_CHANCE = 0.001
 """How often chance alone may make a difference that counts, where there is none: there are many cells."""
 NEAR = 1.3

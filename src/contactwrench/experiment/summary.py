@@ -15,12 +15,12 @@ ROWS: tuple[tuple[str, str, str, str, str], ...] = (
     ("force error, paper's six poses, N", "identification", "unseen", "{way}", "force, N"),
     ("force error, six planned poses, N", "planned", "poses", "{way}", "six planned: force, N"),
     ("100 g weighed in any orientation, RMS %", "weighing", "weights_anywhere", "{way}, norm", "100 g"),
-    ("guarded moves that end at the plate", "guarded_move", "guarded_move", "{way}", "at the plate"),
+    ("guarded moves that end at the plate", "guarded_move", "guarded_move", "{way}", "at the plate (share)"),
     ("pushing with 10 N, upright plate, RMS error, N", "pushing", "pushing", "{way}", "upright plate, N"),
     ("pushing with 10 N, level plate, RMS error, N", "pushing", "pushing", "{way}", "level plate, N"),
-    ("pegs in the hole, upright face", "peg", "peg_upright", "{way}", "in the hole"),
+    ("pegs in the hole, upright face", "peg", "peg_upright", "{way}", "in the hole (share)"),
     ("largest force on the peg, upright face, N", "peg", "peg_upright", "{way}", "largest force, N"),
-    ("pegs in the hole, level face", "peg", "peg_level", "{way}", "in the hole"),
+    ("pegs in the hole, level face", "peg", "peg_level", "{way}", "in the hole (share)"),
     ("largest force on the peg, level face, N", "peg", "peg_level", "{way}", "largest force, N"),
 )
 """Of the headline table: title, and the part, table, row and column that it is taken from."""
