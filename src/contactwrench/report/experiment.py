@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from ..calibration_text import meaningful_digits
 from ..experiment.part import Measured, Part, Picture, Table
@@ -26,6 +27,7 @@ INTRODUCTION = (
     "Figures in the tables are given +- their standard error over independent data sets, robots or calibrations. "
     "Extremes, ends of intervals, shares beside their interval, and what is known exactly stand alone.",
 )
+MOST_DIGITS = 4
 DATA_URI = re.compile(r'src="data:image/(?P<kind>png|gif);base64,(?P<data>[^"]+)"')
 
 
@@ -80,11 +82,16 @@ def _cell_html(cell: Measured | str | None) -> str:
 
 
 def shown(cell: Measured) -> str:
-    """The figure +- its standard error, with the digits that mean something."""
-    if cell.standard_error is None or cell.standard_error == 0.0:
+    """The figure +- its standard error, with the digits that mean something, four of them at most."""
+    if not cell.standard_error:
         return f"{cell.value:.4g}"
     value, error = meaningful_digits(cell.value, cell.standard_error)
-    return f"{value.removeprefix('-') if float(value) == 0.0 else value} +- {error}"
+    if float(value) == 0.0:
+        return f"{value.removeprefix('-')} +- {error}"
+    most = max(0, MOST_DIGITS - 1 - int(np.floor(np.log10(abs(cell.value)))))
+    if len(value.partition(".")[2]) <= most:
+        return f"{value} +- {error}"
+    return f"{cell.value:.{most}f} +- {cell.standard_error:.2g}"
 
 
 def experiment_markdown(parts: tuple[Part, ...], scale: float, seed: int) -> str:
