@@ -14,7 +14,8 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size
 th, td { text-align: right; padding: .22rem .7rem .22rem 0; white-space: nowrap; }
 th { font-weight: 600; }
 th:first-child { text-align: left; }
-thead th { color: var(--soft); font-weight: 500; border-bottom: 1px solid var(--line); }
+thead th { color: var(--soft); font-weight: 500; border-bottom: 1px solid var(--line); white-space: normal;
+  vertical-align: bottom; }
 tbody tr + tr > *, tr + tr > * { border-top: 1px solid var(--line); }
 td.unit, th.unit { text-align: left; white-space: normal; }
 td.fact, .facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
