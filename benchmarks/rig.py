@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +19,11 @@ from contactwrench.simulate.sensor import SensorStream
 from contactwrench.simulate.settings import Drift, Sensor, Settings
 from contactwrench.simulate.trajectory import exciting
 
+from .clock import median_seconds
 from .table import Row
 
 RATE = 1000.0
 SECONDS = 60.0
-
-
-def _seconds(action: Callable[[], object], times: int) -> float:
-    """Median duration of `times` runs, after one that is not counted."""
-    action()
-    durations = []
-    for _ in range(times):
-        start = time.perf_counter()
-        action()
-        durations.append(time.perf_counter() - start)
-    return float(np.median(durations))
 
 
 def in_motion(seconds: float) -> Iterator[Row]:
@@ -59,14 +49,14 @@ def in_motion(seconds: float) -> Iterator[Row]:
             stream.read(physics.wrench[row : row + 1])
 
     durations = {
-        "physics": _seconds(arm, 3),
-        "wrist sensor": _seconds(wrist, 3),
-        "joint sensors": _seconds(in_joints, 3),
+        "physics": median_seconds(arm, 3),
+        "wrist sensor": median_seconds(wrist, 3),
+        "joint sensors": median_seconds(in_joints, 3),
     }
     total = sum(durations.values())
     shares = ", ".join(f"{name} {100.0 * part / total:.0f} %" for name, part in durations.items())
     yield Row("arm with all sensors, 1 kHz", seconds / total, "x real time", least=50.0, remark=shares)
-    yield Row("wrist sensor alone, a row at a time", 1.0 / _seconds(row_by_row, 3), "x real time")
+    yield Row("wrist sensor alone, a row at a time", 1.0 / median_seconds(row_by_row, 3), "x real time")
 
 
 def recordings() -> Iterator[Row]:
@@ -80,8 +70,8 @@ def recordings() -> Iterator[Row]:
         motion = exciting(20.0, RATE, np.random.default_rng(5))
         return record_motion(settings, motion, rng=np.random.default_rng(6))
 
-    yield Row("six static poses", _seconds(six_poses, 5), "s", most=1.0)
-    yield Row("20 s of an exciting motion", _seconds(a_motion, 3), "s")
+    yield Row("six static poses", median_seconds(six_poses, 5), "s", most=1.0)
+    yield Row("20 s of an exciting motion", median_seconds(a_motion, 3), "s")
     with tempfile.TemporaryDirectory() as folder:
         out = str(Path(folder) / "six.csv")
         start = time.perf_counter()

@@ -21,6 +21,7 @@ import numpy as np
 import contactwrench as cw
 
 from .accuracy import NOISE, TABLE_V
+from .clock import median_seconds
 from .table import Row
 from .world import Array, noisy_readings, random_rotations
 
@@ -29,17 +30,6 @@ BYTES_OF_SAMPLE = 64
 MIB = 2**20
 
 kernel = importlib.import_module("contactwrench.compensate")
-
-
-def _seconds(action: Callable[[], object], times: int) -> float:
-    """Median duration of `times` runs, after one that is not counted."""
-    action()
-    durations = []
-    for _ in range(times):
-        start = time.perf_counter()
-        action()
-        durations.append(time.perf_counter() - start)
-    return float(np.median(durations))
 
 
 def _calibration(n: int = 24) -> cw.Calibration:
@@ -68,7 +58,7 @@ def _memcpy(size: int, rng: np.random.Generator) -> float:
     """Seconds for `size` bytes on one thread, both sides written to before."""
     source = rng.random(size // 8)
     target = source[::-1].copy()
-    return _seconds(lambda: np.copyto(target, source), 7)
+    return median_seconds(lambda: np.copyto(target, source), 7)
 
 
 def batch(n: int) -> Iterator[Row]:
@@ -86,11 +76,11 @@ def batch(n: int) -> Iterator[Row]:
         f"memcpy of {n * BYTES_OF_SAMPLE / 1e6:.0f} MB, one thread", 1e3 * memcpy, "ms", remark=f"{speed:.3g} GB/s"
     )
     if find_spec("numba") is not None:
-        fused = _seconds(run, 7)
+        fused = median_seconds(run, 7)
         yield Row("batch with numba", fused / memcpy, "x memcpy", most=1.3, remark=f"{1e9 * fused / n:.3g} ns a sample")
         yield Row("batch with numba: extra memory", _extra_memory(run) / MIB, "MiB", most=64.0)
     with _numpy_only():
-        plain = _seconds(run, 5)
+        plain = median_seconds(run, 5)
         yield Row("batch with numpy", plain / memcpy, "x memcpy", most=5.0, remark=f"{1e9 * plain / n:.3g} ns a sample")
         yield Row("batch with numpy: extra memory", _extra_memory(run) / MIB, "MiB", most=64.0)
 
@@ -116,7 +106,7 @@ def per_sample() -> Iterator[Row]:
         for row in rows:
             step(*row)
 
-    yield Row("stepper()", 1e6 * _seconds(run, 7) / len(rows), "us", most=1.0)
+    yield Row("stepper()", 1e6 * median_seconds(run, 7) / len(rows), "us", most=1.0)
 
 
 def calibrations() -> Iterator[Row]:
@@ -124,15 +114,17 @@ def calibrations() -> Iterator[Row]:
     rng = np.random.default_rng(4)
     R = random_rotations(24, rng)
     few = cw.Samples(noisy_readings(TABLE_V, R, NOISE, rng), R)
-    yield Row("calibrate 24 poses, mount", 1e3 * _seconds(lambda: cw.calibrate(few, "mount"), 50), "ms", most=10.0)
+    yield Row(
+        "calibrate 24 poses, mount", 1e3 * median_seconds(lambda: cw.calibrate(few, "mount"), 50), "ms", most=10.0
+    )
     for model in ("yaw", "mount+base", "affine", "paper"):
-        seconds = _seconds(partial(cw.calibrate, few, model), 20)
+        seconds = median_seconds(partial(cw.calibrate, few, model), 20)
         yield Row(f"calibrate 24 poses, {model}", 1e3 * seconds, "ms")
     repeated = np.repeat(random_rotations(50, rng), 20_000, axis=0)
     many = cw.Samples(noisy_readings(TABLE_V, repeated, NOISE, rng), repeated)
     shuffled = many.select(rng.permutation(len(many)))
     for name, samples in (("in order", many), ("shuffled", shuffled)):
-        seconds = _seconds(partial(cw.calibrate, samples, "mount"), 5)
+        seconds = median_seconds(partial(cw.calibrate, samples, "mount"), 5)
         yield Row(f"calibrate 1 million rows at 50 orientations, {name}", seconds, "s", most=0.5)
 
 

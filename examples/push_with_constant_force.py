@@ -35,7 +35,7 @@ def main() -> None:
     try:
         view = film.View((0.45, -0.1, 0.45), 1.1, 215.0, -15.0)
         film.write_gif(film.frames(rig, run.trace, np.arange(1.5, 9.5, 1.0), view, 200, 200), Path("pushing.gif"), 0.3)
-    except film.NoPictures as error:
+    except film.NoPicturesError as error:
         print(f"no pictures: {error}")
 
 

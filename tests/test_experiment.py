@@ -39,7 +39,7 @@ def short() -> Iterator[tuple[Part, ...]]:
 
 
 def _nothing(*_: object) -> None:
-    raise film.NoPictures("no pictures in this test")
+    raise film.NoPicturesError("no pictures in this test")
 
 
 def test_every_question_of_the_paper_has_its_part(short: tuple[Part, ...]) -> None:

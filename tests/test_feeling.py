@@ -31,7 +31,7 @@ from contactwrench.simulate.rig import Rig
 def drawn(rig: Rig, trace: Trace, times: Array, view: film.View) -> list[NDArray[np.uint8]]:
     """Small pictures, but of the peg none."""
     if rig.model.nq > 8:
-        raise film.NoPictures("nothing here can draw")
+        raise film.NoPicturesError("nothing here can draw")
     return [np.full((4, 4, 3), number, dtype=np.uint8) for number in range(len(times))]
 
 

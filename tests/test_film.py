@@ -43,7 +43,7 @@ def trace(force: float) -> Trace:
 def drawn(rig: Rig, force: float, times: tuple[float, ...] = (0.0,), view: film.View = VIEW) -> list[NDArray[np.uint8]]:
     try:
         return film.frames(rig, trace(force), np.array(times), view, 200, 160)
-    except film.NoPictures as error:
+    except film.NoPicturesError as error:
         pytest.skip(str(error))
 
 
@@ -93,7 +93,9 @@ def test_where_nothing_can_draw_it_says_so_in_one_line_and_leaves_no_trace(
 ) -> None:
     for name in ("PYOPENGL_PLATFORM", "MUJOCO_GL"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(film.NoPictures, match=r"^neither EGL nor OSMesa works here, expected one of them: install .*$"):
+    with pytest.raises(
+        film.NoPicturesError, match=r"^neither EGL nor OSMesa works here, expected one of them: install .*$"
+    ):
         film.frames(rig, trace(0.0), np.array([0.0]), VIEW)
     assert "PYOPENGL_PLATFORM" not in os.environ
     assert "MUJOCO_GL" not in os.environ

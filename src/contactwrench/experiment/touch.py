@@ -216,7 +216,7 @@ def peg_pictures(job: Job) -> Strip:
 def _strip(rig: Rig, films: list[tuple[Trace, Array, film.View]]) -> Strip:
     try:
         return film.filmstrip([picture for one in films for picture in film.frames(rig, *one)]), ""
-    except (film.NoPictures, MissingExtraError) as error:
+    except (film.NoPicturesError, MissingExtraError) as error:
         return "", str(error)
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from ..experiment.part import Measured
 from .figures import drawing, svg_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 STYLES: dict[str, tuple[str, str]] = {
     "ours": ("#0072b2", "o"),
@@ -29,16 +33,7 @@ SPREAD = 0.3
 """Of the distance of two positions: how far the series are moved apart, so that no error bar hides another."""
 
 
-class Figure(Protocol):
-    """A figure with its standard error (None: exact, or from one trial)."""
-
-    @property
-    def value(self) -> float: ...  # noqa: D102
-    @property
-    def standard_error(self) -> float | None: ...  # noqa: D102
-
-
-Cell: TypeAlias = Figure | None
+Cell: TypeAlias = Measured | None
 """None: there is none."""
 
 
@@ -140,9 +135,9 @@ def _columns(cells: Sequence[Cell]) -> tuple[list[float], list[float]]:
     return values, errors
 
 
-def _same_range(axes: Sequence[object]) -> None:
+def _same_range(axes: Sequence[Axes]) -> None:
     """One range of y for all panels: they are there to be compared."""
-    limits = [ax.get_ylim() for ax in axes]  # type: ignore[attr-defined]
+    limits = [ax.get_ylim() for ax in axes]
     low, high = min(lowest for lowest, _ in limits), max(highest for _, highest in limits)
     for ax in axes:
-        ax.set_ylim(low, high)  # type: ignore[attr-defined]
+        ax.set_ylim(low, high)

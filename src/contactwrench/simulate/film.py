@@ -34,7 +34,7 @@ ARROW_COLOUR = np.array([0.1, 0.62, 0.25, 1.0])
 POST_COLOUR = np.array([0.5, 0.52, 0.55, 1.0])
 
 
-class NoPictures(ContactWrenchError, RuntimeError):  # noqa: N818
+class NoPicturesError(ContactWrenchError, RuntimeError):
     """Nothing here can draw without a screen."""
 
 
@@ -67,7 +67,7 @@ def frames(
 ) -> list[NDArray[np.uint8]]:
     """Pictures (height, width, 3) of a motion at `times` (k,), s, with the contact force on the tool as an arrow.
 
-    Raises `NoPictures`, one line, where neither EGL nor OSMesa works.
+    Raises `NoPicturesError`, one line, where neither EGL nor OSMesa works.
     """
     mujoco = import_mujoco()
     data = mujoco.MjData(rig.model)
@@ -156,7 +156,7 @@ def _drawing(mujoco: Any, model: Any, width: int, height: int) -> Iterator[Any]:
                 context.free()
                 gl.free()
             return
-    raise NoPictures("neither EGL nor OSMesa works here, expected one of them: install libegl1 or libosmesa6")
+    raise NoPicturesError("neither EGL nor OSMesa works here, expected one of them: install libegl1 or libosmesa6")
 
 
 @contextmanager
