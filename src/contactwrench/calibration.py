@@ -56,6 +56,7 @@ class Calibration:
     estimated from the residuals); `dof` of the variances, for Student's t (0: the noise was taken at its word).
     `poses` it was fitted on, or, beyond 10,000, their `moments`. `parameter_dof` (p,), those of each parameter, of
     which `dof` is the least. `assumptions` that `auto` made, in words, and the `alternatives`, what other models give.
+    `delay` s: how much later than the orientation the wrench is stamped, and `delay_std`; None where it was not asked.
     """
 
     requested_model: str
@@ -87,6 +88,8 @@ class Calibration:
     parameter_dof: Array | None = None
     assumptions: tuple[str, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
+    delay: float | None = None
+    delay_std: float | None = None
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:

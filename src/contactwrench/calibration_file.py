@@ -104,6 +104,8 @@ class _File(msgspec.Struct):
     parameter_dof: list[float] | None = None
     assumptions: list[str] = []
     alternatives: list[_Alternative] = []
+    delay: float | None = None
+    delay_std: float | None = None
 
 
 def to_json(calibration: Calibration) -> str:
@@ -222,6 +224,10 @@ def _check_signs(file: _File, arrays: dict[str, Array]) -> None:
             raise InputError(f"{name} has a number below 0, expected 0 or more")
     if file.dof < 0.0 or file.reduced_chi2 < 0.0:
         raise InputError(f"dof is {file.dof:g} and reduced_chi2 {file.reduced_chi2:g}, expected 0 or more")
+    if file.delay_std is not None and file.delay_std < 0.0:
+        raise InputError(f"delay_std is {file.delay_std:g}, expected 0 or more")
+    if (file.delay is None) != (file.delay_std is None):
+        raise InputError("found one of delay and delay_std, expected both or neither")
     if (np.diag(arrays["covariance"]) < 0.0).any():
         raise InputError("covariance has a variance below 0, expected 0 or more")
 

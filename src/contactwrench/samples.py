@@ -27,6 +27,7 @@ class Samples:
 
     `wrench` (n, 6) N and N m, sensor axes, pull sign; `R_base_flange` (n, 3, 3); `t` (n,) s; `position` (n, 3) m
     of the flange in base axes; `load_mass` (n,) kg hung on the tool (0: none). `source` says where they come from.
+    `delay` s and `delay_std`: of wrench behind orientation, where that was estimated when the two were paired.
     Raises `InputError` for a wrong shape, a NaN or infinity, a reading beyond `LARGEST_READING`, a matrix that is no
     rotation, a negative load.
     """
@@ -37,6 +38,8 @@ class Samples:
     position: Array | None = None
     load_mass: Array | None = None
     source: str = "arrays"
+    delay: float | None = None
+    delay_std: float | None = None
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(np.asarray(self.wrench)))
@@ -100,6 +103,8 @@ class Samples:
             of(self.position),
             of(self.load_mass),
             self.source,
+            self.delay,
+            self.delay_std,
         )
 
 

@@ -312,6 +312,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         parameter_dof=fit.dof,
         assumptions=() if found.found.auto is None else assumptions_in_words(found.found.auto, question),
         alternatives=alternatives,
+        delay=recorded.samples.delay,
+        delay_std=recorded.samples.delay_std,
     )
 
 
