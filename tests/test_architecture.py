@@ -29,6 +29,8 @@ LAYER = {
     "chi_square": 0,
     "samples": 1,
     "streams": 1,
+    "stamps": 2,
+    "pending": 2,
     "synchronize": 2,
     "stillness": 2,
     "delay": 3,
