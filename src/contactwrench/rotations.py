@@ -57,13 +57,25 @@ class Arcs:
 
 def arcs_through(R: Array) -> Arcs:
     """The arcs through rotations (n, 3, 3). Of a half turn the axis is not known, and it is not turned."""
-    step = np.swapaxes(R[:-1], 1, 2) @ R[1:]
-    axis = np.stack([step[:, 2, 1] - step[:, 1, 2], step[:, 0, 2] - step[:, 2, 0], step[:, 1, 0] - step[:, 0, 1]], 1)
-    length = np.linalg.norm(axis, axis=1)
-    K = cross_matrix(axis / np.where(length > 0.0, length, 1.0)[:, None])
+    axis, angle = _axis_and_angle(np.swapaxes(R[:-1], 1, 2) @ R[1:])
+    K = cross_matrix(axis)
     across = R[:-1] @ K
-    angle = np.arctan2(length, np.trace(step, axis1=1, axis2=2) - 1.0)
     return Arcs(angle, R[:-1].reshape(-1, 9), across.reshape(-1, 9), (across @ K).reshape(-1, 9))
+
+
+def rotation_vectors(R: Array) -> Array:
+    """The rotation vectors (n, 3), rad, of rotations (n, 3, 3) by less than a half turn."""
+    axis, angle = _axis_and_angle(R)
+    vectors: Array = angle[:, None] * axis
+    return vectors
+
+
+def _axis_and_angle(R: Array) -> tuple[Array, Array]:
+    """Unit axes (n, 3), zero where there is none, and angles (n,), rad, 0 to pi."""
+    axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
+    length = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(length, np.trace(R, axis1=1, axis2=2) - 1.0)
+    return axis / np.where(length > 0.0, length, 1.0)[:, None], angle
 
 
 def rotations_about_z(angle: Array) -> Array:
