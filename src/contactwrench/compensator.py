@@ -44,8 +44,8 @@ DENSEST = 10_000.0
 class Compensator:
     """From readings, one at a time or in batches, to contact wrenches with their std, faults and contacts.
 
-    `rate` Hz; None: from the first 25 stamps, and until then nothing is filtered. `noise`: the std (6,) of one sample, N,
-    N m, or a recording at rest (n, 6); None: from the calibration. `lowpass` of the contact wrench: a `LowPass`, or
+    `rate` Hz; None: from the first 25 stamps, and until then nothing is filtered. `noise`: the std (6,) of one sample,
+    N and N m, or a recording at rest (n, 6); None: from the calibration. `lowpass` of the contact wrench: a `LowPass`, or
     a cut-off in Hz (Butterworth of order 2). `sensor_filter`: what the sensor itself does to a wrench, a `LowPass` or a
     cut-off in Hz (first order); the same is done to the model. `delay` s: how much later than the orientation the
     wrench is stamped; None: the calibration's, where it is significant. `drift`: std (6,) of the bias' random walk

@@ -78,7 +78,7 @@ def take(
     memory[slot.SINCE] += 1.0
     memory[slot.FRESH] = 1.0 if fault >= slot.STUCK else 0.0
     out[slot.CONTACT] = -1.0
-    if fault == slot.FINE or fault == slot.OVERLOAD:
+    if fault in (slot.FINE, slot.OVERLOAD):
         if not recovers:
             detect(tool, live, memory, statistic, now)
         out[slot.CONTACT] = memory[slot.TOUCHING]
@@ -179,8 +179,8 @@ def compensate(
     now: float,
     heat: float,
 ) -> None:
-    """The contact wrench, filtered: the reading less what the model gives at the wrench's moment, behind the sensor's own
-    filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six.
+    """The contact wrench, filtered: the reading less what the model gives at the wrench's moment, behind the sensor's
+    own filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six.
     """
     x, y, z = down_in_flange(tool, memory)
     if tool[slot.DELAY] != 0.0:
@@ -194,8 +194,9 @@ def compensate(
     grain = slot.GRAIN
     for k in range(6):
         free = tool[grain] * x + tool[grain + 1] * y + tool[grain + 2] * z + live[k] + tool[slot.WARMTH + k] * warmer
-        memory[slot.WRENCH + k] = reading[k] - free
-        memory[slot.BLOCK_SUM + k] += memory[slot.WRENCH + k]
+        left = reading[k] - free
+        memory[slot.WRENCH + k] = left
+        memory[slot.BLOCK_SUM + k] += left
         grain += 3
     memory[slot.BLOCK_ROWS] += 1.0
     if filters[slot.LOWPASS] > 0.0:
@@ -223,16 +224,24 @@ def heated(memory: Numbers, heat: float) -> float:
 
 
 def statistic_of(live: Numbers, memory: Numbers) -> float:
-    """`|W f|^2` of the contact wrench f."""
-    statistic = 0.0
-    entry = slot.WHITENING
-    for k in range(slot.WRENCH + 1, slot.WRENCH + 7):
-        white = 0.0
-        for m in range(slot.WRENCH, k):
-            white += live[entry] * memory[m]
-            entry += 1
-        statistic += white * white
-    return statistic
+    """`|W f|^2` of the contact wrench f; written out, as a loop costs plain Python twice as much."""
+    at = slot.WRENCH
+    fx, fy, fz, tx, ty, tz = memory[at], memory[at + 1], memory[at + 2], memory[at + 3], memory[at + 4], memory[at + 5]
+    w = slot.WHITENING
+    a = live[w] * fx
+    b = live[w + 1] * fx + live[w + 2] * fy
+    c = live[w + 3] * fx + live[w + 4] * fy + live[w + 5] * fz
+    d = live[w + 6] * fx + live[w + 7] * fy + live[w + 8] * fz + live[w + 9] * tx
+    e = live[w + 10] * fx + live[w + 11] * fy + live[w + 12] * fz + live[w + 13] * tx + live[w + 14] * ty
+    f = (
+        live[w + 15] * fx
+        + live[w + 16] * fy
+        + live[w + 17] * fz
+        + live[w + 18] * tx
+        + live[w + 19] * ty
+        + live[w + 20] * tz
+    )
+    return a * a + b * b + c * c + d * d + e * e + f * f
 
 
 def refused(memory: Numbers, out: Numbers, fault: int, detail: float, channel: int) -> bool:

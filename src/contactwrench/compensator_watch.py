@@ -68,7 +68,7 @@ def rotation(orientation: Numbers, memory: Numbers) -> float:
 
 def turned(memory: Numbers) -> bool:
     """Whether the orientation differs from the last one, in any digit."""
-    for k in range(9):
+    for k in range(9):  # noqa: SIM110, a generator is not compiled
         if memory[slot.R_NEXT + k] != memory[slot.R_NOW + k]:
             return True
     return False
@@ -105,12 +105,13 @@ def watched_orientation(memory: Numbers, changed: bool, now: float) -> float:
     usual += 0.05 * (min(since, 5.0 * usual) - usual)
     squared = before = along = 0.0
     for k in range(9):
-        step = memory[slot.R_NEXT + k] - memory[slot.R_NOW + k]
+        new, last = memory[slot.R_NEXT + k], memory[slot.R_STEP + k]
+        step = new - memory[slot.R_NOW + k]
         squared += step * step
-        before += memory[slot.R_STEP + k] * memory[slot.R_STEP + k]
-        along += step * memory[slot.R_STEP + k]
+        before += last * last
+        along += step * last
         memory[slot.R_STEP + k] = step
-        memory[slot.R_NOW + k] = memory[slot.R_NEXT + k]
+        memory[slot.R_NOW + k] = new
     speed = sqrt(0.5 * squared) / since
     straight = along > 0.5 * sqrt(squared * before)
     memory[slot.STEADY] = 1.0 if straight and min(speed, memory[slot.SPEED]) > BRAKING * max(since, usual) else 0.0
@@ -144,7 +145,8 @@ def watched_reading(tool: Numbers, memory: Numbers, reading: Numbers, now: float
     memory[slot.NEW_TIME] = now
     stuck = -1
     for k in range(6):
-        step = abs(reading[k] - memory[slot.LAST + k])
+        value = reading[k]
+        step = abs(value - memory[slot.LAST + k])
         if step == 0.0:
             memory[slot.REPEATS + k] += 1.0
             allowed = CHANCE_OF_REPEATS / -memory[slot.LOG_SAME + k] if memory[slot.LOG_SAME + k] < 0.0 else inf
@@ -152,7 +154,7 @@ def watched_reading(tool: Numbers, memory: Numbers, reading: Numbers, now: float
                 stuck = k
         else:
             memory[slot.REPEATS + k] = 0.0
-            memory[slot.LAST + k] = reading[k]
+            memory[slot.LAST + k] = value
             if step < memory[slot.QUANTUM + k]:
                 memory[slot.QUANTUM + k] = step
                 same_bin = erf(step / (2.8284271247461903 * tool[slot.NOISE + k]))
