@@ -8,6 +8,7 @@ contact wrench that detection.py tests it against. A batch is the same kernel in
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from math import ceil, inf, nan
 from typing import Any
@@ -45,9 +46,9 @@ class Compensator:
     """From readings, one at a time or in batches, to contact wrenches with their std, faults and contacts.
 
     `rate` Hz; None: from the first 25 stamps, and until then nothing is filtered. `noise`: the std (6,) of one sample,
-    N and N m, or a recording at rest (n, 6); None: from the calibration. `lowpass` of the contact wrench: a `LowPass`, or
-    a cut-off in Hz (Butterworth of order 2). `sensor_filter`: what the sensor itself does to a wrench, a `LowPass` or a
-    cut-off in Hz (first order); the same is done to the model. `delay` s: how much later than the orientation the
+    N and N m, or a recording at rest (n, 6); None: from the calibration. `lowpass` of the contact wrench: a `LowPass`,
+    or a cut-off in Hz (Butterworth of order 2). `sensor_filter`: what the sensor itself does to a wrench, a `LowPass`
+    or a cut-off in Hz (first order); the same is done to the model. `delay` s: how much later than the orientation the
     wrench is stamped; None: the calibration's, where it is significant. `drift`: std (6,) of the bias' random walk
     after an hour, as `drift.TYPICAL_DRIFT`; None: the bias is not followed, for whatever follows a bias takes a push
     that is too slow or too weak to be detected for one. `temperature_coefficient` (6,) of the bias, N/K and N m/K.
@@ -98,7 +99,7 @@ class Compensator:
         )
         fast = find_spec("numba") is not None if fast is None else fast
         self._advance: Callable[..., int] = compiled() if fast else advance
-        self._flat: Callable[[Array], Any] = np.array if fast else np.ndarray.tolist
+        self._flat = _copy if fast else _lists
         self._tool = self._flat(np.concatenate(tool))
         rows = ROWS_AT_ONCE
         self._buffers = [self._flat(np.zeros((rows, 6))), self._flat(np.zeros(rows)), self._flat(np.full(rows, nan))]
@@ -237,7 +238,7 @@ class Compensator:
         of_calibration = calibrated(self._error, R, t).covariance
         self._offset = zeroed(self._error, mean, variance, R, t)
         self._memory[slot.FIRST_HEAT] = self._memory[slot.HEAT] if self._knows_heat else nan
-        self._memory[slot.SPOILED], self._memory[slot.FRESH], self._block = 1.0, 1.0, None
+        self._memory[slot.SPOILED], self._memory[slot.FRESH], self._block = 1.0, slot.WRENCH_ALONE, None
         self._take_over(mean)
         return Zero(mean - before, np.sqrt(np.diag(of_calibration) + variance))
 
@@ -294,7 +295,7 @@ class Compensator:
         if ask & slot.RATE:
             intervals = self._memory[slot.INTERVALS : slot.INTERVALS + slot.N_INTERVALS]
             self._use_rate(1.0 / float(np.median(intervals)))
-            self._memory[slot.FRESH] = 1.0
+            self._memory[slot.FRESH] = slot.WHOLLY
         if ask & slot.BLOCK:
             self._end_block()
         if ask & slot.REFRESH:
@@ -344,6 +345,8 @@ class Compensator:
             self._block = None
         if self._offset is None:
             self._offset = calibrated(self._error, R, t)
+        elif np.isnan(self._offset.t):
+            self._offset = replace(self._offset, t=t)
         systematic = predicted(self._offset, self._error, self._walk, R, t).covariance
         covariance = systematic + np.diag(self._noise * self._gain[min(since, len(self._gain) - 1)])
         W = whitening(covariance)
@@ -376,6 +379,16 @@ class Compensator:
 
 
 NOT_KNOWN = read_only(np.full(6, nan))
+
+
+def _copy(values: Array) -> Any:
+    """Numbers as the compiled kernel takes them."""
+    return np.array(values)
+
+
+def _lists(values: Array) -> Any:
+    """Numbers as the plain kernel takes them."""
+    return values.tolist()
 
 
 def _delay_of(calibration: Calibration) -> float:

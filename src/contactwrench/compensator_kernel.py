@@ -8,6 +8,7 @@ times a second and whenever the arm has turned: `advance` stops for that and say
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from math import nan
 from typing import Any
 
@@ -69,14 +70,21 @@ def take(
     arrive(memory, reading, restart, now)
     fault, detail, channel = watched(tool, memory, reading, changed, now, fault, detail)
     recovers = memory[slot.FRESH] != 0.0 and fault < slot.STUCK
-    compensate(tool, live, filters, memory, ring, reading, restart or recovers, now, heat)
+    fresh = restart or recovers
+    fresh_pose = restart or (recovers and memory[slot.FRESH] == slot.WHOLLY)
+    compensate(tool, live, filters, memory, ring, reading, fresh, fresh_pose, now, heat)
     statistic = statistic_of(live, memory)
     for k in range(6):
         out[k] = memory[slot.WRENCH + k]
     if recovers:
         memory[slot.SINCE], memory[slot.STALE], memory[slot.SPOILED] = 0.0, 1.0, 1.0
     memory[slot.SINCE] += 1.0
-    memory[slot.FRESH] = 1.0 if fault >= slot.STUCK else 0.0
+    if fault == slot.FROZEN:
+        memory[slot.FRESH] = slot.WHOLLY
+    elif fault >= slot.STUCK:
+        memory[slot.FRESH] = max(memory[slot.FRESH], slot.WRENCH_ALONE)
+    else:
+        memory[slot.FRESH] = 0.0
     out[slot.CONTACT] = -1.0
     if fault in (slot.FINE, slot.OVERLOAD):
         if not recovers:
@@ -176,6 +184,7 @@ def compensate(
     ring: Sequence[Numbers],
     reading: Numbers,
     fresh: bool,
+    fresh_pose: bool,
     now: float,
     heat: float,
 ) -> None:
@@ -184,11 +193,11 @@ def compensate(
     """
     x, y, z = down_in_flange(tool, memory)
     if tool[slot.DELAY] != 0.0:
-        x, y, z = as_the_wrench_is_stamped(tool, memory, ring, fresh, now, x, y, z)
+        x, y, z = as_the_wrench_is_stamped(tool, memory, ring, fresh_pose, now, x, y, z)
     if filters[slot.SENSOR] > 0.0:
         at = slot.DOWN_IN_FLANGE
         memory[at], memory[at + 1], memory[at + 2] = x, y, z
-        low_pass(filters, slot.SENSOR, memory, slot.SENSOR_STATE, at, 3, fresh)
+        low_pass(filters, slot.SENSOR, memory, slot.SENSOR_STATE, at, 3, fresh_pose)
         x, y, z = memory[at], memory[at + 1], memory[at + 2]
     warmer = heated(memory, heat)
     grain = slot.GRAIN
@@ -287,6 +296,7 @@ IN_ORDER = (
 """What the kernel consists of, each after what it calls."""
 
 
+@cache
 def compiled() -> Callable[..., int]:
     """`advance` and what it calls, compiled by numba (extra `fast`) over float64 arrays."""
     from types import FunctionType

@@ -13,6 +13,9 @@ FINE, NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP, OVE
 # Why `advance` stopped.
 REFRESH, RELEASED, BLOCK, RATE = 1, 2, 4, 8
 
+# What starts anew with the next good sample.
+WRENCH_ALONE, WHOLLY = 1.0, 2.0
+
 # Columns of a row of `out`; the contact wrench comes first.
 CONTACT, FAULT, DETAIL, CHANNEL, STATISTIC, OUT = 6, 7, 8, 9, 10, 11
 
