@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -17,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.compensator import Compensator
+from contactwrench.contact_wrench import Contact
 from contactwrench.drift import TYPICAL_DRIFT
 from contactwrench.filters import LowPass
 
@@ -59,7 +61,8 @@ def motion(
 def turning(cutoff: float = 10.0, speed: float = 60.0) -> Iterator[Row]:
     """Gravity that is left of a turn behind a first-order filter of the sensor, with next to no noise."""
     rng = np.random.default_rng(11)
-    without, left = [], []
+    without: list[float] = []
+    left: list[float] = []
     fine = 20
     for _ in range(20):
         rig = random_rig(rng)
@@ -155,7 +158,11 @@ def pushes(lowpass: float | None, contacts: int) -> Iterator[Row]:
     name = "no low-pass" if lowpass is None else f"low-pass {lowpass:g} Hz"
     least = 90.0 if lowpass is None else None
     yield Row(
-        f"1 N found within 10 ms, {name}", 100.0 * np.mean(found), "%", least, remark=f"median {np.median(late):.3g} ms"
+        f"1 N found within 10 ms, {name}",
+        100.0 * float(np.mean(found)),
+        "%",
+        least,
+        remark=f"median {np.median(late):.3g} ms",
     )
 
 
@@ -189,14 +196,15 @@ def shift(hours: float, rate: float) -> Iterator[Row]:
     calibration, rig = calibrated(rng)
     n, batch = int(hours * HOUR * rate), int(30.0 * rate)
     contacts = touches(rng, n, rate, int(125 * hours))
-    pressed = np.zeros(n, dtype=np.int32)
+    pressed: Any = np.zeros(n, dtype=np.int32)
     for number, touch in enumerate(contacts, 1):
         pressed[touch.start : touch.stop] = number
     direction = rng.normal(size=3)
     warm = np.r_[direction / np.linalg.norm(direction), 0.05 * rng.normal(size=3)]
     step = np.array([0.02] * 3 + [0.001] * 3) / np.sqrt(HOUR * rate)
     compensator = Compensator(calibration, rate=rate, noise=NOISE, drift=TYPICAL_DRIFT)
-    walked, at, flags, reported, off, learned = np.zeros(6), None, [], [], [], []
+    walked, at, flags, off, learned = np.zeros(6), None, [], [], []
+    reported: list[Contact] = []
     seconds = 0.0
     ramp = max(int(0.02 * rate), 1)
     loads = np.vstack([np.zeros(6), *(touch.wrench for touch in contacts)])
@@ -227,7 +235,13 @@ def _starts(contacts: list[Touch]) -> Array:
 
 
 def _judged(
-    contacts: list[Touch], flag: Array, pressed: Array, error: Array, inside: Array, reported: list[object], rate: float
+    contacts: list[Touch],
+    flag: Array,
+    pressed: Array,
+    error: Array,
+    inside: Array,
+    reported: list[Contact],
+    rate: float,
 ) -> Iterator[Row]:
     late = int(0.02 * rate) + int(0.01 * rate)
     share = np.array([flag[min(c.start + late, c.stop - 1) : c.stop].mean() for c in contacts])
@@ -235,13 +249,13 @@ def _judged(
     rms = float(np.sqrt(np.mean(error[settled] ** 2) / 3.0))
     yield Row("RMS bias error of a force axis", rms / NOISE[0], "x noise", most=3.0, remark=f"{1e3 * rms:.3g} mN")
     yield Row("largest bias error, in contact or not", float(error[settled].max()), "N")
-    yield Row("contacts held for 99 % of their time", 100.0 * np.mean(share > 0.99), "%", least=100.0)
+    yield Row("contacts held for 99 % of their time", 100.0 * float(np.mean(share > 0.99)), "%", least=100.0)
     lost = int(np.sum((inside > 0) & (error > 0.5)))
     yield Row("seconds in contact with 0.5 N of it learned away", lost, "", most=0.0)
     near = pressed.astype(bool)
     false = 0
     for contact in reported:
-        first, last = int(contact.onset * rate), int(np.ceil(contact.release * rate))  # type: ignore[attr-defined]
+        first, last = int(contact.onset * rate), int(np.ceil((contact.release or contact.onset) * rate))
         false += not near[max(first - 1, 0) : last + 1].any()
     yield Row("contacts that were none", false, "", remark=f"{len(reported)} reported, {len(contacts)} true")
 
@@ -292,10 +306,10 @@ def cost(calls: int, fast: bool) -> Iterator[Row]:
         f"memory grown over {calls} calls, {name}", grown / unit, "MiB", most=1.0 + 8 * calls / 2**20, remark="timings"
     )
     batch = compensator.run
-    start = time.perf_counter()
+    clock = time.perf_counter()
     for k in range(20):
         batch(wrench, quat_xyzw, t + calls / RATE + 1.0 + 10.0 * k)
-    yield Row(f"a sample of a batch, {name}", 1e6 * (time.perf_counter() - start) / (20 * n), "us")
+    yield Row(f"a sample of a batch, {name}", 1e6 * (time.perf_counter() - clock) / (20 * n), "us")
 
 
 def tables(quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
 from math import ceil, inf, nan
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike
 from . import compensator_layout as slot
 from .calibration import Calibration
 from .compensator_kernel import advance, compiled
+from .compensator_settings import arrays, delay_of, lists, positive, six
 from .compensator_watch import LOG_SAME_UNSEEN
 from .contact_wrench import Contact, ContactWrench, ContactWrenchBatch, Zero, reason_of
 from .detection import noise_of_sample, satterthwaite, thresholds, whitening
@@ -81,25 +81,25 @@ class Compensator:
         self._error = CalibrationError(self._calibration, between)
         self._thresholds = thresholds(false_alarm_rate)
         self._follows = drift is not None
-        self._walk = _six(drift, "drift", 0.0, least=0.0) ** 2 / HOUR
-        self._rate = None if rate is None else _positive(rate, "rate", "Hz")
+        self._walk = six(drift, "drift", 0.0, least=0.0) ** 2 / HOUR
+        self._rate = None if rate is None else positive(rate, "rate", "Hz")
         self._lowpass = lowpass if isinstance(lowpass, LowPass | None) else LowPass(lowpass)
         self._sensor = sensor_filter if isinstance(sensor_filter, LowPass | None) else LowPass(sensor_filter, 1)
-        self._delay = _delay_of(calibration) if delay is None else float(delay)
+        self._delay = delay_of(calibration) if delay is None else float(delay)
         if not abs(self._delay) <= LONGEST_DELAY:
             raise InputError(f"delay is {self._delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
         tool = (
             calibration.B[:, :3].ravel(),
-            _six(ranges, "range", inf, least=np.finfo(float).tiny),
+            six(ranges, "range", inf, least=np.finfo(float).tiny),
             np.sqrt(self._noise),
-            _six(temperature_coefficient, "temperature coefficient", 0.0),
+            six(temperature_coefficient, "temperature coefficient", 0.0),
             self._calibration.gravity_direction,
             [self._delay, self._delay if self._delay > 0.0 else max(-self._delay, LEAST_LOOK_BACK)],
-            [_positive(minimum_duration, "minimum duration", "s") - 1e-9],
+            [positive(minimum_duration, "minimum duration", "s") - 1e-9],
         )
         fast = find_spec("numba") is not None if fast is None else fast
         self._advance: Callable[..., int] = compiled() if fast else advance
-        self._flat = _copy if fast else _lists
+        self._flat = arrays if fast else lists
         self._tool = self._flat(np.concatenate(tool))
         rows = ROWS_AT_ONCE
         self._buffers = [self._flat(np.zeros((rows, 6))), self._flat(np.zeros(rows)), self._flat(np.full(rows, nan))]
@@ -379,37 +379,3 @@ class Compensator:
 
 
 NOT_KNOWN = read_only(np.full(6, nan))
-
-
-def _copy(values: Array) -> Any:
-    """Numbers as the compiled kernel takes them."""
-    return np.array(values)
-
-
-def _lists(values: Array) -> Any:
-    """Numbers as the plain kernel takes them."""
-    return values.tolist()
-
-
-def _delay_of(calibration: Calibration) -> float:
-    """The calibration's delay where its data tell it from zero, else 0."""
-    if calibration.delay is None or calibration.delay_std is None:
-        return 0.0
-    return calibration.delay if abs(calibration.delay) > 3.0 * calibration.delay_std else 0.0
-
-
-def _six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> Array:
-    if values is None:
-        return np.full(6, default)
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
-        raise InputError(
-            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
-        )
-    return array
-
-
-def _positive(value: float, what: str, unit: str) -> float:
-    if not 0.0 < value < inf:
-        raise InputError(f"{what} is {value:g} {unit}, expected a positive number")
-    return float(value)
