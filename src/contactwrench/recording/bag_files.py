@@ -111,6 +111,10 @@ def opened_bag(path: str | Path) -> Iterator[Bag]:
     try:
         with one_line_errors(path):
             bag = Bag(path, reader, kind == ".bag", _counts(reader, kind == ".bag"))
+        if not bag.counts and reader.message_count:
+            raise FileFormatError(
+                f"{path}: found messages and no topics in its index, expected both: mend it with `mcap recover`"
+            )
         yield bag
     finally:
         reader.close()

@@ -31,6 +31,9 @@ POSES = {
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
+STAMP_ENDS = 12
+"""Bytes of a message up to the end of its header's stamp."""
+
 FORCE_TORQUE = tuple(f"{part}.{axis}" for part in ("force", "torque") for axis in "xyz")
 XYZW, XYZ = tuple("xyzw"), tuple("xyz")
 
@@ -92,11 +95,18 @@ def stamps(logged: Logged, rows: NDArray[np.intp], layout: Layout, raw: Raw, hea
     return t
 
 
-def times(bag: Bag, topic: Topic, logged: Logged) -> Array:
-    """The times (n,) s of messages of a type that begins with a header, or has none."""
-    t = np.empty(len(logged))
-    for rows, layout, raw in by_layout(bag, topic, logged):
-        t[rows] = stamps(logged, rows, layout, raw)
+def header_stamps(logged: Logged, cdr: bool) -> Array:
+    """The times (n,) s of messages that begin with a header, whatever follows: in ROS 1 behind its number, in CDR behind
+    the bytes that state the order, the stamp is at bytes 4 to 12.
+    """
+    t = seconds(logged.stamp)
+    for big_endian in (False, True):
+        rows = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
+        first_bytes = logged.raw[rows].bytes_at(0, 2)
+        rows = rows[(first_bytes[:, 1] == 0) == big_endian if cdr else np.full(len(rows), not big_endian)]
+        if len(rows):
+            sec, ns = logged.raw[rows].bytes_at(4, 8).view(">u4" if big_endian else "<u4").T.astype(np.float64)
+            t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
     return t
 
 

@@ -74,11 +74,16 @@ def tree(bag: Bag, topics: Iterable[Topic]) -> dict[Link, Edge]:
     edges: dict[Link, Edge] = {}
     for found in messages(bag, topics):
         for topic, logged in found.items():
-            for link, part in transforms(bag, topic, logged).items():
-                edge = edges.get(link) or Edge(0, False, part[:1])
-                changed = (part.quat_xyzw != edge.first.quat_xyzw).any() or (part.position != edge.first.position).any()
-                edges[link] = Edge(edge.count + len(part.t), edge.moves or bool(changed), edge.first)
+            note(edges, transforms(bag, topic, logged))
     return edges
+
+
+def note(edges: dict[Link, Edge], found: dict[Link, Placements]) -> None:
+    """Add what was found to what is known of each transform."""
+    for link, part in found.items():
+        edge = edges.get(link) or Edge(0, False, part[:1])
+        changed = (part.quat_xyzw != edge.first.quat_xyzw).any() or (part.position != edge.first.position).any()
+        edges[link] = Edge(edge.count + len(part.t), edge.moves or bool(changed), edge.first)
 
 
 def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
