@@ -14,7 +14,7 @@ from contactwrench.recording.bags import bag_batches, bag_streams
 from contactwrench.streams import Streams
 
 from tests import ros_bags
-from tests.ros_bags import KINDS, Message, any_rotations, header, ns, recording, vector, write_bag, write_mcap
+from tests.ros_bags import KINDS, recording, write_bag, write_mcap
 
 TIME = 5e-7
 """s: a Unix time as float64 is known to 2e-7 s."""

@@ -8,12 +8,12 @@ https://mcap.dev/spec and http://wiki.ros.org/Bags/Format/2.0.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import islice
 from struct import Struct
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ MCAP_MESSAGE, MCAP_DATA = 5, 31
 """A record's code, and where behind its start a message's payload begins."""
 ROS1_MESSAGE = 2
 
-Messages = dict[Topic, "Logged"]
+Key = TypeVar("Key", bound=Hashable)
+Messages: TypeAlias = "dict[Topic, Logged]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,37 +52,52 @@ def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
 
     Raises `FileFormatError` for a file that is cut off or damaged.
     """
-    wanted = tuple(topics)
+    wanted = set(topics)
+
+    def topic_of(connection: Any) -> Topic | None:
+        topic = Topic(connection.topic, connection.msgtype)
+        return topic if topic in wanted else None
+
+    return messages_by(bag, topic_of)
+
+
+def messages_by(bag: Bag, key_of: Callable[[Any], Key | None]) -> Iterator[dict[Key, Logged]]:
+    """The same by what `key_of` makes of each of rosbags' connections; None: left out."""
     with one_line_errors(bag.path):
         if bag.ros1:
-            yield from _in_order(_ros1_chunks(bag.reader, wanted))
+            yield from _in_order(_ros1_chunks(bag.reader, _keys(bag.reader, key_of)))
             return
         storage = bag.reader.storage
         parts = getattr(storage, "storages", [storage])
         if getattr(storage.metadata, "compression_mode", None) or not all(
             getattr(part, "chunks", ()) for part in parts
         ):
-            yield from _one_by_one(bag, wanted)
+            yield from _one_by_one(bag.reader, _keys(bag.reader, key_of))
             return
         for part in parts:
-            yield from _in_order(_mcap_chunks(part, wanted))
+            yield from _in_order(_mcap_chunks(part, _keys(part, key_of)))
 
 
-def _one_by_one(bag: Bag, wanted: tuple[Topic, ...]) -> Iterator[Messages]:
+def _keys(holder: Any, key_of: Callable[[Any], Key | None]) -> dict[int, Key]:
+    """The key of each connection that has one, by the connection's number."""
+    keys = {connection.id: key_of(connection) for connection in holder.connections}
+    return {number: key for number, key in keys.items() if key is not None}
+
+
+def _one_by_one(reader: Any, keys: dict[int, Key]) -> Iterator[dict[Key, Logged]]:
     """As rosbags gives them: from sqlite3, where a message is a row, and from an MCAP without chunks."""
-    connections = bag.connections(wanted)
-    taken = iter(bag.reader.messages(connections=connections)) if connections else iter(())
+    connections = [connection for connection in reader.connections if connection.id in keys]
+    taken = iter(reader.messages(connections=connections)) if connections else iter(())
     while some := list(islice(taken, AT_ONCE)):
-        by_topic: dict[Topic, tuple[list[int], list[bytes]]] = {}
-        topic_of: dict[int, tuple[list[int], list[bytes]]] = {}
+        by_number: dict[int, tuple[list[int], list[bytes]]] = {}
         for connection, stamp, data in some:
-            place = topic_of.get(connection.id)
-            if place is None:
-                place = by_topic.setdefault(Topic(connection.topic, connection.msgtype), ([], []))
-                topic_of[connection.id] = place
-            place[0].append(stamp)
-            place[1].append(data)
-        yield {topic: Logged(np.array(stamps), joined(data)) for topic, (stamps, data) in by_topic.items()}
+            stamps, payloads = by_number.setdefault(connection.id, ([], []))
+            stamps.append(stamp)
+            payloads.append(data)
+        found: dict[Key, list[Logged]] = {}
+        for number, (stamps, payloads) in by_number.items():
+            found.setdefault(keys[number], []).append(Logged(np.array(stamps, np.int64), joined(payloads)))
+        yield {key: _sorted(parts) for key, parts in found.items()}
 
 
 def joined(payloads: list[bytes]) -> Raw:
@@ -90,22 +106,22 @@ def joined(payloads: list[bytes]) -> Raw:
     return Raw(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length)
 
 
-def _in_order(chunks: Iterator[tuple[int, Messages]]) -> Iterator[Messages]:
+def _in_order(chunks: Iterator[tuple[int, dict[Key, Logged]]]) -> Iterator[dict[Key, Logged]]:
     """What chunks hold, by the bag's own stamps: of a chunk that reaches beyond the start of the next, the rest waits.
 
     Each comes with the stamp before which no later one holds anything.
     """
-    waiting: dict[Topic, list[Logged]] = {}
+    waiting: dict[Key, list[Logged]] = {}
     for until, found in chunks:
-        for topic, logged in found.items():
-            waiting.setdefault(topic, []).append(logged)
+        for key, logged in found.items():
+            waiting.setdefault(key, []).append(logged)
         now = {}
-        for topic, parts in waiting.items():
+        for key, parts in waiting.items():
             logged = _sorted(parts)
             ready = int(np.searchsorted(logged.stamp, until, side="left"))
-            waiting[topic] = [logged[ready:]] if ready < len(logged) else []
+            waiting[key] = [logged[ready:]] if ready < len(logged) else []
             if ready:
-                now[topic] = logged[:ready]
+                now[key] = logged[:ready]
         if now:
             yield now
 
@@ -127,30 +143,28 @@ def _sorted(parts: list[Logged]) -> Logged:
     return logged[np.argsort(logged.stamp, kind="stable")]
 
 
-def _by_topic(flat: NDArray[np.uint8], topic_of: dict[int, Topic], columns: NDArray[np.int64]) -> Messages:
-    """Messages (4, n) of connection, stamp, first byte and length, by topic."""
+def _by_key(flat: NDArray[np.uint8], keys: dict[int, Key], columns: NDArray[np.int64]) -> dict[Key, Logged]:
+    """Messages (4, n) of connection, stamp, first byte and length, by the key of their connection."""
     connection, stamp, start, length = columns
     if len(connection) and (int((start + length).max()) > len(flat) or int(length.min()) < 0):
         raise FileFormatError("a message reaches beyond its chunk")
-    found: Messages = {}
-    for topic in dict.fromkeys(topic_of.values()):
-        ids = [number for number, other in topic_of.items() if other == topic]
-        rows = np.flatnonzero(np.isin(connection, ids))
+    found = {}
+    for key in dict.fromkeys(keys.values()):
+        rows = np.flatnonzero(np.isin(connection, [number for number, other in keys.items() if other == key]))
         if len(rows):
-            found[topic] = Logged(stamp[rows], Raw(flat, start[rows], length[rows]))
+            found[key] = Logged(stamp[rows], Raw(flat, start[rows], length[rows]))
     return found
 
 
 _UINT32, _UINT64 = Struct("<I"), Struct("<Q")
 
 
-def _mcap_chunks(storage: Any, wanted: tuple[Topic, ...]) -> Iterator[tuple[int, Messages]]:
+def _mcap_chunks(storage: Any, keys: dict[int, Key]) -> Iterator[tuple[int, dict[Key, Logged]]]:
     from rosbags.rosbag2.storage_mcap import decompress
 
-    topic_of = {c.id: Topic(c.topic, c.msgtype) for c in storage.connections if Topic(c.topic, c.msgtype) in wanted}
     chunks = sorted(storage.chunks, key=lambda chunk: chunk.message_start_time)
     # Without an index of messages, a chunk does not say which channels it holds.
-    chunks = [c for c in chunks if not c.message_index_offsets or topic_of.keys() & c.message_index_offsets.keys()]
+    chunks = [c for c in chunks if not c.message_index_offsets or keys.keys() & c.message_index_offsets.keys()]
     starts = [chunk.message_start_time for chunk in chunks[1:]] + [np.iinfo(np.int64).max]
     for chunk, until in zip(chunks, starts, strict=True):
         storage.bio.seek(chunk.chunk_start_offset + 9 + 24)
@@ -164,9 +178,7 @@ def _mcap_chunks(storage: Any, wanted: tuple[Topic, ...]) -> Iterator[tuple[int,
         stamp = every.bytes_at(15, 8).view("<i8")[:, 0]
         yield (
             until,
-            _by_topic(
-                flat, topic_of, np.stack([channel, stamp, every.start + MCAP_DATA, every.length - (MCAP_DATA - 9)])
-            ),
+            _by_key(flat, keys, np.stack([channel, stamp, every.start + MCAP_DATA, every.length - (MCAP_DATA - 9)])),
         )
 
 
@@ -181,9 +193,8 @@ def _mcap_records(chunk: bytes) -> list[tuple[int, int]]:
     return found
 
 
-def _ros1_chunks(reader: Any, wanted: tuple[Topic, ...]) -> Iterator[tuple[int, Messages]]:
-    topic_of = {c.id: Topic(c.topic, c.msgtype) for c in reader.connections if Topic(c.topic, c.msgtype) in wanted}
-    infos = [info for info in reader.chunk_infos if topic_of.keys() & info.connection_counts.keys()]
+def _ros1_chunks(reader: Any, keys: dict[int, Key]) -> Iterator[tuple[int, dict[Key, Logged]]]:
+    infos = [info for info in reader.chunk_infos if keys.keys() & info.connection_counts.keys()]
     infos.sort(key=lambda info: info.start_time)
     starts = [info.start_time for info in infos[1:]] + [np.iinfo(np.int64).max]
     for info, until in zip(infos, starts, strict=True):
@@ -205,7 +216,7 @@ def _ros1_chunks(reader: Any, wanted: tuple[Topic, ...]) -> Iterator[tuple[int, 
                 seconds, ns = (head.values(layout, path)[:, 0].astype(np.int64) for path in ("seconds", "ns"))
                 columns[0, rows] = head.values(layout, "connection")[:, 0]
                 columns[1, rows] = seconds * 10**9 + ns
-        yield until, _by_topic(flat, topic_of, columns)
+        yield until, _by_key(flat, keys, columns)
 
 
 def _ros1_records(chunk: bytes) -> list[tuple[int, int, int, int]]:

@@ -96,8 +96,8 @@ def stamps(logged: Logged, rows: NDArray[np.intp], layout: Layout, raw: Raw, hea
 
 
 def header_stamps(logged: Logged, cdr: bool) -> Array:
-    """The times (n,) s of messages that begin with a header, whatever follows: in ROS 1 behind its number, in CDR behind
-    the bytes that state the order, the stamp is at bytes 4 to 12.
+    """The times (n,) s of messages that begin with a header, whatever follows: the stamp is at bytes 4 to 12, in ROS 1
+    behind the header's number, in CDR behind the bytes that state the order.
     """
     t = seconds(logged.stamp)
     for big_endian in (False, True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -157,18 +157,12 @@ def _gives(msgtype: str) -> str:
 
 def _reading(bag: Bag) -> tuple[str, ...]:
     """Which topics are read when nothing is asked for, or why that cannot be said."""
-    sentences = []
-    for what, chosen in (("wrench", lambda: (wrench_topic(bag, None),)), ("pose", lambda: _pose(bag))):
+
+    def said(choose: Callable[[], Iterable[Topic]]) -> str:
         try:
-            sentences.append(f"{what}: {_names(chosen())}")
+            return ", ".join(topic.name for topic in choose())
         except FileFormatError as error:
-            sentences.append(f"{what}: {str(error).removeprefix(f'{bag.path}: ')}")
-    return tuple(sentences)
+            return str(error).removeprefix(f"{bag.path}: ")
 
-
-def _pose(bag: Bag) -> tuple[Topic, ...]:
-    return pose_topics(bag, None, None, None)
-
-
-def _names(topics: Iterable[Topic]) -> str:
-    return ", ".join(topic.name for topic in topics)
+    wrench, pose = said(lambda: [wrench_topic(bag, None)]), said(lambda: pose_topics(bag, None, None, None))
+    return f"wrench: {wrench}", f"pose: {pose}"

@@ -41,7 +41,7 @@ def _bag(contents: BagContents) -> Iterator[str]:
     for gives in dict.fromkeys(["wrench", "pose", *sorted({t.gives for t in contents.topics}, reverse=True)]):
         topics = [topic for topic in contents.topics if topic.gives == gives]
         if topics:
-            yield gives.capitalize() if gives else "Other"
+            yield f"{gives[0].upper()}{gives[1:]}" if gives else "Other"
         for topic in topics:
             yield from _topic(topic, name, kind)
     if contents.frames:
