@@ -332,6 +332,6 @@ def test_what_cannot_be_diagnosed_is_refused(tmp_path: Path, capsys: pytest.Capt
     assert run(capsys, "diagnose", path).complaint == (
         f"{path}: found no contact-free samples, expected poses without a load"
     )
-    path = written(tmp_path, NO_ORIENTATION, "poses.bag")
+    path = written(tmp_path, NO_ORIENTATION, "poses.xls")
     assert run(capsys, "diagnose", path).complaint == run(capsys, "calibrate", path).complaint
     assert run(capsys, "diagnose", PANDA, "--sign", "push").complaint == "sign is 'push', expected pull or reaction"

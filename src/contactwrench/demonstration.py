@@ -17,7 +17,7 @@ from .contact import contact_wrenches
 from .files import make_folder, write_text
 from .model import gravity_in_flange
 from .recording import read
-from .recording.csv import write_contact_wrenches
+from .recording.writers import write_contact_wrenches
 from .report.html import Section, write_report
 from .samples import Samples
 
@@ -46,7 +46,7 @@ def demonstrate(folder: Path, say: Callable[[str], None]) -> None:
     for one in sets:
         one.calibration.save(folder / f"{one.name}.json")
         contact = contact_wrenches(one.calibration, one.samples)
-        write_contact_wrenches(folder / f"{one.name}_contact.csv", contact)
+        write_contact_wrenches(folder / f"{one.name}_contact.csv", [contact])
         say(f"{one.title}\n{'=' * len(one.title)}\n")
         say(f"{one.calibration}\n")
         for paragraph in one.words:

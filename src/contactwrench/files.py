@@ -6,8 +6,11 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
+from typing import BinaryIO
 
 from .errors import FileAccessError
 
@@ -16,8 +19,27 @@ STDOUT = "-"
 
 def read_bytes(path: str | Path) -> bytes:
     """The content of a file. Raises `FileAccessError` naming the path and why it cannot be read."""
+    with open_bytes(path) as file:
+        return file.read()
+
+
+def blocks_of_lines(path: str | Path, lines: int | None = None) -> Iterator[tuple[bytes, float]]:
+    """The content of a file, all at once or so many lines at a time, each with the part of the file, 0 to 1, that ends
+    with it; NaN for a pipe. Raises `FileAccessError` naming the path and why it cannot be read.
+    """
+    with open_bytes(path) as file:
+        size, so_far = os.fstat(file.fileno()).st_size, 0
+        while block := file.read() if lines is None else b"".join(islice(file, lines)):
+            so_far += len(block)
+            yield block, so_far / size if size else float("nan")
+
+
+@contextmanager
+def open_bytes(path: str | Path) -> Iterator[BinaryIO]:
+    """A file that is open to be read. Raises `FileAccessError` naming the path and why it cannot be read."""
     try:
-        return Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            yield file
     except IsADirectoryError:
         raise FileAccessError(f"{path}: found a directory, expected a file: name the file in it") from None
     except FileNotFoundError:
@@ -46,13 +68,21 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
         for piece in pieces:
             sys.stdout.write(piece)
         sys.stdout.flush()
-        return
+    else:
+        write_bytes(path, (piece.encode() for piece in pieces))
+
+
+def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:
+    """Write a binary file, whole or piece by piece: beside the file, then renamed over it, so that the file is whole or
+    untouched. Devices and pipes are written directly. Raises `FileAccessError`.
+    """
+    pieces = [content] if isinstance(content, bytes) else content
     target = Path(os.path.realpath(path))
     try:
         if target.is_dir():
             raise FileAccessError(f"{path}: found a directory, expected a file to write: name a file in it")
         if target.exists() and not stat.S_ISREG(target.stat().st_mode):
-            with target.open("w", encoding="utf-8", newline="") as device:
+            with target.open("wb") as device:
                 device.writelines(pieces)
         else:
             _write_beside_then_rename(target, pieces)
@@ -66,21 +96,11 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
         ) from None
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a binary file: beside it, then renamed over it. Raises `FileAccessError`."""
-    try:
-        _write_beside_then_rename(path, [content])
-    except OSError as error:
-        raise FileAccessError(
-            f"{path}: cannot be written ({_reason(error)}): check the space on the disk and the permissions"
-        ) from None
-
-
-def _write_beside_then_rename(target: Path, pieces: Iterable[str] | Iterable[bytes]) -> None:
+def _write_beside_then_rename(target: Path, pieces: Iterable[bytes]) -> None:
     handle, beside = tempfile.mkstemp(prefix=".contactwrench-", dir=target.parent)
     try:
         with open(handle, "wb") as file:
-            file.writelines(piece.encode() if isinstance(piece, str) else piece for piece in pieces)
+            file.writelines(pieces)
             file.flush()
             os.fsync(file.fileno())
         Path(beside).chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask())

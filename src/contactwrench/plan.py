@@ -133,6 +133,7 @@ def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: 
 
 def recorded_poses(samples: Samples) -> Array:
     """The orientations (m, 3, 3) of the contact-free poses in a recording, in the order of their first rows."""
+    samples, _ = samples.unsaturated()
     free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
     return np.array([pose.R_base_flange for pose in poses_from_samples(free)]).reshape(-1, 3, 3)
 

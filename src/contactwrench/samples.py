@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 from .orientation import Array, nearest_rotations
@@ -21,6 +21,13 @@ def read_only(values: ArrayLike) -> Array:
     return copy
 
 
+def flags(values: ArrayLike) -> NDArray[np.bool_]:
+    """A copy, true or false each, that cannot be written to."""
+    copy = np.array(values, dtype=np.bool_)
+    copy.flags.writeable = False
+    return copy
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Readings of the sensor, each with the arm's orientation at that moment.
@@ -28,6 +35,7 @@ class Samples:
     `wrench` (n, 6) N and N m, sensor axes, pull sign; `R_base_flange` (n, 3, 3); `t` (n,) s; `position` (n, 3) m
     of the flange in base axes; `load_mass` (n,) kg hung on the tool (0: none). `source` says where they come from.
     `delay` s and `delay_std`: of wrench behind orientation, where that was estimated when the two were paired.
+    `saturated` (n,): whether a channel of the sensor stood at its limit, where that was recorded.
     Raises `InputError` for a wrong shape, a NaN or infinity, a reading beyond `LARGEST_READING`, a matrix that is no
     rotation, a negative load.
     """
@@ -40,6 +48,7 @@ class Samples:
     source: str = "arrays"
     delay: float | None = None
     delay_std: float | None = None
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(np.asarray(self.wrench)))
@@ -65,6 +74,10 @@ class Samples:
             if name == "R_base_flange":
                 array = read_only(nearest_rotations(array)) if n else array
             object.__setattr__(self, name, array)
+        if self.saturated is not None:
+            object.__setattr__(self, "saturated", flags(self.saturated))
+            if self.saturated.shape != (n,):
+                raise InputError(f"saturated has shape {self.saturated.shape}, expected (n,) with n = {n} as in wrench")
         if n and max(self.wrench.max(), -self.wrench.min()) > LARGEST_READING:
             row, axis = (int(k) for k in np.argwhere(np.abs(self.wrench) > LARGEST_READING)[0])
             raise InputError(
@@ -105,7 +118,15 @@ class Samples:
             self.source,
             self.delay,
             self.delay_std,
+            None if self.saturated is None else self.saturated[pick],
         )
+
+    def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
+        """The samples less those with a saturated channel, and a note where there are such."""
+        if self.saturated is None or not self.saturated.any():
+            return self, ()
+        count = int(self.saturated.sum())
+        return self.select(~self.saturated), (f"{count} rows with a saturated channel were left out",)
 
 
 def _with_n(name: str) -> str:

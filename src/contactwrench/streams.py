@@ -4,23 +4,35 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .errors import InputError
 from .orientation import Array, nearest_rotations
-from .samples import read_only
+from .samples import flags, read_only
 
 
 @dataclass(frozen=True, eq=False)
 class WrenchStream:
     """What the sensor read: `t` (n,) s, in the order in which it was recorded; `wrench` (n, 6) N and N m, sensor axes,
     pull sign. A reading may be NaN: a sample that is there and says nothing. `source` says where it comes from.
+    `load_mass` (n,) kg hung on the tool and `saturated` (n,), as in `Samples`, where they were recorded.
     """
 
     t: Array
     wrench: Array
     source: str = "arrays"
+    load_mass: Array | None = None
+    saturated: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        _require_pairs(self, {"t": (), "wrench": (6,)})
+        _require_pairs(self, {"t": (), "wrench": (6,), "load_mass": ()})
+        if self.saturated is not None:
+            object.__setattr__(self, "saturated", flags(self.saturated))
+            if self.saturated.shape != (len(self),):
+                raise InputError(
+                    f"saturated has shape {self.saturated.shape}, expected {(len(self),)}: one for each time"
+                )
 
     def __len__(self) -> int:
         return len(self.t)

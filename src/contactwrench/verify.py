@@ -48,7 +48,8 @@ class Verification:
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
     norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
     the residuals or of the weighings, whichever is the less probable;
-    the `limits` asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words.
+    the `limits` asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words. `warnings`: what
+    was left out.
     """
 
     residuals: Array
@@ -62,6 +63,7 @@ class Verification:
     weighings: tuple[Weighing, ...]
     passed: bool
     reason: str
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "residuals", read_only(self.residuals))
@@ -81,7 +83,8 @@ def verify(
     Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
     those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
     weighed, with `g` m/s^2 (None: the calibration's); without limits the weighings must agree with the loads at that
-    level too. Raises `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
+    level too. Samples with a saturated channel are left out. Raises `InputError` for a limit or a `g` that is none, and
+    where there is nothing to judge by.
     """
     for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
         if value is not None and not 0.0 <= value < np.inf:
@@ -89,6 +92,7 @@ def verify(
     g = calibration.g if g is None else g
     if not 0.0 < g < np.inf:
         raise InputError(f"g is {g:g}, expected m/s^2 above 0")
+    samples, warnings = samples.unsaturated()
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
@@ -139,6 +143,7 @@ def verify(
         weighings=weighings,
         passed=passed,
         reason=reason,
+        warnings=warnings,
     )
 
 

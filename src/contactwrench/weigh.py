@@ -78,7 +78,8 @@ class HeldObject:
 def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None) -> HeldObject:
     """Weigh what the tool of `calibration` holds in `samples`, still and touching nothing else.
 
-    `g` m/s^2, None: the calibration's. Samples with a `load_mass` of 0 are left out where others have one above 0.
+    `g` m/s^2, None: the calibration's. Samples with a `load_mass` of 0 are left out where others have one above 0, and
+    those with a saturated channel always.
     Raises `InputError` for no samples, for loads of several masses, and for a `g` that is none.
     """
     g = calibration.g if g is None else g
@@ -151,8 +152,9 @@ def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
 
 def _of_one_object(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
     """The samples in which the object is held, and a note where others were left out."""
+    samples, notes = samples.unsaturated()
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
-        return samples, ()
+        return samples, notes
     loaded = samples.load_mass > 0.0
     masses = np.unique(samples.load_mass[loaded])
     if len(masses) > 1:
@@ -162,7 +164,7 @@ def _of_one_object(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
             "recording"
         )
     left_out = int(np.sum(~loaded))
-    return samples.select(loaded), (f"{left_out} rows without a load were left out",) if left_out else ()
+    return samples.select(loaded), (*notes, *([f"{left_out} rows without a load were left out"] if left_out else []))
 
 
 def _down(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]:

@@ -71,9 +71,9 @@ def calibrate(
 
     Poses that the others do not explain are left out, and a bias that stepped or drifted is followed, the last one
     kept (calibrate/robust.py; not for `paper` and `affine`); warnings say so. So they do of samples with a load
-    (`load_mass` above 0), which are left out too. Raises `InputError` for unusable arguments, `UnobservableError` where
-    the poses cannot separate the parameters, `AmbiguityError` where the data contradict the sign of the readings or
-    the side of the base: free air cannot tell those two apart.
+    (`load_mass` above 0) or a saturated channel, which are left out too. Raises `InputError` for unusable arguments,
+    `UnobservableError` where the poses cannot separate the parameters, `AmbiguityError` where the data contradict the
+    sign of the readings or the side of the base: free air cannot tell those two apart.
     """
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     if prior is not None:
@@ -228,11 +228,12 @@ def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternati
 
 
 def _contact_free(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
+    samples, notes = samples.unsaturated()
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
-        return samples, ()
+        return samples, notes
     free = samples.load_mass == 0.0
     left_out = int(np.sum(~free))
-    return samples.select(free), (f"{left_out} rows with a load hung on the tool were left out",)
+    return samples.select(free), (*notes, f"{left_out} rows with a load hung on the tool were left out")
 
 
 def _noise_std(noise: NoiseLike) -> Array | None:

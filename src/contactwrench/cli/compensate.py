@@ -46,7 +46,7 @@ def compensate(
     from ..calibration import Calibration
     from ..contact import contact_wrenches
     from ..files import require_distinct
-    from ..recording.csv import write_contact_wrenches
+    from ..recording.writers import write_contact_wrenches
 
     require_distinct(output, {"recording that is read": file, "calibration that is read": calibration})
     loaded = Calibration.load(calibration)
@@ -54,4 +54,4 @@ def compensate(
     note_other_reading(loaded.provenance, wrench_frame, sign, inverse_orientation)
     point = None if at is None else three_numbers(at, "--at")
     contact = contact_wrenches(loaded, samples, output_frame, point, gravity_direction(gravity))
-    write_contact_wrenches(output, contact)
+    write_contact_wrenches(output, [contact], file)

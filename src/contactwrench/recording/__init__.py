@@ -1,17 +1,14 @@
-"""Files to Samples and back, the format chosen by the file's suffix."""
+"""Files to Samples and Streams and back, the format chosen by the file's suffix."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-import numpy as np
-
-from ..errors import FileFormatError, InputError
 from ..samples import Samples
-from .csv import read_csv
+from .layout import Layout
+from .streaming import batches, read_samples, read_streams
 
-SUFFIXES_OF_TEXT = {".csv", ".tsv", ".txt", ".dat", ""}
+__all__ = ["Layout", "batches", "read", "read_samples", "read_streams"]
 
 
 def read(
@@ -21,38 +18,34 @@ def read(
     sign: str = "pull",
     *,
     inverse_orientation: bool = False,
+    pose_file: str | Path | None = None,
+    wrench_topic: str | None = None,
+    pose_topic: str | None = None,
+    frames: tuple[str, str] | None = None,
+    robot: str | None = None,
 ) -> Samples:
     """Read a recording: wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`.
 
-    `orientation`: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py. `wrench_frame`: sensor, or
-    base where the controller turns the wrench into base axes; it is turned back by `R_base_flange`, so that it comes
-    in the flange's axes. `sign`: pull (what acts on the sensor), or reaction (what the sensor exerts), which is
-    negated. `inverse_orientation`: the file holds `R_flange_base`. Raises `FileAccessError`, `FileFormatError` and
-    `InputError`.
+    `path`: a table (CSV, Parquet) of wrenches and orientations, or of wrenches alone where `pose_file` has the
+    orientations, or a bag. `orientation`: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
+    `wrench_frame`: sensor, or base where the controller turns the wrench into base axes; it is turned back by
+    `R_base_flange`, so that it comes in the flange's axes. `sign`: pull (what acts on the sensor), or reaction (what
+    the sensor exerts), which is negated. `inverse_orientation`: the file holds `R_flange_base`. Of a bag:
+    `wrench_topic` and `pose_topic`; `frames` (base, flange); `robot`, whose joint angles it has: a known arm's name, or
+    a URDF as PATH[:LINK].
+
+    Where a wrench lacks an orientation of its own, one is interpolated, after the delay between the two was estimated.
+    Raises `FileAccessError`, `FileFormatError`, `InputError` and `MissingExtraError`.
     """
-    require_readable(path, wrench_frame, sign)
-    table = read_csv(path, orientation)
-    R = table.orientation.transpose(0, 2, 1) if inverse_orientation else table.orientation
-    wrench = -table.wrench if sign == "reaction" else table.wrench
-    if wrench_frame == "base":
-        wrench = np.concatenate(
-            [np.einsum("nij,ni->nj", R, wrench[:, :3]), np.einsum("nij,ni->nj", R, wrench[:, 3:])], axis=1
-        )
-    source = os.fsencode(path).decode(errors="replace")
-    try:
-        return Samples(wrench, R, table.t, table.position, table.load_mass, source)
-    except InputError as error:
-        raise FileFormatError(f"{path}: {error}") from None
-
-
-def require_readable(path: str | Path, wrench_frame: str, sign: str) -> None:
-    """Raise `InputError` for arguments that `read` does not know, `FileFormatError` for a suffix that it does not."""
-    for name, value, known in (
-        ("wrench_frame", wrench_frame, ("sensor", "base")),
-        ("sign", sign, ("pull", "reaction")),
-    ):
-        if value not in known:
-            raise InputError(f"{name} is {value!r}, expected {' or '.join(known)}")
-    suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES_OF_TEXT:
-        raise FileFormatError(f"{path}: found the suffix {suffix}, expected .csv: export the recording as CSV")
+    layout = Layout(
+        orientation,
+        wrench_frame,
+        sign,
+        inverse_orientation,
+        wrench_topic,
+        pose_topic,
+        frames,
+        robot,
+        None if pose_file is None else Path(pose_file),
+    )
+    return read_samples(path, layout)

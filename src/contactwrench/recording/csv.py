@@ -1,243 +1,241 @@
-"""Tables of readings and orientations as CSV: columns found by name, units by suffix (design: section 6).
+"""Named columns of numbers in a text file.
 
-What a column means is decided here; how a table of named columns is read, in table.py.
+The numbers are parsed by numpy, a block of lines at a time. Only where that fails is the block walked row by row, to
+say which row and column is wrong; rows are counted as an editor counts lines, the header included.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import codecs
+import csv
+from collections.abc import Collection, Iterator
 from itertools import chain
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
-from ..contact import ContactWrenches
-from ..errors import FileFormatError, InputError
-from ..files import write_text
-from ..orientation import CONVENTIONS, RECOGNISED_BY_NAME, Array, Convention, convention
-from ..samples import LARGEST_READING
-from .table import Body, Column, find, listed, numbers, opened, optional, require, required, shown
+from ..errors import FileFormatError
+from ..files import blocks_of_lines
+from ..orientation import Array
+from .columns import SATURATED, Column, places_of
 
-FORCE = {"": 1.0, "n": 1.0}
-TORQUE = {"": 1.0, "nm": 1.0, "nmm": 1e3}
-TIME = {"": 1.0, "s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-LENGTH = {"": 1.0, "m": 1.0, "mm": 1e3}
-LOAD = {"g": 1e3, "kg": 1.0}
-NO_UNIT = {"": 1.0}
-ANGLE = {"deg": 180.0 / np.pi, "rad": 1.0}
-"""These say how many of a unit make one of SI: a division rounds once, so that 300 ms are 0.3 s to the last digit."""
-
-WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
+BOOLEANS = {"true": 1.0, "false": 0.0}
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """What a CSV holds, as its writer meant it: SI units, the file's own sign, frame and direction of rotation."""
+def csv_bodies(path: str | Path, rows: int | None = None) -> tuple[dict[str, int], Iterator[Lines]]:
+    """The place of each column by its name, and the rows below the header: all at once, or `rows` lines at a time.
 
-    wrench: Array
-    orientation: Array
-    t: Array | None
-    position: Array | None
-    load_mass: Array | None
-
-
-@dataclass(frozen=True, eq=False)
-class WrittenOrientation:
-    """Columns that hold an orientation, by their names in the file, and their numbers (n, k) as they are written."""
-
-    columns: tuple[str, ...]
-    numbers: Array
-
-
-@dataclass(frozen=True, eq=False)
-class AsWritten:
-    """What a CSV holds before anything is made of its orientation.
-
-    `wrench` (n, 6) N and N m under `wrench_columns`. `convention`: the one that was asked for or that the names tell,
-    which makes the rotations `stated` (n, 3, 3) of the one in `orientations`. Where it cannot, `stated` is None; where
-    the names do not tell, `convention` is None too, and `orientations` are all sets of columns that could be one;
-    `complaint` then says why. `load_mass` as in `Table`.
+    Raises `FileAccessError`, and `FileFormatError` for what is no text or has no header.
     """
-
-    wrench: Array
-    wrench_columns: tuple[str, ...]
-    orientations: tuple[WrittenOrientation, ...]
-    convention: Convention | None
-    stated: Array | None
-    complaint: str | None
-    load_mass: Array | None
-
-
-def read_csv(path: str | Path, orientation: str = "auto") -> Table:
-    """Read a table. Raises `FileAccessError`, and `FileFormatError` naming the file, the row and the column."""
-    places, body = opened(path)
-    source = body.source
-    wrench_columns = _wrench_columns(places, source)
-    chosen, orientation_columns = _orientation_columns(places, orientation, source)
-    taken = {column.place for column in orientation_columns}
-    t = optional(places, ["t"], TIME, taken, source)
-    position = optional(places, ["x", "y", "z"], LENGTH, taken, source)
-    load = _load_column(places, taken, source)
-
-    columns = [*wrench_columns, *orientation_columns, *t, *position, *load]
-    values = numbers(body, columns) / np.array([column.per_si for column in columns])
-    wrench, angles, *rest = np.split(
-        values, np.cumsum([6, len(orientation_columns), len(t), len(position)]).tolist(), axis=1
-    )
-    R = _rotations(chosen, orientation_columns, angles, body)
-    t_values, position_values, load_values = (block if block.shape[1] else None for block in rest)
-    _require_wrench_and_load(wrench, wrench_columns, load_values, load, body)
-    return Table(
-        wrench,
-        R,
-        None if t_values is None else t_values[:, 0],
-        position_values,
-        None if load_values is None else load_values[:, 0],
-    )
+    source = str(path)
+    blocks = _blocks_of_text(path, source, rows)
+    blank = True
+    for first_row, text, done in blocks:
+        lines = text.split("\n")
+        header = _header(lines, first_row, source)
+        blank = blank and not text.strip()
+        if header is not None:
+            row, delimiter, names = header
+            places = places_of(names, source)
+            first = Lines(lines[row - first_row + 1 :], row + 1, delimiter, len(names), source, done)
+            rest = (Lines(text.split("\n"), row, delimiter, len(names), source, done) for row, text, done in blocks)
+            return places, _with_rows(chain([first], rest))
+    if blank:
+        raise FileFormatError(f"{source}: the file is empty, expected a header line and rows of numbers")
+    raise FileFormatError(f"{source}: found comments only, expected a header line and rows of numbers")
 
 
-def orientations(places: dict[str, int], body: Body, orientation: str) -> tuple[Array, set[int]]:
-    """Rotations (n, 3, 3) of a table that need not hold readings, and the places of the columns that they are from.
-
-    Raises `FileFormatError` naming the file, the row and the column.
-    """
-    chosen, columns = _orientation_columns(places, orientation, body.source)
-    values = numbers(body, columns) / np.array([column.per_si for column in columns])
-    return _rotations(chosen, columns, values, body), {column.place for column in columns}
-
-
-def read_as_written(path: str | Path, orientation: str = "auto") -> AsWritten:
-    """Read a table without making rotations of its orientation. Raises as `read_csv`, but for numbers that are no
-    rotation, and where `auto` cannot choose between columns that all could be one.
-    """
-    places, body = opened(path)
-    source = body.source
-    wrench_columns = _wrench_columns(places, source)
-    convention, complaint, stated = None, None, None
-    try:
-        convention, told = _orientation_columns(places, orientation, source)
-        sets = [told]
-    except FileFormatError as error:
-        complaint = str(error)
-        sets = _whole_sets(places, source) if orientation == "auto" else []
-        if not sets:
-            raise
-    load = _load_column(places, {column.place for columns in sets for column in columns}, source)
-    columns = [*wrench_columns, *load, *(column for one in sets for column in one)]
-    written = numbers(body, columns)
-    in_si = written / np.array([column.per_si for column in columns])
-    first, *ends = np.cumsum([6 + len(load), *map(len, sets)]).tolist()
-    wrench, load_values = in_si[:, :6], in_si[:, 6:first]
-    _require_wrench_and_load(wrench, wrench_columns, load_values if load else None, load, body)
-    if convention is not None:
-        try:
-            stated = _rotations(convention, sets[0], in_si[:, first:], body)
-        except FileFormatError as error:
-            complaint = str(error)
-    orientations = (
-        WrittenOrientation(tuple(column.name for column in one), written[:, end - len(one) : end])
-        for one, end in zip(sets, ends, strict=True)
-    )
-    return AsWritten(
-        wrench,
-        tuple(column.name for column in wrench_columns),
-        tuple(orientations),
-        convention,
-        stated,
-        complaint,
-        load_values[:, 0] if load else None,
-    )
-
-
-def _rotations(convention: Convention, columns: list[Column], values: Array, body: Body) -> Array:
-    """Rotations (n, 3, 3) of `values` (n, k) in SI. Raises `FileFormatError` naming row and columns of what is none."""
-    try:
-        return convention.to_matrices(values)
-    except InputError as error:
-        names = ",".join(column.name for column in columns)
-        where = "" if error.row is None else f"row {body.row_of(error.row)}, "
-        found = str(error).replace(f"orientation {error.row} is", "found", 1)
-        raise FileFormatError(f"{body.source}: {where}columns {names}: {found}") from None
-
-
-def _wrench_columns(places: dict[str, int], source: str) -> list[Column]:
-    return [required(places, name, TORQUE if name[0] == "t" else FORCE, source) for name in WRENCH_COLUMNS]
-
-
-def _load_column(places: dict[str, int], taken: set[int], source: str) -> list[Column]:
-    if "load" in places:
-        raise FileFormatError(f"{source}: column load has no unit, expected load_g or load_kg: rename it")
-    return optional(places, ["load"], LOAD, taken, source)
-
-
-def _require_wrench_and_load(
-    wrench: Array, wrench_columns: list[Column], load: Array | None, load_column: list[Column], body: Body
-) -> None:
-    require(np.abs(wrench) <= LARGEST_READING, wrench, wrench_columns, body, f"at most {LARGEST_READING:g} N or N m")
-    if load is not None:
-        require(load >= 0.0, load, load_column, body, "0 or more")
-
-
-def _orientation_columns(places: dict[str, int], orientation: str, source: str) -> tuple[Convention, list[Column]]:
-    if orientation != "auto":
-        chosen = convention(orientation)
-        columns = _columns_of(places, chosen, source)
-        missing = [name for name, column in zip(chosen.columns, columns, strict=True) if column is None]
-        if missing:
-            wanted = ",".join(shown(name) for name in chosen.columns)
+def _blocks_of_text(path: str | Path, source: str, rows: int | None) -> Iterator[tuple[int, str, float]]:
+    """The row at which a block of lines begins, its text, and the part of the file that ends with it."""
+    row = 1
+    for content, done in blocks_of_lines(path, rows):
+        if row == 1 and (content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:4096]):
             raise FileFormatError(
-                f"{source}: found no column {shown(missing[0])}, expected {wanted} for {chosen.name}: name "
-                f"the columns, as in --orientation NAME:COLUMNS (found {listed(places)})"
+                f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that"
             )
-        return chosen, [column for column in columns if column is not None]
-    candidates = {name: _columns_of(places, CONVENTIONS[name], source) for name in RECOGNISED_BY_NAME}
-    whole = {name: [c for c in columns if c is not None] for name, columns in candidates.items() if None not in columns}
-    if len(whole) == 1:
-        name, complete = next(iter(whole.items()))
-        return CONVENTIONS[name], complete
-    if whole:
+        try:
+            text = content.decode("utf-8-sig" if row == 1 else "utf-8")
+        except UnicodeDecodeError as error:
+            where = row + content.count(b"\n", 0, error.start)
+            raise FileFormatError(
+                f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
+            ) from None
+        if "\r" in text:
+            text = text.replace("\r\n", "\n").replace("\r", "\n")
+        yield row, text, done
+        row += text.count("\n")
+
+
+def _header(lines: list[str], first_row: int, source: str) -> tuple[int, str, list[str]] | None:
+    """Row number, delimiter and the names of the header line, in small letters; None where there is none."""
+    for row, line in enumerate(lines, start=first_row):
+        if not _is_row(line) or line.lower().startswith("sep="):
+            continue
+        delimiter = max(",;\t", key=line.count)
+        names = [name.lower() for name in _cells(line, delimiter, row, source)]
+        if all(_is_number(name) for name in names):
+            raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
+        return row, delimiter, names
+    return None
+
+
+def _with_rows(blocks: Iterator[Lines]) -> Iterator[Lines]:
+    """The blocks that have rows, or one without any."""
+    without, found = None, False
+    for block in blocks:
+        if len(block):
+            found = True
+            yield block
+        else:
+            without = block
+    if without is not None and not found:
+        yield without
+
+
+class Lines:
+    """Rows of a text file, by the lines that hold them. A `Body`."""
+
+    def __init__(self, lines: list[str], first_row: int, delimiter: str, width: int, source: str, done: float) -> None:
+        self._all, self._first_row, self._delimiter, self._width = lines, first_row, delimiter, width
+        self._lines = [line for line in lines if (start := line.lstrip()) and start[0] != "#"]
+        self.source, self.done = source, done
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    def row_of(self, index: int) -> int:
+        """The number of the line of the index-th row."""
+        return next(row for k, (row, _) in enumerate(self._numbered()) if k == index)
+
+    def refuse_lack(self, index: int, column: Column) -> NoReturn:
+        """Raise the `FileFormatError` for a cell that is empty, or NaN."""
+        row = self.row_of(index)
+        cell = _cells(self._lines[index], self._delimiter, row, self.source)[column.place]
+        raise self._lack(cell, column, row)
+
+    def numbers(self, columns: list[Column], may_lack: Collection[Column] = ()) -> Array:
+        """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
+
+        Raises `FileFormatError` naming row and column of what is no finite number.
+        """
+        if not self._lines:
+            raise FileFormatError(
+                f"{self.source}: found a header and no rows, expected a row for each reading: add them"
+            )
+        values = self._parsed([column.place for column in columns], bool(may_lack))
+        if values is not None:
+            lacking = [column in may_lack for column in columns]
+            fine = np.isfinite(values)
+            if fine.all() or (fine | (np.isnan(values) & lacking)).all():
+                return values
+        return np.array([self._row(row, line, columns, may_lack) for row, line in self._numbered()], dtype=np.float64)
+
+    def _parsed(self, places: list[int], gaps: bool) -> Array | None:
+        """The numbers by numpy, NaN in gaps; None where it cannot tell, or a row has other than `width` cells."""
+        whole = {line.count(self._delimiter) for line in self._lines} == {self._width - 1}
+        if any('"' in line for line in self._lines) or not whole:
+            whole = all(map(self._is_whole, self._lines))
+        values = self._loaded(self._lines, places) if whole else None
+        return self._loaded(self._filled(), places) if whole and gaps and values is None else values
+
+    def _loaded(self, lines: list[str], places: list[int]) -> Array | None:
+        try:
+            values: Array = np.loadtxt(
+                lines,
+                delimiter=self._delimiter,
+                usecols=places,
+                ndmin=2,
+                comments=None,
+                quotechar='"',
+                dtype=np.float64,
+            )
+        except ValueError:
+            return None
+        return values if len(values) == len(lines) else None
+
+    def _filled(self) -> list[str]:
+        """The rows with nan in cells that are empty."""
+        d = self._delimiter
+        text = "\n".join(["", *self._lines, ""])
+        for _ in range(2):  # a match of one gap takes the delimiter in which the next would begin
+            text = text.replace(d + d, f"{d}nan{d}")
+        return text.replace(d + "\n", f"{d}nan\n").replace("\n" + d, f"\nnan{d}").split("\n")[1:-1]
+
+    def _is_whole(self, line: str) -> bool:
+        """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
+        if '"' not in line:
+            return line.count(self._delimiter) == self._width - 1
+        try:
+            return len(next(csv.reader([line], delimiter=self._delimiter))) == self._width
+        except csv.Error:
+            return False
+
+    def _numbered(self) -> Iterator[tuple[int, str]]:
+        """Row number and text of every row of data."""
+        return ((row, line) for row, line in enumerate(self._all, start=self._first_row) if _is_row(line))
+
+    def _row(self, row: int, line: str, columns: list[Column], may_lack: Collection[Column]) -> list[float]:
+        """The numbers of one row, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
+        cells = _cells(line, self._delimiter, row, self.source)
+        if len(cells) != self._width:
+            raise FileFormatError(
+                f"{self.source}: row {row}: found {len(cells)} values, expected {self._width} as in the header: "
+                "complete the row, and write decimals with a point"
+            )
+        return [self._number(cells[column.place], column, row, column in may_lack) for column in columns]
+
+    def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
+        where = f"{self.source}: row {row}, column {column.name}"
+        if column.name == SATURATED and cell.lower() in BOOLEANS:
+            return BOOLEANS[cell.lower()]
+        try:
+            value = _value(cell) if cell else np.nan
+        except ValueError:
+            if _is_number(cell.replace(",", ".")):
+                raise FileFormatError(
+                    f"{where}: found the decimal comma {cell!r}, expected a point: write it so"
+                ) from None
+            raise FileFormatError(
+                f"{where}: found {cell[:40]!r}, expected a number: correct it or leave the row out"
+            ) from None
+        if not (np.isfinite(value) or (may_lack and np.isnan(value))):
+            raise self._lack(cell, column, row)
+        return value
+
+    def _lack(self, cell: str, column: Column, row: int) -> FileFormatError:
+        where = f"{self.source}: row {row}, column {column.name}"
+        if not cell:
+            return FileFormatError(f"{where}: found nothing, expected a number: fill it in or leave the row out")
+        return FileFormatError(f"{where}: found {cell}, expected a finite number: leave the row out")
+
+
+def _is_row(line: str) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    start = line.lstrip()
+    return bool(start) and start[0] != "#"
+
+
+def _cells(line: str, delimiter: str, row: int, source: str) -> list[str]:
+    """The cells of one line, without the space around them."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:
         raise FileFormatError(
-            f"{source}: found the columns of {' and of '.join(whole)}, expected one orientation: choose with "
-            f"--orientation {next(iter(whole))}"
-        )
-    for name, columns in candidates.items():
-        if sum(column is not None for column in columns) > len(columns) / 2:
-            missing = [want for want, c in zip(CONVENTIONS[name].columns, columns, strict=True) if c is None]
-            raise FileFormatError(f"{source}: found no column {missing[0]}, expected all of {name}: add it")
-    raise FileFormatError(
-        f"{source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC) or rx ry "
-        f"rz (UR): rename them, or say --orientation NAME:COLUMNS (found {listed(places)})"
-    )
+            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
+        ) from None
 
 
-def _whole_sets(places: dict[str, int], source: str) -> list[list[Column]]:
-    """Every set of columns that bears the names of a convention, each once."""
-    sets: dict[tuple[str, ...], list[Column]] = {}
-    for wanted in CONVENTIONS.values():
-        columns = [column for column in _columns_of(places, wanted, source) if column is not None]
-        if len(columns) == len(wanted.columns):
-            sets.setdefault(tuple(sorted(column.name for column in columns)), columns)
-    return list(sets.values())
+def _value(text: str) -> float:
+    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
 
 
-def _columns_of(places: dict[str, int], wanted: Convention, source: str) -> list[Column | None]:
-    if wanted.angle_unit is None:
-        return [find(places, name, NO_UNIT, source) for name in wanted.columns]
-    stated = {"": ANGLE[wanted.angle_unit], **ANGLE}
-    columns = []
-    for name in wanted.columns:
-        unit = name.rpartition("_")[2]
-        columns.append(find(places, name, {"": ANGLE[unit]} if unit in ANGLE else stated, source))
-    return columns
-
-
-def write_contact_wrenches(path: str | Path, contact: ContactWrenches) -> None:
-    """Write one row per sample, in order: `t` where given, fx..tz the contact wrench, fx_std..tz_std; `-` is stdout."""
-    names = [*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS)]
-    columns = [contact.wrench, contact.std]
-    formats = ["%.9g"] * 12
-    if contact.t is not None:
-        names, columns, formats = ["t", *names], [contact.t[:, None], *columns], ["%r", *formats]
-    row = ",".join(formats)
-    table = np.hstack(columns).tolist()
-    write_text(path, chain([",".join(names) + "\n"], (row % tuple(values) + "\n" for values in table)))
+def _is_number(text: str) -> bool:
+    try:
+        _value(text)
+    except ValueError:
+        return False
+    return True

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..orientation import Array
-from .csv import LENGTH, TIME, orientations
-from .table import Body, Column, numbers, opened, optional
+from .columns import Body, Column, optional
+from .meaning import LENGTH, TIME
+from .table import opened, orientations
 
 JOINT_ANGLE = {"": 1.0, "rad": 1.0, "deg": 180.0 / np.pi}
 
@@ -48,5 +49,5 @@ def read_goals(path: str | Path, joint_count: int, orientation: str = "auto") ->
 
 def _values(body: Body, columns: list[Column]) -> Array:
     """The columns' numbers (n, k), SI."""
-    values: Array = numbers(body, columns) / np.array([column.per_si for column in columns])
+    values: Array = body.numbers(columns) / np.array([column.per_si for column in columns])
     return values

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ..errors import FileFormatError, InputError
 from ..orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Array, Convention, convention
 from ..ways_to_read import OrientationReading, Readings, TorqueUnit, WrenchReading
-from . import require_readable
-from .csv import ANGLE, AsWritten, WrittenOrientation, read_as_written
+from .layout import Layout, is_bag
+from .meaning import ANGLE
+from .table import AsWritten, WrittenOrientation, read_as_written
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
@@ -63,7 +64,11 @@ def readings(
     `FileAccessError`, and `FileFormatError` where columns are missing or hold no numbers, or all rows have a load;
     `InputError` for arguments that are none.
     """
-    require_readable(path, wrench_frame, sign)
+    if is_bag(path, Layout(orientation, wrench_frame, sign, inverse_orientation)):
+        raise FileFormatError(
+            f"{path}: found a bag, expected a table: its messages say how an orientation is written, try --sign and "
+            "--inverse-orientation"
+        )
     written = read_as_written(path, orientation)
     middle, wrench = _stretches(written)
     if not len(middle):

@@ -1,240 +1,318 @@
-"""Named columns of numbers in a text file: found by name, units by suffix.
+"""What the rows of a recording's table hold, whatever kind of file it is.
 
-The numbers are parsed by numpy. Only where that fails is the table walked row by row, to say which row and column
-is wrong; rows are counted as an editor counts lines, the header included.
+How a file becomes named columns of numbers is for csv.py and parquet.py; which of them is what, for meaning.py.
 """
 
 from __future__ import annotations
 
-import codecs
-import csv
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
-from ..files import read_bytes
-from ..orientation import Array
+from ..errors import FileFormatError, InputError
+from ..orientation import Array, Convention
+from ..samples import LARGEST_READING
+from .columns import ROWS, Body, Column, require
+from .csv import csv_bodies
+from .meaning import Meaning, meaning_of, orientation_columns, require_times, whole_sets, wrench_columns
+from .parquet import is_parquet, parquet_bodies, parquet_body
+
+UNIX_TIMES = (1e9, 4.2e9)
+"""s: from 2001 to 2103. A column `t` of a thousand, a million or a milliard times as much holds Unix times in ms, us or
+ns; no clock that counts seconds gets there.
+"""
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column by its place in the file, its name there, and how many of its unit make one of SI."""
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What rows of a file hold, as its writer meant it: SI units, the file's own sign, frame and direction of rotation.
 
-    place: int
-    name: str
-    per_si: float
+    `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,) 0 or 1. In
+    a recording with times a row may lack its wrench, with load and saturation, or its orientation, with the position:
+    NaN. What is in none of the rows is None.
+    """
+
+    wrench: Array
+    orientation: Array
+    t: Array | None
+    position: Array | None
+    load_mass: Array | None
+    saturated: Array | None
+
+    def __len__(self) -> int:
+        return len(self.wrench)
+
+    @property
+    def has_wrench(self) -> NDArray[np.bool_]:
+        """Whether a row (n,) has a wrench."""
+        return ~np.isnan(self.wrench[:, 0])
+
+    @property
+    def has_orientation(self) -> NDArray[np.bool_]:
+        """Whether a row (n,) has an orientation."""
+        return ~np.isnan(self.orientation[:, 0, 0])
+
+    def select(self, rows: slice | NDArray[np.bool_]) -> Table:
+        """The rows that a slice or a mask picks."""
+
+        def of(values: Array | None) -> Array | None:
+            return None if values is None else values[rows]
+
+        return Table(
+            self.wrench[rows],
+            self.orientation[rows],
+            of(self.t),
+            of(self.position),
+            of(self.load_mass),
+            of(self.saturated),
+        )
+
+
+def joined(tables: Sequence[Table]) -> Table:
+    """One table of consecutive ones, which have the same columns."""
+
+    def of(values: list[Array | None]) -> Array | None:
+        known = [part for part in values if part is not None]
+        return np.concatenate(known) if known else None
+
+    return Table(
+        np.concatenate([table.wrench for table in tables]),
+        np.concatenate([table.orientation for table in tables]),
+        of([table.t for table in tables]),
+        of([table.position for table in tables]),
+        of([table.load_mass for table in tables]),
+        of([table.saturated for table in tables]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenOrientation:
+    """Columns that hold an orientation, by their names in the file, and their numbers (n, k) as they are written."""
+
+    columns: tuple[str, ...]
+    numbers: Array
+
+
+@dataclass(frozen=True, eq=False)
+class AsWritten:
+    """What a CSV holds before anything is made of its orientation.
+
+    `wrench` (n, 6) N and N m under `wrench_columns`. `convention`: the one that was asked for or that the names tell,
+    which makes the rotations `stated` (n, 3, 3) of the one in `orientations`. Where it cannot, `stated` is None; where
+    the names do not tell, `convention` is None too, and `orientations` are all sets of columns that could be one;
+    `complaint` then says why. `load_mass` as in `Table`.
+    """
+
+    wrench: Array
+    wrench_columns: tuple[str, ...]
+    orientations: tuple[WrittenOrientation, ...]
+    convention: Convention | None
+    stated: Array | None
+    complaint: str | None
+    load_mass: Array | None
+
+
+Reader = Callable[[Collection[Column]], Iterator[Body]]
+"""Reads the rows of some columns, all at once or block by block."""
 
 
 def opened(path: str | Path) -> tuple[dict[str, int], Body]:
-    """The place of each column by its name, and the rows below the header."""
+    """The place of each column of a table by its name, and all rows. Raises `FileAccessError`, `FileFormatError`."""
+    if is_parquet(path):
+        return parquet_body(path)
+    places, found = csv_bodies(path)
+    return places, next(found)
+
+
+def _blocks(path: str | Path, rows: int) -> tuple[dict[str, int], Reader]:
+    """The place of each column of a table by its name, and what reads about `rows` rows at a time."""
+    if is_parquet(path):
+        return parquet_bodies(path, rows)
+    places, found = csv_bodies(path, rows)
+    return places, lambda _: found
+
+
+def tables(path: str | Path, orientation: str = "auto", rows: int = ROWS) -> Iterator[tuple[Table, float]]:
+    """A table, about `rows` rows at a time, each with the part of the file, 0 to 1, read by then (NaN: who knows).
+
+    Raises `FileAccessError`, and `FileFormatError` naming the file, the row and the column.
+    """
+    places, read = _blocks(path, rows)
     source = str(path)
-    text = _decoded(read_bytes(path), source)
-    delimiter, header_row, header = _header(text, source)
-    return _places(header, source), Body(text, delimiter, header_row, len(header), source)
+    wrench = wrench_columns(places, source)
+    return _tables(read, meaning_of(places, source, wrench, *orientation_columns(places, orientation, source)))
 
 
-def require(good: NDArray[np.bool_], values: Array, columns: list[Column], body: Body, expected: str) -> None:
-    """Raise `FileFormatError` naming the first of `values` (n, k), SI, that is not good, in its column's unit."""
-    if not good.all():
-        index, k = (int(place) for place in np.argwhere(~good)[0])
-        column = columns[k]
-        raise FileFormatError(
-            f"{body.source}: row {body.row_of(index)}, column {column.name}: found "
-            f"{values[index, k] * column.per_si:g}, expected {expected}: correct it or leave the row out"
-        )
+def wrench_tables(path: str | Path, rows: int = ROWS) -> Iterator[tuple[Table, float]]:
+    """The same of that one of two files which has the wrenches: it has times, and no orientation is looked for."""
+    places, read = _blocks(path, rows)
+    meaning = meaning_of(places, str(path), wrench_columns(places, str(path)), None, [])
+    return _tables(read, require_times(meaning, places, str(path)))
 
 
-def _decoded(content: bytes, source: str) -> str:
-    if not content.removeprefix(codecs.BOM_UTF8).strip():
-        raise FileFormatError(f"{source}: the file is empty, expected a header line and rows of numbers")
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:4096]:
-        raise FileFormatError(f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that")
+def pose_tables(path: str | Path, orientation: str = "auto", rows: int = ROWS) -> Iterator[tuple[Table, float]]:
+    """The same of that one of two files which has the orientations: it has times, and no wrench is looked for."""
+    places, read = _blocks(path, rows)
+    meaning = meaning_of(places, str(path), [], *orientation_columns(places, orientation, str(path)))
+    return _tables(read, require_times(meaning, places, str(path)))
+
+
+def orientations(places: dict[str, int], body: Body, orientation: str) -> tuple[Array, set[int]]:
+    """Rotations (n, 3, 3) of a table that need not hold readings, and the places of the columns that they are from.
+
+    Raises `FileFormatError` naming the file, the row and the column.
+    """
+    chosen, columns = orientation_columns(places, orientation, body.source)
+    values = body.numbers(columns) / np.array([column.per_si for column in columns])
+    return _rotations(chosen, columns, values, body), {column.place for column in columns}
+
+
+def _tables(read: Reader, meaning: Meaning) -> Iterator[tuple[Table, float]]:
+    for body in read([*meaning.t, *meaning.of_wrench, *meaning.of_pose]):
+        yield _table(body, meaning), body.done
+
+
+def _table(body: Body, meaning: Meaning) -> Table:
+    """What the rows of `body` hold. Raises `FileFormatError` naming row and column of what cannot be."""
+    of_wrench, of_pose = meaning.of_wrench, meaning.of_pose
+    columns = [*meaning.t, *of_wrench, *of_pose]
+    written = body.numbers(columns, may_lack=[*of_wrench, *of_pose] if meaning.t else ())
+    n, values = len(written), written / np.array([column.per_si for column in columns])
+    t, wrench, load, saturated, angles, position = np.split(
+        values,
+        np.cumsum(
+            [*map(len, (meaning.t, meaning.wrench, meaning.load, meaning.saturated, meaning.orientation))]
+        ).tolist(),
+        axis=1,
+    )
+    there = _rows_there(body, of_wrench, np.hstack([wrench, load, saturated]), len(meaning.wrench))
+    _require_wrench_and_load(wrench, load, saturated, meaning, body)
+    R = np.full((n, 3, 3), np.nan)
+    if meaning.convention is not None:
+        posed = _rows_there(body, of_pose, np.hstack([angles, position]), len(meaning.orientation))
+        R[posed] = _rotations(meaning.convention, list(meaning.orientation), angles[posed], body, posed)
+    return Table(
+        wrench if meaning.wrench else np.full((n, 6), np.nan),
+        R,
+        _in_seconds(t[:, 0], meaning.t[0]) if meaning.t else None,
+        position if meaning.position else None,
+        np.where(there, load[:, 0], np.nan) if meaning.load else None,
+        np.where(there, saturated[:, 0], np.nan) if meaning.saturated else None,
+    )
+
+
+def _rows_there(body: Body, columns: list[Column], values: Array, core: int) -> NDArray[np.bool_]:
+    """The rows (n,) that have what `columns` hold, values (n, k): by the first `core` of them, all or none of which are
+    there. Raises `FileFormatError` naming a cell that is empty beside others that are not.
+    """
+    lacking: NDArray[np.bool_] = np.isnan(values)
+    there: NDArray[np.bool_] = ~np.all(lacking[:, :core], axis=1)
+    half = lacking & there[:, None]
+    if half.any():
+        index, k = (int(place) for place in np.argwhere(half)[0])
+        body.refuse_lack(index, columns[k])
+    return there
+
+
+def _in_seconds(t: Array, column: Column) -> Array:
+    """Times in s; of a column without a unit that is too large for seconds, as what it must be (see `UNIX_TIMES`)."""
+    if column.name != "t" or not len(t):
+        return t
+    for per_s in (1e3, 1e6, 1e9):
+        if UNIX_TIMES[0] * per_s <= t[0] <= UNIX_TIMES[1] * per_s:
+            return t / per_s
+    return t
+
+
+def read_as_written(path: str | Path, orientation: str = "auto") -> AsWritten:
+    """Read a table without making rotations of its orientation. Raises as `tables`, but for numbers that are no
+    rotation, and where `auto` cannot choose between columns that all could be one.
+
+    Of a recording with times only rows that have a wrench and an orientation are kept, and none with a saturated
+    channel.
+    """
+    places, body = opened(path)
+    source = body.source
+    of_readings = wrench_columns(places, source)
+    convention, complaint, stated = None, None, None
     try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        row = content.count(b"\n", 0, error.start) + 1
-        raise FileFormatError(
-            f"{source}: row {row}: found a byte that is no UTF-8, expected UTF-8: save it as that"
-        ) from None
-
-
-def _header(text: str, source: str) -> tuple[str, int, list[str]]:
-    """Delimiter, row number and the names of the header line, in small letters."""
-    for row, line in enumerate(StringIO(text, newline=None), start=1):
-        if not line.strip() or line.lstrip().startswith("#") or line.lower().startswith("sep="):
-            continue
-        delimiter = max(",;\t", key=line.count)
-        names = [name.lower() for name in _cells(line, delimiter, row, source)]
-        if all(_is_number(name) for name in names):
-            raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
-        return delimiter, row, names
-    raise FileFormatError(f"{source}: found comments only, expected a header line and rows of numbers")
-
-
-def _places(header: list[str], source: str) -> dict[str, int]:
-    places: dict[str, int] = {}
-    for place, name in enumerate(header):
-        if name in places:
-            raise FileFormatError(f"{source}: column {shown(name)} is there twice, expected once: rename or remove one")
-        if name:
-            places[name] = place
-    return places
-
-
-def find(places: dict[str, int], name: str, units: dict[str, float], source: str) -> Column | None:
-    """The column `name` or `name_unit`; None where there is none."""
-    spelled = {name if not unit else f"{name}_{unit}": per_si for unit, per_si in units.items()}
-    found = [Column(places[key], key, per_si) for key, per_si in spelled.items() if key in places]
-    if len(found) > 1:
-        names = " and ".join(column.name for column in found)
-        raise FileFormatError(f"{source}: found columns {names}, expected one of them: remove the other")
-    return found[0] if found else None
-
-
-def required(places: dict[str, int], name: str, units: dict[str, float], source: str) -> Column:
-    """The column `name` or `name_unit`. Raises `FileFormatError` where there is none."""
-    column = find(places, name, units, source)
-    if column is None:
-        raise FileFormatError(
-            f"{source}: found no column {name}, expected fx fy fz tx ty tz and an orientation: add it, or rename the "
-            f"one that holds it (found {listed(places)})"
-        )
-    return column
-
-
-def optional(
-    places: dict[str, int], names: list[str], units: dict[str, float], taken: set[int], source: str
-) -> list[Column]:
-    """The columns `names` if all are there and none is part of the orientation, else none."""
-    found = [find(places, name, units, source) for name in names]
-    columns = [column for column in found if column is not None and column.place not in taken]
-    return columns if len(columns) == len(names) else []
-
-
-def listed(places: dict[str, int]) -> str:
-    """The columns' names as a message can show them."""
-    names = [shown(name) for name in places]
-    return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
-
-
-def shown(name: str) -> str:
-    """A column's name as a message can show it: short, and without control characters."""
-    return "".join(letter if letter.isprintable() else "?" for letter in name[:40])
-
-
-def _cells(line: str, delimiter: str, row: int, source: str) -> list[str]:
-    """The cells of one line, without the space around them."""
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    except csv.Error as error:
-        raise FileFormatError(
-            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
-        ) from None
-
-
-def _value(text: str) -> float:
-    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
-    if "_" in text:
-        raise ValueError(text)
-    return float(text)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        _value(text)
-    except ValueError:
-        return False
-    return True
-
-
-class Body:
-    """The rows below the header."""
-
-    def __init__(self, text: str, delimiter: str, header_row: int, width: int, source: str) -> None:
-        self.text, self.delimiter, self.header_row, self.width, self.source = (
-            text,
-            delimiter,
-            header_row,
-            width,
-            source,
-        )
-
-    def lines(self) -> Iterator[tuple[int, str]]:
-        """Row number and text of every row of data."""
-        for row, line in enumerate(StringIO(self.text, newline=None), start=1):
-            if row > self.header_row and line.strip() and not line.lstrip().startswith("#"):
-                yield row, line
-
-    def is_whole(self, line: str) -> bool:
-        """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
-        if '"' not in line:
-            return line.count(self.delimiter) == self.width - 1
+        convention, told = orientation_columns(places, orientation, source)
+        sets = [told]
+    except FileFormatError as error:
+        complaint = str(error)
+        sets = whole_sets(places, source) if orientation == "auto" else []
+        if not sets:
+            raise
+    angle_columns = [column for one in sets for column in one]
+    meaning = meaning_of(places, source, of_readings, None, angle_columns)
+    of_wrench = meaning.of_wrench
+    columns = [*of_wrench, *angle_columns]
+    written = body.numbers(columns, may_lack=columns if meaning.t else ())
+    in_si = written / np.array([column.per_si for column in columns])
+    width = len(of_wrench)
+    rows = np.flatnonzero(
+        _rows_there(body, of_wrench, in_si[:, :width], 6)
+        & _rows_there(body, angle_columns, in_si[:, width:], len(angle_columns))
+    )
+    load, saturated = in_si[:, 6 : 6 + len(meaning.load)], in_si[:, 6 + len(meaning.load) : width]
+    _require_wrench_and_load(in_si[:, :6], load, saturated, meaning, body)
+    if meaning.saturated:
+        rows = rows[saturated[rows, 0] == 0.0]
+    written, in_si, load = written[rows], in_si[rows], load[rows]
+    first, *ends = (width + np.cumsum([0, *map(len, sets)])).tolist()
+    if convention is not None:
         try:
-            return len(next(csv.reader([line], delimiter=self.delimiter))) == self.width
-        except csv.Error:
-            return False
-
-    def row_of(self, index: int) -> int:
-        """The row number of the index-th row of data."""
-        return next(row for k, (row, _) in enumerate(self.lines()) if k == index)
-
-
-def numbers(body: Body, columns: list[Column]) -> Array:
-    """The numbers (n, k) of the columns, as written. Raises `FileFormatError` naming row and column of what is none."""
-    lines = [line for _, line in body.lines()]
-    if not lines:
-        raise FileFormatError(f"{body.source}: found a header and no rows, expected a row for each reading: add them")
-    places = [column.place for column in columns]
-    values: Array | None = None
-    if all(body.is_whole(line) for line in lines):
-        try:
-            values = np.loadtxt(
-                lines,
-                delimiter=body.delimiter,
-                usecols=places,
-                ndmin=2,
-                comments=None,
-                quotechar='"',
-                dtype=np.float64,
-            )
-        except ValueError:
-            values = None
-    if values is None or not np.isfinite(values).all() or len(values) != len(lines):
-        return _numbers_row_by_row(body, columns)
-    return values
+            stated = _rotations(convention, sets[0], in_si[:, first:], body, rows)
+        except FileFormatError as error:
+            complaint = str(error)
+    orientations = (
+        WrittenOrientation(tuple(column.name for column in one), written[:, end - len(one) : end])
+        for one, end in zip(sets, ends, strict=True)
+    )
+    return AsWritten(
+        in_si[:, :6],
+        tuple(column.name for column in of_readings),
+        tuple(orientations),
+        convention,
+        stated,
+        complaint,
+        load[:, 0] if meaning.load else None,
+    )
 
 
-def _numbers_row_by_row(body: Body, columns: list[Column]) -> Array:
-    """The numbers once more, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
-    values = []
-    for row, line in body.lines():
-        cells = _cells(line, body.delimiter, row, body.source)
-        if len(cells) != body.width:
-            raise FileFormatError(
-                f"{body.source}: row {row}: found {len(cells)} values, expected {body.width} as in the header: "
-                "complete the row, and write decimals with a point"
-            )
-        values.append([_number(cells[column.place], column, row, body) for column in columns])
-    return np.array(values, dtype=np.float64)
-
-
-def _number(cell: str, column: Column, row: int, body: Body) -> float:
-    where = f"{body.source}: row {row}, column {column.name}"
-    if not cell:
-        raise FileFormatError(f"{where}: found nothing, expected a number: fill it in or leave the row out")
+def _rotations(
+    convention: Convention,
+    columns: list[Column],
+    values: Array,
+    body: Body,
+    rows: NDArray[np.bool_] | NDArray[np.intp] | None = None,
+) -> Array:
+    """Rotations (n, 3, 3) of `values` (n, k) in SI, which are those `rows` of `body`, or all. Raises `FileFormatError`
+    naming row and columns of what is none.
+    """
     try:
-        value = _value(cell)
-    except ValueError:
-        if _is_number(cell.replace(",", ".")):
-            raise FileFormatError(f"{where}: found the decimal comma {cell!r}, expected a point: write it so") from None
-        raise FileFormatError(
-            f"{where}: found {cell[:40]!r}, expected a number: correct it or leave the row out"
-        ) from None
-    if not np.isfinite(value):
-        raise FileFormatError(f"{where}: found {cell}, expected a finite number: leave the row out")
-    return value
+        return convention.to_matrices(values)
+    except InputError as error:
+        names = ",".join(column.name for column in columns)
+        where = ""
+        if error.row is not None:
+            index = error.row if rows is None else int(np.arange(len(body))[rows][error.row])
+            where = f"row {body.row_of(index)}, "
+        found = str(error).replace(f"orientation {error.row} is", "found", 1)
+        raise FileFormatError(f"{body.source}: {where}columns {names}: {found}") from None
+
+
+def _require_wrench_and_load(wrench: Array, load: Array, saturated: Array, meaning: Meaning, body: Body) -> None:
+    limit = f"at most {LARGEST_READING:g} N or N m"
+    require(~(np.abs(wrench) > LARGEST_READING), wrench, list(meaning.wrench), body, limit)
+    require(~(load < 0.0), load, list(meaning.load), body, "0 or more")
+    require(
+        (saturated == 0.0) | (saturated == 1.0) | np.isnan(saturated),
+        saturated,
+        list(meaning.saturated),
+        body,
+        "0 or 1",
+    )

@@ -6,6 +6,7 @@ meshes, masses and colours are passed over. Format: http://wiki.ros.org/urdf/XML
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +17,16 @@ import numpy as np
 from ..errors import FileFormatError
 from ..files import read_bytes
 from ..orientation import Array
-from ..robots import Arm
+from ..robots import Arm, known_arm
 
 FLANGES = ("tool0", "flange")
 """Links that ROS-Industrial and REP 199 call the flange, the preferred one first: tool0 has the controller's axes."""
 
 TURNING = ("revolute", "continuous")
 WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
+
+
+URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +40,18 @@ class _Joint:
     R_parent_joint: Array
     axis: Array
     limits: tuple[float, float]
+
+
+def urdf_file(robot: str) -> str | None:
+    """The URDF that `NAME|URDF[:LINK]` names; None for a known arm."""
+    urdf = URDF.fullmatch(robot)
+    return None if urdf is None else urdf["file"]
+
+
+def arm_of(robot: str) -> Arm:
+    """The arm that `NAME|URDF[:LINK]` names. Raises `InputError` for an unknown name, and as `read_urdf`."""
+    urdf = URDF.fullmatch(robot)
+    return known_arm(robot) if urdf is None else read_urdf(urdf["file"], urdf["flange"])
 
 
 def read_urdf(path: str | Path, flange: str | None = None) -> Arm:

@@ -38,6 +38,7 @@ def verification_text(result: Verification) -> str:
             for w in result.weighings
         ]
         lines += [""]
+    lines += [f"Warning  {warning}" for warning in result.warnings]
     lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}")
     return "\n".join(lines)
 
