@@ -31,6 +31,8 @@ LAYER = {
     "streams": 1,
     "synchronize": 2,
     "stillness": 2,
+    "levels": 2,
+    "resting": 2,
     "delay": 3,
     "filters": 2,
     "drift": 4,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +152,7 @@ def stays_level(signal: Array, noise: Noise) -> bool:
     if parts < 2:
         return True
     edges = np.linspace(0, len(signal), parts + 1).astype(int)
-    means = np.array([signal[a:b].mean(axis=0) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    means = np.array([signal[a:b].mean(axis=0) for a, b in pairwise(edges)])
     one, other = np.triu_indices(parts, 1)
     length = len(signal) / parts
     return not bool(noise.changes(means[one] - means[other], length, length).any())

@@ -14,6 +14,7 @@ stretches in white noise one in a few thousand is lost (benchmarks/stillness.py)
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -45,8 +46,11 @@ STILL_ANGLE = SAME_POSE_ANGLE / 10.0
 FINEST_ANGLE = STILL_ANGLE / 10.0
 """No robot states the mean of a window any better."""
 
-CREEP_ANGLE = SAME_POSE_ANGLE / 2.0
-"""The most that an arm may turn over a whole stretch."""
+CREEP_ANGLE = float(SAME_POSE_ANGLE / 2.0)
+"""An arm that turns by less over a whole stretch stands."""
+
+CREEP_SHOWS = 4.0
+"""Standard deviations of the turn over a stretch: three axes exceed them once in a thousand times."""
 
 SETTLING_MARGIN = 0.5
 """Of the time that a tail was seen, that it is taken to last beyond."""
@@ -90,14 +94,12 @@ class StillStretch:
 class StillStretches:
     """The stretches of a recording in which the arm stands, `accepted` and `rejected`, each in the order of time.
 
-    `noise` (6,) N and N m: standard deviation of a row within stretches; `angle_noise` rad, of a row about one axis, as
-    far as the recording shows one; `least_duration` s that a stretch must last.
+    `noise` (6,) N and N m: standard deviation of a row within stretches; `least_duration` s that a stretch must last.
     """
 
     accepted: tuple[StillStretch, ...]
     rejected: tuple[StillStretch, ...]
     noise: Array
-    angle_noise: float
     least_duration: float
 
     def __post_init__(self) -> None:
@@ -143,11 +145,14 @@ def still_stretches(samples: Samples) -> StillStretches:
     period, sections = _sections(samples)
     duration = max(LEAST_DURATION, FEWEST_ROWS * period)
     if not sections:
-        return StillStretches((), (), np.zeros(6), 0.0, duration)
+        return StillStretches((), (), np.zeros(6), duration)
     rows = sections[0].rows
     window = max(FEWEST_ROWS_OF_WINDOW, int(np.ceil(WINDOW / (rows * period))))
-    turning = noise_of_windows([s.way for s in sections], window, np.full(3, STILL_ANGLE), np.full(3, FINEST_ANGLE**2), joint=True)
-    standing = [(s, piece) for s in sections for piece in pieces_between_changes(s.way, turning)]
+    turning = noise_of_windows(
+        [s.way for s in sections], window, np.full(3, STILL_ANGLE), np.full(3, FINEST_ANGLE**2), joint=True
+    )
+    duration = max(duration, _rows_to_see_creep(turning) * rows * period)
+    standing = [(s, piece) for s in sections for piece in _standing(s, turning, duration / (rows * period))]
     scatter = _scatter_of_rows(samples, [s.rows_of(p.first, p.last) for s, p in standing], rows * window)
     readings = [s.wrench[p.first : p.last] for s, p in standing]
     moving = noise_of_windows(readings, window, scatter, scatter**2 / (rows * window), joint=False)
@@ -156,7 +161,47 @@ def still_stretches(samples: Samples) -> StillStretches:
         for section, piece in standing
         for one in _of_standing_arm(samples, section, piece, moving, period, duration)
     ]
-    return _judged(samples, found, rows, scatter, duration, float(np.sqrt(turning.variance[0] * window * rows)))
+    return _judged(samples, found, rows, scatter, duration)
+
+
+def _rows_to_see_creep(turning: Noise) -> float:
+    """Blocks that a stretch must have for an arm that turns by `SAME_POSE_ANGLE` over it to show in the slope of its
+    orientation, whose noise goes with the length.
+    """
+    return 12.0 * CREEP_SHOWS**2 * float(turning.variance[0]) * turning.window / SAME_POSE_ANGLE**2
+
+
+def _standing(section: _Section, turning: Noise, least: float) -> list[Piece]:
+    """Pieces of at least `least` blocks in which the arm stands; those in which it creeps are no level. What moves too
+    slowly to show at once falls to short pieces and creeping ones, hardly a window apart: they are one creeping piece.
+    """
+    found: list[Piece] = []
+    for piece in pieces_between_changes(section.way, turning):
+        stands = piece.last - piece.first >= least and not _creeps(section.way[piece.first : piece.last], turning)
+        near = bool(found) and piece.first - found[-1].last <= 2 * turning.window
+        if not stands and near and not found[-1].level:
+            found[-1] = Piece(found[-1].first, piece.last, False)
+        else:
+            found.append(Piece(piece.first, piece.last, stands))
+    return [piece for piece in found if piece.level or piece.last - piece.first >= least or not _turns(section, piece)]
+
+
+def _turn_over(way: Array) -> float:
+    """By how much (rad) an orientation turns over its way (n, 3), from the slope."""
+    n = len(way)
+    time = np.arange(n) - 0.5 * (n - 1)
+    return float(np.linalg.norm(n * (time @ way) / float(time @ time)))
+
+
+def _creeps(way: Array, turning: Noise) -> bool:
+    """Whether the arm turns over the piece by more than noise and `CREEP_ANGLE`."""
+    noise = np.sqrt(12.0 * float(turning.variance[0]) * turning.window / len(way))
+    return _turn_over(way) > max(CREEP_ANGLE, CREEP_SHOWS * float(noise))
+
+
+def _turns(section: _Section, piece: Piece) -> bool:
+    """Whether the arm only passes: it turns on while it seems to stand."""
+    return _turn_over(section.way[piece.first : piece.last]) > CREEP_ANGLE
 
 
 def _sections(samples: Samples) -> tuple[float, list[_Section]]:
@@ -210,13 +255,12 @@ def _of_standing_arm(
 ) -> list[_Found]:
     """The stretches within a piece in which the arm stands; the whole piece, with the reason, where there is none."""
     first, last = section.rows_of(standing.first, standing.last)
-    turned = np.ptp(_window_means(section.way[standing.first : standing.last], moving.window), axis=0)
-    angle = float(np.linalg.norm(turned))
     seconds = (last - first) * period
-    if not standing.level and angle > CREEP_ANGLE:
-        return [_Found(first, last, f"the arm creeps: it turns by {np.rad2deg(angle):.2g} deg in {seconds:.2g} s")]
-    if seconds < duration:
-        return [_Found(first, last, _too_short(seconds, duration, last - first))]
+    if not standing.level:
+        angle = np.rad2deg(_turn_over(section.way[standing.first : standing.last]))
+        if seconds < duration:
+            return [_Found(first, last, _too_short(seconds, duration, last - first))]
+        return [_Found(first, last, f"the arm creeps: it turns by {angle:.2g} deg in {seconds:.2g} s")]
     wrench = section.wrench[standing.first : standing.last]
     pieces, before = [], 0
     for piece in pieces_between_changes(wrench, moving):
@@ -235,7 +279,8 @@ def _of_standing_arm(
         return [_Found(first, last, f"{reason}are left, {duration:.2g} s are needed")]
     if not _agree(wrench, usable, moving):
         return [_Found(first, last, _moves(wrench[usable[0].first :], moving))]
-    found, end = [], 0
+    found: list[_Found] = []
+    end = 0
     for piece in usable:
         if found:
             between = section.rows_of(standing.first + end, standing.first + piece.first)
@@ -257,7 +302,7 @@ def _agree(wrench: Array, pieces: list[Piece], noise: Noise) -> bool:
     """Whether the readings of all pieces are at one level."""
     means = [(wrench[p.first : p.last].mean(axis=0), p.last - p.first) for p in pieces]
     return not any(
-        noise.changes((one - other)[None], of, over).any() for one, of in means for other, over in means if other is not one
+        noise.changes((one - other)[None], of, over).any() for (one, of), (other, over) in combinations(means, 2)
     )
 
 
@@ -278,9 +323,7 @@ def _window_means(signal: Array, window: int) -> Array:
     return np.array([part.mean(axis=0) for part in np.array_split(signal, count)])
 
 
-def _judged(
-    samples: Samples, found: list[_Found], rows: int, least: Array, duration: float, angle_noise: float
-) -> StillStretches:
+def _judged(samples: Samples, found: list[_Found], rows: int, least: Array, duration: float) -> StillStretches:
     """The stretches with their means, once it is known how much the rows scatter and how far they are correlated."""
     kept = [one for one in found if one.reason is None]
     pooled = [samples.wrench[one.first : one.last] for one in kept]
@@ -300,7 +343,7 @@ def _judged(
             accepted.append(stretch)
         else:
             rejected.append(replace(stretch, rejected=reason))
-    return StillStretches(tuple(accepted), tuple(rejected), usual, angle_noise, duration)
+    return StillStretches(tuple(accepted), tuple(rejected), usual, duration)
 
 
 def _saturated(samples: Samples, found: _Found) -> str | None:
@@ -339,9 +382,8 @@ def _rows_per_independent(stretches: list[Array], rows: int) -> Array:
     lags = min(MOST_LAGS, min(len(b) for b in blocks) // 2)
     of_row = sum((np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in stretches), np.zeros(6))
     of_row = np.maximum(of_row / sum(len(y) - 1 for y in stretches), 1e-300)
-    covariance = np.array(
-        [sum((np.sum(b[k:] * b[: len(b) - k], axis=0) for b in blocks), np.zeros(6)) / (count - k * len(blocks)) for k in range(lags)]
-    )
+    products = [np.array([np.sum(b[k:] * b[: len(b) - k], axis=0) for k in range(lags)]) for b in blocks]
+    covariance = np.sum(products, axis=0) / (count - np.arange(lags)[:, None] * len(blocks))
     pairs = covariance[0 : lags // 2 * 2 : 2] + covariance[1 : lags // 2 * 2 : 2]
     positive = np.cumprod(pairs > covariance[0] * np.sqrt(2.0 / count), axis=0)
     used = 2 * positive.sum(axis=0)
