@@ -34,6 +34,8 @@ LAYER = {
     "synchronize": 2,
     "stillness": 2,
     "turning": 2,
+    "levels": 2,
+    "resting": 2,
     "delay": 3,
     "delay_fit": 3,
     "filters": 2,
