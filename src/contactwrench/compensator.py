@@ -124,6 +124,7 @@ class Compensator:
         self._clean_before = False
         self._last_contact: Contact | None = None
         self._std, self._threshold, self._gain = read_only(np.full(6, nan)), nan, np.ones(1)
+        self._covariance = np.full((6, 6), nan)
         self._live[slot.LONGEST_GAP] = UNKNOWN_RATE_GAP
         if self._rate is not None:
             self._memory[slot.STAMPS] = slot.N_INTERVALS
@@ -189,6 +190,7 @@ class Compensator:
         width = 4 if turns.shape[1:] == (4,) else 9
         out, std, threshold = np.empty((n, slot.OUT)), np.empty((n, 6)), np.empty(n)
         contacts: list[Contact] = []
+        covariances, covariance_of = [self._covariance], np.zeros(n, dtype=np.intp)
         for start in range(0, n, ROWS_AT_ONCE):
             rows = slice(start, min(start + ROWS_AT_ONCE, n))
             m = rows.stop - start
@@ -198,6 +200,9 @@ class Compensator:
                 after = self._step(width, at, m)
                 std[start + at : start + after] = self._std
                 threshold[start + at : start + after] = self._threshold
+                if self._covariance is not covariances[-1]:
+                    covariances.append(self._covariance)
+                covariance_of[start + at : start + after] = len(covariances) - 1
                 at = after
                 if self._memory[slot.ASK]:
                     contacts += self._attend()
@@ -217,6 +222,8 @@ class Compensator:
             out[:, slot.STATISTIC].copy(),
             threshold,
             tuple(contacts),
+            np.array(covariances),
+            covariance_of,
         )
 
     def zero(self, samples: Samples) -> Zero:
@@ -356,7 +363,7 @@ class Compensator:
         memory[slot.R_REFRESHED : slot.R_REFRESHED + 9] = turn
         memory[slot.STALE], memory[slot.READY] = 0.0, 1.0
         self._systematic, self._threshold = systematic, live[slot.FIRE]
-        self._std = np.sqrt(covariance.diagonal())
+        self._covariance, self._std = covariance, np.sqrt(covariance.diagonal())
         self._std.flags.writeable = False
 
     def _take_over(self, offset: Array) -> None:

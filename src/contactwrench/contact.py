@@ -43,10 +43,7 @@ def contact_wrenches(
     sensor's origin. `gravity` (3,): its direction in the base axes of this recording, where that differs from the
     calibration's. Raises `InputError` for an unknown frame, or one that `affine` cannot give.
     """
-    if output_frame not in OUTPUT_FRAMES:
-        raise InputError(f"output frame is {output_frame!r}, expected {', '.join(OUTPUT_FRAMES)}")
-    if output_frame != "sensor" and calibration.R_flange_sensor is None:
-        raise InputError(f"model affine has no mounting, so no {output_frame} axes: use sensor, or another model")
+    require_frame(calibration, output_frame)
     calibration = calibration.with_gravity(gravity)
     R = samples.R_base_flange
     wrench, std = calibration.compensate(samples.wrench, R), np.empty((len(samples), 6))
@@ -61,6 +58,36 @@ def contact_wrenches(
             J += _turned_by_mounting(calibration, R[rows], output_frame, wrench[rows])
         std[rows] = np.sqrt(np.maximum(np.sum((J @ calibration.covariance) * J, axis=2), 0.0))
     return ContactWrenches(wrench, std, samples.t)
+
+
+def in_axes(
+    calibration: Calibration,
+    R_base_flange: Array,
+    wrench: Array,
+    covariance: Array,
+    output_frame: str,
+    point: Array | None = None,
+) -> tuple[Array, Array]:
+    """Contact wrenches (n, 6), sensor axes, with `covariance` (n, 6, 6) of whatever origin, in the axes and about the
+    point of `contact_wrenches`, and their std (n, 6): what the mounting's uncertainty adds counts as independent.
+    """
+    require_frame(calibration, output_frame)
+    axes = _axes(calibration, R_base_flange, output_frame)
+    transform = wrench_transform(axes, np.zeros(3) if point is None else point)
+    turned: Array = np.einsum("nij,nj->ni", transform, wrench)
+    variance = np.sum((transform @ covariance) * transform, axis=2)
+    if output_frame != "sensor":
+        J = _turned_by_mounting(calibration, R_base_flange, output_frame, turned)
+        variance += np.sum((J @ calibration.covariance) * J, axis=2)
+    return turned, np.sqrt(np.maximum(variance, 0.0))
+
+
+def require_frame(calibration: Calibration, output_frame: str) -> None:
+    """Raise `InputError` for an unknown frame, or one that `affine` cannot give."""
+    if output_frame not in OUTPUT_FRAMES:
+        raise InputError(f"output frame is {output_frame!r}, expected {', '.join(OUTPUT_FRAMES)}")
+    if output_frame != "sensor" and calibration.R_flange_sensor is None:
+        raise InputError(f"model affine has no mounting, so no {output_frame} axes: use sensor, or another model")
 
 
 def _turned_by_mounting(calibration: Calibration, R_base_flange: Array, output_frame: str, wrench: Array) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .line_of_action import LineOfAction, line_of_action
 from .model import AXES
@@ -61,7 +62,8 @@ class ContactWrenchBatch:
     """The contact wrenches of n samples in a row: `wrench`, `std` (n, 6), `t`, `valid`, `contact` (n,), `reason` (n).
 
     `contact` is 1 in contact, 0 free, -1 where that cannot be judged. `statistic` (n,) is what the test compares with
-    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch.
+    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch. `covariance` (m, 6, 6) of the wrench
+    as it was in turn, of which `covariance_of` (n,) is the one of each sample.
     """
 
     wrench: Array
@@ -73,9 +75,11 @@ class ContactWrenchBatch:
     statistic: Array
     threshold: Array
     contacts: tuple[Contact, ...]
+    covariance: Array
+    covariance_of: NDArray[np.intp]
 
     def __post_init__(self) -> None:
-        for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold"):
+        for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold", "covariance", "covariance_of"):
             getattr(self, name).flags.writeable = False
 
     def __len__(self) -> int:

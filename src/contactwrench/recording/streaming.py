@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -67,6 +68,11 @@ def read_samples(path: str | Path, layout: Layout = AS_USUAL, advance: Advance |
     table = _as_stated(joined(list(_told(tables(path, layout.orientation), advance))), path, layout)
     if (table.has_wrench & ~table.has_orientation).any():
         return _paired(_streams(table, path))
+    return _samples(table, path)
+
+
+def _samples(table: Table, path: str | Path) -> Samples:
+    """The rows that have a wrench, each with its own orientation."""
     both = table if table.has_wrench.all() else table.select(table.has_wrench)
     try:
         return Samples(
@@ -82,10 +88,27 @@ def read_samples(path: str | Path, layout: Layout = AS_USUAL, advance: Advance |
         raise FileFormatError(f"{path}: {error}") from None
 
 
+class GapsFound(InputError):
+    """A row of a table that was to be taken as it is has a wrench and no orientation."""
+
+
+def sample_batches(
+    path: str | Path, layout: Layout = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+) -> Iterator[Samples]:
+    """The rows of one table that have a wrench, as samples, in batches; memory for one of them.
+
+    Raises `GapsFound` where one lacks its orientation, and as `read_streams`.
+    """
+    for part in _told(tables(path, layout.orientation, rows), advance):
+        if (part.has_wrench & ~part.has_orientation).any():
+            raise GapsFound(f"{path}: found a wrench without an orientation in its row")
+        yield _samples(_as_stated(part, path, layout), path)
+
+
 def _paired(streams: Streams) -> Samples:
     """Two streams onto one clock: the delay between them is applied where it is significant."""
-    from ..delay import estimate_delay  # type: ignore[import-not-found]
-    from ..synchronize import synchronize  # type: ignore[import-not-found]
+    from ..delay import estimate_delay
+    from ..synchronize import synchronize
 
     delay = estimate_delay(streams)
     found = synchronize(streams, delay.value if delay.significant else 0.0)
@@ -102,10 +125,10 @@ def _paired(streams: Streams) -> Samples:
 
 def _bag(path: str | Path, layout: Layout, rows: int | None) -> Iterator[Streams]:
     """A bag's streams as it has them, whole (None) or in batches."""
-    from .bags import bag_batches, bag_streams  # type: ignore[import-not-found]
+    from .bags import bag_batches, bag_streams
     from .urdf import arm_of
 
-    asked = {
+    asked: dict[str, Any] = {
         "wrench_topic": layout.wrench_topic,
         "pose_topic": layout.pose_topic,
         "frames": layout.frames,

@@ -27,7 +27,7 @@ class Envelope:
     @property
     def t(self) -> Array:
         """The middle of each bin (m,), s."""
-        middles: Array = self.start + self.width * (np.arange(len(self.low)) + 0.5)
+        middles: Array = self.start + self.width * (np.arange(len(self.low), dtype=np.float64) + 0.5)
         return middles
 
 

@@ -1,0 +1,301 @@
+"""A recording to contact wrenches, batch by batch: on one clock where it is two streams, judged where that is asked.
+
+One row comes out for each reading of the recording, in its order. Where a reading has no orientation, or something is
+wrong with it, the row says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calibration import Calibration
+from ..compensator import Compensator
+from ..contact import ContactWrenches, contact_wrenches, in_axes, require_frame
+from ..contact_wrench import Contact
+from ..delay import is_significant
+from ..errors import InputError
+from ..filters import LowPass, zero_phase
+from ..orientation import Array
+from ..resting import is_stream
+from ..samples import Samples
+from ..streams import Streams
+from ..synchronize import LeftOut, Synchronized, default_gap, synchronized
+from .layout import Layout, is_bag
+from .streaming import Advance, GapsFound, batches, sample_batches
+
+SATURATED = "saturated: a channel stands at its limit"
+NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Treatment:
+    """What is to be done with a recording beside subtracting weight and bias.
+
+    `output_frame` and `point` as in `contact_wrenches`; `gravity` (3,) in base axes where it differs from the
+    calibration's; `delay` s of the wrench, None: the calibration's, where it is significant; `low_pass` of the contact
+    wrench, both ways, so that nothing is late; `judged`: contact and faults of each sample, for which `sensor_filter`,
+    `drift` (6,) and `ranges` (6,) are as for a `Compensator`.
+    """
+
+    output_frame: str = "sensor"
+    point: Array | None = None
+    gravity: Array | None = None
+    delay: float | None = None
+    low_pass: LowPass | None = None
+    judged: bool = False
+    sensor_filter: LowPass | None = None
+    drift: Array | None = None
+    ranges: Array | None = None
+
+    def applied_delay(self, calibration: Calibration) -> float:
+        """The delay (s) by which the orientation is looked up earlier."""
+        if self.delay is not None:
+            return self.delay
+        if calibration.delay is None or calibration.delay_std is None:
+            return 0.0
+        return calibration.delay if is_significant(calibration.delay, calibration.delay_std) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedWrenches:
+    """Contact wrenches `wrench` (n, 6) with `std` (n, 6) at `t` (n,) s, NaN where there is none; `valid` (n,) and, where
+    it is False, the `reason`; `contact` (n,) 1 in contact, 0 free, -1 where that was not judged. `contacts`: those that
+    ended here, in sensor axes.
+    """
+
+    wrench: Array
+    std: Array
+    t: Array
+    valid: NDArray[np.bool_]
+    reason: tuple[str | None, ...]
+    contact: NDArray[np.int8]
+    contacts: tuple[Contact, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+Rows: TypeAlias = ContactWrenches | JudgedWrenches
+Note: TypeAlias = Callable[[str], None]
+
+
+def compensated(
+    path: str | Path,
+    layout: Layout,
+    calibration: Calibration,
+    treatment: Treatment,
+    advance: Advance | None = None,
+    note: Note | None = None,
+) -> Iterator[Rows]:
+    """The contact wrenches of a recording, in batches; `note` is told, at the end, what was left out and why.
+
+    A table whose rows each have both, and which is no recording of a motion that a delay or a judgement would concern,
+    comes row by row as it is, with the std that the calibration alone causes; anything else as `JudgedWrenches`. With
+    a `low_pass` the whole recording is held in memory. Raises what reading, pairing and compensating raise.
+    """
+    require_frame(calibration, treatment.output_frame)
+    if not treatment.judged and not is_bag(path, layout) and layout.pose_file is None:
+        try:
+            plain = _row_by_row(path, layout, calibration, treatment, advance)
+            first = next(plain, None)
+        except GapsFound:
+            first = None
+        if first is not None:
+            return _smoothed(_chained(first, plain), treatment)
+    paired = _paired(path, layout, calibration, treatment, advance, note)
+    return _smoothed(paired, treatment)
+
+
+def _chained(first: Rows, others: Iterator[Rows]) -> Iterator[Rows]:
+    yield first
+    yield from others
+
+
+def _row_by_row(
+    path: str | Path, layout: Layout, calibration: Calibration, treatment: Treatment, advance: Advance | None
+) -> Iterator[Rows]:
+    """Row by row; nothing at all where the delay has to be made up for. Raises `GapsFound` at a row without an
+    orientation.
+    """
+    delay = treatment.applied_delay(calibration)
+    for k, samples in enumerate(sample_batches(path, layout, advance=advance)):
+        if k == 0 and delay != 0.0 and is_stream(samples):
+            return
+        yield contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
+
+
+def _paired(
+    path: str | Path,
+    layout: Layout,
+    calibration: Calibration,
+    treatment: Treatment,
+    advance: Advance | None,
+    note: Note | None,
+) -> Iterator[Rows]:
+    """Brought onto one clock, with a word on each row that has no contact wrench."""
+    compensator = None
+    if treatment.judged:
+        compensator = Compensator(
+            calibration,
+            delay=0.0,
+            drift=treatment.drift,
+            sensor_filter=treatment.sensor_filter,
+            ranges=treatment.ranges,
+            gravity=treatment.gravity,
+        )
+    order = _InOrder()
+    delay = treatment.applied_delay(calibration)
+    for part in synchronized(order.listening(batches(path, layout, advance=advance)), delay):
+        rows = _of_samples(calibration, compensator, part.samples, treatment)
+        yield order.whole(rows, part)
+        if note is not None:
+            for sentence in part.notes:
+                note(sentence)
+    if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
+        yield replace(_nothing(), contacts=(last,))
+
+
+def _of_samples(
+    calibration: Calibration, compensator: Compensator | None, samples: Samples, treatment: Treatment
+) -> JudgedWrenches:
+    n = len(samples)
+    t = np.empty(0) if samples.t is None else samples.t
+    if compensator is None:
+        plain = contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
+        return JudgedWrenches(
+            plain.wrench, plain.std, t, np.ones(n, dtype=bool), (None,) * n, np.full(n, NOT_JUDGED, np.int8)
+        )
+    found = compensator.run(samples.wrench, samples.R_base_flange, t)
+    wrench, std = found.wrench, found.std
+    if treatment.output_frame != "sensor" or treatment.point is not None:
+        covariance = found.covariance[found.covariance_of]
+        turned = calibration.with_gravity(treatment.gravity)
+        wrench, std = in_axes(
+            turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point
+        )
+        std = np.where(np.isfinite(found.std), std, np.nan)
+    return JudgedWrenches(wrench, std, t, found.valid, found.reason, found.contact, found.contacts)
+
+
+def _nothing() -> JudgedWrenches:
+    return JudgedWrenches(
+        np.empty((0, 6)),
+        np.empty((0, 6)),
+        np.empty(0),
+        np.empty(0, dtype=bool),
+        (),
+        np.empty(0, dtype=np.int8),
+    )
+
+
+class _InOrder:
+    """Puts what is known of readings, as they are paired, back into the order of the recording.
+
+    Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
+    """
+
+    def __init__(self) -> None:
+        self._begin = 0
+        self._t: list[Array] = [np.empty(0)]
+        self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
+        self._ahead: tuple[NDArray[np.intp], JudgedWrenches] = (np.empty(0, dtype=np.intp), _nothing())
+
+    def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
+        """The same batches; the stamps of their readings are kept."""
+        for streams in recording:
+            wrench = streams.wrench
+            self._t.append(wrench.t)
+            self._saturated.append(np.zeros(len(wrench), dtype=bool) if wrench.saturated is None else wrench.saturated)
+            yield streams
+
+    def whole(self, paired: JudgedWrenches, part: Synchronized) -> JudgedWrenches:
+        """All rows from where the last call ended up to the first that is not yet known."""
+        t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
+        rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
+        known = _joined(
+            [self._ahead[1], paired, *(_missing(left, t[left.rows - self._begin]) for left in part.left_out)]
+        )
+        order = np.argsort(rows, kind="stable")
+        rows, known = rows[order], _picked(known, order)
+        count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
+        self._ahead = rows[count:], replace(_picked(known, slice(count, None)), contacts=())
+        done = _flagged(_picked(known, slice(count)), saturated[:count])
+        self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
+        return done
+
+
+def _missing(left: LeftOut, t: Array) -> JudgedWrenches:
+    n = len(t)
+    nan = np.full((n, 6), np.nan)
+    return JudgedWrenches(
+        nan, nan, t, np.zeros(n, dtype=bool), (f"left out: {left.reason}",) * n, np.full(n, NOT_JUDGED, np.int8)
+    )
+
+
+def _joined(parts: list[JudgedWrenches]) -> JudgedWrenches:
+    return JudgedWrenches(
+        np.concatenate([part.wrench for part in parts]),
+        np.concatenate([part.std for part in parts]),
+        np.concatenate([part.t for part in parts]),
+        np.concatenate([part.valid for part in parts]),
+        tuple(reason for part in parts for reason in part.reason),
+        np.concatenate([part.contact for part in parts]),
+        tuple(contact for part in parts for contact in part.contacts),
+    )
+
+
+def _picked(rows: JudgedWrenches, pick: NDArray[np.intp] | slice) -> JudgedWrenches:
+    reasons = rows.reason[pick] if isinstance(pick, slice) else tuple(rows.reason[place] for place in pick.tolist())
+    return JudgedWrenches(
+        rows.wrench[pick], rows.std[pick], rows.t[pick], rows.valid[pick], reasons, rows.contact[pick], rows.contacts
+    )
+
+
+def _flagged(rows: JudgedWrenches, saturated: NDArray[np.bool_]) -> JudgedWrenches:
+    """Rows whose recording says that a channel stood at its limit are not valid."""
+    new = saturated & rows.valid
+    if not new.any():
+        return rows
+    reasons = list(rows.reason)
+    for place in np.flatnonzero(new):
+        reasons[place] = SATURATED
+    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons))
+
+
+def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]:
+    """Through the low-pass both ways; between gaps and rows without a wrench each stretch by itself."""
+    if treatment.low_pass is None:
+        yield from recording
+        return
+    parts = list(recording)
+    t = np.concatenate([np.empty(0) if part.t is None else part.t for part in parts])
+    wrench = np.concatenate([part.wrench for part in parts])
+    if len(t) != len(wrench) or len(t) < 2:
+        raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
+    there = np.isfinite(wrench).all(axis=1)
+    known = t[there]
+    steps = np.diff(known)
+    if len(known) < 2 or not np.median(steps) > 0.0:
+        raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
+    rate, filtered = 1.0 / float(np.median(steps)), wrench[there]
+    ends = np.r_[0, np.flatnonzero((steps > default_gap(known)) | (steps <= 0.0)) + 1, len(known)]
+    for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        filtered[a:b] = _smooth(filtered[a:b], treatment.low_pass, rate)
+    wrench[there] = filtered
+    start = 0
+    for part in parts:
+        yield replace(part, wrench=wrench[start : start + len(part.wrench)])
+        start += len(part.wrench)
+
+
+def _smooth(values: Array, low_pass: LowPass, rate: float) -> Array:
+    """A stretch through the low-pass; one that is too short to start a filter on becomes its mean."""
+    if len(values) >= 6 * len(low_pass.sections(rate)) + 2:
+        return zero_phase(values, low_pass, rate)
+    return np.broadcast_to(values.mean(axis=0), values.shape) if len(values) else values

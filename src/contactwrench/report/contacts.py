@@ -1,0 +1,159 @@
+"""The report of a compensated recording: the contact wrench over time, every contact, what was wrong with samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from ..contact_wrench import Contact
+from ..files import write_text
+from ..orientation import Array
+from ..recording.compensation import TOUCHING, JudgedWrenches
+from .envelope import Envelope, envelope
+from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
+from .html import figure_html, page, paragraphs_html, table_html
+
+SHADE = "#f3d9a4"
+MOST_LISTED = 200
+"""Contacts in the page's table."""
+MOST_SHADED = 1000
+
+
+class ContactLog:
+    """What a page needs to know of a recording that goes by in batches: a few thousand numbers, whatever its length."""
+
+    def __init__(self) -> None:
+        self.rows = self.faults = self.touching = 0
+        self.start = self.end = np.nan
+        self.envelope: Envelope | None = None
+        self.contacts: list[Contact] = []
+        self.reasons: dict[str, tuple[int, float]] = {}
+
+    def watched(self, recording: Iterable[JudgedWrenches]) -> Iterator[JudgedWrenches]:
+        """The same batches, each noted as it goes by."""
+        for batch in recording:
+            self._note(batch)
+            yield batch
+
+    def _note(self, batch: JudgedWrenches) -> None:
+        self.contacts += batch.contacts
+        if not len(batch):
+            return
+        if not np.isfinite(self.start):
+            self.start = float(batch.t[0])
+        self.end = float(batch.t[-1])
+        self.rows += len(batch)
+        self.touching += int(np.sum(batch.contact == TOUCHING))
+        self.envelope = envelope(batch.t, batch.wrench, self.envelope)
+        for row in np.flatnonzero(~batch.valid).tolist():
+            self.faults += 1
+            word = _kind(batch.reason[row] or "")
+            count, first = self.reasons.get(word, (0, float(batch.t[row])))
+            self.reasons[word] = count + 1, first
+
+
+def _kind(reason: str) -> str:
+    """What is the same of all samples that lack the same: `left out` with its reason, else the first word."""
+    head, _, rest = reason.partition(":")
+    return rest.strip() if head == "left out" else head
+
+
+def write_contact_report(path: str | Path, title: str, log: ContactLog, paragraphs: tuple[str, ...]) -> None:
+    """Write the page. Raises `FileAccessError`, and `MissingExtraError` without matplotlib."""
+    body = "".join(
+        [
+            paragraphs_html((summary(log),)),
+            figure_html(
+                contact_signals(log),
+                "Contact wrench over time, x red, y green, z blue: the band between the least and the most reading. "
+                "Shaded: contact. Marks at the foot: samples with something wrong.",
+            ),
+            _contacts(log),
+            _faults(log),
+        ]
+    )
+    write_text(path, page(title, paragraphs, f"<section>{body}</section>"))
+
+
+def summary(log: ContactLog) -> str:
+    """The recording in a sentence."""
+    n = len(log.contacts)
+    contacts = "no contact" if n == 0 else f"{n} contact{'' if n == 1 else 's'}"
+    share = log.touching / log.rows if log.rows else 0.0
+    faults = "nothing wrong with any" if log.faults == 0 else f"something wrong with {log.faults}"
+    span = log.end - log.start if log.rows else 0.0
+    return f"{log.rows} samples over {span:.4g} s: {contacts}, {share:.1%} of the samples in contact; {faults}."
+
+
+def contact_signals(log: ContactLog) -> str:
+    """Force and torque over the time from the first sample."""
+    bands = log.envelope or envelope(np.empty(0), np.empty((0, 6)))
+    t = bands.t - (log.start if np.isfinite(log.start) else 0.0)
+    with drawing(1, (8.6, 4.6), rows=2) as (figure, axes):
+        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, N m"), (1.0, 1.0), strict=True):
+            for contact in log.contacts[:MOST_SHADED]:
+                end = log.end if contact.release is None else contact.release
+                ax.axvspan(contact.onset - log.start, end - log.start, color=SHADE, lw=0)
+            ax.axhline(0.0, color="#9aa2a9", lw=0.6)
+            for k in range(3):
+                low, high = scale * bands.low[:, part + k], scale * bands.high[:, part + k]
+                ax.fill_between(t, low, high, color=AXIS_COLOURS[k], alpha=0.85, lw=0.6)
+            for _, first in log.reasons.values():
+                ax.plot(first - log.start, 0.0, "|", color=LEFT_OUT, ms=8, transform=ax.get_xaxis_transform())
+            ax.set_ylabel(name)
+            ax.set_xlim(0.0, max(log.end - log.start, 1e-9) if log.rows else 1.0)
+        axes[0].set_xticklabels([])
+        axes[1].set_xlabel("time, s")
+        return svg_text(figure)
+
+
+def _contacts(log: ContactLog) -> str:
+    if not log.contacts:
+        return "<h3>Contacts</h3><p>None.</p>"
+    rows = []
+    for number, contact in enumerate(log.contacts[:MOST_LISTED], start=1):
+        line = contact.line
+        std = np.sqrt(np.diag(contact.covariance)[:3])
+        force = np.linalg.norm(contact.mean[:3])
+        f = contact.mean[:3] / force if force > 0.0 else contact.mean[:3]
+        along = float(np.sqrt(f @ contact.covariance[:3, :3] @ f)) if force > 0.0 else float(std.max())
+        lasts = "lasts" if contact.release is None else f"{contact.release - contact.onset:.3f}"
+        place = escape(line.reason) if line.reason else _place(line.point, line.point_covariance)
+        cells = (
+            f"{contact.onset - log.start:.3f}",
+            lasts,
+            f"{force:.2f} ± {along:.2f}",
+            f"{np.linalg.norm(contact.peak[:3]):.2f}",
+            " ".join(f"{part:.2f}" for part in line.direction) if line.reason is None else "-",
+        )
+        rows.append(
+            f"<tr><th>{number}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}<td class='said'>{place}</td></tr>"
+        )
+    head = (
+        "<th></th><th>onset, s</th><th>length, s</th><th>mean force, N</th><th>peak, N</th><th>direction</th>"
+        "<th class='said'>nearest point of its line to the sensor's origin, mm</th>"
+    )
+    more = len(log.contacts) - MOST_LISTED
+    cut = f"<p>And {more} more.</p>" if more > 0 else ""
+    said = "Means over the whole contact, sensor axes. The line of action is that of one force; ± is one std."
+    table = table_html(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
+    return f"<h3>Contacts</h3>{table}{cut}<p class='unit'>{said}</p>"
+
+
+def _place(point: Array, covariance: Array) -> str:
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return ", ".join(f"{1e3 * value:.1f} ± {1e3 * spread:.1f}" for value, spread in zip(point, std, strict=True))
+
+
+def _faults(log: ContactLog) -> str:
+    if not log.reasons:
+        return ""
+    rows = "".join(
+        f"<tr><th>{escape(kind)}</th><td>{count}</td><td>{first - log.start:.3f}</td></tr>"
+        for kind, (count, first) in sorted(log.reasons.items(), key=lambda item: item[1][1])
+    )
+    table = table_html(f"<thead><tr><th></th><th>samples</th><th>first at, s</th></tr></thead>{rows}")
+    return f"<h3>Samples with something wrong</h3>{table}"
