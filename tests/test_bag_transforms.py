@@ -217,8 +217,8 @@ def test_a_static_chain_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError) as caught:
         _read(path, "base", "flange")
     assert str(caught.value) == (
-        f"{path}: found static transforms only from base to flange, expected some that the arm moves: name its base and "
-        "its flange"
+        f"{path}: found static transforms only from base to flange, expected some that the arm moves: name its base "
+        "and its flange"
     )
 
 
@@ -244,6 +244,6 @@ def test_a_quaternion_that_is_none_is_named_with_its_transform(tmp_path: Path) -
     with pytest.raises(FileFormatError) as caught:
         _read(path, "base", "flange")
     assert str(caught.value) == (
-        f"{path}: transform base -> flange, at 0.100 s: found a quaternion of length 0, expected 1 within 1 %: check the "
-        "order of its parts and that none is cut off"
+        f"{path}: transform base -> flange, at 0.100 s: found a quaternion of length 0, expected 1 within 1 %: check "
+        "the order of its parts and that none is cut off"
     )
