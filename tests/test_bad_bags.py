@@ -157,8 +157,8 @@ POSE_TYPES = "geometry_msgs/PoseStamped, geometry_msgs/TransformStamped or nav_m
             [READING, POSE, pose_stamped(0.1, I3, ZERO, frame="world")],
             {},
             {},
-            "topic /pose: found poses of a frame in base and of a frame in world, expected one: name another topic with "
-            "--pose-topic",
+            "topic /pose: found poses of a frame in base and of a frame in world, expected one: name another topic "
+            "with --pose-topic",
         ),
         (
             [
