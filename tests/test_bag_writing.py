@@ -156,8 +156,8 @@ def test_who_latches_and_who_publishes_stays(tmp_path: Path) -> None:
 @pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
 def test_the_quality_of_service_stays(tmp_path: Path, storage: StoragePlugin) -> None:
     qos = Qos(
-        QosHistory.KEEP_LAST, 7, QosReliability.BEST_EFFORT, QosDurability.TRANSIENT_LOCAL, QosTime(1, 2), QosTime(3, 4),
-        QosLiveliness.AUTOMATIC, QosTime(5, 6), False,
+        QosHistory.KEEP_LAST, 7, QosReliability.BEST_EFFORT, QosDurability.TRANSIENT_LOCAL, QosTime(1, 2),
+        QosTime(3, 4), QosLiveliness.AUTOMATIC, QosTime(5, 6), False,
     )  # fmt: skip
     path, out = tmp_path / "run", tmp_path / "out"
     with Writer2(path, version=9, storage_plugin=storage) as writer:
