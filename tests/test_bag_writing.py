@@ -167,7 +167,7 @@ def test_the_quality_of_service_stays(tmp_path: Path, storage: StoragePlugin) ->
     write_bag_with(path, out, [np.zeros((1, 6))])
     with Reader(out) as reader:
         kept = {c.topic: c.ext[1] for c in reader.connections}
-    assert kept == {"/wrench": [qos], "/pose": [qos], "/wrench/contact": []}
+    assert kept == {"/wrench": [qos], "/pose": [qos], "/wrench/contact": [qos]}
 
 
 def test_types_without_definition_are_copied(tmp_path: Path) -> None:
@@ -189,23 +189,89 @@ def test_types_without_definition_are_copied(tmp_path: Path) -> None:
     assert len(bag_streams(out, wrench_topic="/wrench/contact").wrench) == 120
 
 
-def test_an_mcap_of_the_mcap_package_is_copied(tmp_path: Path) -> None:
-    from mcap.reader import make_reader
+@pytest.mark.parametrize("compression", ["NONE", "LZ4"])
+def test_an_mcap_of_the_mcap_package_is_copied_record_by_record(tmp_path: Path, compression: str) -> None:
+    """Times of publication and sequence numbers too; the file is in order for those who read it from front to back."""
+    from mcap.reader import NonSeekingReader, make_reader
+    from mcap.writer import CompressionType
 
     messages, _ = _rich()
-    path, out = write_mcap(tmp_path / "run.mcap", messages, chunk_size=3000), tmp_path / "out.mcap"
+    path, out = (
+        write_mcap(tmp_path / "run.mcap", messages, chunk_size=3000, compression=CompressionType[compression]),
+        tmp_path / "out.mcap",
+    )
     write_bag_with(path, out, _read_twice(path, 13))
 
-    def read(file: Path) -> list[tuple[str, str, int, bytes]]:
+    def read(file: Path, **how: Any) -> list[Any]:
         with file.open("rb") as stream:
             return [
-                (schema.name if schema else "", channel.topic, message.log_time, message.data)
-                for schema, channel, message in make_reader(stream).iter_messages()
+                (schema, channel, message) for schema, channel, message in make_reader(stream, **how).iter_messages()
             ]
 
-    copied = read(out)
-    assert [one for one in copied if one[1] != "/wrench/contact"] == read(path)
-    assert len(copied) == len(messages) + 120
+    for how in ({"validate_crcs": True}, {}):  # type: dict[str, bool]
+        copied = read(out, **how)
+        assert [one for one in copied if one[1].topic != "/wrench/contact"] == read(path, **how)
+        assert len(copied) == len(messages) + 120
+    with out.open("rb") as stream:
+        as_written = [
+            message.log_time for _, _, message in NonSeekingReader(stream).iter_messages(log_time_order=False)
+        ]
+    assert as_written == sorted(as_written)
+    with out.open("rb") as stream, path.open("rb") as before:
+        summaries: list[Any] = [make_reader(one).get_summary() for one in (stream, before)]
+    statistics, old = (summary.statistics for summary in summaries)
+    assert statistics.message_count == old.message_count + 120
+    assert statistics.channel_count == old.channel_count + 1
+    assert (statistics.message_start_time, statistics.message_end_time) == (
+        old.message_start_time,
+        old.message_end_time,
+    )
+
+
+def test_a_recording_split_into_files_is_copied_file_by_file(tmp_path: Path) -> None:
+    from ruamel.yaml import YAML
+
+    messages, wrench = _rich()
+    halves = [
+        write_bag(tmp_path / f"half{k}", part, compression="storage")
+        for k, part in enumerate((messages[:90], messages[90:]))
+    ]
+    said = [YAML(typ="safe").load((half / "metadata.yaml").read_text()) for half in halves]
+    one, other = (part["rosbag2_bagfile_information"] for part in said)
+    for key in ("relative_file_paths", "files"):
+        one[key] += other[key]
+    counts = {topic["topic_metadata"]["name"]: topic["message_count"] for topic in other["topics_with_message_count"]}
+    for topic in one["topics_with_message_count"]:
+        topic["message_count"] += counts.get(topic["topic_metadata"]["name"], 0)
+    one["message_count"] += other["message_count"]
+    path, out = tmp_path / "run", tmp_path / "out"
+    path.mkdir()
+    for half in halves:
+        (half / f"{half.name}.mcap").rename(path / f"{half.name}.mcap")
+    with (path / "metadata.yaml").open("w") as file:
+        YAML(typ="safe").dump(said[0], file)
+    np.testing.assert_array_equal(bag_streams(path).wrench.wrench, wrench)
+    write_bag_with(path, out, _read_twice(path, 11))
+    before, after = _content(path), _content(out)
+    assert [t for t, _, _ in after.pop("/wrench/contact")] == [t for t, _, _ in before["/wrench"]]
+    assert after == before
+    assert sorted(file.name for file in out.iterdir()) == ["half0.mcap", "half1.mcap", "metadata.yaml"]
+    with Reader(out) as reader:
+        assert {c.topic: c.msgcount for c in reader.connections}["/wrench/contact"] == 120
+        assert reader.message_count == len(messages) + 120
+        storage: Any = reader.storage
+        assert [file["message_count"] for file in storage.files] == _counted(out)
+
+
+def _counted(folder: Path) -> list[int]:
+    """How many messages each file of a folder has, by the mcap package."""
+    from mcap.reader import make_reader
+
+    counts = []
+    for file in sorted(folder.glob("*.mcap")):
+        with file.open("rb") as stream:
+            counts.append(sum(1 for _ in make_reader(stream).iter_messages()))
+    return counts
 
 
 def _streams(n: int = 500, seed: int = 0) -> Streams:
