@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactwrench.errors import ContactWrenchError, FileAccessError, InputError
+from contactwrench.recording.bag_files import is_bag
 from contactwrench.recording.bags import bag_batches, bag_streams
 from contactwrench.recording.contents import bag_contents
 from tests.ros_bags import (
@@ -200,6 +201,16 @@ def test_one_of_each_is_enough(tmp_path: Path) -> None:
     assert (streams.wrench.source, streams.orientation.source) == (f"{path} /w2", f"{path} /p2")
 
 
+def test_what_is_taken_for_a_bag(tmp_path: Path) -> None:
+    folder = write_bag(tmp_path / "run", [READING])
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "a.parquet").touch()
+    paths: list[str | Path] = [folder, tmp_path / "tables", "a.MCAP", "a.csv"]
+    assert [is_bag(path) for path in paths] == [True, False, True, False]
+    (folder / "metadata.yaml").unlink()
+    assert is_bag(folder)
+
+
 def test_paths_that_are_no_bag(tmp_path: Path) -> None:
     for name in ("run.bag", "folder"):
         path = tmp_path / name
@@ -296,6 +307,20 @@ def test_an_mcap_whose_index_names_no_topics(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("kind", [".db3", ""])
+def test_a_recording_whose_last_part_is_in_a_log(tmp_path: Path, kind: str) -> None:
+    path = write_bag(tmp_path / f"run{kind}", [READING, POSE])
+    file = path if kind else path / "run.db3"
+    with closing(sqlite3.connect(file)) as base:
+        base.execute("PRAGMA journal_mode = WAL")
+        base.execute("DELETE FROM messages")
+        base.commit()
+        assert _refused(path) == (
+            f"{file}: found run.db3-wal with messages beside it, expected a recording that was closed: join them with "
+            "sqlite3 run.db3 'PRAGMA wal_checkpoint(TRUNCATE)'"
+        )
+
+
 def test_a_file_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_bag(tmp_path / "run.bag", [READING, POSE])
 
@@ -306,9 +331,6 @@ def test_a_file_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(FileAccessError) as caught:
         bag_streams(path)
     assert str(caught.value) == f"{path}: cannot be read (permission denied): check the path and its permissions"
-
-
-WHOLE: dict[str, bytes] = {}
 
 
 @pytest.fixture(scope="module")

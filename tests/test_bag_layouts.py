@@ -108,6 +108,19 @@ def test_every_number_and_text_is_where_rosbags_finds_it(encoding: str, data: st
     assert sorted(seen) == list(range(len(several)))
 
 
+def test_what_fills_the_gaps_of_cdr_does_not_matter() -> None:
+    """Fast CDR leaves in them whatever the memory held."""
+    one = built(ROS2, WRENCH_STAMPED, {"header": {"frame_id": "ab"}, "wrench": {"force": {"x": 7.0}}})
+    clean = _serialized("little", one, WRENCH_STAMPED)
+    gap = slice(4 + 8 + 4 + 3, 4 + 16)
+    assert clean[gap] == b"\0" * (gap.stop - gap.start)
+    dirty = clean[: gap.start] + b"\xff" * (gap.stop - gap.start) + clean[gap.stop :]
+    raw = joined([clean, dirty])
+    ((rows, layout),) = alike(raw, lambda message: layout_of_message(message, WRENCH_STAMPED, ROS2.fielddefs, True))
+    assert rows.tolist() == [0, 1]
+    assert raw.values(layout, "wrench.force.x")[:, 0].tolist() == [7.0, 7.0]
+
+
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
