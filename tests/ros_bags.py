@@ -86,7 +86,7 @@ def tf(t: float, transforms: list[dict[str, Any]], topic: str = "/tf") -> Messag
     return Message(topic, TF, ns(t), {"transforms": transforms})
 
 
-def joint_state(t: float, names: Sequence[str], position: Array, topic: str = "/joint_states") -> Message:
+def joint_state(t: float, names: Sequence[str], position: Iterable[float], topic: str = "/joint_states") -> Message:
     return Message(topic, JOINT_STATE, ns(t), {"header": header(t), "name": list(names), "position": list(position)})
 
 

@@ -18,7 +18,6 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
 from .bag_files import Bag, Topic, one_line_errors
 from .layouts import Layout, Raw, alike
 
@@ -147,7 +146,7 @@ def _by_key(flat: NDArray[np.uint8], keys: dict[int, Key], columns: NDArray[np.i
     """Messages (4, n) of connection, stamp, first byte and length, by the key of their connection."""
     connection, stamp, start, length = columns
     if len(connection) and (int((start + length).max()) > len(flat) or int(length.min()) < 0):
-        raise FileFormatError("a message reaches beyond its chunk")
+        raise ValueError("a message reaches beyond its chunk")
     found = {}
     for key in dict.fromkeys(keys.values()):
         rows = np.flatnonzero(np.isin(connection, [number for number, other in keys.items() if other == key]))
@@ -165,8 +164,8 @@ def _mcap_chunks(storage: Any, keys: dict[int, Key]) -> Iterator[tuple[int, dict
     chunks = sorted(storage.chunks, key=lambda chunk: chunk.message_start_time)
     # Without an index of messages, a chunk does not say which channels it holds.
     chunks = [c for c in chunks if not c.message_index_offsets or keys.keys() & c.message_index_offsets.keys()]
-    starts = [chunk.message_start_time for chunk in chunks[1:]] + [np.iinfo(np.int64).max]
-    for chunk, until in zip(chunks, starts, strict=True):
+    following = [*(chunk.message_start_time for chunk in chunks[1:]), np.iinfo(np.int64).max]
+    for chunk, until in zip(chunks, following, strict=False):
         storage.bio.seek(chunk.chunk_start_offset + 9 + 24)
         (crc,) = _UINT32.unpack(storage.bio.read(4))
         storage.bio.seek(chunk.chunk_start_offset + 9 + 40 + len(chunk.compression))
@@ -196,13 +195,13 @@ def _mcap_records(chunk: bytes) -> list[tuple[int, int]]:
 def _ros1_chunks(reader: Any, keys: dict[int, Key]) -> Iterator[tuple[int, dict[Key, Logged]]]:
     infos = [info for info in reader.chunk_infos if keys.keys() & info.connection_counts.keys()]
     infos.sort(key=lambda info: info.start_time)
-    starts = [info.start_time for info in infos[1:]] + [np.iinfo(np.int64).max]
-    for info, until in zip(infos, starts, strict=True):
+    following = [*(info.start_time for info in infos[1:]), np.iinfo(np.int64).max]
+    for info, until in zip(infos, following, strict=False):
         chunk = reader.chunks[info.pos]
         reader.bio.seek(chunk.datapos)
         packed = reader.bio.read(chunk.datasize)
         if len(packed) != chunk.datasize:
-            raise FileFormatError("a chunk is cut off")
+            raise ValueError("a chunk is cut off")
         content = chunk.decompressor(packed)
         flat = np.frombuffer(content, np.uint8)
         records = np.array(_ros1_records(content), dtype=np.int64).reshape(-1, 4)

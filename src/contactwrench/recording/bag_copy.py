@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import FileFormatError, InputError
 from ..files import require_distinct
 from ..orientation import Array
-from .bag_chunks import Logged, messages_by
-from .bag_files import Bag, Topic, definitions, kind_of, opened_bag, typestore
+from .bag_chunks import Logged, messages, messages_by
+from .bag_files import METADATA, Bag, Topic, definitions, kind_of, opened_bag, typestore
 from .bag_messages import by_layout
 from .bag_topics import wrench_topic as chosen_topic
-from .bag_writing import STAMP, WRENCH_STAMPED, new_bag, stamped
+from .bag_writing import STAMP, WRENCH_STAMPED, new_bag, new_place, stamped
+from .mcap_copy import NewTopic, Until, copy_mcap
 
 CONTACT = "contact"
 """Under the wrench's own topic: the contact wrench."""
@@ -45,7 +47,7 @@ def write_bag_with(
     `bag_batches`; a row of NaN is written as such. Each is written behind its message, with that message's stamps and
     frame, or `frame` where the wrench is given in other axes. Every other message keeps its payload, type, definition
     and the time at which it was recorded, every topic its quality of service or its latching; a compressed bag stays
-    compressed. In an MCAP, rosbags gives a message the time of recording as its time of publication too.
+    compressed. Records of an MCAP with chunks are copied as they are, down to their times of publication.
 
     Raises `FileAccessError` where output is input, or is a folder that is there; `FileFormatError` as `bag_batches`,
     and for an output of another kind; `InputError` for a topic that is there and for too few or too many rows.
@@ -64,60 +66,84 @@ def write_bag_with(
         if any(known.name == name for known in bag.counts):
             raise InputError(f"{path_in}: found a topic {name} already, expected another name for the contact wrench")
         take = _taking(wrenches, path_in)
-        with new_bag(path_out, kind, mcap=_is_mcap(bag), compression=_compression(bag)) as writer:
-            copies: dict[_Publisher, Any] = {}
-            for connection in bag.reader.connections:
-                publisher = _publisher(connection)
-                copies[publisher] = copies.get(publisher) or _copied(bag, writer, connection)
-            added = writer.add_connection(name, WRENCH_STAMPED, typestore=typestore(bag.ros1))
-            for found in messages_by(bag, _publisher):
-                stamp, which, row = _in_turn(found)
-                publishers = list(found)
-                contact = _contacts(bag, source, found, which, take, frame)
-                for t, k, i in zip(stamp.tolist(), which.tolist(), row.tolist(), strict=True):
-                    writer.write(copies[publishers[k]], t, found[publishers[k]].raw.message(i))
-                    if k in contact:
-                        writer.write(added, t, contact[k][i])
-            take(None)
+        until = _until(_contact_messages(bag, source, take, frame))
+        if kind != ".bag" and (parts := _whole_mcaps(bag)):
+            _copy_mcaps(bag, parts, path_out, not kind, source, name, until)
+        else:
+            _copy_by_rosbags(bag, path_out, kind, source, name, until)
 
 
-def _in_turn(found: dict[_Publisher, Logged]) -> tuple[Any, Any, Any]:
-    """Of messages in the order in which they were recorded, the stamp, the publisher's number, and the row there."""
+def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, source: Topic, name: str, until: Until) -> None:
+    """Read every message and write it again."""
+    with new_bag(path_out, kind, mcap=_is_mcap(bag), compression=_compression(bag)) as writer:
+        copies: dict[_Publisher, Any] = {}
+        for connection in bag.reader.connections:
+            publisher = _publisher(connection)
+            copies[publisher] = copies.get(publisher) or _copied(bag, writer, connection)
+        quality = {} if bag.ros1 else {"offered_qos_profiles": bag.connections((source,))[0].ext.offered_qos_profiles}
+        added = writer.add_connection(name, WRENCH_STAMPED, typestore=typestore(bag.ros1), **quality)
+
+        for found in messages_by(bag, _publisher):
+            publishers, old = list(found), _in_turn(found)
+            stamps, payloads = until(old[-1][0])
+            place = np.searchsorted([t for t, _, _ in old], stamps, side="right")
+            for index in np.argsort(np.r_[np.arange(len(old)) + 0.5, place], kind="stable").tolist():
+                if index < len(old):
+                    t, k, row = old[index]
+                    writer.write(copies[publishers[k]], t, found[publishers[k]].raw.message(row))
+                else:
+                    writer.write(added, int(stamps[index - len(old)]), payloads[index - len(old)])
+        until(np.iinfo(np.int64).max)  # no row may be left
+
+
+def _in_turn(found: dict[_Publisher, Logged]) -> list[tuple[int, int, int]]:
+    """Stamp, publisher's number, and row there, of messages in the order in which they were recorded."""
     which = np.repeat(np.arange(len(found)), [len(logged) for logged in found.values()])
     row = np.concatenate([np.arange(len(logged)) for logged in found.values()])
     stamp = np.concatenate([logged.stamp for logged in found.values()])
     place = np.concatenate([logged.raw.start for logged in found.values()])
     order = np.lexsort((place, stamp))
-    return stamp[order], which[order], row[order]
+    return list(zip(stamp[order].tolist(), which[order].tolist(), row[order].tolist(), strict=True))
 
 
-def _contacts(
-    bag: Bag,
-    source: Topic,
-    found: dict[_Publisher, Logged],
-    which: Any,
-    take: Callable[[int | None], Array],
-    frame: str | None,
-) -> dict[int, list[bytes]]:
-    """The contact wrench's messages for each publisher of the wrench, by the publisher's number, in its order."""
-    of_source = [k for k, publisher in enumerate(found) if publisher[:2] == (source.name, source.type)]
-    in_turn = which[np.isin(which, of_source)]
-    values = take(len(in_turn))
-    contacts = {}
-    for k in of_source:
-        logged = list(found.values())[k]
-        messages = [b""] * len(logged)
+def _contact_messages(
+    bag: Bag, source: Topic, take: Callable[[int | None], Array], frame: str | None
+) -> Iterator[tuple[NDArray[np.int64], list[bytes]]]:
+    """The contact wrench for each message of the source: the bag's stamps, in order, and payloads, some at a time."""
+    for found in messages(bag, (source,)):
+        logged = found[source]
+        values, payloads = take(len(logged)), [b""] * len(logged)
         for rows, layout, raw in by_layout(bag, source, logged):
             stamp = logged.stamp[rows]
             if STAMP[0] in layout.numbers:
                 sec, ns = (raw.values(layout, path)[:, 0].astype(np.int64) for path in STAMP)
                 stamp = sec * 10**9 + ns
             name = layout.texts.get("header.frame_id", "") if frame is None else frame
-            made = stamped(WRENCH_STAMPED, bag.ros1, name, stamp, values[in_turn == k][rows])
-            for i, message in zip(rows.tolist(), made, strict=True):
-                messages[i] = message
-        contacts[k] = messages
-    return contacts
+            made = stamped(WRENCH_STAMPED, bag.ros1, name, stamp, values[rows])
+            for row, payload in zip(rows.tolist(), made, strict=True):
+                payloads[row] = payload
+        yield logged.stamp, payloads
+    take(None)
+
+
+def _until(coming: Iterator[tuple[NDArray[np.int64], list[bytes]]]) -> Until:
+    """A function that gives what is coming up to a stamp."""
+    stamps: NDArray[np.int64] = np.empty(0, np.int64)
+    payloads: list[bytes] = []
+
+    def until(stamp: int) -> tuple[NDArray[np.int64], list[bytes]]:
+        nonlocal stamps, payloads
+        while not len(stamps) or stamps[-1] <= stamp:
+            part = next(coming, None)
+            if part is None:
+                break
+            stamps, payloads = np.concatenate([stamps, part[0]]), payloads + part[1]
+        count = int(np.searchsorted(stamps, stamp, side="right"))
+        given = stamps[:count], payloads[:count]
+        stamps, payloads = stamps[count:], payloads[count:]
+        return given
+
+    return until
 
 
 def _taking(arrays: Iterable[Array], path: Path) -> Callable[[int | None], Array]:
@@ -131,14 +157,12 @@ def _taking(arrays: Iterable[Array], path: Path) -> Callable[[int | None], Array
     def take(count: int | None) -> Array:
         nonlocal left, taken
         parts, have = [left], len(left)
-        while count is None or have < count:
+        while have < (1 if count is None else count):
             part = next(coming, None)
             if part is None:
                 break
             parts.append(np.asarray(part, dtype=np.float64).reshape(-1, 6))
             have += len(parts[-1])
-            if count is None and have:
-                break
         if have < (count or 0) or (count is None and have):
             found = f"more than {taken}" if count is None else str(taken + have)
             raise InputError(f"{path}: found {found} contact wrenches, expected one for each reading")
@@ -148,6 +172,64 @@ def _taking(arrays: Iterable[Array], path: Path) -> Callable[[int | None], Array
         return rows[:count]
 
     return take
+
+
+def _whole_mcaps(bag: Bag) -> list[Any]:
+    """The MCAP files of a bag, where records can be copied as they are: with chunks, an index and no compression of the
+    folder's own.
+    """
+    storage = bag.reader.storage
+    parts = getattr(storage, "storages", [storage])
+    plain = not getattr(storage.metadata, "compression_mode", None)
+    return list(parts) if plain and all(getattr(part, "chunks", ()) for part in parts) else []
+
+
+def _copy_mcaps(
+    bag: Bag, parts: list[Any], path_out: Path, folder: bool, source: Topic, name: str, until: Until
+) -> None:
+    """Copy the records of one file, or of a folder's, and what the folder says of them."""
+    text, _ = typestore(False).generate_msgdef(WRENCH_STAMPED, ros_version=2)
+    same = [
+        c.metadata
+        for part in parts
+        for c in part.channels.values()
+        if (c.topic, c.schema) == (source.name, WRENCH_STAMPED)
+    ]
+    topic = NewTopic(name, WRENCH_STAMPED, text, same[0] if same else b"")
+    with new_place(path_out) as made:
+        if not folder:
+            copy_mcap(parts[0], made, topic, until, True)
+            return
+        made.mkdir()
+        counts = {}
+        for part in parts:
+            counts[part.path.name] = copy_mcap(part, made / part.path.name, topic, until, part is parts[-1])
+        _write_metadata(bag.path, made, source, topic, counts)
+
+
+def _write_metadata(path_in: Path, path_out: Path, source: Topic, topic: NewTopic, counts: dict[str, int]) -> None:
+    """What the folder says of its files, and of one more topic."""
+    from ruamel.yaml import YAML
+
+    yaml = YAML(typ="safe")
+    yaml.default_flow_style = False
+    content = yaml.load((path_in / METADATA).read_text(encoding="utf-8"))
+    said = content["rosbag2_bagfile_information"]
+    count = sum(counts.values())
+    said["message_count"] += count
+    like = [
+        one["topic_metadata"]
+        for one in said["topics_with_message_count"]
+        if one["topic_metadata"]["name"] == source.name
+    ]
+    mine = {**like[0], "name": topic.name, "type": topic.type}
+    if "type_description_hash" in mine:
+        mine["type_description_hash"] = typestore(False).hash_rihs01(topic.type)
+    said["topics_with_message_count"].append({"topic_metadata": mine, "message_count": count})
+    for file in said.get("files", []):
+        file["message_count"] += counts.get(Path(file["path"]).name, 0)
+    with (path_out / METADATA).open("w", encoding="utf-8") as written:
+        yaml.dump(content, written)
 
 
 def _publisher(connection: Any) -> _Publisher:

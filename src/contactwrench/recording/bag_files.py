@@ -68,7 +68,9 @@ def seconds(ns: NDArray[np.int64] | np.int64) -> Array:
 def is_bag(path: str | Path) -> bool:
     """Whether the name, or what is in the folder, is that of a bag."""
     path = Path(path)
-    return path.is_dir() or path.suffix.lower() in SUFFIXES_OF_BAGS
+    if path.is_dir():
+        return any(file.name == METADATA or file.suffix in SUFFIXES_OF_BAGS for file in path.iterdir())
+    return path.suffix.lower() in SUFFIXES_OF_BAGS
 
 
 def written(msgtype: str) -> str:
@@ -103,6 +105,7 @@ def opened_bag(path: str | Path) -> Iterator[Bag]:
     path = Path(path)
     kind = kind_of(path)
     require_rosbags()
+    _require_closed(path)
     from rosbags.rosbag2 import Reader
 
     with one_line_errors(path):
@@ -197,6 +200,17 @@ def one_line_errors(path: Path) -> Iterator[None]:
         raise FileFormatError(
             f"{path}: cannot be read as a {kind} ({reason}), expected a whole one: record or copy it again"
         ) from None
+
+
+def _require_closed(path: Path) -> None:
+    """Raise `FileFormatError` for sqlite3 of which the last part is in a file of its own: rosbags reads without it."""
+    for file in sorted(path.glob("*.db3")) if path.is_dir() else [path]:
+        rest = file.with_name(f"{file.name}-wal")
+        if file.suffix == ".db3" and rest.exists() and rest.stat().st_size:
+            raise FileFormatError(
+                f"{file}: found {rest.name} with messages beside it, expected a recording that was closed: join them "
+                f"with sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+            )
 
 
 def _reader_of_ros1(path: Path) -> Any:

@@ -126,8 +126,7 @@ def numbers(
                 "of that name in ROS"
             )
         t[rows] = stamps(logged, rows, layout, raw)
-        for k, path in enumerate(paths):
-            values[rows, k] = raw.values(layout, path)[:, 0]
+        values[rows] = raw.columns(layout, paths)
         texts.append(layout.texts)
     return t, values, texts
 
@@ -141,11 +140,11 @@ def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
 def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[str]]:
     """The poses of a topic of one of the types `POSES`, and which frames they are of, in words."""
     orientation, position = POSES[topic.type]
-    paths = (*(f"{orientation}.{part}" for part in XYZW), *(f"{position}.{part}" for part in XYZ))
+    paths = (*(f"{position}.{part}" for part in XYZ), *(f"{orientation}.{part}" for part in XYZW))
     t, values, texts = numbers(bag, topic, logged, paths)
     frames = [f"{text['child_frame_id']} in " if "child_frame_id" in text else "a frame in " for text in texts]
     parents = [text.get("header.frame_id", "") or "no frame" for text in texts]
-    return Placements(t, values[:, :4], values[:, 4:]), [f + p for f, p in zip(frames, parents, strict=True)]
+    return Placements(t, values[:, 3:], values[:, :3]), [f + p for f, p in zip(frames, parents, strict=True)]
 
 
 def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], Placements]:
@@ -155,8 +154,8 @@ def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], 
         for at in _transforms_in(layout):
             edge = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
             t = stamps(logged, rows, layout, raw, f"{at}header")
-            quat = np.hstack([raw.values(layout, f"{at}transform.rotation.{part}") for part in XYZW])
-            position = np.hstack([raw.values(layout, f"{at}transform.translation.{part}") for part in XYZ])
+            quat = raw.columns(layout, [f"{at}transform.rotation.{part}" for part in XYZW])
+            position = raw.columns(layout, [f"{at}transform.translation.{part}" for part in XYZ])
             found.setdefault(edge, []).append((rows, Placements(t, quat, position)))
     in_order = {}
     for edge, parts in found.items():

@@ -76,19 +76,33 @@ def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iter
     `kind`: `.bag`, `.mcap` or `.db3`, a file, or nothing, a folder; `mcap`: what a folder holds, else sqlite3;
     `compression`: bz2 or lz4 of a `.bag`, storage, message or file of ROS 2. Raises `FileAccessError`.
     """
+    with new_place(path) as made:
+        if kind in (".bag", ""):
+            with _writer(made, kind, mcap, compression) as writer:
+                yield writer
+            return
+        folder = made.with_name("folder")  # in which rosbags puts the one file
+        with _writer(folder, kind, mcap, compression) as writer:
+            yield writer
+        (folder / f"{folder.name}{kind}").replace(made)
+
+
+@contextmanager
+def new_place(path: Path) -> Iterator[Path]:
+    """Where a file, or a folder of files, is to be made: at the end it is moved to `path`, after an error nothing is
+    left. Raises `FileAccessError`.
+    """
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise FileAccessError(f"{path}: found a folder, expected a new name: remove it or name another")
     try:
         with tempfile.TemporaryDirectory(prefix=".contactwrench-", dir=target.parent) as beside:
-            made = Path(beside) / (target.name if kind in (".bag", "") else target.stem or "bag")
-            with _writer(made, kind, mcap, compression) as writer:
-                yield writer
-            whole = made / f"{made.name}{kind}" if kind in (".mcap", ".db3") else made
-            for file in [whole] if whole.is_file() else sorted(whole.iterdir()):
+            made = Path(beside) / target.name
+            yield made
+            for file in [made] if made.is_file() else sorted(made.iterdir()):
                 with file.open("rb+") as written:
                     os.fsync(written.fileno())
-            whole.replace(target)
+            made.replace(target)
     except FileNotFoundError:
         raise FileAccessError(f"{path}: there is no folder {target.parent}: make it first") from None
     except (OSError, sqlite3.Error) as error:

@@ -10,7 +10,7 @@ own size, counted from behind the four bytes that state the byte order); ROS 1 t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from struct import unpack_from
 from typing import Any
@@ -73,6 +73,15 @@ class Raw:
             return np.empty((len(self), 0))
         found = self.bytes_at(offset, count * int(kind[-1])).view(kind)
         return found.astype(np.float64)
+
+    def columns(self, layout: Layout, paths: Sequence[str]) -> Array:
+        """The numbers (n, k) at `paths`, one of each; those that lie side by side are fetched together."""
+        first, kind, _ = layout.numbers[paths[0]]
+        size = int(kind[-1])
+        side_by_side = [(first + k * size, kind, 1) for k in range(len(paths))]
+        if [layout.numbers[path] for path in paths] == side_by_side:
+            return self.bytes_at(first, size * len(paths)).view(kind).astype(np.float64)
+        return np.hstack([self.values(layout, path) for path in paths])
 
 
 def alike(raw: Raw, layout_of: Callable[[bytes], Layout]) -> Iterator[tuple[NDArray[np.intp], Layout]]:

@@ -218,10 +218,9 @@ def _times(stamps: list[Array], after: float) -> Array:
 def _between(bag: Bag, what: str, placements: Placements, t: Array) -> tuple[Array, Array]:
     """Rotations and positions at times within those of the placements."""
     R = rotations(bag, what, placements)
-    if np.array_equal(placements.t, t):
-        return R, placements.position
-    if len(R) == 1:
-        return np.broadcast_to(R, (len(t), 3, 3)), np.broadcast_to(placements.position, (len(t), 3))
+    rows = np.minimum(np.searchsorted(placements.t, t), len(R) - 1)
+    if np.array_equal(placements.t[rows], t):
+        return R[rows], placements.position[rows]
     from scipy.spatial.transform import Rotation, Slerp
 
     position = np.stack([np.interp(t, placements.t, column) for column in placements.position.T], axis=1)

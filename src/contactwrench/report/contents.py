@@ -12,7 +12,7 @@ import msgspec
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
 
 WIDTH = 100
-NAME_WIDTH, TYPE_WIDTH = 34, 30
+NAME_AND_TYPE, TYPE_WIDTH = 52, 30
 UNIX_TIMES = (946684800.0, 4102444800.0)
 """s: 2000 to 2100. Other stamps are of clocks that start elsewhere."""
 NOTABLE_CLOCK = 0.5
@@ -34,8 +34,8 @@ def _bag(contents: BagContents) -> Iterator[str]:
     count = sum(topic.rhythm.count for topic in contents.topics)
     yield f"{contents.path}"
     yield f"{contents.kind}, {count:,} messages in {contents.duration:.6g} s{_since(contents.start)}"
-    name = max([5, *(min(len(topic.name), NAME_WIDTH) for topic in contents.topics)])
     kind = max([4, *(min(len(topic.type), TYPE_WIDTH) for topic in contents.topics)])
+    name = max([5, *(len(topic.name) for topic in contents.topics if len(topic.name) <= NAME_AND_TYPE - kind)])
     yield ""
     yield f"  {'topic':<{name}}  {'type':<{kind}}{'messages':>11}{'rate Hz':>9}  longest gap"
     for gives in dict.fromkeys(["wrench", "pose", *sorted({t.gives for t in contents.topics}, reverse=True)]):
@@ -55,7 +55,10 @@ def _bag(contents: BagContents) -> Iterator[str]:
 
 
 def _topic(topic: TopicContent, name: int, kind: int) -> Iterator[str]:
-    head = f"  {_cut(topic.name, name):<{name}}  {_cut(topic.type, kind):<{kind}}"
+    if len(topic.name) > name:  # whole, so that it can be copied
+        yield f"  {topic.name}"
+    shown = topic.name if len(topic.name) <= name else ""
+    head = f"  {shown:<{name}}  {_cut(topic.type, kind):<{kind}}"
     yield f"{head}{topic.rhythm.count:>11,}{_rate(topic.rhythm):>9}  {_gap(topic.rhythm)}".rstrip()
     if topic.clock is not None and abs(topic.clock) > NOTABLE_CLOCK:
         way = "behind" if topic.clock > 0.0 else "ahead of"
