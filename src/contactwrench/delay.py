@@ -94,7 +94,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
     fits = [_settled(motion, means, float(delays[best]), start) for start in (stated, down)]
     fit, used = min(fits, key=lambda one: one[0].misfit)
-    std = standard_deviation(fit, float(np.median(np.diff(used.t)))) if np.isfinite(fit.bound) else np.inf
+    std = standard_deviation(motion, used, fit)
     return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, misfit))
 
 

@@ -29,6 +29,13 @@ MOST_STEPS, CLOSE = 60, 1e-8
 """s."""
 ROUNDING = 1e-12
 """Of an axis' variance: numbers in a file are no closer."""
+SMOOTHED, LEAST_BINS = 0.3, 4
+"""Hz to each side, and at least so many frequencies of the recording, over which a spectrum is averaged."""
+LEAST_THERE = 0.1
+"""Of the noise at a frequency, whatever the free coefficients took out of it."""
+LEAST_PART = 30
+PARTS = {2: 5.02, 3: 7.38}
+"""Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +51,7 @@ class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; `bound` s, the standard deviation if the
-    residuals were independent; and the `misfit`, log det of the residuals' covariance.
+    residuals were independent; and the `misfit`, the sum of the log of the residuals' variances.
     """
 
     delay: float
@@ -69,7 +76,7 @@ def scan(motion: Turning, means: Means, delays: Array) -> tuple[Array, Array]:
     def explained(delay: float) -> tuple[float, Array]:
         basis, unit = _orthonormal(_columns(motion, t - delay, None))
         found = basis.T @ wrench
-        return _log_det(_floored((wrench - basis @ found), wrench)), unit @ found
+        return _misfit(np.mean((wrench - basis @ found) ** 2, axis=0) + _floor(wrench)), unit @ found
 
     misfit = np.array([explained(delay)[0] for delay in delays])
     coefficients = explained(float(delays[int(misfit.argmin())]))[1][1:10].reshape(3, 18)
@@ -81,36 +88,32 @@ def scan(motion: Turning, means: Means, delays: Array) -> tuple[Array, Array]:
 def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
     """The best fit near `delay` and `down` (3,)."""
     start, weight = down, np.ones(len(means.t))
-    noise: Array | None = None
+    variance: Array | None = None
     for _ in range(MOST_STEPS):
         tau = means.t - delay
-        columns = _columns(motion, tau, down)
         root = np.sqrt(weight)[:, None]
+        columns = _columns(motion, tau, down)
         basis, unit = _orthonormal(columns * root)
         coefficients = unit @ (basis.T @ (root * means.wrench))
         residual = means.wrench - columns @ coefficients
-        if noise is None:
-            robust = 1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0)
-            noise = np.diag(robust**2) + _floor(means.wrench)
-        distance = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", residual, np.linalg.inv(noise), residual), 1e-300))
+        if variance is None:
+            variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
+        distance = np.sqrt(np.maximum((residual**2 / variance).sum(axis=1), 1e-300))
         weight = np.minimum(1.0, CONTACT / distance) ** 2
-        noise = (residual * weight[:, None]).T @ residual / weight.sum() + _floor(means.wrench)
-        whiten = np.linalg.cholesky(np.linalg.inv(noise))
+        variance = weight @ residual**2 / weight.sum() + _floor(means.wrench)
+        scale = root / np.sqrt(variance)
         gravity = coefficients[1:4]
         across = np.linalg.svd(down[None])[2][1:]
         slopes = [-np.einsum("nji,j->ni", motion.change_at(tau), down) @ gravity]
         slopes += [np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity for turn in across]
-        free = []
-        for slope in slopes:
-            part = root * (slope @ whiten)
-            free.append(part - basis @ (basis.T @ part))
-        left = root * (residual @ whiten)
+        free = [scale * slope - basis @ (basis.T @ (scale * slope)) for slope in slopes]
+        left = scale * residual
         H = np.array([[np.vdot(a, b) for b in free] for a in free])
         gradient = np.array([np.vdot(a, left) for a in free])
         H[1:, 1:] += np.eye(2) / TILT_SD**2
         gradient[1:] -= across @ (down - start) / TILT_SD**2
         if H[0, 0] <= 0.0:
-            return Fit(delay, down, np.zeros_like(left), left, basis, np.inf, _log_det(noise))
+            return Fit(delay, down, np.zeros_like(left), left, basis, np.inf, _misfit(variance))
         inverse = np.linalg.inv(H)
         step = inverse @ gradient
         if abs(step[0]) < CLOSE:
@@ -119,7 +122,7 @@ def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
         down = down + step[1:] @ across
         down = down / np.linalg.norm(down)
     influence = np.einsum("k,kni->ni", inverse[0], np.array(free))
-    return Fit(delay, down, influence, left, basis, float(np.sqrt(inverse[0, 0])), _log_det(noise))
+    return Fit(delay, down, influence, left, basis, float(np.sqrt(inverse[0, 0])), _misfit(variance))
 
 
 def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
@@ -141,23 +144,51 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
 
 
 def _floor(wrench: Array) -> Array:
-    return np.diag(ROUNDING * wrench.var(axis=0) + 1e-24)
+    floor: Array = ROUNDING * wrench.var(axis=0) + 1e-24
+    return floor
 
 
-def _floored(residual: Array, wrench: Array) -> Array:
-    covariance: Array = residual.T @ residual / len(residual) + _floor(wrench)
-    return covariance
+def _misfit(variance: Array) -> float:
+    return float(np.log(variance).sum())
 
 
-def _log_det(covariance: Array) -> float:
-    return float(np.linalg.slogdet(covariance)[1])
+def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
+    """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
+    recording disagree by more than theirs (Birge, 1932), and no less than the bound.
+
+    Parts disagree where the model is wrong: the arm accelerates and its positions were not recorded, or a clock drifts.
+    """
+    if not np.isfinite(fit.bound):
+        return np.inf
+    share = np.cumsum((fit.influence**2).sum(axis=1))
+    factor = 1.0
+    for count, limit in PARTS.items():
+        cut = np.searchsorted(share, share[-1] * np.arange(1, count) / count)
+        found = []
+        for rows in np.split(np.arange(len(means.t)), cut):
+            part = Means(means.t[rows], means.wrench[rows])
+            of_part = fitted(motion, part, fit.delay, fit.down) if len(rows) > LEAST_PART else None
+            if of_part is not None and np.isfinite(of_part.bound):
+                found.append((of_part.delay, _spectral_std(of_part, _spacing(part))))
+        if len(found) < 2:
+            continue
+        delays, stds = np.array(found).T
+        mean = np.average(delays, weights=stds**-2.0)
+        chi2 = float(np.sum(((delays - mean) / stds) ** 2))
+        if chi2 > limit:
+            factor = max(factor, np.sqrt(chi2 / (len(found) - 1)))
+    return factor * _spectral_std(fit, _spacing(means))
 
 
-def standard_deviation(fit: Fit, spacing: float) -> float:
-    """The standard deviation of the delay, s, with residuals that are correlated in time; means come every `spacing` s.
+def _spacing(means: Means) -> float:
+    return float(np.median(np.diff(means.t)))
+
+
+def _spectral_std(fit: Fit, spacing: float) -> float:
+    """The standard deviation, s, with residuals that are correlated in time; means come every `spacing` s.
 
     The noise's spectrum is that of the residuals, averaged over neighbouring frequencies; what the free coefficients
-    took out of it is counted as missing. Its sum over the influence's spectrum is the variance (as in Hannan, 1970).
+    took out of it is counted as missing. With the influence's spectrum it gives the variance (Parseval).
     """
     n = len(fit.left)
     left = np.fft.rfft(fit.left, axis=0, norm="ortho")
@@ -176,12 +207,6 @@ def standard_deviation(fit: Fit, spacing: float) -> float:
     if n % 2 == 0:
         twice[-1] = 1.0
     return max(float(np.sqrt(np.sum(twice * power / there))), fit.bound)
-
-
-SMOOTHED = 0.3
-"""Hz to each side, and at least so many frequencies of the recording."""
-LEAST_BINS = 4
-LEAST_THERE = 0.1
 
 
 def _smoothed(values: Array, reach: int) -> Array:
