@@ -15,18 +15,22 @@ import numpy as np
 from .orientation import Array
 from .turning import Turning
 
-GRID = 0.02
+GRID = 0.01
 """s: no motion of an arm is over in less, so that between two such steps the misfit has one minimum."""
-SCANNED = 6000
+SCANNED = 2500
 """Means that the search over the whole range looks at."""
+REWEIGHTED = 4
+"""Times that contacts are told from the rest before it."""
 SAME = 1e-10
 """Of the largest eigenvalue: columns that a motion does not tell apart have less."""
 TILT_SD = 0.1
 """rad: how far the base may stand from its start, where the motion does not tell."""
 CONTACT = 4.1
 """Standard deviations, of six axes at once: 1 % of free readings lie beyond (chi-square)."""
-MOST_STEPS, CLOSE = 60, 1e-8
-"""s."""
+MOST_STEPS, CLOSE = 40, 1e-8
+"""The last step's size, s."""
+SLOWEST = 0.95
+"""Of a step's size to that of the one before, to reckon with in how far the rest of them goes (Aitken)."""
 ROUNDING = 1e-12
 """Of an axis' variance: numbers in a file are no closer."""
 SMOOTHED, LEAST_BINS = 0.3, 4
@@ -63,44 +67,91 @@ class Fit:
     misfit: float
 
 
-def scan(motion: Turning, means: Means, delays: Array) -> tuple[Array, Array]:
-    """For each of `delays` (k,) the misfit (k,) of a tool under gravity from any direction, and down (3,) at the best.
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """`misfit` (k,) at each delay, the `best` delay s, and `down` (3,) there."""
+
+    misfit: Array
+    best: float
+    down: Array
+
+
+def thinned(means: Means) -> Means:
+    """At most `SCANNED` of the means, evenly."""
+    pick = slice(None, None, -(-len(means.t) // SCANNED))
+    return Means(means.t[pick], means.wrench[pick])
+
+
+def scan(motion: Turning, means: Means, delays: Array) -> Scan:
+    """The misfit of a tool under gravity from any direction at each of `delays` (k,), and the best of them, to 1 ms.
 
     The means must be known at all of them. The base's three axes explain the wrench in place of gravity's direction,
-    which is what they have in common: the first singular vector of their coefficients.
+    which is what they have in common: the first singular vector of their coefficients. Contacts are told from the rest
+    at no delay first, then at the best of some.
     """
-    n = len(means.t)
-    pick = slice(None, None, -(-n // SCANNED))
-    t, wrench = means.t[pick], means.wrench[pick]
+    some = thinned(means)
+    weight = np.ones(len(some.t))
 
-    def explained(delay: float) -> tuple[float, Array]:
-        basis, unit = _orthonormal(_columns(motion, t - delay, None))
-        found = basis.T @ wrench
-        return _misfit(np.mean((wrench - basis @ found) ** 2, axis=0) + _floor(wrench)), unit @ found
+    def told_apart(delay: float, weight: Array) -> Array:
+        for _ in range(REWEIGHTED):
+            left, _ = _any_gravity(motion, some, delay, weight)
+            weight = _weight(left, _variance(left, weight, some) if weight.min() < 1.0 else _robust(left, some))
+        return weight
 
-    misfit = np.array([explained(delay)[0] for delay in delays])
-    coefficients = explained(float(delays[int(misfit.argmin())]))[1][1:10].reshape(3, 18)
-    noise = np.maximum(wrench.std(axis=0), 1e-300)
-    U = np.linalg.svd((coefficients.reshape(3, 3, 6) / noise).reshape(3, 18))[0]
-    return misfit, U[:, 0]
+    def misfits(delays: Array) -> Array:
+        left = (_any_gravity(motion, some, float(delay), weight)[0] for delay in delays)
+        return np.array([_misfit(_variance(one, weight, some)) for one in left])
+
+    weight = told_apart(0.0, weight)
+    weight = told_apart(float(delays[::4][misfits(delays[::4]).argmin()]), weight)
+    misfit = misfits(delays)
+    near = float(delays[misfit.argmin()]) + np.linspace(-GRID, GRID, 21)
+    best = float(near[misfits(near).argmin()])
+    coefficients = _any_gravity(motion, some, best, weight)[1]
+    noise = np.maximum(some.wrench.std(axis=0), 1e-300)
+    U = np.linalg.svd((coefficients[1:10].reshape(3, 3, 6) / noise).reshape(3, 18))[0]
+    return Scan(misfit, best, U[:, 0])
+
+
+def _any_gravity(motion: Turning, means: Means, delay: float, weight: Array) -> tuple[Array, Array]:
+    """Residuals (n, 6), and coefficients of 1, the base's axes and accelerations (13 or 22 at the most, 6)."""
+    columns, root = _columns(motion, means.t - delay, None), np.sqrt(weight)[:, None]
+    basis, unit = _orthonormal(columns * root)
+    coefficients = unit @ (basis.T @ (root * means.wrench))
+    return means.wrench - columns @ coefficients, coefficients
+
+
+def _robust(residual: Array, means: Means) -> Array:
+    """Variances (6,) by the median, which half of the readings cannot move."""
+    variance: Array = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
+    return variance
+
+
+def _variance(residual: Array, weight: Array, means: Means) -> Array:
+    variance: Array = weight @ residual**2 / weight.sum() + _floor(means.wrench)
+    return variance
+
+
+def _weight(residual: Array, variance: Array) -> Array:
+    """Of each row: 1, and for one far outside the noise the less the further."""
+    distance = np.sqrt(np.maximum((residual**2 / variance).sum(axis=1), 1e-300))
+    weight: Array = np.minimum(1.0, CONTACT / distance) ** 2
+    return weight
 
 
 def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
     """The best fit near `delay` and `down` (3,)."""
-    start, weight = down, np.ones(len(means.t))
+    start, weight, before = down, np.ones(len(means.t)), np.inf
     variance: Array | None = None
-    for _ in range(MOST_STEPS):
+    for k in range(MOST_STEPS):
         tau = means.t - delay
         root = np.sqrt(weight)[:, None]
         columns = _columns(motion, tau, down)
         basis, unit = _orthonormal(columns * root)
         coefficients = unit @ (basis.T @ (root * means.wrench))
         residual = means.wrench - columns @ coefficients
-        if variance is None:
-            variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
-        distance = np.sqrt(np.maximum((residual**2 / variance).sum(axis=1), 1e-300))
-        weight = np.minimum(1.0, CONTACT / distance) ** 2
-        variance = weight @ residual**2 / weight.sum() + _floor(means.wrench)
+        weight = _weight(residual, _robust(residual, means) if variance is None else variance)
+        variance = _variance(residual, weight, means)
         scale = root / np.sqrt(variance)
         gravity = coefficients[1:4]
         across = np.linalg.svd(down[None])[2][1:]
@@ -110,16 +161,20 @@ def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
         left = scale * residual
         H = np.array([[np.vdot(a, b) for b in free] for a in free])
         gradient = np.array([np.vdot(a, left) for a in free])
+        nothing = H[0, 0] <= SAME * np.vdot(scale * slopes[0], scale * slopes[0])
         H[1:, 1:] += np.eye(2) / TILT_SD**2
         gradient[1:] -= across @ (down - start) / TILT_SD**2
-        if H[0, 0] <= 0.0:
+        if nothing:
             return Fit(delay, down, np.zeros_like(left), left, basis, np.inf, _misfit(variance))
         inverse = np.linalg.inv(H)
         step = inverse @ gradient
         if abs(step[0]) < CLOSE:
             break
-        delay += float(np.clip(step[0], -GRID, GRID))
-        down = down + step[1:] @ across
+        ratio = float(step[0]) / before
+        share = 1.0 / (1.0 - ratio) if k % 3 == 2 and abs(ratio) < SLOWEST else 1.0
+        before = float(step[0])
+        delay += share * float(np.clip(step[0], -GRID, GRID))
+        down = down + share * step[1:] @ across
         down = down / np.linalg.norm(down)
     influence = np.einsum("k,kni->ni", inverse[0], np.array(free))
     return Fit(delay, down, influence, left, basis, float(np.sqrt(inverse[0, 0])), _misfit(variance))
@@ -136,7 +191,8 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns (p, k),
     the smallest where columns say the same.
     """
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    size = np.linalg.norm(columns, axis=0)
+    size = np.where(size > SAME * size[0], size, np.inf)
     values, vectors = np.linalg.eigh((columns / size).T @ (columns / size))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
@@ -176,7 +232,7 @@ def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
         mean = np.average(delays, weights=stds**-2.0)
         chi2 = float(np.sum(((delays - mean) / stds) ** 2))
         if chi2 > limit:
-            factor = max(factor, np.sqrt(chi2 / (len(found) - 1)))
+            factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
     return factor * _spectral_std(fit, _spacing(means))
 
 
