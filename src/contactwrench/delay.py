@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .delay_fit import GRID, Fit, Means, fitted, scan, standard_deviation, thinned
+from .delay_fit import GRID, Fit, Means, Scan, fitted, scan, standard_deviation, thinned
 from .errors import InputError
 from .orientation import Array
 from .pending import knots_of, nothing_pending, with_batch
@@ -32,6 +32,8 @@ RESOLVED = 0.05
 """rad: a delay is told where the std is a smaller angle at the speed of the motion. Where 18 coefficients of gravity
 explain nothing but noise, it is a quarter of a rad.
 """
+ASTRAY = 0.1
+"""s from the best of the search to the fit: further it finds another answer, or none."""
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""
 
@@ -92,13 +94,13 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
         return _untold(f"found {len(scanned.t)} readings with orientations around them, expected {LEAST_MEANS} or more")
     if _turned(motion, scanned) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
-    found = scan(motion, scanned, delays)
+    scans = [scan(motion, scanned, delays, down) for down in (stated, None)]
+    fit, used, found = _settled(motion, means, scans)
     best = int(found.misfit.argmin())
     if best in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
-    fit, used = _settled(motion, means, found.best, (stated, found.down))
     std = standard_deviation(motion, used, fit)
-    return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, found.misfit))
+    return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, found))
 
 
 def _untold(reason: str) -> Delay:
@@ -133,27 +135,31 @@ def _turned(motion: Turning, means: Means) -> float:
     return float(np.arccos(np.clip(cosine.min(), -1.0, 1.0)))
 
 
-def _settled(motion: Turning, means: Means, delay: float, starts: tuple[Array, Array]) -> tuple[Fit, Means]:
-    """The fit from gravity as stated, or from the other start if it is far better, and the means that it is of: all that
-    are known at its delay and near it.
+def _settled(motion: Turning, means: Means, scans: list[Scan]) -> tuple[Fit, Means, Scan]:
+    """The fit from the first scan, or from another if it is far better, and the means that it is of: all that are known
+    at its delay and near it; and the scan.
     """
-    some = thinned(_known(motion, means, delay - 2.0 * GRID, delay + 2.0 * GRID))
-    near, other = (fitted(motion, some, delay, down) for down in starts)
-    if other.misfit < near.misfit - ANOTHER_BASE:
-        near = other
+    reach = max(abs(found.best) for found in scans) + 2.0 * GRID
+    some = thinned(_known(motion, means, -reach, reach))
+    near, found = fitted(motion, some, scans[0].best, scans[0].down), scans[0]
+    for other in scans[1:]:
+        fit = fitted(motion, some, other.best, other.down)
+        if fit.misfit < near.misfit - ANOTHER_BASE:
+            near, found = fit, other
     used = _known(motion, means, near.delay - GRID, near.delay + GRID)
     fit = fitted(motion, used, near.delay, near.down)
     used = _known(motion, means, fit.delay - GRID, fit.delay + GRID)
-    return fitted(motion, used, fit.delay, fit.down), used
+    return fitted(motion, used, fit.delay, fit.down), used, found
 
 
-def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, misfit: Array) -> str | None:
+def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, found: Scan) -> str | None:
     """Why the motion does not tell the delay, or None."""
     rate = np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)) / np.sqrt(2.0)
     moving = rate[rate > 0.0]
     if not len(moving) or not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"
-    if std * float(np.sqrt(np.mean(moving**2))) > RESOLVED:
+    misfit = found.misfit
+    if std * float(np.sqrt(np.mean(moving**2))) > RESOLVED or abs(fit.delay - found.best) > ASTRAY:
         return (
             f"the wrench shows too little of the arm's turning: it tells the delay to {1e3 * std:.3g} ms only; tilt "
             "the tool further and faster"
@@ -194,7 +200,9 @@ def delay_in_words(delay: Delay) -> str:
     if delay.reason is not None:
         return f"delay between wrench and orientation not applied: {delay.reason}"
     late = "later" if delay.value >= 0.0 else "earlier"
-    found = f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
+    found = (
+        f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
+    )
     return f"{found}: {applied_or_not(delay.value, delay.std)}"
 
 

@@ -54,8 +54,9 @@ class Means:
 class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
-    weight; the orthonormal `basis` (n, k) that was free to explain them; `bound` s, the standard deviation if the
-    residuals were independent; and the `misfit`, the sum of the log of the residuals' variances.
+    weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent; and the
+    `misfit`, the sum of the logarithms of the variances.
     """
 
     delay: float
@@ -63,6 +64,8 @@ class Fit:
     influence: Array
     left: Array
     basis: Array
+    weight: Array
+    variance: Array
     bound: float
     misfit: float
 
@@ -82,24 +85,24 @@ def thinned(means: Means) -> Means:
     return Means(means.t[pick], means.wrench[pick])
 
 
-def scan(motion: Turning, means: Means, delays: Array) -> Scan:
-    """The misfit of a tool under gravity from any direction at each of `delays` (k,), and the best of them, to 1 ms.
+def scan(motion: Turning, means: Means, delays: Array, down: Array | None) -> Scan:
+    """The misfit of a tool at each of `delays` (k,), and the best of them, to 1 ms; under gravity along `down` (3,).
 
-    The means must be known at all of them. The base's three axes explain the wrench in place of gravity's direction,
-    which is what they have in common: the first singular vector of their coefficients. Contacts are told from the rest
-    at no delay first, then at the best of some.
+    The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
+    and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
+    rest at no delay first, then at the best of some.
     """
     some = thinned(means)
     weight = np.ones(len(some.t))
 
     def told_apart(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
-            left, _ = _any_gravity(motion, some, delay, weight)
+            left, _ = _explained(motion, some, delay, down, weight)
             weight = _weight(left, _variance(left, weight, some) if weight.min() < 1.0 else _robust(left, some))
         return weight
 
     def misfits(delays: Array) -> Array:
-        left = (_any_gravity(motion, some, float(delay), weight)[0] for delay in delays)
+        left = (_explained(motion, some, float(delay), down, weight)[0] for delay in delays)
         return np.array([_misfit(_variance(one, weight, some)) for one in left])
 
     weight = told_apart(0.0, weight)
@@ -107,15 +110,16 @@ def scan(motion: Turning, means: Means, delays: Array) -> Scan:
     misfit = misfits(delays)
     near = float(delays[misfit.argmin()]) + np.linspace(-GRID, GRID, 21)
     best = float(near[misfits(near).argmin()])
-    coefficients = _any_gravity(motion, some, best, weight)[1]
-    noise = np.maximum(some.wrench.std(axis=0), 1e-300)
-    U = np.linalg.svd((coefficients[1:10].reshape(3, 3, 6) / noise).reshape(3, 18))[0]
-    return Scan(misfit, best, U[:, 0])
+    if down is None:
+        of_axes = _explained(motion, some, best, None, weight)[1][1:10].reshape(3, 3, 6)
+        noise = np.maximum(some.wrench.std(axis=0), 1e-300)
+        down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
+    return Scan(misfit, best, down)
 
 
-def _any_gravity(motion: Turning, means: Means, delay: float, weight: Array) -> tuple[Array, Array]:
-    """Residuals (n, 6), and coefficients of 1, the base's axes and accelerations (13 or 22 at the most, 6)."""
-    columns, root = _columns(motion, means.t - delay, None), np.sqrt(weight)[:, None]
+def _explained(motion: Turning, means: Means, delay: float, down: Array | None, weight: Array) -> tuple[Array, Array]:
+    """Residuals (n, 6) with these weights (n,), and the coefficients (p, 6) of the columns."""
+    columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
     basis, unit = _orthonormal(columns * root)
     coefficients = unit @ (basis.T @ (root * means.wrench))
     return means.wrench - columns @ coefficients, coefficients
@@ -144,40 +148,56 @@ def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
     start, weight, before = down, np.ones(len(means.t)), np.inf
     variance: Array | None = None
     for k in range(MOST_STEPS):
-        tau = means.t - delay
-        root = np.sqrt(weight)[:, None]
-        columns = _columns(motion, tau, down)
-        basis, unit = _orthonormal(columns * root)
-        coefficients = unit @ (basis.T @ (root * means.wrench))
-        residual = means.wrench - columns @ coefficients
-        weight = _weight(residual, _robust(residual, means) if variance is None else variance)
+        step, residual, fit = _step(motion, means, delay, down, start, weight, variance)
+        weight = _weight(residual, fit.variance)
         variance = _variance(residual, weight, means)
-        scale = root / np.sqrt(variance)
-        gravity = coefficients[1:4]
-        across = np.linalg.svd(down[None])[2][1:]
-        slopes = [-np.einsum("nji,j->ni", motion.change_at(tau), down) @ gravity]
-        slopes += [np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity for turn in across]
-        free = [scale * slope - basis @ (basis.T @ (scale * slope)) for slope in slopes]
-        left = scale * residual
-        H = np.array([[np.vdot(a, b) for b in free] for a in free])
-        gradient = np.array([np.vdot(a, left) for a in free])
-        nothing = H[0, 0] <= SAME * np.vdot(scale * slopes[0], scale * slopes[0])
-        H[1:, 1:] += np.eye(2) / TILT_SD**2
-        gradient[1:] -= across @ (down - start) / TILT_SD**2
-        if nothing:
-            return Fit(delay, down, np.zeros_like(left), left, basis, np.inf, _misfit(variance))
-        inverse = np.linalg.inv(H)
-        step = inverse @ gradient
-        if abs(step[0]) < CLOSE:
+        if not np.isfinite(fit.bound) or abs(step[0]) < CLOSE:
             break
         ratio = float(step[0]) / before
         share = 1.0 / (1.0 - ratio) if k % 3 == 2 and abs(ratio) < SLOWEST else 1.0
         before = float(step[0])
         delay += share * float(np.clip(step[0], -GRID, GRID))
-        down = down + share * step[1:] @ across
+        down = down + share * step[1:]
         down = down / np.linalg.norm(down)
-    influence = np.einsum("k,kni->ni", inverse[0], np.array(free))
-    return Fit(delay, down, influence, left, basis, float(np.sqrt(inverse[0, 0])), _misfit(variance))
+    return fit
+
+
+def _step(
+    motion: Turning, means: Means, delay: float, down: Array, start: Array, weight: Array, variance: Array | None
+) -> tuple[Array, Array, Fit]:
+    """How far (4,) the delay and down are from the best for these weights (n,) and variances (6,) (None: robust ones);
+    the residuals (n, 6) here, and the fit.
+    """
+    tau, root = means.t - delay, np.sqrt(weight)[:, None]
+    columns = _columns(motion, tau, down)
+    basis, unit = _orthonormal(columns * root)
+    coefficients = unit @ (basis.T @ (root * means.wrench))
+    residual = means.wrench - columns @ coefficients
+    if variance is None:
+        variance = _robust(residual, means)
+    scale, gravity = root / np.sqrt(variance), coefficients[1:4]
+    across = np.linalg.svd(down[None])[2][1:]
+    slopes = [-scale * (np.einsum("nji,j->ni", motion.change_at(tau), down) @ gravity)]
+    slopes += [scale * (np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity) for turn in across]
+    free = np.array([slope - basis @ (basis.T @ slope) for slope in slopes])
+    left = scale * residual
+    H = np.einsum("ani,bni->ab", free, free)
+    gradient = np.einsum("ani,ni->a", free, left)
+    H[1:, 1:] += np.eye(2) / TILT_SD**2
+    gradient[1:] -= across @ (down - start) / TILT_SD**2
+    misfit = _misfit(variance)
+    if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
+        return (
+            np.zeros(4),
+            residual,
+            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, misfit),
+        )
+    inverse = np.linalg.inv(H)
+    step = inverse @ gradient
+    influence = np.einsum("a,ani->ni", inverse[0], free)
+    bound = float(np.sqrt(inverse[0, 0]))
+    moved: Array = np.r_[step[0], step[1:] @ across]
+    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, misfit)
 
 
 def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
@@ -212,28 +232,30 @@ def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
     """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
     recording disagree by more than theirs (Birge, 1932), and no less than the bound.
 
-    Parts disagree where the model is wrong: the arm accelerates and its positions were not recorded, or a clock drifts.
+    The arm turns as far in each part, which has coefficients of its own. Parts disagree where the model is wrong: the arm accelerates and its positions were not recorded, or a clock drifts.
     """
     if not np.isfinite(fit.bound):
         return np.inf
-    share = np.cumsum((fit.influence**2).sum(axis=1))
+    way = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
     factor = 1.0
     for count, limit in PARTS.items():
-        cut = np.searchsorted(share, share[-1] * np.arange(1, count) / count)
+        cut = np.searchsorted(way, way[-1] * np.arange(1, count) / count)
         found = []
         for rows in np.split(np.arange(len(means.t)), cut):
+            if len(rows) < LEAST_PART:
+                continue
             part = Means(means.t[rows], means.wrench[rows])
-            of_part = fitted(motion, part, fit.delay, fit.down) if len(rows) > LEAST_PART else None
-            if of_part is not None and np.isfinite(of_part.bound):
-                found.append((of_part.delay, _spectral_std(of_part, _spacing(part))))
+            step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
+            if np.isfinite(of_part.bound):
+                found.append((step[0], max(_spectral_std(of_part, _spacing(part)), of_part.bound)))
         if len(found) < 2:
             continue
-        delays, stds = np.array(found).T
-        mean = np.average(delays, weights=stds**-2.0)
-        chi2 = float(np.sum(((delays - mean) / stds) ** 2))
+        offs, stds = np.array(found).T
+        mean = np.average(offs, weights=stds**-2.0)
+        chi2 = float(np.sum(((offs - mean) / stds) ** 2))
         if chi2 > limit:
             factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
-    return factor * _spectral_std(fit, _spacing(means))
+    return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
 
 
 def _spacing(means: Means) -> float:
@@ -262,7 +284,7 @@ def _spectral_std(fit: Fit, spacing: float) -> float:
     twice[0] = 1.0
     if n % 2 == 0:
         twice[-1] = 1.0
-    return max(float(np.sqrt(np.sum(twice * power / there))), fit.bound)
+    return float(np.sqrt(max(np.sum(twice * power / there), 0.0)))
 
 
 def _smoothed(values: Array, reach: int) -> Array:
