@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .delay_fit import GRID, Fit, Means, fitted, scan, standard_deviation
+from .delay_fit import GRID, Fit, Means, Scan, fitted, scan, standard_deviation, thinned
 from .errors import InputError
 from .orientation import Array
 from .pending import knots_of, nothing_pending, with_batch
@@ -24,10 +24,16 @@ SIGNIFICANT = 3.0
 LEAST_TURN = np.deg2rad(2.0)
 """Between the orientations that differ most: less does not show when the wrench follows."""
 LEAST_MEANS = 60
-RESOLVED = 0.1
-"""rad: a delay is told where the std is a smaller angle at the speed of the motion. What explains noise best tells four
-parts in ten of a rad with one coefficient, and a quarter with eighteen.
+LONG = 300.0
+"""s: what goes on for longer is averaged over twice the time."""
+ANOTHER_BASE = 0.5
+"""Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
+RESOLVED = 0.05
+"""rad: a delay is told where the std is a smaller angle at the speed of the motion. Where 18 coefficients of gravity
+explain nothing but noise, it is a quarter of a rad.
 """
+ASTRAY = 0.1
+"""s from the best of the search to the fit: further it finds another answer, or none."""
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""
 
@@ -88,14 +94,13 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
         return _untold(f"found {len(scanned.t)} readings with orientations around them, expected {LEAST_MEANS} or more")
     if _turned(motion, scanned) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
-    misfit, down = scan(motion, scanned, delays)
-    best = int(misfit.argmin())
+    scans = [scan(motion, scanned, delays, down) for down in (stated, None)]
+    fit, used, found = _settled(motion, means, scans)
+    best = int(found.misfit.argmin())
     if best in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
-    fits = [_settled(motion, means, float(delays[best]), start) for start in (stated, down)]
-    fit, used = min(fits, key=lambda one: one[0].misfit)
-    std = standard_deviation(fit, float(np.median(np.diff(used.t)))) if np.isfinite(fit.bound) else np.inf
-    return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, misfit))
+    std = standard_deviation(motion, used, fit)
+    return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, found))
 
 
 def _untold(reason: str) -> Delay:
@@ -109,7 +114,8 @@ def _means(t: Array, wrench: Array) -> Means:
     if len(t) < 2:
         return Means(t, wrench)
     spacing = max(float(np.median(np.diff(t))), 1e-9)
-    each = max(round(CELL / spacing), 1)
+    longer = CELL if len(t) * spacing < LONG else 2.0 * CELL
+    each = max(round(longer / spacing), 1)
     n = len(t) // each
     of_cell, in_cell = t[: n * each].reshape(n, each), wrench[: n * each].reshape(n, each, 6)
     whole = of_cell[:, -1] - of_cell[:, 0] <= 2.0 * each * spacing
@@ -129,22 +135,31 @@ def _turned(motion: Turning, means: Means) -> float:
     return float(np.arccos(np.clip(cosine.min(), -1.0, 1.0)))
 
 
-def _settled(motion: Turning, means: Means, delay: float, down: Array) -> tuple[Fit, Means]:
-    """The fit from a start, and the means that it is of: all that are known at its delay and near it."""
-    for reach in (2.0 * GRID, GRID):
-        used = _known(motion, means, delay - reach, delay + reach)
-        fit = fitted(motion, used, delay, down)
-        delay = fit.delay
-    return fit, used
+def _settled(motion: Turning, means: Means, scans: list[Scan]) -> tuple[Fit, Means, Scan]:
+    """The fit from the first scan, or from another if it is far better, and the means that it is of: all that are known
+    at its delay and near it; and the scan.
+    """
+    reach = max(abs(found.best) for found in scans) + 2.0 * GRID
+    some = thinned(_known(motion, means, -reach, reach))
+    near, found = fitted(motion, some, scans[0].best, scans[0].down), scans[0]
+    for other in scans[1:]:
+        fit = fitted(motion, some, other.best, other.down)
+        if fit.misfit < near.misfit - ANOTHER_BASE:
+            near, found = fit, other
+    used = _known(motion, means, near.delay - GRID, near.delay + GRID)
+    fit = fitted(motion, used, near.delay, near.down)
+    used = _known(motion, means, fit.delay - GRID, fit.delay + GRID)
+    return fitted(motion, used, fit.delay, fit.down), used, found
 
 
-def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, misfit: Array) -> str | None:
+def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, found: Scan) -> str | None:
     """Why the motion does not tell the delay, or None."""
-    rate = np.linalg.norm(np.einsum("nji,j->ni", motion.change_at(means.t - fit.delay), fit.down), axis=1)
+    rate = np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)) / np.sqrt(2.0)
     moving = rate[rate > 0.0]
     if not len(moving) or not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"
-    if std * float(np.sqrt(np.mean(moving**2))) > RESOLVED:
+    misfit = found.misfit
+    if std * float(np.sqrt(np.mean(moving**2))) > RESOLVED or abs(fit.delay - found.best) > ASTRAY:
         return (
             f"the wrench shows too little of the arm's turning: it tells the delay to {1e3 * std:.3g} ms only; tilt "
             "the tool further and faster"
@@ -152,7 +167,7 @@ def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, m
     inner = misfit[1:-1]
     minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
     best = int(misfit.argmin())
-    others = minima[np.abs(minima - best) > 1]
+    others = minima[np.abs(minima - best) > 2]
     rivals = others[misfit[others] - misfit[best] < AS_GOOD * (misfit.max() - misfit[best])]
     if len(rivals):
         return (
@@ -185,7 +200,9 @@ def delay_in_words(delay: Delay) -> str:
     if delay.reason is not None:
         return f"delay between wrench and orientation not applied: {delay.reason}"
     late = "later" if delay.value >= 0.0 else "earlier"
-    found = f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
+    found = (
+        f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
+    )
     return f"{found}: {applied_or_not(delay.value, delay.std)}"
 
 

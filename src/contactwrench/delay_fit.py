@@ -15,20 +15,31 @@ import numpy as np
 from .orientation import Array
 from .turning import Turning
 
-GRID = 0.02
+GRID = 0.01
 """s: no motion of an arm is over in less, so that between two such steps the misfit has one minimum."""
-SCANNED = 6000
+SCANNED = 2500
 """Means that the search over the whole range looks at."""
+REWEIGHTED = 4
+"""Times that contacts are told from the rest before it."""
 SAME = 1e-10
 """Of the largest eigenvalue: columns that a motion does not tell apart have less."""
 TILT_SD = 0.1
 """rad: how far the base may stand from its start, where the motion does not tell."""
 CONTACT = 4.1
 """Standard deviations, of six axes at once: 1 % of free readings lie beyond (chi-square)."""
-MOST_STEPS, CLOSE = 60, 1e-8
-"""s."""
+MOST_STEPS, CLOSE = 40, 1e-8
+"""The last step's size, s."""
+SLOWEST = 0.95
+"""Of a step's size to that of the one before, to reckon with in how far the rest of them goes (Aitken)."""
 ROUNDING = 1e-12
 """Of an axis' variance: numbers in a file are no closer."""
+SMOOTHED, LEAST_BINS = 0.3, 4
+"""Hz to each side, and at least so many frequencies of the recording, over which a spectrum is averaged."""
+LEAST_THERE = 0.1
+"""Of the noise at a frequency, whatever the free coefficients took out of it."""
+LEAST_PART = 30
+PARTS = {2: 5.02, 3: 7.38}
+"""Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +54,9 @@ class Means:
 class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
-    weight; the orthonormal `basis` (n, k) that was free to explain them; `bound` s, the standard deviation if the
-    residuals were independent; and the `misfit`, log det of the residuals' covariance.
+    weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent; and the
+    `misfit`, the sum of the logarithms of the variances.
     """
 
     delay: float
@@ -52,74 +64,140 @@ class Fit:
     influence: Array
     left: Array
     basis: Array
+    weight: Array
+    variance: Array
     bound: float
     misfit: float
 
 
-def scan(motion: Turning, means: Means, delays: Array) -> tuple[Array, Array]:
-    """For each of `delays` (k,) the misfit (k,) of a tool under gravity from any direction, and down (3,) at the best.
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """`misfit` (k,) at each delay, the `best` delay s, and `down` (3,) there."""
 
-    The means must be known at all of them. The base's three axes explain the wrench in place of gravity's direction,
-    which is what they have in common: the first singular vector of their coefficients.
+    misfit: Array
+    best: float
+    down: Array
+
+
+def thinned(means: Means) -> Means:
+    """At most `SCANNED` of the means, evenly."""
+    pick = slice(None, None, -(-len(means.t) // SCANNED))
+    return Means(means.t[pick], means.wrench[pick])
+
+
+def scan(motion: Turning, means: Means, delays: Array, down: Array | None) -> Scan:
+    """The misfit of a tool at each of `delays` (k,), and the best of them, to 1 ms; under gravity along `down` (3,).
+
+    The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
+    and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
+    rest at no delay first, then at the best of some.
     """
-    n = len(means.t)
-    pick = slice(None, None, -(-n // SCANNED))
-    t, wrench = means.t[pick], means.wrench[pick]
+    some = thinned(means)
+    weight = np.ones(len(some.t))
 
-    def explained(delay: float) -> tuple[float, Array]:
-        basis, unit = _orthonormal(_columns(motion, t - delay, None))
-        found = basis.T @ wrench
-        return _log_det(_floored((wrench - basis @ found), wrench)), unit @ found
+    def told_apart(delay: float, weight: Array) -> Array:
+        for _ in range(REWEIGHTED):
+            left, _ = _explained(motion, some, delay, down, weight)
+            weight = _weight(left, _variance(left, weight, some) if weight.min() < 1.0 else _robust(left, some))
+        return weight
 
-    misfit = np.array([explained(delay)[0] for delay in delays])
-    coefficients = explained(float(delays[int(misfit.argmin())]))[1][1:10].reshape(3, 18)
-    noise = np.maximum(wrench.std(axis=0), 1e-300)
-    U = np.linalg.svd((coefficients.reshape(3, 3, 6) / noise).reshape(3, 18))[0]
-    return misfit, U[:, 0]
+    def misfits(delays: Array) -> Array:
+        left = (_explained(motion, some, float(delay), down, weight)[0] for delay in delays)
+        return np.array([_misfit(_variance(one, weight, some)) for one in left])
+
+    weight = told_apart(0.0, weight)
+    weight = told_apart(float(delays[::4][misfits(delays[::4]).argmin()]), weight)
+    misfit = misfits(delays)
+    near = float(delays[misfit.argmin()]) + np.linspace(-GRID, GRID, 21)
+    best = float(near[misfits(near).argmin()])
+    if down is None:
+        of_axes = _explained(motion, some, best, None, weight)[1][1:10].reshape(3, 3, 6)
+        noise = np.maximum(some.wrench.std(axis=0), 1e-300)
+        down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
+    return Scan(misfit, best, down)
+
+
+def _explained(motion: Turning, means: Means, delay: float, down: Array | None, weight: Array) -> tuple[Array, Array]:
+    """Residuals (n, 6) with these weights (n,), and the coefficients (p, 6) of the columns."""
+    columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
+    basis, unit = _orthonormal(columns * root)
+    coefficients = unit @ (basis.T @ (root * means.wrench))
+    return means.wrench - columns @ coefficients, coefficients
+
+
+def _robust(residual: Array, means: Means) -> Array:
+    """Variances (6,) by the median, which half of the readings cannot move."""
+    variance: Array = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
+    return variance
+
+
+def _variance(residual: Array, weight: Array, means: Means) -> Array:
+    variance: Array = weight @ residual**2 / weight.sum() + _floor(means.wrench)
+    return variance
+
+
+def _weight(residual: Array, variance: Array) -> Array:
+    """Of each row: 1, and for one far outside the noise the less the further."""
+    distance = np.sqrt(np.maximum((residual**2 / variance).sum(axis=1), 1e-300))
+    weight: Array = np.minimum(1.0, CONTACT / distance) ** 2
+    return weight
 
 
 def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
     """The best fit near `delay` and `down` (3,)."""
-    start, weight = down, np.ones(len(means.t))
-    noise: Array | None = None
-    for _ in range(MOST_STEPS):
-        tau = means.t - delay
-        columns = _columns(motion, tau, down)
-        root = np.sqrt(weight)[:, None]
-        basis, unit = _orthonormal(columns * root)
-        coefficients = unit @ (basis.T @ (root * means.wrench))
-        residual = means.wrench - columns @ coefficients
-        if noise is None:
-            robust = 1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0)
-            noise = np.diag(robust**2) + _floor(means.wrench)
-        distance = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", residual, np.linalg.inv(noise), residual), 1e-300))
-        weight = np.minimum(1.0, CONTACT / distance) ** 2
-        noise = (residual * weight[:, None]).T @ residual / weight.sum() + _floor(means.wrench)
-        whiten = np.linalg.cholesky(np.linalg.inv(noise))
-        gravity = coefficients[1:4]
-        across = np.linalg.svd(down[None])[2][1:]
-        slopes = [-np.einsum("nji,j->ni", motion.change_at(tau), down) @ gravity]
-        slopes += [np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity for turn in across]
-        free = []
-        for slope in slopes:
-            part = root * (slope @ whiten)
-            free.append(part - basis @ (basis.T @ part))
-        left = root * (residual @ whiten)
-        H = np.array([[np.vdot(a, b) for b in free] for a in free])
-        gradient = np.array([np.vdot(a, left) for a in free])
-        H[1:, 1:] += np.eye(2) / TILT_SD**2
-        gradient[1:] -= across @ (down - start) / TILT_SD**2
-        if H[0, 0] <= 0.0:
-            return Fit(delay, down, np.zeros_like(left), left, basis, np.inf, _log_det(noise))
-        inverse = np.linalg.inv(H)
-        step = inverse @ gradient
-        if abs(step[0]) < CLOSE:
+    start, weight, before = down, np.ones(len(means.t)), np.inf
+    variance: Array | None = None
+    for k in range(MOST_STEPS):
+        step, residual, fit = _step(motion, means, delay, down, start, weight, variance)
+        weight = _weight(residual, fit.variance)
+        variance = _variance(residual, weight, means)
+        if not np.isfinite(fit.bound) or abs(step[0]) < CLOSE:
             break
-        delay += float(np.clip(step[0], -GRID, GRID))
-        down = down + step[1:] @ across
+        ratio = float(step[0]) / before
+        share = 1.0 / (1.0 - ratio) if k % 3 == 2 and abs(ratio) < SLOWEST else 1.0
+        before = float(step[0])
+        delay += share * float(np.clip(step[0], -GRID, GRID))
+        down = down + share * step[1:]
         down = down / np.linalg.norm(down)
-    influence = np.einsum("k,kni->ni", inverse[0], np.array(free))
-    return Fit(delay, down, influence, left, basis, float(np.sqrt(inverse[0, 0])), _log_det(noise))
+    return fit
+
+
+def _step(
+    motion: Turning, means: Means, delay: float, down: Array, start: Array, weight: Array, variance: Array | None
+) -> tuple[Array, Array, Fit]:
+    """How far (4,) the delay and down are from the best for these weights (n,) and variances (6,) (None: robust ones);
+    the residuals (n, 6) here, and the fit.
+    """
+    tau, root = means.t - delay, np.sqrt(weight)[:, None]
+    columns = _columns(motion, tau, down)
+    basis, unit = _orthonormal(columns * root)
+    coefficients = unit @ (basis.T @ (root * means.wrench))
+    residual = means.wrench - columns @ coefficients
+    if variance is None:
+        variance = _robust(residual, means)
+    scale, gravity = root / np.sqrt(variance), coefficients[1:4]
+    across = np.linalg.svd(down[None])[2][1:]
+    slopes = [-scale * (np.einsum("nji,j->ni", motion.change_at(tau), down) @ gravity)]
+    slopes += [scale * (np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity) for turn in across]
+    free = np.array([slope - basis @ (basis.T @ slope) for slope in slopes])
+    left = scale * residual
+    H = np.einsum("ani,bni->ab", free, free)
+    gradient = np.einsum("ani,ni->a", free, left)
+    H[1:, 1:] += np.eye(2) / TILT_SD**2
+    gradient[1:] -= across @ (down - start) / TILT_SD**2
+    misfit = _misfit(variance)
+    if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
+        return (
+            np.zeros(4),
+            residual,
+            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, misfit),
+        )
+    inverse = np.linalg.inv(H)
+    step = inverse @ gradient
+    influence = np.einsum("a,ani->ni", inverse[0], free)
+    bound = float(np.sqrt(inverse[0, 0]))
+    moved: Array = np.r_[step[0], step[1:] @ across]
+    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, misfit)
 
 
 def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
@@ -133,7 +211,8 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns (p, k),
     the smallest where columns say the same.
     """
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    size = np.linalg.norm(columns, axis=0)
+    size = np.where(size > SAME * size[0], size, np.inf)
     values, vectors = np.linalg.eigh((columns / size).T @ (columns / size))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
@@ -141,23 +220,53 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
 
 
 def _floor(wrench: Array) -> Array:
-    return np.diag(ROUNDING * wrench.var(axis=0) + 1e-24)
+    floor: Array = ROUNDING * wrench.var(axis=0) + 1e-24
+    return floor
 
 
-def _floored(residual: Array, wrench: Array) -> Array:
-    covariance: Array = residual.T @ residual / len(residual) + _floor(wrench)
-    return covariance
+def _misfit(variance: Array) -> float:
+    return float(np.log(variance).sum())
 
 
-def _log_det(covariance: Array) -> float:
-    return float(np.linalg.slogdet(covariance)[1])
+def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
+    """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
+    recording disagree by more than theirs (Birge, 1932), and no less than the bound.
+
+    The arm turns as far in each part, which has coefficients of its own. Parts disagree where the model is wrong: the arm accelerates and its positions were not recorded, or a clock drifts.
+    """
+    if not np.isfinite(fit.bound):
+        return np.inf
+    way = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
+    factor = 1.0
+    for count, limit in PARTS.items():
+        cut = np.searchsorted(way, way[-1] * np.arange(1, count) / count)
+        found = []
+        for rows in np.split(np.arange(len(means.t)), cut):
+            if len(rows) < LEAST_PART:
+                continue
+            part = Means(means.t[rows], means.wrench[rows])
+            step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
+            if np.isfinite(of_part.bound):
+                found.append((step[0], max(_spectral_std(of_part, _spacing(part)), of_part.bound)))
+        if len(found) < 2:
+            continue
+        offs, stds = np.array(found).T
+        mean = np.average(offs, weights=stds**-2.0)
+        chi2 = float(np.sum(((offs - mean) / stds) ** 2))
+        if chi2 > limit:
+            factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
+    return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
 
 
-def standard_deviation(fit: Fit, spacing: float) -> float:
-    """The standard deviation of the delay, s, with residuals that are correlated in time; means come every `spacing` s.
+def _spacing(means: Means) -> float:
+    return float(np.median(np.diff(means.t)))
+
+
+def _spectral_std(fit: Fit, spacing: float) -> float:
+    """The standard deviation, s, with residuals that are correlated in time; means come every `spacing` s.
 
     The noise's spectrum is that of the residuals, averaged over neighbouring frequencies; what the free coefficients
-    took out of it is counted as missing. Its sum over the influence's spectrum is the variance (as in Hannan, 1970).
+    took out of it is counted as missing. With the influence's spectrum it gives the variance (Parseval).
     """
     n = len(fit.left)
     left = np.fft.rfft(fit.left, axis=0, norm="ortho")
@@ -175,13 +284,7 @@ def standard_deviation(fit: Fit, spacing: float) -> float:
     twice[0] = 1.0
     if n % 2 == 0:
         twice[-1] = 1.0
-    return max(float(np.sqrt(np.sum(twice * power / there))), fit.bound)
-
-
-SMOOTHED = 0.3
-"""Hz to each side, and at least so many frequencies of the recording."""
-LEAST_BINS = 4
-LEAST_THERE = 0.1
+    return float(np.sqrt(max(np.sum(twice * power / there), 0.0)))
 
 
 def _smoothed(values: Array, reach: int) -> Array:

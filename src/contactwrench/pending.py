@@ -42,7 +42,9 @@ class Pending:
     @property
     def is_begun(self) -> bool:
         """Whether no row can come that is earlier than all others, in either stream."""
-        return all(s.rows > 0 and s.latest - s.first > SORTED_WITHIN for s in (self.wrench_stamps, self.orientation_stamps))
+        return all(
+            s.rows > 0 and s.latest - s.first > SORTED_WITHIN for s in (self.wrench_stamps, self.orientation_stamps)
+        )
 
     def decided(self, until: float, is_last: bool) -> int:
         """How many readings come before all later ones and, being stamped `until` or before, have their orientation."""

@@ -278,7 +278,9 @@ def _notes(count: Counter[str], holes: Counter[Hole], limits: Limits, pending: P
             left_out = "" if what == WRENCH_GAP else f", {_readings(more)} left out"
             notes.append(f"and {len(found) - GAPS_NAMED} more of these{left_out}")
     if count[NOT_A_NUMBER]:
-        notes.append(f"{_readings(count[NOT_A_NUMBER])} that {'is' if count[NOT_A_NUMBER] == 1 else 'are'} not a number left out")
+        notes.append(
+            f"{_readings(count[NOT_A_NUMBER])} that {'is' if count[NOT_A_NUMBER] == 1 else 'are'} not a number left out"
+        )
     return tuple(notes)
 
 

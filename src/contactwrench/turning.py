@@ -20,20 +20,23 @@ from .rotations import rotation_vectors
 CELL = 0.01
 """s: what is faster than this is no motion of an arm; orientations and readings that come faster are thinned or averaged.
 """
+SMOOTHED = 0.05
+"""s, of velocities before they are differentiated: an arm trembles, and so do the digits of its pose."""
 PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Between knots at `t` (k,) s: `base_axes`, the spline of the base's axes in flange axes, 3 x 3 numbers, row by row
-    one axis, and its derivative `change`; `accelerations` (k, 9), or (k, 12) where positions are known. `gap` (k - 1,):
-    where nothing is known between two knots.
+    """Between knots at `t` (k,) s: `base_axes`, a spline of the base's axes in flange axes, 3 x 3 numbers, row by row one
+    axis, and its derivative `change`; `accelerations` (k, 9), or (k, 12) where positions are known. `turns` and `gap`
+    (k - 1,): where the arm turns between two knots, and where nothing is known.
     """
 
     t: Array
     base_axes: Any
     change: Any
     accelerations: Array
+    turns: NDArray[np.bool_]
     gap: NDArray[np.bool_]
 
     def axes_at(self, t: Array) -> Array:
@@ -44,22 +47,26 @@ class Turning:
     def change_at(self, t: Array) -> Array:
         """Their derivative (n, 3, 3), 1/s; zero where the arm does not turn."""
         change: Array = self.change(t).reshape(-1, 3, 3)
-        half = 0.5 * max(SPEED_OVER, 2.0 * float(np.median(np.diff(self.t))))
-        ahead, behind = (self.base_axes(np.clip(t + k * half, self.t[0], self.t[-1])) for k in (1.0, -1.0))
-        speed = np.linalg.norm(ahead - behind, axis=1) / (np.sqrt(2.0) * 2.0 * half)
-        change[speed < LEAST_SPEED] = 0.0
+        change[~self.turns[self._place(t)]] = 0.0
         return change
 
     def accelerations_at(self, t: Array) -> Array:
         """What the tool feels beside gravity (n, 9 or 12) at t (n,)."""
-        return np.stack([np.interp(t, self.t, column) for column in self.accelerations.T], axis=1)
+        place = self._place(t)
+        share = ((t - self.t[place]) / (self.t[place + 1] - self.t[place]))[:, None]
+        before, after = self.accelerations[place], self.accelerations[place + 1]
+        between: Array = before + share * (after - before)
+        return between
 
     def is_known(self, earliest: Array, latest: Array) -> NDArray[np.bool_]:
         """Whether all moments from `earliest` to `latest` (n,) lie within the recording and in no gap."""
         gaps = np.r_[0, np.cumsum(self.gap)]
-        first, last = (np.clip(np.searchsorted(self.t, t, "right") - 1, 0, len(self.gap)) for t in (earliest, latest))
-        last = np.minimum(last + 1, len(self.gap))
-        return (earliest >= self.t[0]) & (latest <= self.t[-1]) & (gaps[last] == gaps[first])
+        known = gaps[self._place(earliest)] == gaps[self._place(latest) + 1]
+        return (earliest >= self.t[0]) & (latest <= self.t[-1]) & known
+
+    def _place(self, t: Array) -> NDArray[np.intp]:
+        """The knots that come before t (n,), the last one left out."""
+        return np.clip(np.searchsorted(self.t, t, "right") - 1, 0, len(self.t) - 2)
 
 
 SPEED_OVER = 0.1
@@ -70,31 +77,31 @@ LEAST_SPEED = 0.01
 def turning(pending: Pending, knots: Knots, longest_gap: float) -> Turning:
     """The motion through the orientations of a whole recording."""
     from scipy.interpolate import CubicHermiteSpline
+    from scipy.ndimage import uniform_filter1d
 
     index = knots.index
     fast = CELL / max(float(np.median(np.diff(knots.t))), 1e-9)
     if fast >= 2.0:
         index = index[:: int(fast)]
     t, R = pending.at[index], pending.R_base_flange[index]
-    recorded = pending.at[: knots.count]
-    is_gap = np.r_[0, np.cumsum(np.diff(recorded) > longest_gap)]
-    gap = np.diff(is_gap[index]) > 0
+    is_gap = np.r_[0, np.cumsum(np.diff(pending.at[: knots.count]) > longest_gap)]
     axes = R.reshape(-1, 9)
-    spline = CubicHermiteSpline(t, axes, _slopes(t, axes))
+    spline = CubicHermiteSpline(t, axes, np.gradient(axes, t, axis=0))
     middle = 0.5 * (t[1:] + t[:-1])
     step = np.diff(t)[:, None]
-    turn = rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step
+    width = 2 * round(0.5 * SMOOTHED / float(np.median(step))) + 1
+    turn = uniform_filter1d(rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step, width, axis=0)
     angular = _between(middle, turn, t)
     felt = [_second(middle, turn, t), np.stack([angular[:, i] * angular[:, j] for i, j in PRODUCTS], axis=1)]
     if pending.position is not None:
-        velocity = np.diff(pending.position[index], axis=0) / step
+        velocity = uniform_filter1d(np.diff(pending.position[index], axis=0) / step, width, axis=0)
         felt.append(np.einsum("nij,ni->nj", R, _second(middle, velocity, t)))
-    return Turning(t, spline, spline.derivative(), np.concatenate(felt, axis=1), gap)
-
-
-def _slopes(t: Array, values: Array) -> Array:
-    slopes: Array = np.gradient(values, t, axis=0, edge_order=2 if len(t) > 2 else 1)
-    return slopes
+    half = max(0.5 * SPEED_OVER, float(np.median(step)))
+    ends = [spline(np.clip(middle + sign * half, t[0], t[-1])) for sign in (-1.0, 1.0)]
+    speed = np.linalg.norm(ends[1] - ends[0], axis=1) / (np.sqrt(2.0) * 2.0 * half)
+    return Turning(
+        t, spline, spline.derivative(), np.concatenate(felt, axis=1), speed >= LEAST_SPEED, np.diff(is_gap[index]) > 0
+    )
 
 
 def _between(middle: Array, values: Array, t: Array) -> Array:
