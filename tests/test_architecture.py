@@ -32,6 +32,7 @@ LAYER = {
     "synchronize": 2,
     "stillness": 2,
     "levels": 2,
+    "standing": 2,
     "resting": 2,
     "delay": 3,
     "filters": 2,

@@ -89,8 +89,8 @@ def noise_of_windows(signals: Sequence[Array], window: int, least: Array, floor:
     def of_quantile(values: Array, share: float) -> Array:
         """The variance (d,) of a window's mean: a bend has six times that."""
         expected = chdtri(d, 1.0 - share) if joint else ndtri(0.5 + 0.5 * share) ** 2
-        found = np.quantile(values, share, axis=0) / (6.0 * expected)
-        return np.maximum(np.broadcast_to(found, (d,)), floor)
+        found: Array = np.quantile(values, share, axis=0) / (6.0 * expected)
+        return np.maximum(np.broadcast_to(found, (d,)), floor).astype(np.float64)
 
     variance = of_quantile(squares, QUIETEST)
     for _ in range(ROUNDS):
