@@ -27,8 +27,8 @@ MOST_OF_SPEED = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What was recorded, `samples`; from when to when the arm stood, `stops` (k, 2) s; the true free wrench there (k, 6)
-    with the bias of a sensor that does not drift.
+    """What was recorded, `samples`; from when to when the arm stood, `stops` (k, 2) s; what the sensor reads there but
+    for noise and drift, `wrench` (k, 6) N and N m; the rig's `settings`.
     """
 
     samples: cw.Samples
@@ -47,8 +47,8 @@ def run(
     orientation_noise_deg: float = 0.0,
     disturb: Callable[[Array, Array], Array] | None = None,
 ) -> Run:
-    """The rig goes through `stops` random postures around home; the sensor reads at 1 kHz or `rate`, whichever is more, every so
-    many of whose rows are kept. `disturb` gives from times (n,), s, and true wrenches (n, 6) those with a contact.
+    """The rig goes through `stops` random postures around home; the sensor reads at 1 kHz or `rate`, whichever is more,
+    and rows are kept at `rate`. `disturb` gives from times (n,), s, and true wrenches (n, 6) those with a contact.
     """
     rng = np.random.default_rng(seed)
     setup = changed(Settings(), [*TOOL, *settings])

@@ -150,24 +150,24 @@ def _of_standing_arm(section: Section, standing: Piece, moving: Noise, period: f
     if not usable:
         longest = max(pieces, key=lambda piece: piece.last - piece.first, default=None)
         if longest is None or standing.last - standing.first - longest.last > longest.first:
-            return [_Found(first, last, _moves(wrench, moving))]
+            return [_Found(first, last, _moves(wrench))]
         left = (longest.last - longest.first) * block
         reason = f"too short: of {seconds:.2g} s the reading takes {seconds - left:.2g} s to settle, and {left:.2g} s "
         return [_Found(first, last, f"{reason}are left, {duration:.2g} s are needed")]
     if not _agree(wrench, usable, moving):
-        return [_Found(first, last, _moves(wrench[usable[0].first :], moving))]
+        return [_Found(first, last, _moves(wrench[usable[0].first :]))]
     found: list[_Found] = []
     end = 0
     for piece in usable:
         if found:
             between = section.rows_of(standing.first + end, standing.first + piece.first)
-            found.append(_Found(*between, _moves(wrench[end : piece.first], moving, wrench[piece.first : piece.last])))
+            found.append(_Found(*between, _moves(wrench[end : piece.first], wrench[piece.first : piece.last])))
         rows = section.rows_of(standing.first + piece.first, standing.first + piece.last)
         found.append(_Found(*rows))
         end = piece.last
     if standing.last - standing.first - end >= 2 * moving.window:
         rest = section.rows_of(standing.first + end, standing.last)
-        found.append(_Found(*rest, _moves(wrench[end:], moving, wrench[usable[-1].first : end])))
+        found.append(_Found(*rest, _moves(wrench[end:], wrench[usable[-1].first : end])))
     return found
 
 
@@ -183,21 +183,14 @@ def _agree(wrench: Array, pieces: list[Piece], noise: Noise) -> bool:
     )
 
 
-def _moves(wrench: Array, noise: Noise, level: Array | None = None) -> str:
-    """By how much the reading moves, from what it mostly is or from a `level`."""
-    means = _window_means(wrench, noise.window)
-    off = means - (np.median(means, axis=0) if level is None else level.mean(axis=0))
+def _moves(wrench: Array, level: Array | None = None) -> str:
+    """By how much the reading (k, 6) moves, from what it mostly is or from a `level` (m, 6)."""
+    off = wrench - (np.median(wrench, axis=0) if level is None else level.mean(axis=0))
     force, torque = (float(np.linalg.norm(part, axis=1).max()) for part in (off[:, :3], off[:, 3:]))
     return (
         f"the reading moves by {force:.2g} N and {1e3 * torque:.2g} mN m though the arm stands: contact, drift or "
         "vibration"
     )
-
-
-def _window_means(signal: Array, window: int) -> Array:
-    """Means of windows that follow one another, one of all where there are fewer rows than a window has."""
-    count = max(1, len(signal) // window)
-    return np.array([part.mean(axis=0) for part in np.array_split(signal, count)])
 
 
 def _judged(samples: Samples, found: list[_Found], rows: int, least: Array, duration: float) -> StillStretches:
