@@ -74,7 +74,7 @@ def standing_arm(sections: list[Section], period: float, least_duration: float) 
     turning = noise_of_windows([section.way for section in sections], window, least, floor, joint=True)
     duration = max(least_duration, _blocks_to_see_creep(turning) * block)
     pieces = [(one, piece) for one in sections for piece in _standing_pieces(one, turning, duration / block)]
-    return StandingArm(pieces, window, duration)
+    return StandingArm(pieces, window, duration if pieces else least_duration)
 
 
 def _blocks_to_see_creep(turning: Noise) -> float:
