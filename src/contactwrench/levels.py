@@ -32,6 +32,9 @@ TAIL_WINDOWS, ONSET_WINDOWS = 4.0, 0.5
 """Up to so many windows the beginning of a piece is compared: a drift that is slower is no tail. Where the length of a
 change counts, no longer than a whole window would show it, too."""
 
+CLEARLY = 2.0
+"""Times the least change: windows that are long enough to part what changes slowly from what does not show as much."""
+
 PARTS = 8
 """Into which a piece is cut to see whether it stays at one level."""
 
@@ -129,7 +132,11 @@ def _pieces(signal: Array, noise: Noise, first: int, last: int, window: int) -> 
     if last - first < 2 * window:
         return []
     means = _means(signal[first:last], window)
-    steady = ~noise.changes(means[window:] - means[:-window], window, window)
+    differences = means[window:] - means[:-window]
+    if window > noise.window and not noise.changes(differences / CLEARLY, window, window).any():
+        longer = _pieces(signal, noise, first, last, 2 * window) if last - first >= 4 * window else []
+        return longer or [Piece(first, last, False)]
+    steady = ~noise.changes(differences, window, window)
     edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(np.int8)))
     found: list[Piece] = []
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
