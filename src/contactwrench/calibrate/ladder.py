@@ -184,7 +184,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
     recorded = recorded_poses(free, MOST_VISITS, is_stream(samples))
     poses, rejected = _in_time(recorded.poses), recorded.rejected
-    warnings += what_was_not_still(rejected, recorded.stretches)
+    warnings += what_was_not_still(rejected, recorded.stretches, _first_time(free))
     if recorded.visits is not None:
         visits = _in_time(recorded.visits)
         found = cleaned_estimate(_readings(visits), _times(visits), question)
@@ -192,6 +192,10 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
             return Recorded(free, visits, found, warnings, g, rejected, recorded.stretches)
     found = cleaned_estimate(_readings(poses), _times(poses), question)
     return Recorded(free, poses, found, warnings, g, rejected, recorded.stretches)
+
+
+def _first_time(samples: Samples) -> float:
+    return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
 
 
 def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
@@ -279,6 +283,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         "source": recorded.samples.source,
         "rows": len(recorded.samples),
         "g": float(recorded.g),
+        **({} if recorded.samples.t is None else {"t_first": _first_time(recorded.samples)}),
         **origin,
     }
     fit, readings, names, tool = found.found.fit, found.readings, found.found.names, found.found.fit.tool
@@ -297,7 +302,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
-    warnings += what_was_cleaned(found, poses) + found.found.warnings
+    warnings += what_was_cleaned(found, poses, _first_time(recorded.samples)) + found.found.warnings
     warnings += weaknesses(found, question, observability.trade_offs)
     compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_CLEANED
     alternatives = _alternatives(readings, question) if compared else ()
