@@ -1,7 +1,8 @@
-"""The picture of a recording: what sensor and arm did over time, the stretches that were averaged and those left out."""
+"""The picture of a recording: what sensor and arm did over time, which stretches were averaged, which left out."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,16 +84,14 @@ def _is_of(stretch: StillStretch, pose: Pose) -> bool:
 
 
 def envelope(t: Array, values: Array) -> tuple[Array, Array]:
-    """The least and the largest value in each of `COLUMNS` parts of the time, in the order in which they came; all
+    """The least and the largest value of every so many rows, `COLUMNS` times, in the order in which they came; all
     values where there are few. A gap in time leaves a gap.
     """
     if len(t) <= 2 * COLUMNS:
         return _with_gaps(t, values)
-    column = np.minimum((COLUMNS * (t - t.min()) / max(float(np.ptp(t)), 1e-300)).astype(np.intp), COLUMNS - 1)
-    order = np.lexsort((values, column))
-    edges = np.flatnonzero(np.diff(column[order], prepend=-1))
-    ends = np.r_[edges[1:], len(order)] - 1
-    rows: NDArray[np.intp] = np.unique(np.concatenate([order[edges], order[ends]]))
+    edges = np.linspace(0, len(t), COLUMNS + 1).astype(np.intp)
+    ends = [(a + int(np.argmin(values[a:b])), a + int(np.argmax(values[a:b]))) for a, b in pairwise(edges)]
+    rows: NDArray[np.intp] = np.unique(ends)
     return _with_gaps(t[rows], values[rows])
 
 
