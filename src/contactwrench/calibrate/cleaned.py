@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import two_digits
 from ..orientation import Array
 from ..poses import Pose
 from .course import Course
-from .robust import RobustEstimate, two_digits
+from .robust import RobustEstimate
 
 MOST_NAMED = 6
 MOST_STRETCHES_NAMED = 3
