@@ -188,8 +188,8 @@ def _moves(wrench: Array, level: Array | None = None) -> str:
     off = wrench - (np.median(wrench, axis=0) if level is None else level.mean(axis=0))
     force, torque = (float(np.linalg.norm(part, axis=1).max()) for part in (off[:, :3], off[:, 3:]))
     return (
-        f"the reading moves by {two_digits(force)} N and {two_digits(1e3 * torque)} mN m though the arm stands: contact, drift or "
-        "vibration"
+        f"the reading moves by {two_digits(force)} N and {two_digits(1e3 * torque)} mN m though the arm stands: "
+        "contact, drift or vibration"
     )
 
 
@@ -235,8 +235,9 @@ def _shakes(samples: Samples, found: _Found, usual: Array) -> str | None:
     worst = int(np.argmax(scatter / np.maximum(usual, 1e-300)))
     unit, scale = ("N", 1.0) if worst < 3 else ("mN m", 1e3)
     return (
-        f"the reading shakes though the arm stands: {AXES[worst]} scatters by {two_digits(scale * scatter[worst])} {unit}, "
-        f"{two_digits(scale * usual[worst])} in the other stretches: contact or vibration"
+        f"the reading shakes though the arm stands: {AXES[worst]} scatters by "
+        f"{two_digits(scale * scatter[worst])} {unit}, {two_digits(scale * usual[worst])} in the other stretches: "
+        "contact or vibration"
     )
 
 

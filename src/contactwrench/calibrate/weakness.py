@@ -20,7 +20,7 @@ FURTHEST_COM = 2.0
 """m: no arm carries a tool that long."""
 
 ALIKE = 0.5
-"""Correlation of what is left in poses that follow each other; chance leaves less (benchmarks/stillness.py)."""
+"""Correlation of what is left in poses that follow each other, up to which a std is at most 1.7 times too small."""
 
 ALIKE_SHOWS = 3.3
 """Standard deviations of that correlation; the axes of forces, and of torques, are taken to say one thing each."""
