@@ -35,6 +35,7 @@ LAYER = {
     "stillness": 2,
     "turning": 2,
     "levels": 2,
+    "standing": 2,
     "resting": 2,
     "delay": 3,
     "delay_fit": 3,

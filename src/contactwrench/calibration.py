@@ -148,6 +148,12 @@ class Calibration:
         return self.weight / self.mass if self.weight is not None and self.mass is not None else STANDARD_GRAVITY
 
     @property
+    def first_time(self) -> float:
+        """The recording's first time, s, from which the times that people see are counted; 0 where nothing says."""
+        stated = self.provenance.get("t_first")
+        return stated if isinstance(stated, float) and np.isfinite(stated) else 0.0
+
+    @property
     def fitted_poses(self) -> tuple[Pose, ...]:
         """The poses that were not left out."""
         return tuple(pose for pose in self.poses if pose.rejected is None)

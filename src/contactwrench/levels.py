@@ -28,8 +28,12 @@ QUIETEST = 0.05
 
 ROUNDS = 6
 SETTLED = 1e-3
-TAIL_WINDOWS = 4
-"""Up to so many windows the beginning of a piece is compared: a drift that is slower is no tail."""
+TAIL_WINDOWS, ONSET_WINDOWS = 4.0, 0.5
+"""Up to so many windows the beginning of a piece is compared: a drift that is slower is no tail. Where the length of a
+change counts, no longer than a whole window would show it, too."""
+
+CLEARLY = 2.0
+"""Times the least change: windows that are long enough to part what changes slowly from what does not show as much."""
 
 PARTS = 8
 """Into which a piece is cut to see whether it stays at one level."""
@@ -66,9 +70,9 @@ class Noise:
         return beyond
 
     def significant(self, difference: Array, of: float, over: float) -> NDArray[np.bool_]:
-        """The same, however small the difference is."""
+        """The same at the end of a piece, where an axis that counts alone may not be off at all."""
         variance = self.variance * self.window * (1.0 / of + 1.0 / over)
-        return self._beyond(difference, variance, np.zeros_like(self.least), END_ALARM)
+        return self._beyond(difference, variance, self.least if self.joint else np.zeros_like(self.least), END_ALARM)
 
 
 def noise_of_windows(signals: Sequence[Array], window: int, least: Array, floor: Array, joint: bool) -> Noise:
@@ -89,8 +93,8 @@ def noise_of_windows(signals: Sequence[Array], window: int, least: Array, floor:
     def of_quantile(values: Array, share: float) -> Array:
         """The variance (d,) of a window's mean: a bend has six times that."""
         expected = chdtri(d, 1.0 - share) if joint else ndtri(0.5 + 0.5 * share) ** 2
-        found = np.quantile(values, share, axis=0) / (6.0 * expected)
-        return np.maximum(np.broadcast_to(found, (d,)), floor)
+        found: Array = np.quantile(values, share, axis=0) / (6.0 * expected)
+        return np.maximum(np.broadcast_to(found, (d,)), floor).astype(np.float64)
 
     variance = of_quantile(squares, QUIETEST)
     for _ in range(ROUNDS):
@@ -128,14 +132,18 @@ def _pieces(signal: Array, noise: Noise, first: int, last: int, window: int) -> 
     if last - first < 2 * window:
         return []
     means = _means(signal[first:last], window)
-    steady = ~noise.changes(means[window:] - means[:-window], window, window)
+    differences = means[window:] - means[:-window]
+    if window > noise.window and not noise.changes(differences / CLEARLY, window, window).any():
+        longer = _pieces(signal, noise, first, last, 2 * window) if last - first >= 4 * window else []
+        return longer or [Piece(first, last, False)]
+    steady = ~noise.changes(differences, window, window)
     edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(np.int8)))
     found: list[Piece] = []
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         a, b = trimmed(signal, noise, first + begin, first + end + 2 * window - 1)
         if found and a < found[-1].last:
             a = found[-1].last
-        if b - a < 2 * noise.window:
+        if b - a < 2 * window:
             continue
         if stays_level(signal[a:b], noise):
             found.append(Piece(a, b, True))
@@ -172,7 +180,7 @@ def _settled_after(signal: Array, noise: Noise) -> int:
     n = len(signal)
     off = np.zeros(n + 1, dtype=bool)
     size = 1
-    while size <= TAIL_WINDOWS * noise.window and 3 * size <= n:
+    while size <= (ONSET_WINDOWS if noise.joint else TAIL_WINDOWS) * noise.window and 3 * size <= n:
         means = _means(signal, size)
         after = 0.5 * (means[size:-size] + means[2 * size :])
         off[: len(after)] |= noise.significant(means[: -2 * size] - after, size, 2 * size)

@@ -32,6 +32,14 @@ SCALES = (0.1, 0.3, 1.0)
 ONWARD = 0.5
 """Cosine of the angle between the axes of one turn and the next, where an arm goes on turning."""
 
+CELL = 2.0 * SAME_POSE_ANGLE
+MOST_CELLS, MOST_CELLS_ON_THE_WAY = 50_000, 2_000
+"""Orientations of a table, counted in cells of that size of the matrices' elements."""
+
+LONGEST_STEP = np.deg2rad(20.0)
+ROW_SCALES = (1.0, 3.0, 10.0, 30.0)
+"""Steps and looks at rows without times."""
+
 LEAST_ON_THE_WAY = 5.0 * SAME_POSE_ANGLE
 FEWEST_ROWS = 10
 
@@ -45,9 +53,7 @@ def is_stream(samples: Samples) -> bool:
         return False
     R = samples.R_base_flange
     step = np.diff(t)
-    chord = np.sqrt(np.einsum("nij,nij->n", R[1:] - R[:-1], R[1:] - R[:-1]))
-    turn = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
-    jump = (step < 0.0) | (step > SLOWEST) | (turn > FASTEST_TURN * np.maximum(step, HOLD))
+    jump = (step < 0.0) | (step > SLOWEST) | (_angles(R) > FASTEST_TURN * np.maximum(step, HOLD))
     jumps = np.r_[0, np.cumsum(jump)]
     return any(_turns_on_the_way(R, t, jumps, scale) for scale in SCALES)
 
@@ -71,8 +77,9 @@ def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float)
 
 @dataclass(frozen=True, eq=False)
 class RecordedPoses:
-    """`poses`, made of `stretches` still stretches of a stream (0: of a table); `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
-    none or too often; the stretches of a stream that are no pose, `rejected`, as poses with the reason.
+    """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
+    none or too often; the stretches of a stream that are no pose, `rejected`, as poses with the reason, and how many
+    `stretches` made the poses (0: the rows of a table did).
     """
 
     poses: tuple[Pose, ...]
@@ -86,6 +93,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     the arm never stands still.
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
+        _require_few(samples)
         return RecordedPoses(*poses_and_visits(samples, most_visits), (), 0)
     found = still_stretches(samples)
     if not found.accepted:
@@ -101,6 +109,32 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:
     """The poses of a table or of a `stream`, each orientation once. Raises `InputError` as `recorded_poses` does."""
     return recorded_poses(samples, 0, stream).poses
+
+
+def _require_few(samples: Samples) -> None:
+    """Raise `InputError` for a table of more orientations than anybody stops at: averaging them would take minutes."""
+    cells = np.rint(samples.R_base_flange.reshape(-1, 9) / CELL).astype(np.int16)
+    count = len(np.unique(cells.view("V18")))
+    if count <= MOST_CELLS_ON_THE_WAY or (count <= MOST_CELLS and not _is_way(samples.R_base_flange)):
+        return
+    raise InputError(
+        f"{samples.source}: found about {count} orientations in {len(samples)} rows, expected poses at rest: give the "
+        "times in a column t, so that the still stretches are found, or only rows at rest"
+    )
+
+
+def _is_way(R: Array) -> bool:
+    """Whether rows without times follow the arm on its way."""
+    rows = np.arange(len(R), dtype=np.float64)
+    jump = np.r_[0, np.cumsum(_angles(R) > LONGEST_STEP)]
+    return any(_turns_on_the_way(R, rows, jump, scale) for scale in ROW_SCALES)
+
+
+def _angles(R: Array) -> Array:
+    """The angle (n - 1,) from each orientation to the next, rad."""
+    chord = np.sqrt(np.sum((R[1:] - R[:-1]) ** 2, axis=(1, 2)))
+    angle: Array = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
+    return angle
 
 
 def _joined(stretches: tuple[StillStretch, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
@@ -127,10 +161,9 @@ def _pose(stretches: list[StillStretch], rejected: str | None) -> Pose:
 
 def _never_still(samples: Samples, found: StillStretches) -> str:
     t = samples.t if samples.t is not None else np.zeros(1)
-    least = f"found no stretch of {found.least_duration:.2g} s in which arm and reading are still"
-    seen = f"in {t[-1] - t[0]:.3g} s"
+    seen = f"found no stretch in {t[-1] - t[0]:.3g} s in which arm and reading are still"
     if found.rejected:
         longest = max(found.rejected, key=lambda stretch: stretch.n)
         at = f"the longest of {len(found.rejected)} looked at, t = {longest.t_start - t[0]:.4g} s"
         seen += f" ({at}: {longest.rejected})"
-    return f"{samples.source}: {least} {seen}: stop for a second or two at each orientation"
+    return f"{samples.source}: {seen}: stop for a second or two at each orientation"

@@ -18,39 +18,17 @@ from itertools import combinations
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, two_digits
 from .levels import Noise, Piece, noise_of_windows, pieces_between_changes
 from .orientation import Array
-from .poses import SAME_POSE_ANGLE
 from .samples import Samples, read_only
-
-BLOCK = 0.02
-WINDOW = 0.1
-FEWEST_ROWS_OF_WINDOW = 3
-"""Blocks and windows: s, and rows where these take longer."""
+from .standing import FEWEST_ROWS, Section, sections_of, standing_arm, turn_over
 
 LEAST_DURATION = 0.3
 """s: an arm that turns round stands for as long."""
 
-FEWEST_ROWS = 5
 FEWEST_INDEPENDENT = 3.0
 """Of the readings in a stretch: with fewer nobody can tell noise from a tail."""
-
-LONGEST_GAP = 0.1
-GAP_IN_ROWS = 5.0
-"""A gap ends a stretch: s, and rows where these take longer. No arm turns away and comes back in less."""
-
-STILL_ANGLE = SAME_POSE_ANGLE / 10.0
-"""An arm that turns by less from one window to the next stands: the sensor feels less than 1/2000 of the weight."""
-
-FINEST_ANGLE = STILL_ANGLE / 10.0
-"""No robot states the mean of a window any better."""
-
-CREEP_ANGLE = float(SAME_POSE_ANGLE / 2.0)
-"""An arm that turns by less over a whole stretch stands."""
-
-CREEP_SHOWS = 4.0
-"""Standard deviations of the turn over a stretch: three axes exceed them once in a thousand times."""
 
 SETTLING_MARGIN = 0.5
 """Of the time that a tail was seen, that it is taken to last beyond."""
@@ -107,32 +85,12 @@ class StillStretches:
 
 
 @dataclass(frozen=True, eq=False)
-class _Section:
-    """Rows `first` up to `last` without a gap, in blocks of `rows`: their mean readings (k, 6), and the way (k, 3) that
-    the orientation went, rad: the rotation vectors from each block to the next, summed.
-    """
-
-    first: int
-    last: int
-    rows: int
-    wrench: Array
-    way: Array
-
-    def rows_of(self, a: int, b: int) -> tuple[int, int]:
-        """The rows of blocks `a` up to `b`: the last block takes what is left over."""
-        return self.first + a * self.rows, self.last if b == len(self.wrench) else self.first + b * self.rows
-
-
-@dataclass(frozen=True, eq=False)
 class _Found:
-    """Rows `first` up to `last`; why they are no stretch, where that is known already; how long the arm stood before
-    the stretch began, s, because something had to settle.
-    """
+    """Rows `first` up to `last`, and why they are no stretch, where that is known already."""
 
     first: int
     last: int
     reason: str | None = None
-    settling: float = 0.0
 
 
 def still_stretches(samples: Samples) -> StillStretches:
@@ -142,97 +100,18 @@ def still_stretches(samples: Samples) -> StillStretches:
     """
     if samples.t is None:
         raise InputError(f"{samples.source}: found no times, expected a column t: stillness shows in time only")
-    period, sections = _sections(samples)
-    duration = max(LEAST_DURATION, FEWEST_ROWS * period)
-    if not sections:
-        return StillStretches((), (), np.zeros(6), duration)
-    rows = sections[0].rows
-    window = max(FEWEST_ROWS_OF_WINDOW, int(np.ceil(WINDOW / (rows * period))))
-    turning = noise_of_windows(
-        [s.way for s in sections], window, np.full(3, STILL_ANGLE), np.full(3, FINEST_ANGLE**2), joint=True
-    )
-    duration = max(duration, _rows_to_see_creep(turning) * rows * period)
-    standing = [(s, piece) for s in sections for piece in _standing(s, turning, duration / (rows * period))]
+    period, sections = sections_of(samples)
+    arm = standing_arm(sections, period, max(LEAST_DURATION, FEWEST_ROWS * period))
+    if not arm.pieces:
+        return StillStretches((), (), np.zeros(6), arm.duration)
+    rows, window, standing = sections[0].rows, arm.window, arm.pieces
     scatter = _scatter_of_rows(samples, [s.rows_of(p.first, p.last) for s, p in standing], rows * window)
     readings = [s.wrench[p.first : p.last] for s, p in standing]
     moving = noise_of_windows(readings, window, scatter, scatter**2 / (rows * window), joint=False)
     found = [
-        one
-        for section, piece in standing
-        for one in _of_standing_arm(samples, section, piece, moving, period, duration)
+        one for section, piece in standing for one in _of_standing_arm(section, piece, moving, period, arm.duration)
     ]
-    return _judged(samples, found, rows, scatter, duration)
-
-
-def _rows_to_see_creep(turning: Noise) -> float:
-    """Blocks that a stretch must have for an arm that turns by `SAME_POSE_ANGLE` over it to show in the slope of its
-    orientation, whose noise goes with the length.
-    """
-    return 12.0 * CREEP_SHOWS**2 * float(turning.variance[0]) * turning.window / SAME_POSE_ANGLE**2
-
-
-def _standing(section: _Section, turning: Noise, least: float) -> list[Piece]:
-    """Pieces of at least `least` blocks in which the arm stands; those in which it creeps are no level. What moves too
-    slowly to show at once falls to short pieces and creeping ones, hardly a window apart: they are one creeping piece.
-    """
-    found: list[Piece] = []
-    for piece in pieces_between_changes(section.way, turning):
-        stands = piece.last - piece.first >= least and not _creeps(section.way[piece.first : piece.last], turning)
-        near = bool(found) and piece.first - found[-1].last <= 2 * turning.window
-        if not stands and near and not found[-1].level:
-            found[-1] = Piece(found[-1].first, piece.last, False)
-        else:
-            found.append(Piece(piece.first, piece.last, stands))
-    return [piece for piece in found if piece.level or piece.last - piece.first >= least or not _turns(section, piece)]
-
-
-def _turn_over(way: Array) -> float:
-    """By how much (rad) an orientation turns over its way (n, 3), from the slope."""
-    n = len(way)
-    time = np.arange(n) - 0.5 * (n - 1)
-    return float(np.linalg.norm(n * (time @ way) / float(time @ time)))
-
-
-def _creeps(way: Array, turning: Noise) -> bool:
-    """Whether the arm turns over the piece by more than noise and `CREEP_ANGLE`."""
-    noise = np.sqrt(12.0 * float(turning.variance[0]) * turning.window / len(way))
-    return _turn_over(way) > max(CREEP_ANGLE, CREEP_SHOWS * float(noise))
-
-
-def _turns(section: _Section, piece: Piece) -> bool:
-    """Whether the arm only passes: it turns on while it seems to stand."""
-    return _turn_over(section.way[piece.first : piece.last]) > CREEP_ANGLE
-
-
-def _sections(samples: Samples) -> tuple[float, list[_Section]]:
-    """Seconds from row to row, and the sections without a gap that are long enough to look at."""
-    t = samples.t if samples.t is not None else np.empty(0)
-    step = np.diff(t)
-    if not (step > 0.0).any():
-        return 0.0, []
-    gap = (step < 0.0) | (step > max(LONGEST_GAP, GAP_IN_ROWS * float(np.median(step[step > 0.0]))))
-    if gap.all():
-        return 0.0, []
-    period = float(step[~gap].mean())
-    if samples.load_mass is not None:
-        gap |= np.diff(samples.load_mass) != 0.0
-    rows = max(1, round(BLOCK / period)) if period > 0.0 else 1
-    edges = np.r_[0, np.flatnonzero(gap) + 1, len(t)]
-    ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    return period, [_section(samples, a, b, rows) for a, b in ends if b - a >= FEWEST_ROWS * rows]
-
-
-def _section(samples: Samples, first: int, last: int, rows: int) -> _Section:
-    blocks = (last - first) // rows
-    whole = slice(first, first + blocks * rows)
-    wrench = samples.wrench[whole].reshape(blocks, rows, 6).mean(axis=1)
-    R = samples.R_base_flange[whole].reshape(blocks, rows, 9).mean(axis=1).reshape(blocks, 3, 3)
-    turn = R[:-1].transpose(0, 2, 1) @ R[1:]
-    axis = np.stack([turn[:, i, j] - turn[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1)
-    length = np.linalg.norm(axis, axis=1)
-    angle = np.arctan2(length, np.trace(turn, axis1=1, axis2=2) - 1.0)
-    steps = axis * np.divide(angle, length, out=np.full(len(length), 0.5), where=length > 0.0)[:, None]
-    return _Section(first, last, rows, wrench, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
+    return _judged(samples, found, rows, scatter, arm.duration)
 
 
 def _scatter_of_rows(samples: Samples, standing: list[tuple[int, int]], rows: int) -> Array:
@@ -250,14 +129,12 @@ def _scatter_of_rows(samples: Samples, standing: list[tuple[int, int]], rows: in
     return scatter
 
 
-def _of_standing_arm(
-    samples: Samples, section: _Section, standing: Piece, moving: Noise, period: float, duration: float
-) -> list[_Found]:
+def _of_standing_arm(section: Section, standing: Piece, moving: Noise, period: float, duration: float) -> list[_Found]:
     """The stretches within a piece in which the arm stands; the whole piece, with the reason, where there is none."""
     first, last = section.rows_of(standing.first, standing.last)
     seconds = (last - first) * period
     if not standing.level:
-        angle = np.rad2deg(_turn_over(section.way[standing.first : standing.last]))
+        angle = np.rad2deg(turn_over(section.way[standing.first : standing.last]))
         if seconds < duration:
             return [_Found(first, last, _too_short(seconds, duration, last - first))]
         return [_Found(first, last, f"the arm creeps: it turns by {angle:.2g} deg in {seconds:.2g} s")]
@@ -273,24 +150,24 @@ def _of_standing_arm(
     if not usable:
         longest = max(pieces, key=lambda piece: piece.last - piece.first, default=None)
         if longest is None or standing.last - standing.first - longest.last > longest.first:
-            return [_Found(first, last, _moves(wrench, moving))]
+            return [_Found(first, last, _moves(wrench))]
         left = (longest.last - longest.first) * block
         reason = f"too short: of {seconds:.2g} s the reading takes {seconds - left:.2g} s to settle, and {left:.2g} s "
         return [_Found(first, last, f"{reason}are left, {duration:.2g} s are needed")]
     if not _agree(wrench, usable, moving):
-        return [_Found(first, last, _moves(wrench[usable[0].first :], moving))]
+        return [_Found(first, last, _moves(wrench[usable[0].first :]))]
     found: list[_Found] = []
     end = 0
     for piece in usable:
         if found:
             between = section.rows_of(standing.first + end, standing.first + piece.first)
-            found.append(_Found(*between, _moves(wrench[end : piece.first], moving, wrench[piece.first : piece.last])))
+            found.append(_Found(*between, _moves(wrench[end : piece.first], wrench[piece.first : piece.last])))
         rows = section.rows_of(standing.first + piece.first, standing.first + piece.last)
-        found.append(_Found(*rows, settling=(rows[0] - first) * period))
+        found.append(_Found(*rows))
         end = piece.last
     if standing.last - standing.first - end >= 2 * moving.window:
         rest = section.rows_of(standing.first + end, standing.last)
-        found.append(_Found(*rest, _moves(wrench[end:], moving, wrench[usable[-1].first : end])))
+        found.append(_Found(*rest, _moves(wrench[end:], wrench[usable[-1].first : end])))
     return found
 
 
@@ -306,21 +183,14 @@ def _agree(wrench: Array, pieces: list[Piece], noise: Noise) -> bool:
     )
 
 
-def _moves(wrench: Array, noise: Noise, level: Array | None = None) -> str:
-    """By how much the reading moves, from what it mostly is or from a `level`."""
-    means = _window_means(wrench, noise.window)
-    off = means - (np.median(means, axis=0) if level is None else level.mean(axis=0))
+def _moves(wrench: Array, level: Array | None = None) -> str:
+    """By how much the reading (k, 6) moves, from what it mostly is or from a `level` (m, 6)."""
+    off = wrench - (np.median(wrench, axis=0) if level is None else level.mean(axis=0))
     force, torque = (float(np.linalg.norm(part, axis=1).max()) for part in (off[:, :3], off[:, 3:]))
     return (
-        f"the reading moves by {force:.2g} N and {1e3 * torque:.2g} mN m though the arm stands: contact, drift or "
-        "vibration"
+        f"the reading moves by {two_digits(force)} N and {two_digits(1e3 * torque)} mN m though the arm stands: "
+        "contact, drift or vibration"
     )
-
-
-def _window_means(signal: Array, window: int) -> Array:
-    """Means of windows that follow one another, one of all where there are fewer rows than a window has."""
-    count = max(1, len(signal) // window)
-    return np.array([part.mean(axis=0) for part in np.array_split(signal, count)])
 
 
 def _judged(samples: Samples, found: list[_Found], rows: int, least: Array, duration: float) -> StillStretches:
@@ -365,8 +235,9 @@ def _shakes(samples: Samples, found: _Found, usual: Array) -> str | None:
     worst = int(np.argmax(scatter / np.maximum(usual, 1e-300)))
     unit, scale = ("N", 1.0) if worst < 3 else ("mN m", 1e3)
     return (
-        f"the reading shakes though the arm stands: {AXES[worst]} scatters by {scale * scatter[worst]:.2g} {unit}, "
-        f"{scale * usual[worst]:.2g} in the other stretches: contact or vibration"
+        f"the reading shakes though the arm stands: {AXES[worst]} scatters by "
+        f"{two_digits(scale * scatter[worst])} {unit}, {two_digits(scale * usual[worst])} in the other stretches: "
+        "contact or vibration"
     )
 
 

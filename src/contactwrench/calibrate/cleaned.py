@@ -4,33 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..errors import two_digits
 from ..orientation import Array
 from ..poses import Pose
 from .course import Course
-from .robust import RobustEstimate, two_digits
+from .robust import RobustEstimate
 
 MOST_NAMED = 6
 MOST_STRETCHES_NAMED = 3
 HOUR = 3600.0
 
 
-def what_was_cleaned(found: RobustEstimate, poses: tuple[Pose, ...]) -> tuple[str, ...]:
-    """A warning for each pose left out, up to `MOST_NAMED`, and one for a bias that moved."""
+def what_was_cleaned(found: RobustEstimate, poses: tuple[Pose, ...], since: float) -> tuple[str, ...]:
+    """A warning for each pose left out, up to `MOST_NAMED`, and one for a bias that moved; times count from `since`."""
     left_out = [(k, reason) for k, reason in enumerate(found.reasons) if reason is not None]
-    warnings = [f"{_name(poses, k)} was left out: {reason}" for k, reason in left_out[:MOST_NAMED]]
+    warnings = [f"{_name(poses, k, since)} was left out: {reason}" for k, reason in left_out[:MOST_NAMED]]
     if len(left_out) > MOST_NAMED:
         warnings.append(f"{len(left_out) - MOST_NAMED} more poses were left out for the same reason")
     if found.course is not None and found.course.kind != "steady":
-        warnings.append(_moved(found.course, poses))
+        warnings.append(_moved(found.course, poses, since))
     return tuple(warnings)
 
 
-def what_was_not_still(rejected: tuple[Pose, ...], accepted: int) -> tuple[str, ...]:
+def what_was_not_still(rejected: tuple[Pose, ...], accepted: int, since: float) -> tuple[str, ...]:
     """A warning of a stream's stretches that are no pose, beside those `accepted`; the longest with their reasons."""
     if not rejected:
         return ()
     longest = sorted(sorted(rejected, key=lambda pose: -pose.n)[:MOST_STRETCHES_NAMED], key=_start)
-    named = "; ".join(f"t = {_start(pose):.6g} s, {pose.rejected}" for pose in longest)
+    named = "; ".join(f"t = {_start(pose) - since:.6g} s, {pose.rejected}" for pose in longest)
     more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
     stood = len(rejected) + accepted
     return (f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}",)
@@ -40,9 +41,9 @@ def _start(pose: Pose) -> float:
     return 0.0 if pose.t_start is None else pose.t_start
 
 
-def _moved(course: Course, poses: tuple[Pose, ...]) -> str:
+def _moved(course: Course, poses: tuple[Pose, ...], since: float) -> str:
     if course.first_after is not None:
-        before, after = _name(poses, course.first_after - 1), _name(poses, course.first_after)
+        before, after = (_name(poses, k, since) for k in (course.first_after - 1, course.first_after))
         return (
             f"the bias stepped by {_vector(-course.change[0])} between {before} and {after}: both sides share the "
             "tool, and the bias is that of the last pose; was the sensor zeroed there?"
@@ -66,9 +67,9 @@ def _moved(course: Course, poses: tuple[Pose, ...]) -> str:
     )
 
 
-def _name(poses: tuple[Pose, ...], k: int) -> str:
+def _name(poses: tuple[Pose, ...], k: int, since: float) -> str:
     t = poses[k].t_start
-    return f"pose {k + 1}" + ("" if t is None else f" (t = {t:.6g} s)")
+    return f"pose {k + 1}" + ("" if t is None else f" (t = {t - since:.6g} s)")
 
 
 def _vector(wrench: Array) -> str:

@@ -81,13 +81,17 @@ def calibrate(
         question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
-    return assembled(replace(recorded, found=confirmed(recorded.found, question)), question, origin)
+    try:
+        checked = confirmed(recorded.found, question)
+    except UnobservableError as error:
+        raise UnobservableError(f"{error}{recorded.what_was_still}") from None
+    return assembled(replace(recorded, found=checked), question, origin)
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """A recording less its rows under load, its poses, the estimate from them, and the `g` (m/s^2) of the place;
-    `rejected` the stretches that are no pose.
+    `rejected` the stretches of a stream that are no pose; `stretches` how many made the poses, 0 of a table.
     """
 
     samples: Samples
@@ -96,6 +100,14 @@ class Recorded:
     warnings: tuple[str, ...]
     g: float
     rejected: tuple[Pose, ...]
+    stretches: int
+
+    @property
+    def what_was_still(self) -> str:
+        """What to add to a complaint about the poses of a stream."""
+        if not self.stretches:
+            return ""
+        return f" (still stretches: {self.stretches}, left out: {len(self.rejected)}; stop for a second or two at each)"
 
 
 def question_asked(
@@ -172,14 +184,18 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
     recorded = recorded_poses(free, MOST_VISITS, is_stream(samples))
     poses, rejected = _in_time(recorded.poses), recorded.rejected
-    warnings += what_was_not_still(rejected, recorded.stretches)
+    warnings += what_was_not_still(rejected, recorded.stretches, _first_time(free))
     if recorded.visits is not None:
         visits = _in_time(recorded.visits)
         found = cleaned_estimate(_readings(visits), _times(visits), question)
         if found.course is not None and found.course.kind != "steady":
-            return Recorded(free, visits, found, warnings, g, rejected)
+            return Recorded(free, visits, found, warnings, g, rejected, recorded.stretches)
     found = cleaned_estimate(_readings(poses), _times(poses), question)
-    return Recorded(free, poses, found, warnings, g, rejected)
+    return Recorded(free, poses, found, warnings, g, rejected, recorded.stretches)
+
+
+def _first_time(samples: Samples) -> float:
+    return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
 
 
 def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
@@ -268,6 +284,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         "source": recorded.samples.source,
         "rows": len(recorded.samples),
         "g": float(recorded.g),
+        **({} if recorded.samples.t is None else {"t_first": _first_time(recorded.samples)}),
         **origin,
     }
     fit, readings, names, tool = found.found.fit, found.readings, found.found.names, found.found.fit.tool
@@ -286,7 +303,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
-    warnings += what_was_cleaned(found, poses) + found.found.warnings
+    warnings += what_was_cleaned(found, poses, _first_time(recorded.samples)) + found.found.warnings
     warnings += weaknesses(found, question, observability.trade_offs)
     compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_CLEANED
     alternatives = _alternatives(readings, question) if compared else ()

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import two_digits
 from ..model import affine_jacobian, free_wrench, gravity_in_flange, matrix_jacobian, wrench_jacobian
 from ..orientation import Array
 from .course import FALSE_ALARM, FEWEST_POSES, Course, chance_of_steady, course_of_bias
@@ -146,12 +147,6 @@ def _linear_readings(found: Estimate, readings: PoseReadings, unit: Array) -> Li
 def _left_by(fit: Fit, readings: PoseReadings) -> Array:
     """What a fit leaves in any readings, (n, 6), N and N m."""
     return readings.wrench - free_wrench(fit.B, gravity_in_flange(readings.R_base_flange, fit.gravity_direction))
-
-
-def two_digits(value: float) -> str:
-    """A number with two digits, or all before the point, never in powers of ten."""
-    rounded = float(f"{value:.2g}")
-    return f"{rounded:.0f}" if abs(rounded) >= 10.0 else f"{rounded:g}"
 
 
 def weight_of(fit: Fit) -> float:

@@ -19,6 +19,13 @@ GIVEN_NOISE_RATIO = 5.0
 FURTHEST_COM = 2.0
 """m: no arm carries a tool that long."""
 
+ALIKE = 0.5
+"""Correlation of what is left in poses that follow each other, up to which a std is at most 1.7 times too small."""
+
+ALIKE_SHOWS = 3.3
+"""Standard deviations of that correlation; the axes of forces, and of torques, are taken to say one thing each."""
+
+FEWEST_IN_A_ROW = 12
 SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
 WELL_SPREAD = 0.1
@@ -35,6 +42,7 @@ def weaknesses(found: RobustEstimate, question: Question, trade_offs: tuple[str,
         warnings += poor_fit(fit)
         warnings += implausible_com(fit)
         warnings += cross_talk(fit, readings)
+    warnings += alike_in_a_row(fit)
     if question.earlier is not None:
         warnings += contradicts_earlier(fit)
     elif fit.held_out is None:
@@ -121,6 +129,26 @@ def poor_fit(fit: Fit) -> tuple[str, ...]:
     return (
         f"weak: {left:.2g} N are left in the poses, {100.0 * left / weight:.0f} % of the weight: the file may be read "
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it",
+    )
+
+
+def alike_in_a_row(fit: Fit) -> tuple[str, ...]:
+    """A warning where what is left in one pose is left in the next as well: poses are taken for independent, which rows
+    taken on the way are not, and no std holds.
+    """
+    n = len(fit.residuals)
+    rms = np.sqrt(np.mean(fit.residuals**2, axis=0))
+    if n < FEWEST_IN_A_ROW or not (rms > 0.0).all():
+        return ()
+    left = fit.residuals / rms
+    alike = float(np.mean(left[1:] * left[:-1]))
+    if alike <= max(ALIKE, ALIKE_SHOWS / np.sqrt(2.0 * n)):
+        return ()
+    worth = (1.0 - alike) / (1.0 + alike)
+    return (
+        f"weak: what is left in one pose is left in the next too (correlation {alike:.2f}), as in rows taken while the "
+        f"arm moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and every std is too small: stop at "
+        "each orientation, and give the times in a column t",
     )
 
 

@@ -131,7 +131,7 @@ def calibrate(
     if report is not None:
         from ..report.html import write_calibration_report
 
-        write_calibration_report(report, calibrations[0])
+        write_calibration_report(report, calibrations[0], recordings[0])
     _print(calibrations, bool(in_common), json, output)
     if not (json or str(output) == STDOUT):
         for written, what in (*((path, "calibration") for path in paths), (report, "report")):

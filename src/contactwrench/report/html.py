@@ -15,8 +15,11 @@ from ..calibration_text import headline, meaningful_digits, parameter_rows
 from ..files import write_text
 from ..model import AXES
 from ..orientation import Array
+from ..resting import is_stream
+from ..samples import Samples
+from ..stillness import still_stretches
 from ..version import __version__
-from . import figures
+from . import figures, signals
 from .style import STYLE
 
 PURPOSE = {
@@ -33,16 +36,21 @@ BIAS_MOVED = ("the bias stepped", "the bias drifted", "the bias wandered")
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a report: a calibration with its figures, under a title and a few paragraphs of plain words."""
+    """A part of a report: a calibration with its figures, under a title and a few paragraphs of plain words; the
+    `samples` that it was made from, where they are to be drawn.
+    """
 
     title: str
     paragraphs: tuple[str, ...]
     calibration: Calibration
+    samples: Samples | None = None
 
 
-def write_calibration_report(path: str | Path, calibration: Calibration) -> None:
-    """Write the report of one calibration. Raises `FileAccessError`, and `MissingExtraError` without matplotlib."""
-    write_report(path, "Calibration report", (), (Section(headline(calibration), (), calibration),))
+def write_calibration_report(path: str | Path, calibration: Calibration, samples: Samples | None = None) -> None:
+    """Write the report of one calibration, with a picture of the `samples` that it was made from where they are a
+    stream. Raises `FileAccessError`, and `MissingExtraError` without matplotlib.
+    """
+    write_report(path, "Calibration report", (), (Section(headline(calibration), (), calibration, samples),))
 
 
 def write_report(path: str | Path, title: str, introduction: tuple[str, ...], sections: tuple[Section, ...]) -> None:
@@ -71,6 +79,7 @@ def _section(section: Section) -> str:
         "</div></div>",
         _assumptions(c),
         _alternatives(c),
+        _signals(c, section.samples),
         _left_out(c),
     ]
     if c.fitted_poses:
@@ -168,6 +177,23 @@ def _alternatives(c: Calibration) -> str:
     return f"<h3>What other models make of the same poses</h3>{table}<p class='unit'>{said}</p>"
 
 
+def _signals(c: Calibration, samples: Samples | None) -> str:
+    """The recording over time, of a stream."""
+    if samples is None or not is_stream(samples):
+        return ""
+    free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
+    found = still_stretches(free)
+    seconds = sum(stretch.t_end - stretch.t_start for stretch in found.accepted)
+    numbered = (
+        " Hatched: stretches that were left out, by the numbers below." if signals.left_out_spans(c, found) else ""
+    )
+    return "<h3>The recording</h3>" + figure_html(
+        signals.signals_over_time(c, free, found),
+        f"Green: the {len(found.accepted)} stretches, {seconds:.3g} s in all, in which arm and reading were still; "
+        f"those at one orientation are one pose.{numbered} The angle is that from where the arm began.",
+    )
+
+
 def _left_out(c: Calibration) -> str:
     """The poses that were left out, why, and what the calibration leaves in them."""
     poses = [(k + 1, pose) for k, pose in enumerate(c.poses) if pose.rejected is not None]
@@ -177,7 +203,7 @@ def _left_out(c: Calibration) -> str:
     rows = []
     for number, pose in poses:
         left = c.compensate(pose.wrench, pose.R_base_flange)
-        at = "" if pose.t_start is None else f"{pose.t_start:.6g}"
+        at = "" if pose.t_start is None else f"{pose.t_start - c.first_time:.6g}"
         rows.append(
             f"<tr><th>{number}</th>{f'<td>{at}</td>' if timed else ''}<td>{np.linalg.norm(left[:3]):.3g}</td>"
             f"<td>{1e3 * np.linalg.norm(left[3:]):.3g}</td><td class='said'>{escape(pose.rejected or '')}</td></tr>"

@@ -93,6 +93,23 @@ def _require_within(motion: Motion) -> None:
             )
 
 
+def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
+    """The motion at `rate` (Hz) from one row of joints (k, 7), rad, to the next, each way in `move` s with the least
+    jerk (Flash and Hogan 1985), with a stop of `stop` s at every row. Raises `InputError` for joints beyond range or
+    speed.
+    """
+    each = move + stop
+    t = np.arange(round((len(joints) * each - move) * rate)) / rate
+    row = np.minimum((t / each).astype(int), len(joints) - 1)
+    s = np.maximum(t - row * each - stop, 0.0) / move
+    way = np.vstack([np.diff(joints, axis=0), np.zeros((1, joints.shape[1]))])[row]
+    along = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    speed, acceleration = 30.0 * s**2 * (1.0 - s) ** 2 / move, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / move**2
+    motion = Motion(t, joints[row] + along[:, None] * way, speed[:, None] * way, acceleration[:, None] * way)
+    _require_within(motion)
+    return motion
+
+
 def exciting(duration: float, rate: float, rng: np.random.Generator) -> Motion:
     """A sum of sines with random amplitudes and phases in every joint around home (Swevers et al. 1997), rising from
     rest and coming back to it.
