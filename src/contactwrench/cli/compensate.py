@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from .progress import progress
 from .reading import (
     DEFAULT_G,
     CalibrationFile,
@@ -16,7 +17,6 @@ from .reading import (
     StandardGravity,
     gravity_direction,
     note_other_reading,
-    read_recording,
     three_numbers,
     with_reading_flags,
 )
@@ -46,14 +46,17 @@ def compensate(
     from ..calibration import Calibration
     from ..contact import contact_wrenches
     from ..files import require_distinct
+    from ..recording import pairs_in_batches, read_samples
     from ..recording.writers import write_contact_wrenches
 
     path = reading.file(file)
     read = {"recording that is read": path, "recording of the poses that is read": reading.layout.pose_file}
     require_distinct(output, {**read, "calibration that is read": calibration})
     loaded = Calibration.load(calibration)
-    samples = read_recording(path, reading.layout)
     note_other_reading(loaded.provenance, reading.layout)
-    point = None if at is None else three_numbers(at, "--at")
-    contact = contact_wrenches(loaded, samples, output_frame, point, gravity_direction(gravity))
-    write_contact_wrenches(output, [contact], path)
+    point, direction = None if at is None else three_numbers(at, "--at"), gravity_direction(gravity)
+    with progress(f"compensating {path.name}") as advance:
+        batches = pairs_in_batches(path, reading.layout, advance=advance)
+        samples = iter([read_samples(path, reading.layout)]) if batches is None else batches
+        contact = (contact_wrenches(loaded, some, output_frame, point, direction) for some in samples)
+        write_contact_wrenches(output, contact, path)

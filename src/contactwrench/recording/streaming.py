@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -65,18 +66,56 @@ def read_samples(path: str | Path, layout: Layout = AS_USUAL, advance: Advance |
     if is_bag(path, layout) or layout.pose_file is not None:
         return _paired(read_streams(path, layout, advance))
     table = _as_stated(joined(list(_told(tables(path, layout.orientation), advance))), path, layout)
-    if (table.has_wrench & ~table.has_orientation).any():
+    if _lacks_orientations(table):
         return _paired(_streams(table, path))
-    both = table if table.has_wrench.all() else table.select(table.has_wrench)
+    return _samples(table, path)
+
+
+def pairs_in_batches(
+    path: str | Path, layout: Layout = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+) -> Iterator[Samples] | None:
+    """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
+
+    None where the orientation has to be brought to the wrench's times: for a bag, two files, or a table in whose first
+    rows a wrench has no orientation of its own. Raises as `read_streams`, and `FileFormatError` at a later wrench
+    without one.
+    """
+    if is_bag(path, layout) or layout.pose_file is not None:
+        return None
+    blocks = (_as_stated(table, path, layout) for table in _told(tables(path, layout.orientation, rows), advance))
+    first = next(blocks)
+    return None if _lacks_orientations(first) else _pairs(chain([first], blocks), path)
+
+
+def _pairs(blocks: Iterator[Table], path: str | Path) -> Iterator[Samples]:
+    for table in blocks:
+        if _lacks_orientations(table):
+            lacking = table.has_wrench & ~table.has_orientation
+            t = np.nan if table.t is None else table.t[lacking][0]
+            raise FileFormatError(
+                f"{path}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in the "
+                "first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
+            )
+        yield _samples(table, path)
+
+
+def _lacks_orientations(table: Table) -> bool:
+    """Whether a wrench has no orientation in its row."""
+    return bool((table.has_wrench & ~table.has_orientation).any())
+
+
+def _samples(table: Table, path: str | Path) -> Samples:
+    """The rows of a table that have a wrench, each with its orientation. Raises `FileFormatError`."""
+    pairs = table if table.has_wrench.all() else table.select(table.has_wrench)
     try:
         return Samples(
-            both.wrench,
-            both.orientation,
-            both.t,
-            both.position,
-            both.load_mass,
+            pairs.wrench,
+            pairs.orientation,
+            pairs.t,
+            pairs.position,
+            pairs.load_mass,
             _name(path),
-            saturated=None if both.saturated is None else both.saturated == 1.0,
+            saturated=None if pairs.saturated is None else pairs.saturated == 1.0,
         )
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None
@@ -136,7 +175,7 @@ def _as_stated(table: Table, path: str | Path, layout: Layout) -> Table:
     R = table.orientation.transpose(0, 2, 1) if layout.inverse_orientation else table.orientation
     wrench = -table.wrench if layout.sign == "reaction" else table.wrench
     if layout.wrench_frame == "base":
-        if (table.has_wrench & ~table.has_orientation).any():
+        if _lacks_orientations(table):
             raise FileFormatError(f"{path}: {IN_BASE_AXES}")
         wrench = np.concatenate(
             [np.einsum("nij,ni->nj", R, wrench[:, :3]), np.einsum("nij,ni->nj", R, wrench[:, 3:])], axis=1
