@@ -178,6 +178,42 @@ def test_a_motion_is_a_recording_at_the_sensors_rate(tmp_path: Path, capsys: Cap
     assert tilt.max() - tilt.min() > 20.0
 
 
+def test_a_motion_with_stops_rests_at_each(tmp_path: Path, capsys: Capture) -> None:
+    flags = ["--trajectory=stops:4", "--set=recording.rest=0.8", "--set=recording.rate=200"]
+    samples, _, table = simulated(capsys, tmp_path, *flags)
+    joints = np.stack([table[f"q{k}"] for k in range(1, 8)], axis=1)
+    still = np.concatenate([[False], np.abs(np.diff(joints, axis=0)).max(axis=1) < 1e-9])
+    edges = np.flatnonzero(np.diff(still.astype(int)))
+    lengths = np.diff(np.r_[edges, len(still) - 1])[::2] / 200.0
+    assert lengths == pytest.approx(np.full(4, 0.8), abs=0.02)
+    directions = samples.R_base_flange[edges[::2] + 5, 2]
+    assert np.linalg.norm(directions[:, None] - directions, axis=2)[np.triu_indices(4, 1)].min() > 0.5
+
+
+def test_a_push_is_felt_at_the_sensor_as_statics_says(tmp_path: Path, capsys: Capture) -> None:
+    """A force f on the hook p: R_sensor_base f, and the torque p x that, whatever the arm does meanwhile."""
+    flags = ["--trajectory=excite", "--set=recording.duration=12", "--set=recording.rate=100", *SILENT, *SKEWED]
+    flags += ["--set=sensor.delay=0", "--set=sensor.overload=100", "--set=tool.hook=[0.02,-0.05,0.11]", "--seed=3"]
+    free, _, _ = simulated(capsys, tmp_path, *flags)
+    pushed, truth, _ = simulated(capsys, tmp_path, *flags, "--pushes=3")
+    assert free.t is not None
+    added = pushed.wrench - free.wrench
+    rig = true_rig(truth)
+    pushes = truth["pushes"]
+    assert isinstance(pushes, list)
+    assert len(pushes) == 3
+    inside = np.zeros(len(free), dtype=bool)
+    for push in pushes:
+        whole = (free.t > push["t_start"] + 0.04) & (free.t < push["t_end"] - 0.04)
+        inside |= (free.t >= push["t_start"]) & (free.t <= push["t_end"])
+        force = np.einsum("nji,j->ni", pushed.R_base_flange[whole] @ rig.R_flange_sensor, push["force"])
+        assert whole.sum() > 10
+        assert 1.0 <= np.linalg.norm(push["force"]) <= 10.0
+        assert np.abs(added[whole, :3] - force).max() < 2e-6
+        assert np.abs(added[whole, 3:] - np.cross([0.02, -0.05, 0.11], force)).max() < 2e-6
+    assert np.abs(added[~inside]).max() == 0.0
+
+
 def test_poses_and_motions_from_files(tmp_path: Path, capsys: Capture) -> None:
     joints = np.array([[0.1, 0.5, -0.2, -1.0, 0.3, 1.2, 0.4], [0.4, 0.3, 0.1, -1.2, -0.3, 1.0, -0.6]])
     names = ",".join(f"q{k}" for k in range(1, 8))
@@ -248,7 +284,15 @@ BAD_FILES = {
             ["--poses=nothing.csv"],
             "nothing.csv: found no column c, expected all of kuka_abc: add it; or give joint angles q1 to q7",
         ),
-        (["--trajectory=foo"], "--trajectory is foo, expected excite, sweep or a CSV file with t and q1 to q7"),
+        (
+            ["--trajectory=foo"],
+            "--trajectory is foo, expected stops, stops:N, excite, sweep or a CSV file with t and q1 to q7",
+        ),
+        (["--pushes=3"], "found --pushes 3 without a motion, expected --trajectory: add it"),
+        (
+            ["--pushes=30", "--trajectory=sweep"],
+            "30 pushes do not fit into 20 s, expected 91 s or more, or fewer pushes",
+        ),
         (["--trajectory=one.csv"], "one.csv: found 1 points of a trajectory, expected 2 or more: add points"),
         (["--trajectory=back.csv"], "back.csv: t in point 2 is 0 s, expected more than 0: sort the points"),
         (

@@ -20,7 +20,7 @@ from .exchange import chosen_experiments
 from .model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
 from .observability import LEVER, natural_jacobian, require_separable
 from .orientation import Array
-from .poses import poses_from_samples
+from .resting import is_stream, resting_poses
 from .robots import Reach
 from .rotations import spread_rotations
 from .samples import Samples, read_only
@@ -135,7 +135,7 @@ def recorded_poses(samples: Samples) -> Array:
     """The orientations (m, 3, 3) of the contact-free poses in a recording, in the order of their first rows."""
     samples, _ = samples.unsaturated()
     free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
-    return np.array([pose.R_base_flange for pose in poses_from_samples(free)]).reshape(-1, 3, 3)
+    return np.array([pose.R_base_flange for pose in resting_poses(free, is_stream(samples))]).reshape(-1, 3, 3)
 
 
 def plan(

@@ -46,14 +46,14 @@ class Pose:
 
 def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
     """Average the rows of `samples` that share an orientation; poses in the order of their first rows."""
-    return _averaged(samples, _label_orientations(samples.R_base_flange))
+    return _averaged(samples, label_orientations(samples.R_base_flange))
 
 
 def poses_and_visits(samples: Samples, most: int) -> tuple[tuple[Pose, ...], tuple[Pose, ...] | None]:
     """The poses, and the visits: an orientation that the arm comes back to counts each time. None where no orientation
     is visited twice, or where there are more than `most` visits.
     """
-    label = _label_orientations(samples.R_base_flange)
+    label = label_orientations(samples.R_base_flange)
     poses = _averaged(samples, label)
     visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])[: len(label)]
     again = len(visit) > 0 and len(poses) < visit[-1] + 1 <= most
@@ -88,7 +88,7 @@ def _average(wrench: Array, R: Array, t: Array | None) -> Pose:
     return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, *times)
 
 
-def _label_orientations(R: Array) -> NDArray[np.intp]:
+def label_orientations(R: Array) -> NDArray[np.intp]:
     """A label per row, 0, 1, ... in order of first appearance; equal for rows within `SAME_POSE_ANGLE`.
 
     Rows are first collected into cells much smaller than that angle, so that a million rows at a few

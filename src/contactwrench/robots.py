@@ -37,7 +37,8 @@ class Arm:
 
     `R_before` (k, 3, 3) from each joint's frame to the one before it, at rest; `axis` (k, 3) unit vectors in the
     joint's own frame; `R_last_flange` (3, 3) from the flange to the last joint; `limits` (k, 2) rad, lowest and
-    highest; `home` (k,) rad, a place to plan around. `source` says where this is from.
+    highest; `home` (k,) rad, a place to plan around. `source` says where this is from; `joint_names` (k),
+    where it names the joints.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Arm:
     limits: Array
     home: Array
     source: str
+    joint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("R_before", "axis", "R_last_flange", "limits", "home"):

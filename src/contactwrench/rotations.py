@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .orientation import Array
 from .wrench import cross_matrix
@@ -32,6 +34,48 @@ def rotation_log(R: Array) -> Array:
 
     vector: Array = Rotation.from_matrix(R).as_rotvec()
     return vector
+
+
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """The shortest turns from each of n rotations to the next: `angle` (n - 1,), rad, 0 to pi, and what makes the
+    rotations between (Rodrigues, in the turned axes).
+    """
+
+    angle: Array
+    start: Array
+    across: Array
+    back: Array
+
+    def at(self, arc: NDArray[np.intp], share: Array) -> Array:
+        """The rotations (k, 3, 3) after a `share` (k,), 0 to 1, of the turns `arc` (k,)."""
+        turned = share * self.angle[arc]
+        sine, rest = np.sin(turned)[:, None], (2.0 * np.sin(0.5 * turned) ** 2)[:, None]
+        R: Array = self.start[arc] + sine * self.across[arc] + rest * self.back[arc]
+        return R.reshape(-1, 3, 3)
+
+
+def arcs_through(R: Array) -> Arcs:
+    """The arcs through rotations (n, 3, 3). Of a half turn the axis is not known, and it is not turned."""
+    axis, angle = _axis_and_angle(np.swapaxes(R[:-1], 1, 2) @ R[1:])
+    K = cross_matrix(axis)
+    across = R[:-1] @ K
+    return Arcs(angle, R[:-1].reshape(-1, 9), across.reshape(-1, 9), (across @ K).reshape(-1, 9))
+
+
+def rotation_vectors(R: Array) -> Array:
+    """The rotation vectors (n, 3), rad, of rotations (n, 3, 3) by less than a half turn."""
+    axis, angle = _axis_and_angle(R)
+    vectors: Array = angle[:, None] * axis
+    return vectors
+
+
+def _axis_and_angle(R: Array) -> tuple[Array, Array]:
+    """Unit axes (n, 3), zero where there is none, and angles (n,), rad, 0 to pi."""
+    axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
+    length = np.linalg.norm(axis, axis=1)
+    angle = np.arctan2(length, np.trace(R, axis1=1, axis2=2) - 1.0)
+    return axis / np.where(length > 0.0, length, 1.0)[:, None], angle
 
 
 def rotations_about_z(angle: Array) -> Array:

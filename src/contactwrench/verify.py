@@ -16,7 +16,8 @@ from .chi_square import SIGNIFICANCE, MisfitTest, misfit_of_readings, percent
 from .contact_noise import noise_dof, reading_variance
 from .errors import InputError
 from .orientation import Array
-from .poses import Pose, poses_from_samples
+from .poses import Pose
+from .resting import is_stream, resting_poses
 from .samples import Samples, read_only
 from .weigh import gravity_in_sensor
 
@@ -97,7 +98,7 @@ def verify(
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
     weighings, weighed = _weigh(calibration, samples, load, g)
-    poses = poses_from_samples(samples.select(load == 0.0))
+    poses = resting_poses(samples.select(load == 0.0), is_stream(samples))
     residuals = np.empty((0, 6))
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
@@ -153,8 +154,9 @@ def _weigh(
     """Each load's weighing, and the joint test of all of them."""
     poses: list[Pose] = []
     masses: list[float] = []
+    stream = is_stream(samples)
     for mass in np.unique(load[load > 0.0]):
-        of_load = poses_from_samples(samples.select(load == mass))
+        of_load = resting_poses(samples.select(load == mass), stream)
         poses += of_load
         masses += [float(mass)] * len(of_load)
     if not poses:

@@ -20,7 +20,8 @@ from .contact_noise import noise_dof, reading_variance
 from .errors import InputError
 from .model import gravity_in_flange, mounting_turn
 from .orientation import Array
-from .poses import SAME_POSE_ANGLE, poses_from_samples
+from .poses import SAME_POSE_ANGLE
+from .resting import is_stream, resting_poses
 from .samples import Samples, read_only
 from .wrench import cross_matrix
 
@@ -86,7 +87,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     if not 0.0 < g < np.inf:
         raise InputError(f"g is {g:g}, expected m/s^2 above 0")
     held, warnings = _of_one_object(samples)
-    poses = poses_from_samples(held)
+    poses = resting_poses(held, is_stream(samples))
     if not poses:
         raise InputError(f"{samples.source}: found no samples, expected poses in which the object is held")
     R = np.array([pose.R_base_flange for pose in poses])

@@ -10,6 +10,7 @@ from .course import Course
 from .robust import RobustEstimate, two_digits
 
 MOST_NAMED = 6
+MOST_STRETCHES_NAMED = 3
 HOUR = 3600.0
 
 
@@ -22,6 +23,21 @@ def what_was_cleaned(found: RobustEstimate, poses: tuple[Pose, ...]) -> tuple[st
     if found.course is not None and found.course.kind != "steady":
         warnings.append(_moved(found.course, poses))
     return tuple(warnings)
+
+
+def what_was_not_still(rejected: tuple[Pose, ...], accepted: int) -> tuple[str, ...]:
+    """A warning of a stream's stretches that are no pose, beside those `accepted`; the longest with their reasons."""
+    if not rejected:
+        return ()
+    longest = sorted(sorted(rejected, key=lambda pose: -pose.n)[:MOST_STRETCHES_NAMED], key=_start)
+    named = "; ".join(f"t = {_start(pose):.6g} s, {pose.rejected}" for pose in longest)
+    more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
+    stood = len(rejected) + accepted
+    return (f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}",)
+
+
+def _start(pose: Pose) -> float:
+    return 0.0 if pose.t_start is None else pose.t_start
 
 
 def _moved(course: Course, poses: tuple[Pose, ...]) -> str:

@@ -19,18 +19,19 @@ from ..errors import InputError, UnobservableError
 from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
-from ..poses import Pose, moments_of_poses, poses_and_visits, poses_from_samples
+from ..poses import Pose, moments_of_poses
+from ..resting import is_stream, recorded_poses, resting_poses
 from ..samples import Samples
 from ..version import __version__
 from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words
 from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
-from .cleaned import what_was_cleaned
+from .cleaned import what_was_cleaned, what_was_not_still
 from .estimate import HELD_GRAVITY, Question, fitted, require_answerable, rung_fitted
 from .given import earlier_tool, knowledge_given
 from .least_squares import LEAST_LEFT, GivenNoise, PoseReadings
 from .noise import pooled_scatter
-from .robust import RobustEstimate, cleaned_estimate, confirmed
+from .robust import MOST_CLEANED, RobustEstimate, cleaned_estimate, confirmed
 from .weakness import weaknesses
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
@@ -85,13 +86,16 @@ def calibrate(
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording less its rows under load, its poses, the estimate from them, and the `g` (m/s^2) of the place."""
+    """A recording less its rows under load, its poses, the estimate from them, and the `g` (m/s^2) of the place;
+    `rejected` the stretches that are no pose.
+    """
 
     samples: Samples
     poses: tuple[Pose, ...]
     found: RobustEstimate
     warnings: tuple[str, ...]
     g: float
+    rejected: tuple[Pose, ...]
 
 
 def question_asked(
@@ -144,7 +148,7 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, sa
         )
     if gravity_stated:
         raise InputError("an earlier calibration brings its gravity, and gravity is stated too: leave one of them out")
-    rows = min((pose.n for pose in poses_from_samples(samples)), default=1)
+    rows = min((pose.n for pose in resting_poses(samples)), default=1)
     tool, knowledge, noise = earlier_tool(prior, rows)
     return replace(
         question,
@@ -164,16 +168,18 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if not (np.isfinite(g) and g > 0.0):
         raise InputError(f"g is {g!r}, expected m/s^2 above 0")
     free, warnings = _contact_free(samples)
-    poses, visits = poses_and_visits(free, MOST_VISITS)
-    if not poses:
+    if not len(free):
         raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
-    poses = _in_time(poses)
-    if visits is not None:
-        visits = _in_time(visits)
+    recorded = recorded_poses(free, MOST_VISITS, is_stream(samples))
+    poses, rejected = _in_time(recorded.poses), recorded.rejected
+    warnings += what_was_not_still(rejected, recorded.stretches)
+    if recorded.visits is not None:
+        visits = _in_time(recorded.visits)
         found = cleaned_estimate(_readings(visits), _times(visits), question)
         if found.course is not None and found.course.kind != "steady":
-            return Recorded(free, visits, found, warnings, g)
-    return Recorded(free, poses, cleaned_estimate(_readings(poses), _times(poses), question), warnings, g)
+            return Recorded(free, visits, found, warnings, g, rejected)
+    found = cleaned_estimate(_readings(poses), _times(poses), question)
+    return Recorded(free, poses, found, warnings, g, rejected)
 
 
 def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
@@ -282,7 +288,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
     held_out = fit.held_out
     warnings += what_was_cleaned(found, poses) + found.found.warnings
     warnings += weaknesses(found, question, observability.trade_offs)
-    alternatives = _alternatives(readings, question) if question.model == "auto" and question.earlier is None else ()
+    compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_CLEANED
+    alternatives = _alternatives(readings, question) if compared else ()
     return Calibration(
         requested_model=question.model,
         model=rung_fitted(question.model),
@@ -306,7 +313,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         observability=observability,
         warnings=warnings,
         provenance=provenance,
-        poses=() if many else tuple(map(_marked, poses, found.reasons)),
+        poses=() if many else (*map(_marked, poses, found.reasons), *recorded.rejected),
         moments=moments_of_poses(readings.R_base_flange, readings.wrench) if many else None,
         weight_xy=found.found.weight_xy,
         weight_z=found.found.weight_z,

@@ -31,6 +31,9 @@ POOR_SHARE = 0.10
 MENDED = 0.3
 """Of what was left before: cleaning that leaves less has found what was wrong."""
 
+MOST_CLEANED = 2_000
+"""Poses: of more, rows taken on the way most often, none is left out. Looking at each would take minutes."""
+
 ROBUST_MODELS = ("auto", "yaw", "mount", "mount+base")
 
 
@@ -54,7 +57,11 @@ def cleaned_estimate(readings: PoseReadings, time: Array, question: Question) ->
     separate comes as it is (see `confirmed`).
     """
     found, course, clean = fitted(readings, question), None, readings
-    if question.model in ROBUST_MODELS and not _clean_at_a_glance(found, readings, time):
+    if (
+        question.model in ROBUST_MODELS
+        and len(readings) <= MOST_CLEANED
+        and not _clean_at_a_glance(found, readings, time)
+    ):
         found, course, clean = _cleaned(found, readings, time, question)
     kept = np.ones(len(readings), dtype=bool) if course is None else ~course.outlying
     return RobustEstimate(found, clean, readings, _reasons(found.fit, readings, kept, course), course)

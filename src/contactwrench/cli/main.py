@@ -19,6 +19,7 @@ from .demo import demo
 from .diagnose import diagnose
 from .diff import diff
 from .experiment import experiment
+from .info import info
 from .plan import plan
 from .show import show
 from .simulate import simulate
@@ -39,7 +40,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, experiment, demo):
+for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, experiment, demo):
     app.command()(verb)
 
 

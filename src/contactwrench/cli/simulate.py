@@ -38,9 +38,14 @@ def simulate(
     trajectory: Annotated[
         str | None,
         typer.Option(
-            metavar="excite|sweep|FILE", help="A motion instead of static poses; a FILE has t and q1..q7 (rad)."
+            metavar="stops[:N]|excite|sweep|FILE",
+            help="A motion instead of static poses, with a stop at each of N planned poses (12) or without any; a FILE "
+            "has t and q1..q7 (rad).",
         ),
     ] = None,
+    pushes: Annotated[
+        int, typer.Option(metavar="N", help="Pushes by a hand on the tool's hook during the motion, 1 to 10 N.", min=0)
+    ] = 0,
     seed: Annotated[int, typer.Option(metavar="S", help="Of everything random: same seed, same bytes.", min=0)] = 0,
     settings: Annotated[
         list[str] | None,
@@ -63,6 +68,8 @@ def simulate(
         raise InputError("found both --poses and --trajectory, expected one of them: leave the other out")
     if str(output) == "-" or output.suffix.lower() != ".csv":
         raise InputError(f"--output is {output}, expected a name that ends in .csv: the truth goes beside it")
+    if pushes and trajectory is None:
+        raise InputError(f"found --pushes {pushes} without a motion, expected --trajectory: add it")
     source = trajectory or poses or DEFAULT_POSES
     require_distinct(output, {"file that is read": Path(source)})
     rng = np.random.default_rng(seed)
@@ -70,8 +77,10 @@ def simulate(
     if trajectory is None:
         recorded = _static(rig_settings, source, loads, orientation, rng)
     else:
-        recorded = _moving(rig_settings, trajectory, loads, rng)
+        recorded = _moving(rig_settings, trajectory, loads, pushes, rng)
     asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}
+    if pushes:
+        asked["pushes"] = pushes
     write_recording(output, recorded, asked)
     typer.echo(_said(recorded, output, truth_path(output)))
 
@@ -123,19 +132,27 @@ def _planned(settings: Settings, n: int) -> Array:
     return around_home.joints[:0] if planned.joints is None else planned.joints
 
 
-def _moving(settings: Settings, trajectory: str, loads: tuple[float, ...], rng: np.random.Generator) -> Recorded:
+def _moving(
+    settings: Settings, trajectory: str, loads: tuple[float, ...], pushes: int, rng: np.random.Generator
+) -> Recorded:
+    from ..simulate.pushes import random_pushes
     from ..simulate.recording import record_motion
-    from ..simulate.trajectory import exciting, sweeping, through
+    from ..simulate.trajectory import exciting, stopping, sweeping, through
 
     if len(loads) > 1:
         raise InputError(f"found {len(loads)} loads for a motion, expected one: simulate a file for each")
     duration, rate = settings.recording.duration, settings.recording.rate
-    if trajectory == "excite":
+    kind, colon, count = trajectory.partition(":")
+    if kind == "stops" and (not colon or count.isdecimal()):
+        motion = stopping(_planned(settings, int(count or 12)), settings.recording.rest, rate)
+    elif trajectory == "excite":
         motion = exciting(duration, rate, rng)
     elif trajectory == "sweep":
         motion = sweeping(duration, rate)
     elif not Path(trajectory).suffix:
-        raise InputError(f"--trajectory is {trajectory}, expected excite, sweep or a CSV file with t and q1 to q7")
+        raise InputError(
+            f"--trajectory is {trajectory}, expected stops, stops:N, excite, sweep or a CSV file with t and q1 to q7"
+        )
     else:
         from ..recording.goals import read_goals
         from ..simulate.rig import JOINTS
@@ -148,7 +165,8 @@ def _moving(settings: Settings, trajectory: str, loads: tuple[float, ...], rng: 
             motion = through(goals.t, goals.joints, rate)
         except InputError as error:
             raise InputError(f"{trajectory}: {error}") from None
-    return record_motion(settings, motion, loads[0], rng=rng)
+    pushed = random_pushes(pushes, float(motion.t[-1]), rng) if pushes else ()
+    return record_motion(settings, motion, loads[0], pushed, rng=rng)
 
 
 def _loads(text: str) -> tuple[float, ...]:

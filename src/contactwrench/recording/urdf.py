@@ -66,7 +66,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     if tip not in to_child:
         raise FileFormatError(f"{path}: found no joint that carries a link {tip!r}, expected one of {_list(to_child)}")
     chain = _chain(path, tip, to_child)
-    R_before, axes, limits, R = [], [], [], np.eye(3)
+    R_before, axes, limits, names, R = [], [], [], [], np.eye(3)
     for joint in chain:
         R = R @ joint.R_parent_joint
         if joint.kind == "fixed":
@@ -79,11 +79,13 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
         R_before.append(R)
         axes.append(joint.axis)
         limits.append(joint.limits)
+        names.append(joint.name)
         R = np.eye(3)
     if not axes:
         raise FileFormatError(f"{path}: found no revolute joint from root to {tip}, expected a robot arm")
     ends = np.array(limits)
-    return Arm(f"{Path(path).name}:{tip}", np.array(R_before), np.array(axes), R, ends, ends.mean(axis=1), str(path))
+    name = f"{Path(path).name}:{tip}"
+    return Arm(name, np.array(R_before), np.array(axes), R, ends, ends.mean(axis=1), str(path), tuple(names))
 
 
 def _joints(path: str | Path) -> list[_Joint]:

@@ -11,6 +11,7 @@ from ..orientation import Array
 from ..rotations import rotation_exp
 from ..samples import Samples, read_only
 from .joint_torque import friction_torque, joint_torque_readings
+from .pushes import Push, force_on_hook
 from .rig import Physics, build, inverse_dynamics
 from .sensor import SensorStream
 from .settings import Settings
@@ -26,7 +27,7 @@ LEAD = 0.5
 class Recorded:
     """What a recording holds, n rows: `t` s; `wrench` (n, 6) the sensor's, and `saturated` (n, 6); `R_base_flange`
     (n, 3, 3) and `position` (n, 3) m as the robot states them; `joints` (n, 7) rad; `joint_torque` (n, 7) N m as its
-    sensors read; `load_mass` (n,) kg on the hook. `settings` are the rig's.
+    sensors read; `load_mass` (n,) kg on the hook; `pushes` on it. `settings` are the rig's.
     """
 
     settings: Settings
@@ -38,6 +39,7 @@ class Recorded:
     joints: Array
     joint_torque: Array
     load_mass: Array
+    pushes: tuple[Push, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("t", "wrench", "R_base_flange", "position", "joints", "joint_torque", "load_mass"):
@@ -125,9 +127,19 @@ def _in_time(wrench: Array, before: int, rows: int, moving: bool) -> Array:
     return np.concatenate([np.repeat(wrench[:1], before + rows - len(wrench), axis=0), wrench])
 
 
-def record_motion(settings: Settings, motion: Motion, load_mass: float = 0.0, *, rng: np.random.Generator) -> Recorded:
-    """A recording along a motion that the arm follows exactly, row by row at the motion's own times."""
-    physics = inverse_dynamics(build(settings, load_mass), motion.joints, motion.velocity, motion.acceleration)
+def record_motion(
+    settings: Settings,
+    motion: Motion,
+    load_mass: float = 0.0,
+    pushes: tuple[Push, ...] = (),
+    *,
+    rng: np.random.Generator,
+) -> Recorded:
+    """A recording along a motion that the arm follows exactly, row by row at the motion's own times, while `pushes`
+    act on the tool's hook.
+    """
+    pushed = force_on_hook(pushes, motion.t) if pushes else None
+    physics = inverse_dynamics(build(settings, load_mass), motion.joints, motion.velocity, motion.acceleration, pushed)
     readings = SensorStream(settings.sensor, settings.recording.rate, rng).read(physics.wrench)
     friction = friction_torque(settings.joint_torque, motion.velocity, rng)
     return Recorded(
@@ -140,4 +152,5 @@ def record_motion(settings: Settings, motion: Motion, load_mass: float = 0.0, *,
         motion.joints,
         joint_torque_readings(settings.joint_torque, physics.joint_torque, friction, rng),
         np.full(len(motion.t), load_mass),
+        pushes,
     )

@@ -42,7 +42,8 @@ def write_recording(path: Path, recorded: Recorded, command: dict[str, object]) 
 def truth_json(recorded: Recorded, command: dict[str, object]) -> str:
     """What was true, under the names of a calibration file, with the settings of the rig and how it was asked for.
 
-    `bias` is the setting; where it drifts, `settings.sensor.drift` says how. `saturated` counts rows a channel.
+    `bias` is the setting; where it drifts, `settings.sensor.drift` says how. `saturated` counts rows a channel;
+    `pushes` are forces on the tool's hook, N, base axes.
     """
     settings = recorded.settings
     tool = settings.tool
@@ -55,6 +56,9 @@ def truth_json(recorded: Recorded, command: dict[str, object]) -> str:
         "R_flange_sensor": settings.R_flange_sensor.tolist(),
         "gravity_direction": (settings.gravity_direction + 0.0).tolist(),
         "saturated": dict(zip(AXES, recorded.saturated.sum(axis=0).tolist(), strict=True)),
+        "pushes": [
+            {"t_start": one.t_start, "t_end": one.t_end, "force": one.force.tolist()} for one in recorded.pushes
+        ],
         "command": command,
         "settings": msgspec.to_builtins(settings),
     }

@@ -6,6 +6,7 @@ exerts on the sensor. The sign is turned here, once.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -74,10 +75,14 @@ def build(
 
 
 def inverse_dynamics(
-    rig: Rig, joints: Array, velocity: Array | None = None, acceleration: Array | None = None
+    rig: Rig,
+    joints: Array,
+    velocity: Array | None = None,
+    acceleration: Array | None = None,
+    force_on_hook: Array | None = None,
 ) -> Physics:
     """The physics of an arm that is exactly at `joints` (n, 7) rad, with velocities and accelerations (n, 7) rad/s and
-    rad/s^2 (None: at rest), touching nothing.
+    rad/s^2 (None: at rest), touching nothing but what exerts `force_on_hook` (n, 3), N, base axes, on the tool's hook.
     """
     mujoco = import_mujoco()
     data = mujoco.MjData(rig.model)
@@ -88,8 +93,13 @@ def inverse_dynamics(
     R_world_flange, flange_in_world = data.site_xmat[rig.flange], data.site_xpos[rig.flange]
     step, model = mujoco.mj_inverse, rig.model
     speed[:] = change[:] = 0.0
+    push_at = _pusher(rig, data)
+    pushed = () if force_on_hook is None else np.flatnonzero(force_on_hook.any(axis=1))
+    pushes = set(map(int, pushed))
     for k in range(n):
         at[:] = joints[k]
+        if force_on_hook is not None:
+            push_at(force_on_hook[k], k in pushes)
         if velocity is not None:
             speed[:] = velocity[k]
         if acceleration is not None:
@@ -99,6 +109,23 @@ def inverse_dynamics(
         R[k], position[k] = R_world_flange, flange_in_world
     R_base_world = rig.settings.R_world_base.T
     return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
+
+
+def _pusher(rig: Rig, data: mujoco.MjData) -> Callable[[Array, bool], None]:
+    """Sets the external force on the hook for the joints as they are now; the kinematics only where there is one."""
+    kinematics = import_mujoco().mj_kinematics
+    tool, hook = rig.model.body("tool").id, np.array(rig.settings.tool.hook)
+    external, centre, origin = data.xfrc_applied[tool], data.xipos[tool], data.xpos[tool]
+    R_world_tool = data.xmat[tool].reshape(3, 3)
+
+    def push_at(force: Array, pushed: bool) -> None:
+        external[:] = 0.0
+        if pushed:
+            kinematics(rig.model, data)
+            external[:3] = rig.settings.R_world_base @ force
+            external[3:] = np.cross(origin + R_world_tool @ hook - centre, external[:3])
+
+    return push_at
 
 
 def import_mujoco() -> Any:

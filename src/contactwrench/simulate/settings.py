@@ -64,6 +64,8 @@ BOUNDS: dict[str, tuple[float, float, str]] = {
     "recording.orientation_error_deg": (0.0, 180.0, ""),
     "recording.rate": (1.0, 1e5, ""),
     "recording.duration": (0.1, 1e5, ""),
+    "recording.rest": (0.0, 1e3, ""),
+    "recording.pose_rate": (0.1, 1e5, ""),
 }
 """The least and the most of every number, each end included: what MuJoCo can compute and somebody could mean."""
 MOST_ROWS = 1e7
@@ -192,6 +194,10 @@ class Recording:
     """Rows per second of a trajectory."""
     duration: float = 20.0
     """Of a trajectory that comes without times, s."""
+    rest: float = 1.5
+    """At each stop of a trajectory that stops, s."""
+    pose_rate: float = 100.0
+    """Poses per second in a bag, which has wrench and pose in streams of their own; in a table every row has both."""
 
 
 @dataclass(frozen=True)

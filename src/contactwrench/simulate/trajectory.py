@@ -1,8 +1,9 @@
-"""Motions of the arm: splines through joint angles at given times, and two that are made to identify a tool."""
+"""Motions of the arm: splines through joint angles at given times, and three that are made to identify a tool."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +18,11 @@ HARMONICS = 5
 KNOTS_PER_SECOND = 20.0
 OF_RANGE, OF_SPEED = 0.6, 0.6
 """Of the room that a joint has around home, and of its largest speed: what the exciting motion takes."""
+
+MOVE_SPEED = 0.25
+"""Of its largest speed: what the joint that has furthest to go takes from one stop to the next."""
+PEAK = 1.875
+"""Largest over mean speed of a motion of least jerk, `10 s^3 - 15 s^4 + 6 s^5`."""
 
 SWEEP_DEG = (
     (0.0, 0.0, 0.0),
@@ -108,3 +114,26 @@ def sweeping(duration: float, rate: float) -> Motion:
     turns[:, 4:] = np.deg2rad(SWEEP_DEG)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
     return through(duration * way / way[-1], HOME + turns, rate)
+
+
+def stopping(joints: Array, rest: float, rate: float) -> Motion:
+    """The motion at `rate` (Hz) that begins at home and stops at each of `joints` (k, 7), rad, for `rest` s, with least
+    jerk in between (Flash and Hogan 1985). Raises `InputError` for joints beyond their range.
+    """
+    stops = np.vstack([HOME, joints])
+    t, q, speed, change = [], [], [], []
+    now = 0.0
+    for begin, end in pairwise(stops):
+        way = end - begin
+        moving = max(PEAK * float((np.abs(way) / MAX_SPEED).max()) / MOVE_SPEED, 1.0 / rate)
+        rows = max(round(moving * rate), 1)
+        s = np.arange(rows)[:, None] / rows
+        t.append(now + np.arange(rows + round(rest * rate)) / rate)
+        still = np.zeros((round(rest * rate), len(HOME)))
+        q += [begin + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2), end + still]
+        speed += [way * 30.0 * s**2 * (1.0 - s) ** 2 * rate / rows, still]
+        change += [way * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * (rate / rows) ** 2, still]
+        now = t[-1][-1] + 1.0 / rate
+    motion = Motion(np.concatenate(t), np.concatenate(q), np.concatenate(speed), np.concatenate(change))
+    _require_within(motion)
+    return motion

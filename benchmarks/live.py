@@ -1,0 +1,332 @@
+"""The Compensator against signals of the judge (world.py) with a sensor's filter from scipy.signal: what is left of
+gravity while the arm turns, false alarms, contacts found, a shift of eight hours, and what a call costs.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.compensator import Compensator
+from contactwrench.contact_wrench import Contact
+from contactwrench.drift import TYPICAL_DRIFT
+from contactwrench.filters import LowPass
+
+from .table import Row
+from .world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
+
+RATE = 1000.0
+NOISE = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
+"""N and N m: std of one sample."""
+FALSE_ALARMS = 1e-4
+HOUR = 3600.0
+
+
+def calibrated(rng: np.random.Generator, poses: int = 24, given: bool = True) -> tuple[cw.Calibration, Rig]:
+    """A calibration from random poses, one reading each, of any tool and mounting; and what is true."""
+    rig, R = random_rig(rng), random_rotations(poses, rng)
+    samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R)
+    return cw.calibrate(samples, "mount", noise=NOISE if given else None), rig
+
+
+def motion(
+    rng: np.random.Generator, n: int, rate: float = RATE, begin: Rotation | None = None
+) -> tuple[Array, Rotation]:
+    """Orientations (n, 3, 3) of an arm that turns smoothly from pose to pose for a second and then rests for two, and
+    the last pose.
+    """
+    legs = int(np.ceil(n / (3.0 * rate)))
+    turn, rest = int(rate), int(2.0 * rate)
+    at, parts = begin or Rotation.random(random_state=rng), []
+    share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, turn + 1) / turn)
+    for _ in range(legs):
+        vector = rng.normal(size=3)
+        vector *= rng.uniform(0.2, 1.0) / np.linalg.norm(vector)
+        parts.append((at * Rotation.from_rotvec(share[:, None] * vector)).as_matrix())
+        at = at * Rotation.from_rotvec(vector)
+        parts.append(np.broadcast_to(at.as_matrix(), (rest, 3, 3)))
+    return np.concatenate(parts)[:n], at
+
+
+def turning(cutoff: float = 10.0, speed: float = 60.0) -> Iterator[Row]:
+    """Gravity that is left of a turn behind a first-order filter of the sensor, with next to no noise."""
+    rng = np.random.default_rng(11)
+    without: list[float] = []
+    left: list[float] = []
+    fine = 20
+    for _ in range(20):
+        rig = random_rig(rng)
+        R = random_rotations(24, rng)
+        calibration = cw.calibrate(cw.Samples(readings(rig, R), R), "mount", noise=NOISE)
+        n = int(2.0 * RATE) * fine
+        t = np.arange(n) / (fine * RATE)
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        angle = np.deg2rad(speed) * np.maximum(t - 0.5, 0.0)
+        start = Rotation.random(random_state=rng)
+        course = (start * Rotation.from_rotvec(angle[:, None] * axis)).as_matrix()
+        wrench = readings(rig, course)
+        kept = np.exp(-2.0 * np.pi * cutoff / (fine * RATE))
+        wrench = wrench[0] + lfilter([1.0 - kept], [1.0, -kept], wrench - wrench[0], axis=0)
+        rows = slice(0, None, fine)
+        wrench += 1e-3 * NOISE * rng.normal(size=wrench.shape)
+        for sensor, found in ((None, without), (cutoff, left)):
+            compensator = Compensator(calibration, rate=RATE, noise=NOISE, sensor_filter=sensor, fast=False)
+            contact = compensator.run(wrench[rows], course[rows], t[rows]).wrench
+            found.append(np.linalg.norm(contact[:, :3], axis=1).max() / rig.weight)
+    ratio = float(np.median(np.array(without) / np.array(left)))
+    worst = float(np.min(np.array(without) / np.array(left)))
+    remark = f"median {ratio:.3g}; {100 * np.max(without):.2g} % of the weight without, {100 * np.max(left):.2g} % with"
+    yield Row("largest force left, without over with the filter, worst of 20 tools", worst, "x", 20.0, remark=remark)
+
+
+@dataclass(frozen=True)
+class Case:
+    """How the Compensator is set for free samples."""
+
+    name: str
+    lowpass: float | None
+    drift: bool
+    given: bool = True
+
+
+CASES = (
+    Case("no filter, no drift", None, drift=False),
+    Case("low-pass 50 Hz", 50.0, drift=False),
+    Case("drift", None, drift=True),
+    Case("low-pass 50 Hz and drift", 50.0, drift=True),
+    Case("no filter, no drift, calibration's noise unknown", None, drift=False, given=False),
+)
+
+
+def false_alarms(case: Case, calibrations: int, samples: int) -> Row:
+    """Per-sample false alarms on free white noise, before hysteresis, over the stated rate."""
+    fired = events = 0
+    for number in range(calibrations):
+        rng = np.random.default_rng((12, number))
+        calibration, rig = calibrated(rng, given=case.given)
+        R, _ = motion(rng, samples)
+        compensator = Compensator(
+            calibration,
+            rate=RATE,
+            noise=NOISE,
+            lowpass=case.lowpass,
+            drift=TYPICAL_DRIFT if case.drift else None,
+            false_alarm_rate=FALSE_ALARMS,
+        )
+        batch = compensator.run(noisy_readings(rig, R, NOISE, rng), R, np.arange(samples) / RATE)
+        fired += int(np.sum(batch.statistic > batch.threshold))
+        last = compensator.last_contact
+        events += len(batch.contacts) + (last is not None and last.release is None)
+    total = calibrations * samples
+    hours = total / RATE / HOUR
+    remark = f"{fired} of {total}; after hysteresis {events} events in {hours:.2g} h"
+    least, most = (0.5, 2.0) if case.given else (None, None)
+    return Row(f"{case.name}: false alarms", fired / total / FALSE_ALARMS, "x stated", least, most, remark)
+
+
+def pushes(lowpass: float | None, contacts: int) -> Iterator[Row]:
+    """Steps of 1 N in random directions at the sensor's origin: how many are found, and how soon."""
+    rng = np.random.default_rng(13)
+    found, late = [], []
+    per_tool = 50
+    for _ in range(contacts // per_tool):
+        calibration, rig = calibrated(rng)
+        n = per_tool * 500
+        R, _ = motion(rng, n)
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        starts = 400 + 500 * np.arange(per_tool)
+        for start in starts:
+            force = rng.normal(size=3)
+            wrench[start : start + 100, :3] += force / np.linalg.norm(force)
+        compensator = Compensator(calibration, rate=RATE, noise=NOISE, lowpass=lowpass, drift=TYPICAL_DRIFT)
+        batch = compensator.run(wrench, R, np.arange(n) / RATE)
+        for start in starts:
+            flagged = np.flatnonzero(batch.contact[start : start + 100] == 1)
+            found.append(len(flagged) > 0 and flagged[0] <= 10)
+            late.append(flagged[0] if len(flagged) else 100)
+    name = "no low-pass" if lowpass is None else f"low-pass {lowpass:g} Hz"
+    least = 90.0 if lowpass is None else None
+    yield Row(
+        f"1 N found within 10 ms, {name}",
+        100.0 * float(np.mean(found)),
+        "%",
+        least,
+        remark=f"median {np.median(late):.3g} ms",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """A contact of the shift: from sample to sample, and its wrench."""
+
+    start: int
+    stop: int
+    wrench: Array
+
+
+def touches(rng: np.random.Generator, n: int, rate: float, count: int) -> list[Touch]:
+    """Contacts of 1 N and more lasting 0.1 to 60 s, at points within 0.1 m, spread over the samples."""
+    lasting = np.exp(rng.uniform(np.log(0.1), np.log(60.0), count)) * rate
+    free = rng.dirichlet(np.ones(count + 1)) * (n - lasting.sum() - count * rate) + rate
+    found, at = [], 0.0
+    for gap, length in zip(free[:-1], lasting, strict=True):
+        at += gap
+        force = rng.normal(size=3)
+        force *= (1.0 + rng.exponential(3.0)) / np.linalg.norm(force)
+        torque = np.cross(rng.uniform(-0.1, 0.1, 3), force)
+        found.append(Touch(int(at), int(at + length), np.r_[force, torque]))
+        at += length
+    return found
+
+
+def shift(hours: float, rate: float) -> Iterator[Row]:
+    """A shift of a sensor that warms up and walks, with contacts."""
+    rng = np.random.default_rng(14)
+    calibration, rig = calibrated(rng)
+    n, batch = int(hours * HOUR * rate), int(30.0 * rate)
+    contacts = touches(rng, n, rate, int(125 * hours))
+    pressed: Any = np.zeros(n, dtype=np.int32)
+    for number, touch in enumerate(contacts, 1):
+        pressed[touch.start : touch.stop] = number
+    direction = rng.normal(size=3)
+    warm = np.r_[direction / np.linalg.norm(direction), 0.05 * rng.normal(size=3)]
+    step = np.array([0.02] * 3 + [0.001] * 3) / np.sqrt(HOUR * rate)
+    compensator = Compensator(calibration, rate=rate, noise=NOISE, drift=TYPICAL_DRIFT)
+    walked, at, flags, off, learned = np.zeros(6), None, [], [], []
+    reported: list[Contact] = []
+    seconds = 0.0
+    ramp = max(int(0.02 * rate), 1)
+    loads = np.vstack([np.zeros(6), *(touch.wrench for touch in contacts)])
+    for start in range(0, n, batch):
+        rows = np.arange(start, min(start + batch, n))
+        R, at = motion(rng, len(rows), rate, at)
+        walk = walked + np.cumsum(rng.normal(size=(len(rows), 6)) * step, axis=0)
+        walked = walk[-1]
+        t = rows / rate
+        bias = warm * (1.0 - np.exp(-t / 1200.0))[:, None] + walk
+        share = np.minimum(1.0, (rows - _starts(contacts)[pressed[rows]]) / ramp)
+        wrench = noisy_readings(rig, R, NOISE, rng) + bias + loads[pressed[rows]] * share[:, None]
+        clock = time.perf_counter()
+        for part in np.array_split(np.arange(len(rows)), 30):
+            result = compensator.run(wrench[part], R[part], t[part])
+            flags.append(result.contact == 1)
+            reported += result.contacts
+            off.append(np.linalg.norm((compensator.drift - bias[part[-1]])[:3]))
+            learned.append(pressed[rows[part[-1]]])
+        seconds += time.perf_counter() - clock
+    flag, error, inside = np.concatenate(flags), np.array(off), np.array(learned)
+    yield from _judged(contacts, flag, pressed, error, inside, reported, rate)
+    yield Row("time of a sample", 1e6 * seconds / n, "us", remark=f"{hours:g} h at {rate:g} Hz, batches of a second")
+
+
+def _starts(contacts: list[Touch]) -> Array:
+    return np.array([0.0, *(touch.start for touch in contacts)])
+
+
+def _judged(
+    contacts: list[Touch],
+    flag: Array,
+    pressed: Array,
+    error: Array,
+    inside: Array,
+    reported: list[Contact],
+    rate: float,
+) -> Iterator[Row]:
+    late = int(0.02 * rate) + int(0.01 * rate)
+    share = np.array([flag[min(c.start + late, c.stop - 1) : c.stop].mean() for c in contacts])
+    settled = np.arange(len(error)) > 5
+    rms = float(np.sqrt(np.mean(error[settled] ** 2) / 3.0))
+    yield Row("RMS bias error of a force axis", rms / NOISE[0], "x noise", most=3.0, remark=f"{1e3 * rms:.3g} mN")
+    yield Row("largest bias error, in contact or not", float(error[settled].max()), "N")
+    yield Row("contacts held for 99 % of their time", 100.0 * float(np.mean(share > 0.99)), "%", least=100.0)
+    lost = int(np.sum((inside > 0) & (error > 0.5)))
+    yield Row("seconds in contact with 0.5 N of it learned away", lost, "", most=0.0)
+    near = pressed.astype(bool)
+    false = 0
+    for contact in reported:
+        first, last = int(contact.onset * rate), int(np.ceil((contact.release or contact.onset) * rate))
+        false += not near[max(first - 1, 0) : last + 1].any()
+    yield Row("contacts that were none", false, "", remark=f"{len(reported)} reported, {len(contacts)} true")
+
+
+def cost(calls: int, fast: bool) -> Iterator[Row]:
+    """One call: compensate, low-pass of order 4, sensor filter, delay, drift, detect; the arm turns all the time."""
+    rng = np.random.default_rng(15)
+    calibration, rig = calibrated(rng)
+    n = 10_000
+    t = np.arange(n) / RATE
+    turn = Rotation.from_rotvec(np.outer(np.sin(0.628 * t), [0.3, 1.0, 0.2]))
+    wrench, quat_xyzw = noisy_readings(rig, turn.as_matrix(), NOISE, rng), turn.as_quat()
+    compensator = Compensator(
+        calibration,
+        rate=RATE,
+        noise=NOISE,
+        lowpass=LowPass(100.0, 4),
+        sensor_filter=50.0,
+        delay=0.005,
+        drift=TYPICAL_DRIFT,
+        fast=fast,
+    )
+    step, rows = calibration.stepper(), np.hstack([wrench, quat_xyzw]).tolist()
+    seconds, memory, plain = np.empty(calls), 0, []
+    for start in range(0, calls, n):
+        clock = time.perf_counter()
+        for row in rows:
+            step(*row)
+        plain.append(time.perf_counter() - clock)
+        for i in range(min(n, calls - start)):
+            clock = time.perf_counter()
+            compensator(wrench[i], quat_xyzw[i], (start + i) / RATE)
+            seconds[start + i] = time.perf_counter() - clock
+        if start == 0:
+            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
+    name, most = ("with numba", 10.0) if fast else ("without numba", 25.0)
+    yield Row(
+        f"a call, {name}: mean",
+        1e6 * seconds.mean(),
+        "us",
+        most=most,
+        remark=f"median {1e6 * np.median(seconds):.3g}; stepper() {1e6 * np.median(plain) / n:.3g} us meanwhile",
+    )
+    yield Row(f"a call, {name}: p99.9", 1e6 * float(np.quantile(seconds, 0.999)), "us", most=100.0)
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    yield Row(
+        f"memory grown over {calls} calls, {name}", grown / unit, "MiB", most=1.0 + 8 * calls / 2**20, remark="timings"
+    )
+    batch = compensator.run
+    clock = time.perf_counter()
+    for k in range(20):
+        batch(wrench, quat_xyzw, t + calls / RATE + 1.0 + 10.0 * k)
+    yield Row(f"a sample of a batch, {name}", 1e6 * (time.perf_counter() - clock) / (20 * n), "us")
+
+
+def tables(quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
+    """Every table, one after the other."""
+    less = 10 if quick else 1
+    yield "Live: gravity left of a turn at 60 deg/s, first-order 10 Hz filter in the sensor", turning()
+    yield (
+        f"Live: false alarms of free samples, {FALSE_ALARMS:g} stated",
+        (false_alarms(case, 200, 5000 // less) for case in CASES),
+    )
+    yield (
+        "Live: contacts of 1 N at 0.05 N noise and 1 kHz",
+        (row for lowpass in (None, 100.0) for row in pushes(lowpass, 2000 // less)),
+    )
+    numba = find_spec("numba") is not None
+    yield "Live: a shift with warm-up, walk and contacts", shift(8.0 / less, RATE if numba else RATE / 10.0)
+    yield (
+        "Live: what a sample costs",
+        (row for fast in ([True, False] if numba else [False]) for row in cost(1_000_000 // less, fast)),
+    )

@@ -1,0 +1,23 @@
+"""`contactwrench info`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .reading import Json
+
+
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: a ROS bag or a table.")],
+    json: Json = False,
+) -> None:
+    """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
+    from ..recording.bag_files import is_bag
+    from ..recording.contents import bag_contents, table_contents
+    from ..report.contents import contents_json, contents_text
+
+    contents = bag_contents(file) if is_bag(file) else table_contents(file)
+    typer.echo(contents_json(contents) if json else contents_text(contents))

@@ -1,0 +1,49 @@
+"""What a Compensator is told, checked, and the flat sequences that its kernel takes."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .calibration import Calibration
+from .errors import InputError
+from .orientation import Array
+
+
+def arrays(values: Array) -> Any:
+    """Numbers as the compiled kernel takes them."""
+    return np.array(values)
+
+
+def lists(values: Array) -> Any:
+    """Numbers as the plain kernel takes them."""
+    return values.tolist()
+
+
+def delay_of(calibration: Calibration) -> float:
+    """The calibration's delay where its data tell it from zero, else 0."""
+    if calibration.delay is None or calibration.delay_std is None:
+        return 0.0
+    return calibration.delay if abs(calibration.delay) > 3.0 * calibration.delay_std else 0.0
+
+
+def six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> Array:
+    """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
+    if values is None:
+        return np.full(6, default)
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
+        raise InputError(
+            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
+        )
+    return array
+
+
+def positive(value: float, what: str, unit: str) -> float:
+    """A positive, finite number. Raises `InputError` that names `what`."""
+    if not 0.0 < value < inf:
+        raise InputError(f"{what} is {value:g} {unit}, expected a positive number")
+    return float(value)

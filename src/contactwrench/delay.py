@@ -1,0 +1,196 @@
+"""How much later than the orientation the wrench is stamped: the delay that lets a rigid tool explain the most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .delay_fit import GRID, Fit, Means, fitted, scan, standard_deviation
+from .errors import InputError
+from .orientation import Array
+from .pending import knots_of, nothing_pending, with_batch
+from .samples import Samples
+from .stamps import require_common_span, require_times
+from .streams import Streams
+from .synchronize import default_gap, synchronize
+from .turning import CELL, Turning, turning
+from .wrench import unit_direction
+
+DOWN = (0.0, 0.0, -1.0)
+SIGNIFICANT = 3.0
+"""Standard deviations from zero."""
+LEAST_TURN = np.deg2rad(2.0)
+"""Between the orientations that differ most: less does not show when the wrench follows."""
+LEAST_MEANS = 60
+RESOLVED = 0.1
+"""rad: a delay is told where the std is a smaller angle at the speed of the motion. What explains noise best tells four
+parts in ten of a rad with one coefficient, and a quarter with eighteen.
+"""
+AS_GOOD = 0.02
+"""Of the range of misfits: a second minimum as close to the best is another answer."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """`value` s: the wrench is stamped so much later than the orientation; `std` s, from residuals as they are,
+    correlated in time; `bound` s: the least std that this motion allows, were the residuals independent. `reason`: why
+    the motion cannot tell, or None.
+
+    A sensor's own low-pass filter is part of it: one of first order at f Hz adds 1 / (2 pi f).
+    """
+
+    value: float
+    std: float
+    bound: float
+    reason: str | None = None
+
+    @property
+    def significant(self) -> bool:
+        """Whether the motion tells the delay from zero: only then it is applied."""
+        return self.reason is None and is_significant(self.value, self.std)
+
+
+def is_significant(delay: float, std: float) -> bool:
+    """Whether a delay is told from zero: three standard deviations off, or more."""
+    return bool(np.isfinite(std) and abs(delay) > SIGNIFICANT * std)
+
+
+def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 1.0) -> Delay:
+    """The delay of the wrench behind the orientation, from a recording in which the arm turns a tool in free air.
+
+    `gravity` (3,): down in base axes, as far as it is known; `within` s: the range to search to each side, at most a
+    quarter of the recording. Tool, mounting and cross-talk need not be known: gravity's effect on each of six axes is
+    free (24 numbers), and so is that of accelerations; those of the flange are known where positions are recorded, and
+    without them whole-arm motions tell the delay badly, which the std shows. Contacts count little. Raises `InputError`
+    for stamps that cannot be put in order, and streams without a common span.
+    """
+    stated = unit_direction(gravity)
+    if not 0.0 < within < np.inf:
+        raise InputError(f"within is {within!r}, expected s above 0")
+    pending = with_batch(nothing_pending(streams), streams)
+    for stamps in (pending.wrench_stamps, pending.orientation_stamps):
+        require_times(stamps)
+    require_common_span(pending.wrench_stamps, pending.orientation_stamps, 0.0)
+    gap = default_gap(pending.at)
+    knots = knots_of(pending, gap, True)
+    if len(knots.t) < 3:
+        return _untold("found fewer than 3 orientations")
+    motion = turning(pending, knots, gap)
+    means = _means(pending.t, pending.wrench)
+    span = min(means.t[-1], motion.t[-1]) - max(means.t[0], motion.t[0]) if len(means.t) else 0.0
+    reach = min(within, 0.25 * span)
+    steps = max(int(np.ceil(reach / GRID)), 1)
+    delays = np.linspace(-reach, reach, 2 * steps + 1)
+    scanned = _known(motion, means, -reach, reach)
+    if len(scanned.t) < LEAST_MEANS:
+        return _untold(f"found {len(scanned.t)} readings with orientations around them, expected {LEAST_MEANS} or more")
+    if _turned(motion, scanned) < LEAST_TURN:
+        return _untold("the arm turns by less than 2 deg")
+    misfit, down = scan(motion, scanned, delays)
+    best = int(misfit.argmin())
+    if best in (0, len(delays) - 1):
+        return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
+    fits = [_settled(motion, means, float(delays[best]), start) for start in (stated, down)]
+    fit, used = min(fits, key=lambda one: one[0].misfit)
+    std = standard_deviation(fit, float(np.median(np.diff(used.t)))) if np.isfinite(fit.bound) else np.inf
+    return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, misfit))
+
+
+def _untold(reason: str) -> Delay:
+    return Delay(0.0, np.inf, np.inf, reason)
+
+
+def _means(t: Array, wrench: Array) -> Means:
+    """Means of consecutive readings over about `CELL`; those that say nothing left out, as are means across a gap."""
+    there = np.isfinite(wrench).all(axis=1)
+    t, wrench = t[there], wrench[there]
+    if len(t) < 2:
+        return Means(t, wrench)
+    spacing = max(float(np.median(np.diff(t))), 1e-9)
+    each = max(round(CELL / spacing), 1)
+    n = len(t) // each
+    of_cell, in_cell = t[: n * each].reshape(n, each), wrench[: n * each].reshape(n, each, 6)
+    whole = of_cell[:, -1] - of_cell[:, 0] <= 2.0 * each * spacing
+    return Means(of_cell.mean(axis=1)[whole], in_cell.mean(axis=1)[whole])
+
+
+def _known(motion: Turning, means: Means, least: float, most: float) -> Means:
+    """The means whose orientation is known at every delay from `least` to `most` s."""
+    known = motion.is_known(means.t - most, means.t - least)
+    return Means(means.t[known], means.wrench[known])
+
+
+def _turned(motion: Turning, means: Means) -> float:
+    """The largest angle, rad, by which the arm is turned from where it was at first."""
+    axes = motion.axes_at(means.t)
+    cosine = 0.5 * (np.einsum("nij,ij->n", axes, axes[0]) - 1.0)
+    return float(np.arccos(np.clip(cosine.min(), -1.0, 1.0)))
+
+
+def _settled(motion: Turning, means: Means, delay: float, down: Array) -> tuple[Fit, Means]:
+    """The fit from a start, and the means that it is of: all that are known at its delay and near it."""
+    for reach in (2.0 * GRID, GRID):
+        used = _known(motion, means, delay - reach, delay + reach)
+        fit = fitted(motion, used, delay, down)
+        delay = fit.delay
+    return fit, used
+
+
+def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, misfit: Array) -> str | None:
+    """Why the motion does not tell the delay, or None."""
+    rate = np.linalg.norm(np.einsum("nji,j->ni", motion.change_at(means.t - fit.delay), fit.down), axis=1)
+    moving = rate[rate > 0.0]
+    if not len(moving) or not np.isfinite(std):
+        return "gravity does not turn in the flange's axes while the arm moves"
+    if std * float(np.sqrt(np.mean(moving**2))) > RESOLVED:
+        return (
+            f"the wrench shows too little of the arm's turning: it tells the delay to {1e3 * std:.3g} ms only; tilt "
+            "the tool further and faster"
+        )
+    inner = misfit[1:-1]
+    minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
+    best = int(misfit.argmin())
+    others = minima[np.abs(minima - best) > 1]
+    rivals = others[misfit[others] - misfit[best] < AS_GOOD * (misfit.max() - misfit[best])]
+    if len(rivals):
+        return (
+            f"the motion repeats itself: delays of {1e3 * delays[best]:.0f} and {1e3 * delays[rivals[0]]:.0f} ms explain "
+            "the wrench equally well; vary it"
+        )
+    return None
+
+
+def samples_of(
+    streams: Streams, *, estimate: bool = True, gravity: ArrayLike = DOWN, longest_gap: float | None = None
+) -> tuple[Samples, tuple[str, ...]]:
+    """The samples of a recording and what there is to say of it, the delay estimated and applied where it is significant.
+
+    The samples carry the delay and its std where the motion gives any, applied or not.
+    """
+    if not estimate:
+        paired = synchronize(streams, longest_gap=longest_gap)
+        return paired.samples, paired.notes
+    delay = estimate_delay(streams, gravity)
+    paired = synchronize(streams, delay.value if delay.significant else 0.0, longest_gap=longest_gap)
+    samples = paired.samples
+    if np.isfinite(delay.std):
+        samples = replace(samples, delay=delay.value, delay_std=delay.std)
+    return samples, (delay_in_words(delay), *paired.notes)
+
+
+def delay_in_words(delay: Delay) -> str:
+    """The estimate, and whether it is applied."""
+    if delay.reason is not None:
+        return f"delay between wrench and orientation not applied: {delay.reason}"
+    late = "later" if delay.value >= 0.0 else "earlier"
+    found = f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
+    return f"{found}: {applied_or_not(delay.value, delay.std)}"
+
+
+def applied_or_not(delay: float, std: float) -> str:
+    """Whether a delay of that std is applied, in words."""
+    if is_significant(delay, std):
+        return "applied"
+    return f"not applied: less than {SIGNIFICANT:g} standard deviations from zero"

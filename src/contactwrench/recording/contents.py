@@ -1,0 +1,168 @@
+"""What is in a recording, before anything is made of it: topics or columns, how many, how often, the longest gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import FileFormatError
+from ..orientation import Array
+from .bag_chunks import Logged, messages
+from .bag_files import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
+from .bag_messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
+from .bag_topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
+from .csv import TIME
+from .table import numbers, opened, optional
+from .transforms import Edge, Link, note
+
+HEADER = "std_msgs/msg/Header"
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """When something was recorded: `count` times from `first` to `last`, s from the start of the recording; `rate` Hz,
+    of the median time between two; the `longest_gap` s and where it starts, `gap_at` s. None: too few to say.
+    """
+
+    count: int
+    first: float | None = None
+    last: float | None = None
+    rate: float | None = None
+    longest_gap: float | None = None
+    gap_at: float | None = None
+
+
+@dataclass(frozen=True)
+class TopicContent:
+    """A topic: its name and type, what it `gives` (wrench, pose, and with which flag; nothing), and its rhythm by the
+    stamps in its headers, where it has them. `clock` s: by how much those run behind the bag's own, as a rule.
+    """
+
+    name: str
+    type: str
+    gives: str
+    rhythm: Rhythm
+    clock: float | None
+
+
+@dataclass(frozen=True)
+class FrameContent:
+    """A frame of tf under its parent; `moves`: whether its transform ever changes."""
+
+    name: str
+    parent: str
+    moves: bool
+    count: int
+
+
+@dataclass(frozen=True)
+class BagContents:
+    """A bag: `start` s (Unix time, as a rule), `duration` s by its own stamps, its topics by name, the frames of its
+    transforms, and in sentences what its `reading` needs.
+    """
+
+    path: str
+    kind: str
+    start: float
+    duration: float
+    topics: tuple[TopicContent, ...]
+    frames: tuple[FrameContent, ...]
+    reading: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class TableContents:
+    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm."""
+
+    path: str
+    columns: tuple[str, ...]
+    rows: int
+    start: float | None
+    rhythm: Rhythm | None
+
+
+def bag_contents(path: str | Path) -> BagContents:
+    """What is in a bag. Raises as `bag_batches` for a file that is no bag or damaged."""
+    with opened_bag(path) as bag:
+        stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
+        edges: dict[Link, Edge] = {}
+        for found in messages(bag, bag.counts):
+            for topic, logged in found.items():
+                stamps[topic].append(_stamps(bag, topic, logged))
+                if topic.type in TRANSFORMS:
+                    note(edges, transforms(bag, topic, logged))
+        start = bag.start
+        duration = 1e-9 * float(bag.reader.duration) if sum(bag.counts.values()) else 0.0
+        topics = tuple(_topic_content(topic, parts, start) for topic, parts in stamps.items())
+        frames = tuple(
+            FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
+        )
+        return BagContents(str(path), KINDS[kind_of(path)], start, duration, topics, frames, _reading(bag))
+
+
+def table_contents(path: str | Path) -> TableContents:
+    """What is in a table of text. Raises as `read` for a file that is none."""
+    places, body = opened(path)
+    column = optional(places, ["t"], TIME, set(), body.source)
+    if not column:
+        return TableContents(str(path), tuple(places), sum(1 for _ in body.lines()), None, None)
+    t = numbers(body, column)[:, 0] / column[0].per_si
+    return TableContents(str(path), tuple(places), len(t), float(t[0]), rhythm(t, float(t[0])))
+
+
+def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:
+    """The rhythm of times (n,), s, as recorded; `shown_at` (n,): times to name places by, where they are others."""
+    if not len(t):
+        return Rhythm(0)
+    at = t if shown_at is None else shown_at
+    first, last = float(at[0]) - start, float(at[-1]) - start
+    if len(t) == 1:
+        return Rhythm(1, first, last)
+    gaps = np.diff(t)
+    middle, widest = float(np.median(gaps)), int(np.argmax(gaps))
+    rate = 1.0 / middle if middle > 0.0 else None
+    return Rhythm(len(t), first, last, rate, float(gaps[widest]), float(at[widest]) - start)
+
+
+def _stamps(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
+    """The times of messages: of the header where there is one, and of the bag."""
+    of_bag = seconds(logged.stamp)
+    try:
+        fields = definitions(bag, topic.type)[topic.type][1]
+    except FileFormatError:
+        return of_bag, of_bag
+    if not fields or fields[0][1][1] != HEADER:
+        return of_bag, of_bag
+    return header_stamps(logged, not bag.ros1), of_bag
+
+
+def _topic_content(topic: Topic, parts: list[tuple[Array, Array]], start: float) -> TopicContent:
+    t, of_bag = (np.concatenate([np.empty(0), *(part[k] for part in parts)]) for k in (0, 1))
+    behind = float(np.median(of_bag - t)) if len(t) and (t != of_bag).any() else None
+    return TopicContent(topic.name, written(topic.type), _gives(topic.type), rhythm(t, start, of_bag), behind)
+
+
+def _gives(msgtype: str) -> str:
+    if msgtype in WRENCHES:
+        return "wrench"
+    if msgtype in POSES:
+        return "pose"
+    if msgtype in TRANSFORMS:
+        return f"pose with {FRAMES_FLAG} BASE,FLANGE"
+    return f"pose with {ROBOT_FLAG} NAME" if msgtype == JOINT_STATE else ""
+
+
+def _reading(bag: Bag) -> tuple[str, ...]:
+    """Which topics are read when nothing is asked for, or why that cannot be said."""
+
+    def said(choose: Callable[[], Iterable[Topic]]) -> str:
+        try:
+            return ", ".join(topic.name for topic in choose())
+        except FileFormatError as error:
+            return str(error).removeprefix(f"{bag.path}: ")
+
+    wrench, pose = said(lambda: [wrench_topic(bag, None)]), said(lambda: pose_topics(bag, None, None, None))
+    return f"wrench: {wrench}", f"pose: {pose}"
