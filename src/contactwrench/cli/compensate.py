@@ -16,6 +16,7 @@ from .reading import (
     Recording,
     StandardGravity,
     gravity_direction,
+    note,
     note_other_reading,
     three_numbers,
     with_reading_flags,
@@ -57,6 +58,6 @@ def compensate(
     point, direction = None if at is None else three_numbers(at, "--at"), gravity_direction(gravity)
     with progress(f"compensating {path.name}") as advance:
         batches = pairs_in_batches(path, reading.layout, advance=advance)
-        samples = iter([read_samples(path, reading.layout)]) if batches is None else batches
+        samples = iter([read_samples(path, reading.layout, advance, note)]) if batches is None else batches
         contact = (contact_wrenches(loaded, some, output_frame, point, direction) for some in samples)
         write_contact_wrenches(output, contact, path)

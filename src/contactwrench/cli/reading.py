@@ -170,7 +170,12 @@ def read_recording(file: Path, layout: Layout) -> Samples:
     from ..recording import read_samples
 
     with progress(f"reading {file.name}") as advance:
-        return read_samples(file, layout, advance)
+        return read_samples(file, layout, advance, note)
+
+
+def note(text: str) -> None:
+    """Say on stderr what is good to know."""
+    typer.echo(f"Note: {text}", err=True)
 
 
 def three_numbers(text: str, flag: str) -> Array:
@@ -200,4 +205,4 @@ def note_other_reading(provenance: dict[str, Any], layout: Layout) -> None:
         before = provenance.get(name, now)
         if before != now:
             flag = f"--{name.replace('_', '-')}"
-            typer.echo(f"Note: {flag} was {before} for the calibration and is {now} for this recording", err=True)
+            note(f"{flag} was {before} for the calibration and is {now} for this recording")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from .table import Table, joined, pose_tables, tables, wrench_tables
 
 Advance = Callable[[float], None]
 """Is told the part of the recording, 0 to 1, that has been read; NaN where nobody knows its size."""
+
+Tell = Callable[[str], None]
 
 
 def read_streams(path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None) -> Streams:
@@ -59,15 +62,17 @@ def batches(
     )
 
 
-def read_samples(path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None) -> Samples:
+def read_samples(
+    path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None, tell: Tell | None = None
+) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
-    orientation is brought to the wrench's times. Raises as `read_streams`.
+    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read_streams`.
     """
     if is_bag(path, layout) or layout.pose_file is not None:
-        return _paired(read_streams(path, layout, advance))
+        return _paired(read_streams(path, layout, advance), tell)
     table = _as_stated(joined(list(_told(tables(path, layout.orientation), advance))), path, layout)
     if _lacks_orientations(table):
-        return _paired(_streams(table, path))
+        return _paired(_streams(table, path), tell)
     return _samples(table, path)
 
 
@@ -121,19 +126,29 @@ def _samples(table: Table, path: str | Path) -> Samples:
         raise FileFormatError(f"{path}: {error}") from None
 
 
-def _paired(streams: Streams) -> Samples:
-    """Two streams onto one clock: the delay between them is applied where it is significant."""
-    from ..delay import estimate_delay  # type: ignore[import-not-found]
-    from ..synchronize import synchronize  # type: ignore[import-not-found]
+def _paired(streams: Streams, tell: Tell | None) -> Samples:
+    """Two streams onto one clock: the delay between them, of free readings, is applied where it is significant."""
+    from ..delay import delay_in_words, estimate_delay
+    from ..synchronize import synchronize
 
-    delay = estimate_delay(streams)
+    wrench, load, saturated = streams.wrench, streams.wrench.load_mass, streams.wrench.saturated
+    free = np.ones(len(wrench), dtype=np.bool_)
+    if load is not None:
+        free &= load == 0.0
+    if saturated is not None:
+        free &= ~saturated
+    delay = estimate_delay(
+        streams if free.all() else Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
+    )
     found = synchronize(streams, delay.value if delay.significant else 0.0)
-    samples: Samples = found.samples
-    load, saturated = streams.wrench.load_mass, streams.wrench.saturated
+    if tell is not None:
+        for note in (delay_in_words(delay), *found.notes):
+            tell(note)
+    known = np.isfinite(delay.std)
     return replace(
-        samples,
-        delay=delay.value,
-        delay_std=delay.std,
+        found.samples,
+        delay=delay.value if known else None,
+        delay_std=delay.std if known else None,
         load_mass=None if load is None else load[found.rows],
         saturated=None if saturated is None else saturated[found.rows],
     )
@@ -141,10 +156,10 @@ def _paired(streams: Streams) -> Samples:
 
 def _bag(path: str | Path, layout: Layout, rows: int | None) -> Iterator[Streams]:
     """A bag's streams as it has them, whole (None) or in batches."""
-    from .bags import bag_batches, bag_streams  # type: ignore[import-not-found]
+    from .bags import bag_batches, bag_streams
     from .urdf import arm_of
 
-    asked = {
+    asked: dict[str, Any] = {
         "wrench_topic": layout.wrench_topic,
         "pose_topic": layout.pose_topic,
         "frames": layout.frames,
