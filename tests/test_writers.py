@@ -11,18 +11,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import contactwrench as cw
 from contactwrench.contact import ContactWrenches
 from contactwrench.errors import FileAccessError, InputError
+from contactwrench.recording.digits import nine_digits
 from contactwrench.recording.writers import NAMES, write_contact_wrenches
-from tests.recordings import PANDA, Array, run, written
-from tests.test_tables import HEADER, csv_text, rows, with_gaps
+from tests.recordings import PANDA, Array, csv_text, run, written
+from tests.test_tables import HEADER, rows, with_gaps
 
 RNG = np.random.default_rng(3)
 N = 2500
-T = 1.7e9 + 1e-3 * np.arange(N)
+T: Array = 1.7e9 + 1e-3 * np.arange(N, dtype=np.float64)
 WRENCH_OF = RNG.normal(size=(N, 6)) * 10.0 ** RNG.integers(-7, 10, size=(N, 6))
 STD = np.abs(RNG.normal(size=(N, 6)))
 WRENCH_OF[5], WRENCH_OF[6] = np.nan, [0.0, -0.0, 1.0, -1.0, 1e-300, 123456789.5]
@@ -42,10 +45,7 @@ class JudgedRows:
 
 def parts(sizes: list[int], t: Array | None = T) -> list[ContactWrenches]:
     ends = np.cumsum([0, *sizes])
-    return [
-        ContactWrenches(WRENCH_OF[a:b], STD[a:b], None if t is None else t[a:b])
-        for a, b in pairwise(ends)
-    ]
+    return [ContactWrenches(WRENCH_OF[a:b], STD[a:b], None if t is None else t[a:b]) for a, b in pairwise(ends)]
 
 
 @pytest.mark.parametrize("sizes", [[N], [1, 999, 1, 1499], [1000, 1000, 500], [0, N, 0]])
@@ -170,3 +170,18 @@ def test_gaps_are_compensated_through_pairing(tmp_path: Path, capsys: pytest.Cap
     done = run(capsys, "compensate", written(tmp_path, with_gaps()), "-c", tool, "-o", tmp_path / "out.csv")
     assert done.status in (0, 2)  # poses at random: they lie too far apart to be interpolated
     assert "Traceback" not in done.err
+
+
+@given(st.lists(st.floats() | st.integers(-(10**10), 10**10).map(lambda k: k / 16.0), min_size=1, max_size=50))
+def test_numbers_are_written_as_python_writes_them(numbers: list[float]) -> None:
+    written_by_us = [bytes(letters).replace(b"\0", b"").decode() for letters in nine_digits(np.array(numbers))]
+    assert written_by_us == [f"{number:.9g}" for number in numbers]
+
+
+def test_numbers_near_a_power_of_ten_or_half_a_digit_are_rounded_as_python_does() -> None:
+    powers = 10.0 ** np.arange(-7, 13)
+    halves = (RNG.integers(10**8, 10**9, size=2000) + 0.5) / 10.0 ** RNG.integers(0, 13, size=2000)
+    at = np.concatenate([powers, powers * (1.0 - 5e-10), powers * (1.0 - 4.999999e-10), halves])
+    numbers = np.concatenate([at, -at, np.nextafter(at, 0.0), np.nextafter(at, np.inf), [0.0, -0.0]])
+    written_by_us = [bytes(letters).replace(b"\0", b"").decode() for letters in nine_digits(numbers)]
+    assert written_by_us == [f"{number:.9g}" for number in numbers.tolist()]
