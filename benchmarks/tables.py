@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 import contactwrench as cw
 from contactwrench.contact import contact_wrenches
 from contactwrench.recording import batches, pairs_in_batches, read_streams
+from contactwrench.recording.columns import ROWS as BLOCK
 from contactwrench.recording.writers import write_contact_wrenches
 
 from .accuracy import NOISE, TABLE_V
@@ -29,12 +31,13 @@ ROWS = 600_000
 NAMES = ("t", "fx", "fy", "fz", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "x", "y", "z")
 FORMAT = ",".join(["%.3f"] + ["%.6f"] * 6 + ["%.9f"] * 4 + ["%.6f"] * 3)
 PEAK = """
-import resource, sys
+import re, sys
 from pathlib import Path
 from benchmarks.tables import compensated
 compensated(Path(sys.argv[1]), Path(sys.argv[2]))
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
 """
+"""The peak of the process itself: ru_maxrss also knows the one of the process that started it."""
 
 
 def _columns(n: int) -> Array:
@@ -61,15 +64,19 @@ def _parquet(path: Path, columns: Array) -> Path:
     return path
 
 
-def compensated(path: Path, output: Path) -> None:
-    """As `contactwrench compensate` does it."""
+@cache
+def _calibration() -> cw.Calibration:
     rng = np.random.default_rng(1)
     R = random_rotations(24, rng)
-    calibration = cw.calibrate(cw.Samples(noisy_readings(TABLE_V, R, NOISE, rng), R), "mount")
+    return cw.calibrate(cw.Samples(noisy_readings(TABLE_V, R, NOISE, rng), R), "mount")
+
+
+def compensated(path: Path, output: Path) -> None:
+    """As `contactwrench compensate` does it."""
     pairs = pairs_in_batches(path)
     if pairs is None:
         raise ValueError("expected a table of pairs")
-    write_contact_wrenches(output, (contact_wrenches(calibration, some) for some in pairs), path)
+    write_contact_wrenches(output, (contact_wrenches(_calibration(), some) for some in pairs), path)
 
 
 def _speed(folder: Path, n: int, times: int) -> Iterator[Row]:
@@ -118,4 +125,4 @@ def tables(quick: bool) -> Iterable[tuple[str, Iterable[Row]]]:
     with tempfile.TemporaryDirectory() as folder:
         title = f"Tables of {n} rows and {len(NAMES)} columns"
         yield title, _speed(Path(folder), n, 3)
-        yield "Memory while a table is compensated into one of its kind", _memory(Path(folder), n)
+        yield "Memory while a table is compensated into one of its kind", _memory(Path(folder), max(n, 4 * BLOCK))
