@@ -198,7 +198,7 @@ USAGE = [
     ([], "Missing command: try 'contactwrench --help'"),
     (["tare"], "No such command 'tare': try 'contactwrench --help'"),
     (["calibrate"], "Missing argument 'FILE': try 'contactwrench calibrate --help'"),
-    (["calibrate", PANDA, "--foo"], "No such option: --foo: try 'contactwrench calibrate --help'"),
+    (["calibrate", PANDA, "--zzz"], "No such option: --zzz: try 'contactwrench calibrate --help'"),
     (
         ["calibrate", PANDA, "x"],
         "Invalid value: found 2 files, expected one, or --shared mount,gravity: try 'contactwrench calibrate --help'",

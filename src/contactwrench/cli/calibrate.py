@@ -14,17 +14,16 @@ from ..files import STDOUT, make_folder, require_distinct
 from .known import KNOWN_HELP, known_values, require_compatible
 from .reading import (
     DEFAULT_G,
+    RECORDING_HELP,
     Gravity,
-    InverseOrientation,
     Json,
-    Orientation,
-    Sign,
+    Reading,
     StandardGravity,
-    WrenchFrame,
     above_zero,
     gravity_direction,
     not_negative,
     read_recording,
+    with_reading_flags,
 )
 from .several import json_of, output_files, shared_names
 
@@ -32,11 +31,13 @@ if TYPE_CHECKING:
     from ..calibration import Calibration
 
 
+@with_reading_flags
 def calibrate(
-    files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE", help="Recording: CSV with fx..tz and an orientation; several with --shared."),
-    ],
+    given: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared."),
+    ] = None,
+    *,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -82,23 +83,25 @@ def calibrate(
         ),
     ] = None,
     json: Json = False,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
+    reading: Reading,
     gravity: Gravity = None,
     g: StandardGravity = DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
     from ..calibrate.auto import BASE_TILT_SD, MOUNT_TILT_SD
 
+    files = reading.files(given)
     require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)
     in_common = shared_names(files, shared, model, known or [], prior, report)
     paths = output_files(files, output) if in_common else [output]
     if not in_common:
-        require_distinct(output, {"recording that is read": files[0], "report": report})
-        require_distinct(report, {"recording that is read": files[0]})
-    recordings = [read_recording(file, orientation, wrench_frame, sign, inverse_orientation) for file in files]
+        read: dict[str, str | Path | None] = {
+            "recording that is read": files[0],
+            "recording of the poses that is read": reading.layout.pose_file,
+        }
+        require_distinct(output, {**read, "report": report})
+        require_distinct(report, read)
+    recordings = [read_recording(file, reading.layout) for file in files]
     stated: dict[str, Any] = {
         "gravity": gravity_direction(gravity),
         "g": g,
@@ -115,14 +118,14 @@ def calibrate(
         from ..calibration import Calibration
 
         calibrations = (fit(recordings[0], model, prior=None if prior is None else Calibration.load(prior), **stated),)
-    reading = {
-        "orientation": orientation,
-        "wrench_frame": wrench_frame,
-        "sign": sign,
-        "inverse_orientation": inverse_orientation,
+    stated_of_file = {
+        "orientation": reading.layout.orientation,
+        "wrench_frame": reading.layout.wrench_frame,
+        "sign": reading.layout.sign,
+        "inverse_orientation": reading.layout.inverse_orientation,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    calibrations = tuple(replace(one, provenance={**one.provenance, **reading}) for one in calibrations)
+    calibrations = tuple(replace(one, provenance={**one.provenance, **stated_of_file}) for one in calibrations)
     if in_common and output is not None and str(output) != STDOUT:
         make_folder(output)
     for path, calibration in zip(paths, calibrations, strict=True):

@@ -7,27 +7,31 @@ from typing import Annotated
 
 import typer
 
+from .progress import progress
 from .reading import (
     DEFAULT_G,
     CalibrationFile,
     Gravity,
-    InverseOrientation,
-    Orientation,
+    Reading,
     Recording,
-    Sign,
     StandardGravity,
-    WrenchFrame,
     gravity_direction,
+    note,
     note_other_reading,
-    read_recording,
     three_numbers,
+    with_reading_flags,
 )
 
 
+@with_reading_flags
 def compensate(
-    file: Recording,
+    file: Recording = None,
+    *,
     calibration: CalibrationFile,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.csv", help="Contact wrenches; - is stdout.")],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="OUT.csv", help="Contact wrenches, CSV or .parquet; - is stdout."),
+    ],
     output_frame: Annotated[
         str, typer.Option(metavar="sensor|flange|base", help="Axes of the contact wrench.")
     ] = "sensor",
@@ -35,10 +39,7 @@ def compensate(
         str | None,
         typer.Option(metavar="X,Y,Z", help="Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]"),
     ] = None,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
+    reading: Reading,
     gravity: Gravity = None,
     g: StandardGravity = DEFAULT_G,
 ) -> None:
@@ -46,12 +47,17 @@ def compensate(
     from ..calibration import Calibration
     from ..contact import contact_wrenches
     from ..files import require_distinct
+    from ..recording import pairs_in_batches, read_samples
     from ..recording.writers import write_contact_wrenches
 
-    require_distinct(output, {"recording that is read": file, "calibration that is read": calibration})
+    path = reading.file(file)
+    read = {"recording that is read": path, "recording of the poses that is read": reading.layout.pose_file}
+    require_distinct(output, {**read, "calibration that is read": calibration})
     loaded = Calibration.load(calibration)
-    samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
-    note_other_reading(loaded.provenance, wrench_frame, sign, inverse_orientation)
-    point = None if at is None else three_numbers(at, "--at")
-    contact = contact_wrenches(loaded, samples, output_frame, point, gravity_direction(gravity))
-    write_contact_wrenches(output, [contact], file)
+    note_other_reading(loaded.provenance, reading.layout)
+    point, direction = None if at is None else three_numbers(at, "--at"), gravity_direction(gravity)
+    with progress(f"compensating {path.name}") as advance:
+        batches = pairs_in_batches(path, reading.layout, advance=advance)
+        samples = iter([read_samples(path, reading.layout, advance, note)]) if batches is None else batches
+        contact = (contact_wrenches(loaded, some, output_frame, point, direction) for some in samples)
+        write_contact_wrenches(output, contact, path)

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import typer
 
+from ..errors import InputError
 from .reading import (
     Gravity,
-    InverseOrientation,
     Json,
-    Orientation,
+    Reading,
     Recording,
-    Sign,
-    WrenchFrame,
     gravity_direction,
+    with_reading_flags,
 )
 
 
+@with_reading_flags
 def diagnose(
-    file: Recording,
+    file: Recording = None,
+    *,
     json: Json = False,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
+    reading: Reading,
     gravity: Gravity = None,
 ) -> None:
     """Find the reading of FILE that a rigid tool explains, and the flags that make it so.
@@ -36,12 +36,25 @@ def diagnose(
 
     found = rank(
         readings(
-            file,
-            orientation,
-            wrench_frame,
-            sign,
-            inverse_orientation=inverse_orientation,
+            _one_table(reading, file),
+            reading.layout.orientation,
+            reading.layout.wrench_frame,
+            reading.layout.sign,
+            inverse_orientation=reading.layout.inverse_orientation,
             gravity=gravity_direction(gravity),
         )
     )
     typer.echo(diagnosis_json(found) if json else diagnosis_text(found))
+
+
+def _one_table(reading: Reading, file: Path | None) -> Path:
+    """The file to read. Raises `InputError` where it is one of two: the rows of two do not belong together as they are
+    written, and which belong together is not known before the orientation is.
+    """
+    path = reading.file(file)
+    if reading.layout.pose_file is not None:
+        raise InputError(
+            f"{path}: found the wrenches of two files, expected one with wrench and orientation in a row: diagnose a "
+            "recording of still poses in one table"
+        )
+    return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..orientation import Array
+from ..recording.layout import Layout
 from .reading import (
     Gravity,
     InverseOrientation,
@@ -24,8 +24,6 @@ from .reading import (
 
 if TYPE_CHECKING:
     from ..robots import Reach
-
-URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE)
 
 
 def plan(
@@ -61,16 +59,17 @@ def plan(
     from ..files import require_distinct, write_text
     from ..plan import expected_tool, recorded_poses
     from ..plan import plan as choose
+    from ..recording.urdf import urdf_file
     from ..report.plan import plan_csv, plan_json, plan_text
 
     to_stdout = str(output) == "-"
     if json and to_stdout:
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
-    urdf = None if robot is None else URDF.fullmatch(robot)
-    require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf and urdf["file"]})
+    urdf = None if robot is None else urdf_file(robot)
+    require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
     samples = None
     if recorded is not None:
-        samples = read_recording(recorded, orientation, wrench_frame, sign, inverse_orientation)
+        samples = read_recording(recorded, Layout(orientation, wrench_frame, sign, inverse_orientation))
     elif (orientation, wrench_frame, sign, inverse_orientation) != ("auto", "sensor", "pull", False):
         raise InputError(
             "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
@@ -81,7 +80,7 @@ def plan(
         expected_tool(samples, model, gravity_direction(gravity)),
         model=model,
         recorded=None if samples is None else recorded_poses(samples),
-        reach=_reach(robot, urdf, around),
+        reach=_reach(robot, around),
     )
     if output is not None:
         write_text(output, plan_csv(result))
@@ -93,21 +92,16 @@ def plan(
             typer.echo(f"Wrote the poses to {output}")
 
 
-def _reach(robot: str | None, urdf: re.Match[str] | None, around: str | None) -> Reach | None:
+def _reach(robot: str | None, around: str | None) -> Reach | None:
     """What the robot's wrist reaches around the joint angles that --around states."""
-    from ..robots import known_arm, reach
+    from ..recording.urdf import arm_of
+    from ..robots import reach
 
     if robot is None:
         if around is not None:
             raise InputError("--around says where a robot stands, and there is none: give --robot, or leave it out")
         return None
-    if urdf is None:
-        arm = known_arm(robot)
-    else:
-        from ..recording.urdf import read_urdf
-
-        arm = read_urdf(urdf["file"], urdf["flange"])
-    return reach(arm, None if around is None else _joints(around))
+    return reach(arm_of(robot), None if around is None else _joints(around))
 
 
 def _joints(text: str) -> Array:

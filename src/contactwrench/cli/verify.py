@@ -9,22 +9,22 @@ import typer
 from .reading import (
     CalibrationFile,
     Gravity,
-    InverseOrientation,
     Json,
-    Orientation,
+    Reading,
     Recording,
-    Sign,
     WeighingGravity,
-    WrenchFrame,
     gravity_direction,
     not_negative,
     note_other_reading,
     read_recording,
+    with_reading_flags,
 )
 
 
+@with_reading_flags
 def verify(
-    file: Recording,
+    file: Recording = None,
+    *,
     calibration: CalibrationFile,
     limit_force: Annotated[
         float | None,
@@ -35,10 +35,7 @@ def verify(
         typer.Option(metavar="NM", help="Largest contact torque that may be left in a pose.", callback=not_negative),
     ] = None,
     json: Json = False,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
+    reading: Reading,
     gravity: Gravity = None,
     g: WeighingGravity = None,
 ) -> int:
@@ -50,9 +47,10 @@ def verify(
     from ..report.text import verification_json, verification_text
     from ..verify import verify as check
 
+    path = reading.file(file)
     loaded = Calibration.load(calibration).with_gravity(gravity_direction(gravity))
-    samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
-    note_other_reading(loaded.provenance, wrench_frame, sign, inverse_orientation)
+    samples = read_recording(path, reading.layout)
+    note_other_reading(loaded.provenance, reading.layout)
     result = check(loaded, samples, limit_force=limit_force, limit_torque=limit_torque, g=g)
     typer.echo(verification_json(result) if json else verification_text(result))
     return 0 if result.passed else 1

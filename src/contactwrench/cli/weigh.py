@@ -7,27 +7,24 @@ import typer
 from .reading import (
     CalibrationFile,
     Gravity,
-    InverseOrientation,
     Json,
-    Orientation,
+    Reading,
     Recording,
-    Sign,
     WeighingGravity,
-    WrenchFrame,
     gravity_direction,
     note_other_reading,
     read_recording,
+    with_reading_flags,
 )
 
 
+@with_reading_flags
 def weigh(
-    file: Recording,
+    file: Recording = None,
+    *,
     calibration: CalibrationFile,
     json: Json = False,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
+    reading: Reading,
     gravity: Gravity = None,
     g: WeighingGravity = None,
 ) -> None:
@@ -36,8 +33,9 @@ def weigh(
     from ..report.text import held_object_json, held_object_text
     from ..weigh import weigh as weighed
 
+    path = reading.file(file)
     loaded = Calibration.load(calibration).with_gravity(gravity_direction(gravity))
-    samples = read_recording(file, orientation, wrench_frame, sign, inverse_orientation)
-    note_other_reading(loaded.provenance, wrench_frame, sign, inverse_orientation)
+    samples = read_recording(path, reading.layout)
+    note_other_reading(loaded.provenance, reading.layout)
     held = weighed(loaded, samples, g=g)
     typer.echo(held_object_json(held) if json else held_object_text(held))

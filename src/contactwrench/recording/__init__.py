@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ..samples import Samples
 from .layout import Layout
-from .streaming import batches, read_samples, read_streams
+from .streaming import batches, pairs_in_batches, read_samples, read_streams
 
-__all__ = ["Layout", "batches", "read", "read_samples", "read_streams"]
+__all__ = ["Layout", "batches", "pairs_in_batches", "read", "read_samples", "read_streams"]
 
 
 def read(

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ..errors import FileFormatError
 from ..orientation import Array
 
-ROWS = 2**16
-"""Rows that are read at once."""
+ROWS = 2**15
+"""Rows that are read at once: some 10 MB."""
 
 SATURATED = "saturated"
 """1 or true in the rows in which a channel of the sensor stood at its limit."""

@@ -14,8 +14,7 @@ from .bag_chunks import Logged, messages
 from .bag_files import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
 from .bag_messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
 from .bag_topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
-from .csv import TIME
-from .table import numbers, opened, optional
+from .table import opened, times
 from .transforms import Edge, Link, note
 
 HEADER = "std_msgs/msg/Header"
@@ -104,12 +103,11 @@ def bag_contents(path: str | Path) -> BagContents:
 
 
 def table_contents(path: str | Path) -> TableContents:
-    """What is in a table of text. Raises as `read` for a file that is none."""
+    """What is in a table. Raises as `read` for a file that is none."""
     places, body = opened(path)
-    column = optional(places, ["t"], TIME, set(), body.source)
-    if not column:
-        return TableContents(str(path), tuple(places), sum(1 for _ in body.lines()), None, None)
-    t = numbers(body, column)[:, 0] / column[0].per_si
+    t = times(places, body)
+    if t is None or not len(t):
+        return TableContents(str(path), tuple(places), len(body), None, None)
     return TableContents(str(path), tuple(places), len(t), float(t[0]), rhythm(t, float(t[0])))
 
 

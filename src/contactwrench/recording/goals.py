@@ -10,8 +10,8 @@ import numpy as np
 from ..errors import FileFormatError
 from ..orientation import Array
 from .columns import Body, Column, optional
-from .meaning import LENGTH, TIME
-from .table import opened, orientations
+from .meaning import LENGTH
+from .table import opened, orientations, times
 
 JOINT_ANGLE = {"": 1.0, "rad": 1.0, "deg": 180.0 / np.pi}
 
@@ -34,17 +34,16 @@ def read_goals(path: str | Path, joint_count: int, orientation: str = "auto") ->
     """
     places, body = opened(path)
     names = [f"q{k}" for k in range(1, joint_count + 1)]
-    t = optional(places, ["t"], TIME, set(), body.source)
     joints = optional(places, names, JOINT_ANGLE, set(), body.source)
-    times = _values(body, t)[:, 0] if t else None
+    t = times(places, body)
     if joints:
-        return Goals(_values(body, joints), np.empty((0, 3, 3)), None, times)
+        return Goals(_values(body, joints), np.empty((0, 3, 3)), None, t)
     try:
         R, taken = orientations(places, body, orientation)
     except FileFormatError as error:
         raise FileFormatError(f"{error}; or give joint angles {names[0]} to {names[-1]}") from None
     position = optional(places, ["x", "y", "z"], LENGTH, taken, body.source)
-    return Goals(None, R, _values(body, position) if position else None, times)
+    return Goals(None, R, _values(body, position) if position else None, t)
 
 
 def _values(body: Body, columns: list[Column]) -> Array:

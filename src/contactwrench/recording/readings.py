@@ -60,9 +60,9 @@ def readings(
 ) -> Readings:
     """All readings of a file, the stated one among them; arguments as for `read`, `gravity` (3,) the stated direction.
 
-    Rows with a load are left out; rows that follow each other at one orientation are averaged. Raises
-    `FileAccessError`, and `FileFormatError` where columns are missing or hold no numbers, or all rows have a load;
-    `InputError` for arguments that are none.
+    Rows with a load or a saturated channel are left out; rows that follow each other at one orientation are averaged.
+    Raises `FileAccessError`, and `FileFormatError` where columns are missing or hold no numbers, or all rows have a
+    load; `InputError` for arguments that are none.
     """
     if is_bag(path, Layout(orientation, wrench_frame, sign, inverse_orientation)):
         raise FileFormatError(

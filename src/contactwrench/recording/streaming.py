@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from .table import Table, joined, pose_tables, tables, wrench_tables
 
 Advance = Callable[[float], None]
 """Is told the part of the recording, 0 to 1, that has been read; NaN where nobody knows its size."""
+
+Tell = Callable[[str], None]
 
 
 def read_streams(path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None) -> Streams:
@@ -59,65 +62,93 @@ def batches(
     )
 
 
-def read_samples(path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None) -> Samples:
+def read_samples(
+    path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None, tell: Tell | None = None
+) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
-    orientation is brought to the wrench's times. Raises as `read_streams`.
+    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read_streams`.
     """
     if is_bag(path, layout) or layout.pose_file is not None:
-        return _paired(read_streams(path, layout, advance))
+        return _paired(read_streams(path, layout, advance), tell)
     table = _as_stated(joined(list(_told(tables(path, layout.orientation), advance))), path, layout)
-    if (table.has_wrench & ~table.has_orientation).any():
-        return _paired(_streams(table, path))
+    if _lacks_orientations(table):
+        return _paired(_streams(table, path), tell)
     return _samples(table, path)
 
 
+def pairs_in_batches(
+    path: str | Path, layout: Layout = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+) -> Iterator[Samples] | None:
+    """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
+
+    None where the orientation has to be brought to the wrench's times: for a bag, two files, or a table in whose first
+    rows a wrench has no orientation of its own. Raises as `read_streams`, and `FileFormatError` at a later wrench
+    without one.
+    """
+    if is_bag(path, layout) or layout.pose_file is not None:
+        return None
+    blocks = (_as_stated(table, path, layout) for table in _told(tables(path, layout.orientation, rows), advance))
+    first = next(blocks)
+    return None if _lacks_orientations(first) else _pairs(chain([first], blocks), path)
+
+
+def _pairs(blocks: Iterator[Table], path: str | Path) -> Iterator[Samples]:
+    for table in blocks:
+        if _lacks_orientations(table):
+            lacking = table.has_wrench & ~table.has_orientation
+            t = np.nan if table.t is None else table.t[lacking][0]
+            raise FileFormatError(
+                f"{path}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in the "
+                "first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
+            )
+        yield _samples(table, path)
+
+
+def _lacks_orientations(table: Table) -> bool:
+    """Whether a wrench has no orientation in its row."""
+    return bool((table.has_wrench & ~table.has_orientation).any())
+
+
 def _samples(table: Table, path: str | Path) -> Samples:
-    """The rows that have a wrench, each with its own orientation."""
-    both = table if table.has_wrench.all() else table.select(table.has_wrench)
+    """The rows of a table that have a wrench, each with its orientation. Raises `FileFormatError`."""
+    pairs = table if table.has_wrench.all() else table.select(table.has_wrench)
     try:
         return Samples(
-            both.wrench,
-            both.orientation,
-            both.t,
-            both.position,
-            both.load_mass,
+            pairs.wrench,
+            pairs.orientation,
+            pairs.t,
+            pairs.position,
+            pairs.load_mass,
             _name(path),
-            saturated=None if both.saturated is None else both.saturated == 1.0,
+            saturated=None if pairs.saturated is None else pairs.saturated == 1.0,
         )
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None
 
 
-class GapsFound(InputError):
-    """A row of a table that was to be taken as it is has a wrench and no orientation."""
-
-
-def sample_batches(
-    path: str | Path, layout: Layout = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
-) -> Iterator[Samples]:
-    """The rows of one table that have a wrench, as samples, in batches; memory for one of them.
-
-    Raises `GapsFound` where one lacks its orientation, and as `read_streams`.
-    """
-    for part in _told(tables(path, layout.orientation, rows), advance):
-        if (part.has_wrench & ~part.has_orientation).any():
-            raise GapsFound(f"{path}: found a wrench without an orientation in its row")
-        yield _samples(_as_stated(part, path, layout), path)
-
-
-def _paired(streams: Streams) -> Samples:
-    """Two streams onto one clock: the delay between them is applied where it is significant."""
-    from ..delay import estimate_delay
+def _paired(streams: Streams, tell: Tell | None) -> Samples:
+    """Two streams onto one clock: the delay between them, of free readings, is applied where it is significant."""
+    from ..delay import delay_in_words, estimate_delay
     from ..synchronize import synchronize
 
-    delay = estimate_delay(streams)
+    wrench, load, saturated = streams.wrench, streams.wrench.load_mass, streams.wrench.saturated
+    free = np.ones(len(wrench), dtype=np.bool_)
+    if load is not None:
+        free &= load == 0.0
+    if saturated is not None:
+        free &= ~saturated
+    delay = estimate_delay(
+        streams if free.all() else Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
+    )
     found = synchronize(streams, delay.value if delay.significant else 0.0)
-    samples: Samples = found.samples
-    load, saturated = streams.wrench.load_mass, streams.wrench.saturated
+    if tell is not None:
+        for note in (delay_in_words(delay), *found.notes):
+            tell(note)
+    known = np.isfinite(delay.std)
     return replace(
-        samples,
-        delay=delay.value,
-        delay_std=delay.std,
+        found.samples,
+        delay=delay.value if known else None,
+        delay_std=delay.std if known else None,
         load_mass=None if load is None else load[found.rows],
         saturated=None if saturated is None else saturated[found.rows],
     )
@@ -159,7 +190,7 @@ def _as_stated(table: Table, path: str | Path, layout: Layout) -> Table:
     R = table.orientation.transpose(0, 2, 1) if layout.inverse_orientation else table.orientation
     wrench = -table.wrench if layout.sign == "reaction" else table.wrench
     if layout.wrench_frame == "base":
-        if (table.has_wrench & ~table.has_orientation).any():
+        if _lacks_orientations(table):
             raise FileFormatError(f"{path}: {IN_BASE_AXES}")
         wrench = np.concatenate(
             [np.einsum("nij,ni->nj", R, wrench[:, :3]), np.einsum("nij,ni->nj", R, wrench[:, 3:])], axis=1

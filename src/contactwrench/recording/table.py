@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..errors import FileFormatError, InputError
 from ..orientation import Array, Convention
 from ..samples import LARGEST_READING
-from .columns import ROWS, Body, Column, require
+from .columns import ROWS, Body, Column, optional, require
 from .csv import csv_bodies
-from .meaning import Meaning, meaning_of, orientation_columns, require_times, whole_sets, wrench_columns
+from .meaning import TIME, Meaning, meaning_of, orientation_columns, require_times, whole_sets, wrench_columns
 from .parquet import is_parquet, parquet_bodies, parquet_body
 
 UNIX_TIMES = (1e9, 4.2e9)
@@ -158,6 +158,12 @@ def pose_tables(path: str | Path, orientation: str = "auto", rows: int = ROWS) -
     places, read = _blocks(path, rows)
     meaning = meaning_of(places, str(path), [], *orientation_columns(places, orientation, str(path)))
     return _tables(read, require_times(meaning, places, str(path)))
+
+
+def times(places: dict[str, int], body: Body) -> Array | None:
+    """The times (n,) of a table's rows, s; None where it has none. Raises `FileFormatError`."""
+    column = optional(places, ["t"], TIME, set(), body.source)
+    return _in_seconds(body.numbers(column)[:, 0] / column[0].per_si, column[0]) if column else None
 
 
 def orientations(places: dict[str, int], body: Body, orientation: str) -> tuple[Array, set[int]]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..files import write_bytes, write_text
 from ..orientation import Array
+from .digits import Letters, nine_digits
 from .meaning import WRENCH_COLUMNS
 from .parquet import SUFFIXES, import_parquet, is_parquet, rows_as_stored
 
@@ -26,8 +27,8 @@ JUDGEMENT = ("valid", "contact", "reason")
 PREFIX = "contact_"
 """Of the new columns' names in a Parquet file, where the recording's columns have one of their names."""
 
-LINES = 1000
-"""Formatted at once: a third faster than one by one."""
+LINES = 2000
+"""Formatted at once: their letters stay in the cache."""
 
 
 class ContactRows(Protocol):
@@ -87,26 +88,33 @@ def _csv(batches: Iterator[ContactRows]) -> Iterator[str]:
     names = [*(["t"] if first.t is not None else []), *NAMES, *(JUDGEMENT if isinstance(first, Judged) else [])]
     yield ",".join(names) + "\n"
     for batch in chain([first], batches):
-        columns, formats = [batch.wrench, batch.std], ["%.9g"] * 12
-        if batch.t is not None:
-            columns, formats = [batch.t[:, None], *columns], ["%r", *formats]
-        table: NDArray[Any] = np.hstack(columns)
-        if isinstance(batch, Judged):
-            table, formats = np.hstack([table.astype(object), _words(batch)]), [*formats, "%s"]
-        line = ",".join(formats) + "\n"
-        for start in range(0, len(table), LINES):
-            some = table[start : start + LINES]
-            yield line * len(some) % tuple(some.ravel().tolist())
+        for start in range(0, len(batch.wrench), LINES):
+            some = slice(start, start + LINES)
+            cells = [nine_digits(column) for part in (batch.wrench, batch.std) for column in part[some].T]
+            if batch.t is not None:
+                cells.insert(0, _letters([repr(t).encode() for t in batch.t[some].tolist()]))
+            if isinstance(batch, Judged):
+                cells.append(_letters(_judgements(batch, some)))
+            yield _lines(cells)
 
 
-def _words(batch: Judged) -> NDArray[Any]:
-    """The cells (n, 1) of the judgements, of each sample in one string."""
+def _lines(cells: list[Letters]) -> str:
+    """The lines of cells (n, width), which hold zeros beside their letters."""
+    comma, end = (np.full((len(cells[0]), 1), ord(letter), np.uint8) for letter in ",\n")
+    between = [letters for cell in cells for letters in (cell, comma)][:-1]
+    return np.hstack([*between, end]).tobytes().translate(None, b"\0").decode()
+
+
+def _letters(texts: list[bytes]) -> Letters:
+    padded = np.array(texts, dtype=np.bytes_)
+    return padded.view(np.uint8).reshape(len(texts), padded.itemsize)
+
+
+def _judgements(batch: Judged, some: slice) -> list[bytes]:
+    """The cells of the judgements, of each sample in one."""
     contact = ("0", "1", "")  # the last also stands at place -1
-    cells = [
-        f"{valid:d},{contact[touches]},{_quoted(reason)}"
-        for valid, touches, reason in zip(batch.valid.tolist(), batch.contact.tolist(), batch.reason, strict=True)
-    ]
-    return np.array(cells, dtype=object)[:, None]
+    of_each = zip(batch.valid[some].tolist(), batch.contact[some].tolist(), batch.reason[some], strict=True)
+    return [f"{valid:d},{contact[touches]},{_quoted(reason)}".encode() for valid, touches, reason in of_each]
 
 
 def _quoted(reason: str | None) -> str:
