@@ -154,7 +154,10 @@ def test_a_driver_that_repeats_each_reading_of_a_slower_sensor() -> None:
     def repeat(wrench: Array) -> None:
         wrench[:] = np.repeat(wrench[::20], 20, axis=0)[: len(wrench)]
 
-    assert _run(_swing(), repeat).valid.all()
+    batch = _run(_swing(), repeat)
+    assert batch.valid.all()
+    assert not batch.contacts
+    assert np.sqrt(np.mean((batch.wrench / batch.std)[1000:] ** 2)) == pytest.approx(1.0, abs=0.3)
 
 
 def test_a_reading_that_stops_altogether() -> None:

@@ -9,4 +9,13 @@ from .recording import read
 from .samples import Samples
 from .version import __version__
 
-__all__ = ["Calibration", "Compensator", "ContactWrench", "ContactWrenchError", "Samples", "__version__", "calibrate", "read"]
+__all__ = [
+    "Calibration",
+    "Compensator",
+    "ContactWrench",
+    "ContactWrenchError",
+    "Samples",
+    "__version__",
+    "calibrate",
+    "read",
+]

@@ -123,7 +123,8 @@ class Compensator:
         self._block: tuple[Array, Array, Array, float] | None = None
         self._clean_before = False
         self._last_contact: Contact | None = None
-        self._std, self._threshold, self._gain = read_only(np.full(6, nan)), nan, np.ones(1)
+        self._std, self._threshold, self._gain = NOT_KNOWN, nan, np.ones(1)
+        self._interval = inf
         self._live[slot.LONGEST_GAP] = UNKNOWN_RATE_GAP
         if self._rate is not None:
             self._memory[slot.STAMPS] = slot.N_INTERVALS
@@ -239,6 +240,7 @@ class Compensator:
         self._offset = zeroed(self._error, mean, variance, R, t)
         self._memory[slot.FIRST_HEAT] = self._memory[slot.HEAT] if self._knows_heat else nan
         self._memory[slot.SPOILED], self._memory[slot.FRESH], self._block = 1.0, slot.WRENCH_ALONE, None
+        self._memory[slot.TOUCHING] = self._memory[slot.RUN] = 0.0
         self._take_over(mean)
         return Zero(mean - before, np.sqrt(np.diag(of_calibration) + variance))
 
@@ -312,6 +314,7 @@ class Compensator:
         self._filters[:] = self._flat(filters)
         self._gain = np.ones(1) if self._lowpass is None else self._lowpass.noise_gain(rate)
         self._live[slot.LONGEST_GAP] = max(GAP_SECONDS, GAP_SAMPLES / rate)
+        self._interval = 1.0 / rate
 
     def _end_block(self) -> None:
         """Learn from the block of samples before this one, where it, this one and the one before it were all free: so a
@@ -328,7 +331,7 @@ class Compensator:
                 self._offset = updated(there, self._block[0], self._block[1])
                 self._take_over(self._offset.value)
             self._clean_before = self._block is not None
-            self._block = (mean, self._noise / rows, R, t) if clean else None
+            self._block = (mean, self._noise * min(self._held() / rows, 1.0), R, t) if clean else None
         if self._follows or memory[slot.SINCE] < len(self._gain) + 2.0 * memory[slot.BLOCK_ROWS]:
             memory[slot.STALE] = 1.0
         memory[slot.BLOCK_TIME] = memory[slot.TIME]
@@ -348,7 +351,8 @@ class Compensator:
         elif np.isnan(self._offset.t):
             self._offset = replace(self._offset, t=t)
         systematic = predicted(self._offset, self._error, self._walk, R, t).covariance
-        covariance = systematic + np.diag(self._noise * self._gain[min(since, len(self._gain) - 1)])
+        gain = float(self._gain[min(since, len(self._gain) - 1)])
+        covariance = systematic + np.diag(self._noise * min(gain * self._held(), 1.0))
         W = whitening(covariance)
         dof = satterthwaite(W, systematic, self._calibration.dof)
         live[slot.FIRE], live[slot.QUIET_BELOW] = self._thresholds.at(dof)
@@ -359,6 +363,13 @@ class Compensator:
         self._std = np.sqrt(covariance.diagonal())
         self._std.flags.writeable = False
 
+    def _held(self) -> float:
+        """For how many samples one reading of the sensor stands, where a driver repeats each: so much less do a filter
+        and a mean reduce the noise.
+        """
+        held = float(self._memory[slot.NEW_USUAL]) / self._interval
+        return held if held > 1.5 else 1.0
+
     def _take_over(self, offset: Array) -> None:
         """Subtract another offset from now on."""
         self._live[slot.BIAS : slot.BIAS + 6] = self._flat(self._calibration.B[:, 3] + offset)
@@ -366,7 +377,7 @@ class Compensator:
 
     def _contact(self, release: float | None) -> Contact:
         memory = self._memory
-        rows, gain = float(memory[slot.SUM_ROWS]), float(self._gain[-1])
+        rows, gain = float(memory[slot.SUM_ROWS]), min(float(self._gain[-1]) * self._held(), 1.0)
         white = self._noise * gain / (1.0 + (rows - 1.0) * gain)
         return Contact(
             float(memory[slot.ONSET]),
