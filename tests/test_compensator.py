@@ -19,7 +19,7 @@ import contactwrench as cw
 from benchmarks.world import Array, readings
 from contactwrench.contact_wrench import ContactWrenchBatch
 from contactwrench.drift import TYPICAL_DRIFT
-from contactwrench.errors import InputError
+from contactwrench.errors import InputError, MissingExtraError
 from contactwrench.filters import LowPass
 from tests.live import RATE, calibrated, free, still, swinging, times
 from tests.rigs import NOISE, seeds
@@ -132,6 +132,9 @@ def test_compiled_is_plain() -> None:
             t = t + 10.0
         single, batch = compiled(wrench[0], R[0], t[0] + 10.0), plain(wrench[0], R[0], t[0] + 10.0)
         assert single.wrench == pytest.approx(batch.wrench)
+        assert single.contact is batch.contact is None
+        single, batch = compiled(wrench[1], R[1], t[1] + 10.0), plain(wrench[1], R[1], t[1] + 10.0)
+        assert single.contact is batch.contact is False
 
 
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
@@ -368,6 +371,20 @@ def test_memory_does_not_grow() -> None:
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 2000
+
+
+def test_a_compiled_step_without_numba_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    from contactwrench.compensator_kernel import compiled
+
+    calibration, _, _ = calibrated(1)
+    compiled.cache_clear()
+    monkeypatch.setitem(sys.modules, "numba", None)
+    with pytest.raises(MissingExtraError) as caught:
+        cw.Compensator(calibration, fast=True)
+    assert str(caught.value) == (
+        "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
+    )
+    compiled.cache_clear()
 
 
 def test_import_stays_light() -> None:

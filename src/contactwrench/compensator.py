@@ -164,11 +164,11 @@ class Compensator:
         result = np.array(out[:6])
         result.flags.writeable = False
         contact, fault = out[slot.CONTACT], int(out[slot.FAULT])
-        touching = None if contact < 0.0 else contact > 0.0
+        touching = None if contact < 0.0 else bool(contact > 0.0)
         if fault == slot.FINE:
-            return ContactWrench(result, std, t, True, None, touching)
+            return ContactWrench(result, std, float(t), True, None, touching)
         reason = reason_of(fault, out[slot.DETAIL], int(out[slot.CHANNEL]))
-        return ContactWrench(result, std if fault >= slot.BACK else NOT_KNOWN, t, False, reason, touching)
+        return ContactWrench(result, std if fault >= slot.BACK else NOT_KNOWN, float(t), False, reason, touching)
 
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
