@@ -105,9 +105,11 @@ def unreadable(memory: Numbers, reading: Numbers, orientation: Numbers, now: flo
         return slot.NO_TIME, now, -1
     if now == memory[slot.TIME]:
         return slot.REPEATED, now, -1
-    for k in range(6):
-        if reading[k] - reading[k] != 0.0:
-            return slot.NO_READING, reading[k], k
+    total = reading[0] + reading[1] + reading[2] + reading[3] + reading[4] + reading[5]
+    if total - total != 0.0:
+        for k in range(6):
+            if reading[k] - reading[k] != 0.0:
+                return slot.NO_READING, reading[k], k
     squared = rotation(orientation, memory)
     if squared - squared != 0.0:
         return slot.NO_ORIENTATION, squared, -1
@@ -280,6 +282,7 @@ def begin(memory: Numbers, reading: Numbers, now: float) -> None:
     memory[slot.TURN_TIME] = now
     memory[slot.SPEED] = 0.0
     memory[slot.STEADY] = 0.0
+    memory[slot.STEP_SQUARED] = 0.0
     for k in range(6):
         memory[slot.BLOCK_SUM + k] = 0.0
         memory[slot.LAST + k] = reading[k]
