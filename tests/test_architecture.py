@@ -44,6 +44,7 @@ LAYER = {
     "compensator_signal": 4,
     "compensator_watch": 4,
     "contact_wrench": 4,
+    "sample_noise": 4,
     "zeroing": 4,
     "poses": 2,
     "model": 2,

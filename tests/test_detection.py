@@ -6,14 +6,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import chi2, f
 
 import contactwrench as cw
 from benchmarks.world import Array, noisy_readings, random_rotations, readings
 from contactwrench.contact_wrench import Contact, ContactWrenchBatch
-from contactwrench.detection import noise_of_sample, satterthwaite, thresholds, whitening
+from contactwrench.detection import satterthwaite, thresholds, whitening
 from contactwrench.drift import TYPICAL_DRIFT
 from contactwrench.errors import InputError
+from contactwrench.filters import LowPass
+from contactwrench.sample_noise import noise_of_sample
 from tests.live import RATE, calibrated, free, still, swinging, times
 from tests.rigs import NOISE, example
 
@@ -46,19 +49,40 @@ def test_noise_of_a_sample() -> None:
     each = noisy_readings(rig, np.repeat(R, 200, axis=0), NOISE, rng).reshape(10, 200, 6)
     each += (2.0 * NOISE * rng.normal(size=(10, 6)))[:, None]
     repeated = cw.calibrate(cw.Samples(each.reshape(-1, 6), np.repeat(R, 200, axis=0)), "mount")
-    white, between = noise_of_sample(repeated, None)
-    assert np.sqrt(white) == pytest.approx(NOISE, rel=0.1)
-    assert np.sqrt(between) == pytest.approx(2.0 * NOISE, rel=0.6)
-    white, between = noise_of_sample(repeated, each[0] - each[0].mean(axis=0))
-    assert np.sqrt(white) == pytest.approx(NOISE, rel=0.2)
+    found = noise_of_sample(repeated, None)
+    assert np.sqrt(found.of_sample) == pytest.approx(NOISE, rel=0.1)
+    assert np.sqrt(found.between) == pytest.approx(2.0 * NOISE, rel=0.6)
+    assert np.sqrt(noise_of_sample(repeated, each[0]).of_sample) == pytest.approx(NOISE, rel=0.2)
     single = cw.calibrate(cw.Samples(noisy_readings(rig, R, NOISE, rng), R), "mount", noise=NOISE)
-    white, between = noise_of_sample(single, None)
-    assert white == pytest.approx(single.noise**2)
-    assert between == pytest.approx(single.noise**2)
-    _, between = noise_of_sample(single, single.noise)
-    assert between == pytest.approx(np.zeros(6))
+    found = noise_of_sample(single, None)
+    assert found.of_sample == pytest.approx(single.noise**2)
+    assert found.between == pytest.approx(single.noise**2)
+    assert noise_of_sample(single, single.noise).between == pytest.approx(np.zeros(6))
     with pytest.raises(InputError):
         noise_of_sample(single, np.full(6, np.nan))
+
+
+def _slow(rng: np.random.Generator, n: int) -> Array:
+    """Noise (n, 6) of an arm that shakes at some 15 Hz: far from white."""
+    found: Array = NOISE * lfilter([0.44], [1.0, -0.9], rng.normal(size=(n + 200, 6)), axis=0)[200:]
+    return found
+
+
+def test_a_recording_tells_noise_that_is_not_white() -> None:
+    """The std behind a low-pass, and contacts that are none, where the noise is given by its size or by a recording."""
+    calibration, rig, rng = calibrated(10)
+    R = swinging(rng, 4000)
+    wrench = readings(rig, R) + _slow(rng, 4000)
+    recording = _slow(rng, 4000)
+    for noise, honest in ((recording.std(axis=0), False), (recording, True)):
+        batch = _plain(calibration, noise=noise, lowpass=20.0, drift=TYPICAL_DRIFT).run(wrench, R, times(4000))
+        size = np.sqrt(np.mean((batch.wrench / batch.std)[500:] ** 2))
+        assert bool(0.6 < size < 1.2) is honest
+        assert (not batch.contacts) is honest
+    white = noise_of_sample(calibration, NOISE * rng.normal(size=(4000, 6)))
+    assert white.slowness(100) == pytest.approx(np.ones(6), abs=1.0)
+    expected = LowPass(20.0).noise_gain(RATE)[-1] * white.of_sample
+    assert white.behind(LowPass(20.0), RATE)[-1] == pytest.approx(expected, rel=0.5)
 
 
 @pytest.mark.parametrize("settings", [{}, {"lowpass": 100.0}, {"drift": TYPICAL_DRIFT}])
