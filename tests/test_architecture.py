@@ -44,7 +44,15 @@ LAYER = {
     "detection": 4,
     "line_of_action": 4,
     "compensator": 4,
+    "compensator_contact": 4,
     "compensator_kernel": 4,
+    "compensator_layout": 4,
+    "compensator_settings": 4,
+    "compensator_signal": 4,
+    "compensator_watch": 4,
+    "contact_wrench": 4,
+    "sample_noise": 4,
+    "zeroing": 4,
     "poses": 2,
     "model": 2,
     "robots": 2,
@@ -260,7 +268,16 @@ def test_no_global_random_state_and_no_assert_in_the_package() -> None:
 
 def test_public_names_are_the_contract() -> None:
     assert sorted(cw.__all__) == sorted(
-        ["Calibration", "ContactWrenchError", "Samples", "__version__", "calibrate", "read"]
+        [
+            "Calibration",
+            "Compensator",
+            "ContactWrench",
+            "ContactWrenchError",
+            "Samples",
+            "__version__",
+            "calibrate",
+            "read",
+        ]
     )
     assert all(hasattr(cw, name) for name in cw.__all__)
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from benchmarks import auto, dirty
+from benchmarks import auto, dirty, live
 from benchmarks.accuracy import NOISE, TABLE_V, UNSEEN
 from benchmarks.measured import ranks
 from benchmarks.poses import POSE_SETS
@@ -22,6 +23,7 @@ from benchmarks.record import HEADER, append
 from benchmarks.recordings import measured_sets
 from benchmarks.table import Row
 from benchmarks.world import bound_on_prediction, readings
+from contactwrench.contact_wrench import Contact
 
 
 class Here(Executor):
@@ -118,6 +120,29 @@ def test_the_true_reading_of_a_measured_set_comes_first() -> None:
     assert all(row.met for row in ranks(measured_sets()["Panda, Mini45"]))
 
 
+def test_contacts_of_a_shift_do_not_touch_each_other() -> None:
+    found = live.touches(np.random.default_rng(8), 3_600_000, 1000.0, 125)
+    assert len(found) == 125
+    assert found[-1].stop < 3_600_000
+    assert all(a.stop + 500 < b.start for a, b in pairwise(found))
+    assert all(np.linalg.norm(each.wrench[:3]) >= 1.0 for each in found)
+
+
+def test_a_shift_judges_what_is_missed_and_what_is_none() -> None:
+    """Two contacts, one not flagged and learned away; one reported where there is none."""
+    contacts = [live.Touch(1000, 2000, np.ones(6)), live.Touch(5000, 6000, np.ones(6))]
+    flag, pressed = np.zeros(9000, dtype=bool), np.zeros(9000, dtype=int)
+    flag[1005:2005], pressed[1000:2000], pressed[5000:6000] = True, 1, 2
+    error, inside = np.full(9, 0.01), np.zeros(9, dtype=int)
+    error[6], inside[6] = 0.9, 2
+    reported = [Contact(at, at + 1.0, *np.zeros((2, 6)), np.eye(6), True) for at in (1.0, 7.5)]
+    rows = {row.what: row for row in live._judged(contacts, flag, pressed, error, inside, reported, 1000.0)}
+    assert rows["contacts held for 99 % of their time"].value == 50.0
+    assert rows["seconds in contact with 0.5 N of it learned away"].value == 1
+    assert rows["contacts that were none"].value == 1
+    assert rows["RMS bias error of a force axis"].met is False
+
+
 def test_figures_are_added_to_a_file_with_one_header(tmp_path: Path) -> None:
     path = tmp_path / "results.csv"
     for value in (1.0, 2.0):
@@ -138,4 +163,5 @@ def test_an_unknown_benchmark_is_refused_by_name() -> None:
     command = [sys.executable, "-m", "benchmarks", "acuracy"]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "found acuracy, expected speed, plan, rig, measured, bags, accuracy, auto, dirty, diagnose" in done.stderr
+    known = "speed, tables, plan, rig, measured, bags, stillness, live, accuracy, auto, dirty, diagnose"
+    assert f"found acuracy, expected {known}" in done.stderr

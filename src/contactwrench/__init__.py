@@ -2,9 +2,20 @@
 
 from .calibrate import calibrate
 from .calibration import Calibration
+from .compensator import Compensator
+from .contact_wrench import ContactWrench
 from .errors import ContactWrenchError
 from .recording import read
 from .samples import Samples
 from .version import __version__
 
-__all__ = ["Calibration", "ContactWrenchError", "Samples", "__version__", "calibrate", "read"]
+__all__ = [
+    "Calibration",
+    "Compensator",
+    "ContactWrench",
+    "ContactWrenchError",
+    "Samples",
+    "__version__",
+    "calibrate",
+    "read",
+]

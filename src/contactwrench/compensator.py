@@ -17,15 +17,16 @@ from numpy.typing import ArrayLike
 
 from . import compensator_layout as slot
 from .calibration import Calibration
-from .compensator_kernel import advance, compiled
+from .compensator_kernel import BLOCK_SECONDS, advance, compiled
 from .compensator_settings import arrays, delay_of, lists, positive, six
 from .compensator_watch import LOG_SAME_UNSEEN
 from .contact_wrench import Contact, ContactWrench, ContactWrenchBatch, Zero, reason_of
-from .detection import noise_of_sample, satterthwaite, thresholds, whitening
+from .detection import satterthwaite, thresholds, whitening
 from .drift import HOUR, CalibrationError, Offset, calibrated, predicted, updated, zeroed
 from .errors import InputError
 from .filters import LowPass
 from .orientation import Array
+from .sample_noise import noise_of_sample
 from .samples import Samples, read_only
 from .wrench import wrench_rows
 from .zeroing import free_mean
@@ -46,15 +47,16 @@ class Compensator:
     """From readings, one at a time or in batches, to contact wrenches with their std, faults and contacts.
 
     `rate` Hz; None: from the first 25 stamps, and until then nothing is filtered. `noise`: the std (6,) of one sample,
-    N and N m, or a recording at rest (n, 6); None: from the calibration. `lowpass` of the contact wrench: a `LowPass`,
-    or a cut-off in Hz (Butterworth of order 2). `sensor_filter`: what the sensor itself does to a wrench, a `LowPass`
-    or a cut-off in Hz (first order); the same is done to the model. `delay` s: how much later than the orientation the
-    wrench is stamped; None: the calibration's, where it is significant. `drift`: std (6,) of the bias' random walk
-    after an hour, as `drift.TYPICAL_DRIFT`; None: the bias is not followed, for whatever follows a bias takes a push
-    that is too slow or too weak to be detected for one. `temperature_coefficient` (6,) of the bias, N/K and N m/K.
-    `false_alarm_rate` per sample; `minimum_duration` s of a contact, and of its end; `ranges` (6,) of the sensor, N and
-    N m; `gravity` (3,): its direction in base axes where that differs from the calibration's. `fast`: whether numba
-    compiles the step, here and not at the first sample; None: where it is installed.
+    N and N m, or a recording (n, 6) at rest or, compensated, of free motion; None: from the calibration. `lowpass` of
+    the contact wrench: a `LowPass`, or a cut-off in Hz (Butterworth of order 2). `sensor_filter`: what the sensor
+    itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same is done to the model. `delay` s: how
+    much later than the orientation the wrench is stamped; None: the calibration's, where it is significant. `drift`:
+    std (6,) of the bias' random walk after an hour, as `drift.TYPICAL_DRIFT`; None: the bias is not followed, for
+    whatever follows a bias takes a push that is too slow or too weak to be detected for one. `temperature_coefficient`
+    (6,) of the bias, N/K and N m/K. `false_alarm_rate` per sample; `minimum_duration` s of a contact, and of its end;
+    `ranges` (6,) of the sensor, N and N m; `gravity` (3,): its direction in base axes where that differs from the
+    calibration's. `fast`: whether numba compiles the step, here and not at the first sample; None: where it is
+    installed.
 
     Raises `InputError` for values that cannot be meant.
     """
@@ -77,8 +79,8 @@ class Compensator:
         fast: bool | None = None,
     ) -> None:
         self._calibration = calibration.with_gravity(None if gravity is None else np.asarray(gravity, dtype=np.float64))
-        self._noise, between = noise_of_sample(calibration, noise)
-        self._error = CalibrationError(self._calibration, between)
+        self._noise = noise_of_sample(calibration, noise)
+        self._error = CalibrationError(self._calibration, self._noise.between)
         self._thresholds = thresholds(false_alarm_rate)
         self._follows = drift is not None
         self._walk = six(drift, "drift", 0.0, least=0.0) ** 2 / HOUR
@@ -91,7 +93,7 @@ class Compensator:
         tool = (
             calibration.B[:, :3].ravel(),
             six(ranges, "range", inf, least=np.finfo(float).tiny),
-            np.sqrt(self._noise),
+            np.sqrt(self._noise.of_sample),
             six(temperature_coefficient, "temperature coefficient", 0.0),
             self._calibration.gravity_direction,
             [self._delay, self._delay if self._delay > 0.0 else max(-self._delay, LEAST_LOOK_BACK)],
@@ -123,8 +125,9 @@ class Compensator:
         self._block: tuple[Array, Array, Array, float] | None = None
         self._clean_before = False
         self._last_contact: Contact | None = None
-        self._std, self._threshold, self._gain = read_only(np.full(6, nan)), nan, np.ones(1)
+        self._std, self._threshold = NOT_KNOWN, nan
         self._covariance = np.full((6, 6), nan)
+        self._interval, self._filtered, self._slowness = inf, self._noise.of_sample[None], np.ones(6)
         self._live[slot.LONGEST_GAP] = UNKNOWN_RATE_GAP
         if self._rate is not None:
             self._memory[slot.STAMPS] = slot.N_INTERVALS
@@ -164,11 +167,11 @@ class Compensator:
         result = np.array(out[:6])
         result.flags.writeable = False
         contact, fault = out[slot.CONTACT], int(out[slot.FAULT])
-        touching = None if contact < 0.0 else contact > 0.0
+        touching = None if contact < 0.0 else bool(contact > 0.0)
         if fault == slot.FINE:
-            return ContactWrench(result, std, t, True, None, touching)
+            return ContactWrench(result, std, float(t), True, None, touching)
         reason = reason_of(fault, out[slot.DETAIL], int(out[slot.CHANNEL]))
-        return ContactWrench(result, std if fault >= slot.BACK else NOT_KNOWN, t, False, reason, touching)
+        return ContactWrench(result, std if fault >= slot.BACK else NOT_KNOWN, float(t), False, reason, touching)
 
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
@@ -238,14 +241,15 @@ class Compensator:
                 f"no new zero: in contact since t = {contact.onset:g} s, expected a free tool; let go of it, or, if "
                 "nothing touches it, reset() first"
             )
-        mean, R = free_mean(self._calibration, samples, np.sqrt(self._noise))
-        variance = self._noise / len(samples)
+        mean, R = free_mean(self._calibration, samples, np.sqrt(self._noise.of_sample))
+        variance = self._noise.of_sample * self._noise.slowness(len(samples)) / len(samples)
         t = float(self._memory[slot.TIME])
         before = np.zeros(6) if self._offset is None else self._offset.value
         of_calibration = calibrated(self._error, R, t).covariance
         self._offset = zeroed(self._error, mean, variance, R, t)
         self._memory[slot.FIRST_HEAT] = self._memory[slot.HEAT] if self._knows_heat else nan
         self._memory[slot.SPOILED], self._memory[slot.FRESH], self._block = 1.0, slot.WRENCH_ALONE, None
+        self._memory[slot.TOUCHING] = self._memory[slot.RUN] = 0.0
         self._take_over(mean)
         return Zero(mean - before, np.sqrt(np.diag(of_calibration) + variance))
 
@@ -317,8 +321,10 @@ class Compensator:
                 filters[at] = len(sections)
                 filters[at + 1 : at + 1 + sections.size] = sections.ravel()
         self._filters[:] = self._flat(filters)
-        self._gain = np.ones(1) if self._lowpass is None else self._lowpass.noise_gain(rate)
+        self._filtered = self._noise.behind(self._lowpass, rate)
+        self._slowness = self._noise.slowness(max(round(BLOCK_SECONDS * rate), 1))
         self._live[slot.LONGEST_GAP] = max(GAP_SECONDS, GAP_SAMPLES / rate)
+        self._interval = 1.0 / rate
 
     def _end_block(self) -> None:
         """Learn from the block of samples before this one, where it, this one and the one before it were all free: so a
@@ -335,8 +341,9 @@ class Compensator:
                 self._offset = updated(there, self._block[0], self._block[1])
                 self._take_over(self._offset.value)
             self._clean_before = self._block is not None
-            self._block = (mean, self._noise / rows, R, t) if clean else None
-        if self._follows or memory[slot.SINCE] < len(self._gain) + 2.0 * memory[slot.BLOCK_ROWS]:
+            variance = self._noise.of_sample * np.minimum(self._slowness * self._held() / rows, 1.0)
+            self._block = (mean, variance, R, t) if clean else None
+        if self._follows or memory[slot.SINCE] < len(self._filtered) + 2.0 * memory[slot.BLOCK_ROWS]:
             memory[slot.STALE] = 1.0
         memory[slot.BLOCK_TIME] = memory[slot.TIME]
         memory[slot.BLOCK_ROWS] = memory[slot.SPOILED] = 0.0
@@ -355,7 +362,8 @@ class Compensator:
         elif np.isnan(self._offset.t):
             self._offset = replace(self._offset, t=t)
         systematic = predicted(self._offset, self._error, self._walk, R, t).covariance
-        covariance = systematic + np.diag(self._noise * self._gain[min(since, len(self._gain) - 1)])
+        filtered = self._filtered[min(since, len(self._filtered) - 1)]
+        covariance = systematic + np.diag(np.minimum(filtered * self._held(), self._noise.of_sample))
         W = whitening(covariance)
         dof = satterthwaite(W, systematic, self._calibration.dof)
         live[slot.FIRE], live[slot.QUIET_BELOW] = self._thresholds.at(dof)
@@ -366,6 +374,13 @@ class Compensator:
         self._covariance, self._std = covariance, np.sqrt(covariance.diagonal())
         self._std.flags.writeable = False
 
+    def _held(self) -> float:
+        """For how many samples one reading of the sensor stands, where a driver repeats each: so much less do a filter
+        and a mean reduce the noise.
+        """
+        held = float(self._memory[slot.NEW_USUAL]) / self._interval
+        return held if held > 1.5 else 1.0
+
     def _take_over(self, offset: Array) -> None:
         """Subtract another offset from now on."""
         self._live[slot.BIAS : slot.BIAS + 6] = self._flat(self._calibration.B[:, 3] + offset)
@@ -373,14 +388,15 @@ class Compensator:
 
     def _contact(self, release: float | None) -> Contact:
         memory = self._memory
-        rows, gain = float(memory[slot.SUM_ROWS]), float(self._gain[-1])
-        white = self._noise * gain / (1.0 + (rows - 1.0) * gain)
+        rows, of_sample = float(memory[slot.SUM_ROWS]), self._noise.of_sample
+        gain = np.minimum(self._filtered[-1] * self._held() / of_sample, 1.0)
+        noise = of_sample * gain / (1.0 + (rows - 1.0) * gain)
         return Contact(
             float(memory[slot.ONSET]),
             release,
             np.array(memory[slot.PEAK : slot.PEAK + 6]),
             np.array(memory[slot.SUM : slot.SUM + 6]) / rows,
-            self._systematic + np.diag(white),
+            self._systematic + np.diag(noise),
             bool(memory[slot.ONSET_SEEN]),
         )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from math import nan
+from math import nan, sqrt
 from typing import Any
 
 from . import compensator_contact, compensator_signal, compensator_watch
@@ -18,6 +18,7 @@ from .compensator_contact import detect, gather
 from .compensator_layout import Numbers
 from .compensator_signal import as_the_wrench_is_stamped, low_pass, settle
 from .compensator_watch import SQUARED_TOLERANCE, far, rotation, turned, watched_orientation, watched_reading
+from .errors import MissingExtraError
 
 BLOCK_SECONDS = 0.1
 
@@ -104,9 +105,11 @@ def unreadable(memory: Numbers, reading: Numbers, orientation: Numbers, now: flo
         return slot.NO_TIME, now, -1
     if now == memory[slot.TIME]:
         return slot.REPEATED, now, -1
-    for k in range(6):
-        if reading[k] - reading[k] != 0.0:
-            return slot.NO_READING, reading[k], k
+    total = reading[0] + reading[1] + reading[2] + reading[3] + reading[4] + reading[5]
+    if total - total != 0.0:
+        for k in range(6):
+            if reading[k] - reading[k] != 0.0:
+                return slot.NO_READING, reading[k], k
     squared = rotation(orientation, memory)
     if squared - squared != 0.0:
         return slot.NO_ORIENTATION, squared, -1
@@ -213,14 +216,14 @@ def compensate(
 
 
 def down_in_flange(tool: Numbers, memory: Numbers) -> tuple[float, float, float]:
-    """`R_base_flange^T d`."""
+    """`R_base_flange^T d`, of length 1 also where the matrix was rounded."""
     a, b, c = tool[slot.DOWN], tool[slot.DOWN + 1], tool[slot.DOWN + 2]
     R = slot.R_NOW
-    return (
-        a * memory[R] + b * memory[R + 3] + c * memory[R + 6],
-        a * memory[R + 1] + b * memory[R + 4] + c * memory[R + 7],
-        a * memory[R + 2] + b * memory[R + 5] + c * memory[R + 8],
-    )
+    x = a * memory[R] + b * memory[R + 3] + c * memory[R + 6]
+    y = a * memory[R + 1] + b * memory[R + 4] + c * memory[R + 7]
+    z = a * memory[R + 2] + b * memory[R + 5] + c * memory[R + 8]
+    scale = 1.0 / sqrt(x * x + y * y + z * z)
+    return x * scale, y * scale, z * scale
 
 
 def heated(memory: Numbers, heat: float) -> float:
@@ -279,6 +282,7 @@ def begin(memory: Numbers, reading: Numbers, now: float) -> None:
     memory[slot.TURN_TIME] = now
     memory[slot.SPEED] = 0.0
     memory[slot.STEADY] = 0.0
+    memory[slot.STEP_SQUARED] = 0.0
     for k in range(6):
         memory[slot.BLOCK_SUM + k] = 0.0
         memory[slot.LAST + k] = reading[k]
@@ -298,10 +302,15 @@ IN_ORDER = (
 
 @cache
 def compiled() -> Callable[..., int]:
-    """`advance` and what it calls, compiled by numba (extra `fast`) over float64 arrays."""
+    """`advance` and what it calls, compiled by numba over float64 arrays. Raises `MissingExtraError` without it."""
     from types import FunctionType
 
-    import numba
+    try:
+        import numba
+    except ImportError:
+        raise MissingExtraError(
+            "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
+        ) from None
 
     names: dict[str, Any] = {}
     for module in (compensator_contact, compensator_signal, compensator_watch):

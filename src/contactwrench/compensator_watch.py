@@ -103,15 +103,16 @@ def watched_orientation(memory: Numbers, changed: bool, now: float) -> float:
     if usual == 0.0:
         usual = since
     usual += 0.05 * (min(since, 5.0 * usual) - usual)
-    squared = before = along = 0.0
+    squared = along = 0.0
     for k in range(9):
-        new, last = memory[slot.R_NEXT + k], memory[slot.R_STEP + k]
+        new = memory[slot.R_NEXT + k]
         step = new - memory[slot.R_NOW + k]
         squared += step * step
-        before += last * last
-        along += step * last
+        along += step * memory[slot.R_STEP + k]
         memory[slot.R_STEP + k] = step
         memory[slot.R_NOW + k] = new
+    before = memory[slot.STEP_SQUARED]
+    memory[slot.STEP_SQUARED] = squared
     speed = sqrt(0.5 * squared) / since
     straight = along > 0.5 * sqrt(squared * before)
     memory[slot.STEADY] = 1.0 if straight and min(speed, memory[slot.SPEED]) > BRAKING * max(since, usual) else 0.0
@@ -131,9 +132,8 @@ def watched_reading(tool: Numbers, memory: Numbers, reading: Numbers, now: float
     is a fault only where it lasts.
     """
     same = 0
-    for k in range(6):
-        if reading[k] == memory[slot.LAST + k]:
-            same += 1
+    while same < 6 and reading[same] == memory[slot.LAST + same]:
+        same += 1
     since = now - memory[slot.NEW_TIME]
     if same == 6:
         chance = 0.0

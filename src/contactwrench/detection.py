@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from .calibrate.noise import pooled_scatter
-from .calibration import Calibration
 from .errors import InputError
 from .orientation import Array
 
 RELEASE_RATE = 0.05
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
-LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
-"""N and N m: less noise than this no sensor has, and rounding begins to count."""
 _LOG_DOF = np.linspace(np.log(0.5), np.log(1e6), 400)
 
 
@@ -59,38 +54,3 @@ def satterthwaite(W: Array, estimated: Array, dof: float) -> float:
     """
     share = min(float(np.vdot(W @ estimated, W)) / 6.0, 1.0)
     return dof / max(share * share, 1e-12) if dof > 0.0 else 0.0
-
-
-def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> tuple[Array, Array]:
-    """Variances (6,): of one sample's white noise, and of what poses differ by, which no filter reduces.
-
-    `noise`: standard deviations (6,) of a sample, or a recording at rest (n, 6), or None: the scatter within the
-    calibration's poses. Where each of those is a single row its two parts cannot be told apart, and all of it counts
-    as either. Raises `InputError` for any other shape, a negative number or a NaN.
-    """
-    scatter = pooled_scatter(calibration.fitted_poses)
-    of_mean = 0.0 if scatter is None else np.einsum("nii->ni", scatter.covariance).mean(axis=0)
-    if noise is not None:
-        white = _given(noise)
-        of_mean = white if scatter is None else of_mean
-    elif scatter is not None:
-        white = np.diag(scatter.covariance[0]) * calibration.fitted_poses[0].n
-    else:
-        white = calibration.noise**2
-    return np.maximum(white, LEAST_STD**2), np.maximum(calibration.noise**2 - of_mean, 0.0)
-
-
-def _given(noise: ArrayLike) -> Array:
-    values = np.asarray(noise, dtype=np.float64)
-    recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= 10
-    if not (recording or values.shape == (6,)) or not np.isfinite(values).all():
-        raise InputError(
-            f"noise has shape {values.shape}, expected (6,) standard deviations of a sample, or a recording at rest of "
-            "at least 10 rows (n, 6), all finite"
-        )
-    if recording:
-        variance: Array = values.var(axis=0, ddof=1)
-        return variance
-    if (values < 0.0).any():
-        raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
-    return np.square(values)
