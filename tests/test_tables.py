@@ -460,3 +460,24 @@ def test_recordings_with_junk_are_streams_or_one_line(tmp_path: Path, data: st.D
             assert np.isfinite(found.wrench.t).all()
             outcomes.append(len(found.wrench) + len(found.orientation))
     assert outcomes[0] == outcomes[1]
+
+
+# Bags through the same door
+
+
+@pytest.mark.parametrize("name", ["run.bag", "run.mcap", "run.db3", "run"])
+def test_a_bag_is_read_by_the_same_flags(tmp_path: Path, name: str) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    from contactwrench.recording.bag_writing import write_streams_bag
+
+    path = tmp_path / name
+    write_streams_bag(path, read_streams(written(tmp_path, with_gaps())))
+    for found in (read_streams(path), joined(list(batches(path, rows=10)))):
+        assert found.wrench.t == pytest.approx(Motion.t, abs=1e-9)
+        assert np.array_equal(found.wrench.wrench, Motion.wrench)
+        assert found.orientation.R_base_flange == pytest.approx(Motion.R[Motion.posed], abs=1e-9)
+    turned = read_streams(path, Layout(sign="reaction", inverse_orientation=True, wrench_topic="/wrench"))
+    assert np.array_equal(turned.wrench.wrench, -Motion.wrench)
+    assert turned.orientation.R_base_flange == pytest.approx(Motion.R[Motion.posed].transpose(0, 2, 1), abs=1e-9)
+    assert refusal(path, Layout(wrench_frame="base")).startswith("found a wrench in base axes without an orientation")
+    assert pairs_in_batches(path) is None
