@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
+from ..errors import InputError
 from .progress import progress
 from .reading import (
     DEFAULT_G,
@@ -16,11 +18,21 @@ from .reading import (
     Recording,
     StandardGravity,
     gravity_direction,
+    not_negative,
     note,
     note_other_reading,
+    read_recording,
     three_numbers,
     with_reading_flags,
 )
+
+if TYPE_CHECKING:
+    from ..calibration import Calibration
+    from ..filters import LowPass
+    from ..orientation import Array
+
+PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+"""A drift or a noise in N stands for as many N m at a lever of 5 cm, as in `drift.TYPICAL_DRIFT`."""
 
 
 @with_reading_flags
@@ -30,7 +42,12 @@ def compensate(
     calibration: CalibrationFile,
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="OUT.csv", help="Contact wrenches, CSV or .parquet; - is stdout."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="Contact wrenches: .csv, .parquet, or, of a bag, a copy of it with a topic more; - is CSV on stdout.",
+        ),
     ],
     output_frame: Annotated[
         str, typer.Option(metavar="sensor|flange|base", help="Axes of the contact wrench.")
@@ -39,25 +56,112 @@ def compensate(
         str | None,
         typer.Option(metavar="X,Y,Z", help="Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]"),
     ] = None,
+    contact: Annotated[
+        bool, typer.Option("--contact", help="Judge every sample: columns valid, contact and reason.")
+    ] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="R.html", help="Write a page with every contact, one HTML file; judges every sample."),
+    ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|FREE",
+            help="Judging: std of a free tool's reading, its motion's inertia included, or a recording of such motion. "
+            "[default: the noise at rest]",
+        ),
+    ] = None,
+    drift: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Judging: follow the bias in free space, a random walk with this std after an hour; 0.05 is typical.",
+            callback=not_negative,
+        ),
+    ] = None,
+    sensor_filter: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HZ[:ORDER]",
+            help="The sensor's own low-pass, done to the model too; judges every sample. First order unless said.",
+        ),
+    ] = None,
+    lowpass: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HZ[:ORDER]", help="Smooth the contact wrench both ways, Butterworth of order 1 to 4. [order: 2]"
+        ),
+    ] = None,
+    delay: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", help="By how much later than the pose the wrench is stamped. [default: the calibration's]"
+        ),
+    ] = None,
     reading: Reading,
     gravity: Gravity = None,
     g: StandardGravity = DEFAULT_G,
 ) -> None:
-    """Subtract weight and bias: one contact wrench, with its standard deviation, for each row of FILE."""
+    """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration import Calibration
-    from ..contact import contact_wrenches
     from ..files import require_distinct
-    from ..recording import pairs_in_batches, read_samples
-    from ..recording.writers import write_contact_wrenches
+    from ..recording.compensation import Treatment, compensated
+    from ..recording.contact_output import write_contacts
 
     path = reading.file(file)
     read = {"recording that is read": path, "recording of the poses that is read": reading.layout.pose_file}
-    require_distinct(output, {**read, "calibration that is read": calibration})
+    require_distinct(output, {**read, "calibration that is read": calibration, "report": report})
+    require_distinct(report, {**read, "calibration that is read": calibration})
     loaded = Calibration.load(calibration)
     note_other_reading(loaded.provenance, reading.layout)
-    point, direction = None if at is None else three_numbers(at, "--at"), gravity_direction(gravity)
+    judging = (noise, drift, sensor_filter, report)
+    treatment = Treatment(
+        output_frame=output_frame,
+        point=None if at is None else three_numbers(at, "--at"),
+        gravity=gravity_direction(gravity),
+        delay=delay,
+        low_pass=_low_pass(lowpass, "--lowpass", 2),
+        judged=contact or any(flag is not None for flag in judging),
+        sensor_filter=_low_pass(sensor_filter, "--sensor-filter", 1),
+        drift=_six(drift),
+        noise=None if noise is None else _noise(noise, reading, loaded),
+    )
+    notes: list[str] = []
     with progress(f"compensating {path.name}") as advance:
-        batches = pairs_in_batches(path, reading.layout, advance=advance)
-        samples = iter([read_samples(path, reading.layout, advance, note)]) if batches is None else batches
-        contact = (contact_wrenches(loaded, some, output_frame, point, direction) for some in samples)
-        write_contact_wrenches(output, contact, path)
+        rows = compensated(path, reading.layout, loaded, treatment, advance, notes.append)
+        said = write_contacts(output, rows, path, reading.layout, output_frame, report)
+    for sentence in notes:
+        note(sentence)
+    if said is not None:
+        typer.echo(said, err=str(output) == "-")
+
+
+def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:
+    """`HZ` or `HZ:ORDER`. Raises `InputError` naming the flag."""
+    from ..filters import LowPass
+
+    if text is None:
+        return None
+    cutoff, colon, order = text.partition(":")
+    try:
+        return LowPass(float(cutoff), int(order) if colon else usual_order)
+    except InputError as error:
+        raise InputError(f"{flag} {text}: {error}") from None
+    except ValueError:
+        raise InputError(f"{flag} is {text!r}, expected HZ or HZ:ORDER, as in 20 or 20:4") from None
+
+
+def _noise(text: str, reading: Reading, calibration: Calibration) -> Array:
+    """Std (6,) of a sample, or what compensation leaves (n, 6) of a recording of a free tool."""
+    try:
+        std = float(text)
+    except ValueError:
+        free = read_recording(Path(text), reading.layout)
+        return calibration.compensate(free.wrench, free.R_base_flange)
+    if not 0.0 < std < np.inf:
+        raise InputError(f"--noise is {text}, expected N above 0, or a recording of a free tool")
+    return std * PER_NEWTON
+
+
+def _six(force: float | None) -> Array | None:
+    return None if force is None else force * PER_NEWTON

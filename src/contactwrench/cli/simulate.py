@@ -135,16 +135,18 @@ def _planned(settings: Settings, n: int) -> Array:
 def _moving(
     settings: Settings, trajectory: str, loads: tuple[float, ...], pushes: int, rng: np.random.Generator
 ) -> Recorded:
+    from ..simulate.kinematics import HOME
     from ..simulate.pushes import random_pushes
     from ..simulate.recording import record_motion
-    from ..simulate.trajectory import exciting, stopping, sweeping, through
+    from ..simulate.trajectory import calm, exciting, stopping, sweeping, through
 
     if len(loads) > 1:
         raise InputError(f"found {len(loads)} loads for a motion, expected one: simulate a file for each")
     duration, rate = settings.recording.duration, settings.recording.rate
     kind, colon, count = trajectory.partition(":")
     if kind == "stops" and (not colon or count.isdecimal()):
-        motion = stopping(_planned(settings, int(count or 12)), settings.recording.rest, rate)
+        stops = np.vstack([HOME, _planned(settings, int(count or 12))])
+        motion = stopping(stops, calm(stops), settings.recording.rest, rate)
     elif trajectory == "excite":
         motion = exciting(duration, rate, rng)
     elif trajectory == "sweep":

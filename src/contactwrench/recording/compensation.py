@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
 
@@ -26,8 +27,8 @@ from ..resting import is_stream
 from ..samples import Samples
 from ..streams import Streams
 from ..synchronize import LeftOut, Synchronized, default_gap, synchronized
-from .layout import Layout, is_bag
-from .streaming import Advance, GapsFound, batches, sample_batches
+from .layout import Layout
+from .streaming import Advance, batches, pairs_in_batches
 
 SATURATED = "saturated: a channel stands at its limit"
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
@@ -40,7 +41,7 @@ class Treatment:
     `output_frame` and `point` as in `contact_wrenches`; `gravity` (3,) in base axes where it differs from the
     calibration's; `delay` s of the wrench, None: the calibration's, where it is significant; `low_pass` of the contact
     wrench, both ways, so that nothing is late; `judged`: contact and faults of each sample, for which `sensor_filter`,
-    `drift` (6,) and `ranges` (6,) are as for a `Compensator`.
+    `drift` (6,) and `noise` are as for a `Compensator`.
     """
 
     output_frame: str = "sensor"
@@ -51,7 +52,7 @@ class Treatment:
     judged: bool = False
     sensor_filter: LowPass | None = None
     drift: Array | None = None
-    ranges: Array | None = None
+    noise: Array | None = None
 
     def applied_delay(self, calibration: Calibration) -> float:
         """The delay (s) by which the orientation is looked up earlier."""
@@ -100,34 +101,16 @@ def compensated(
     a `low_pass` the whole recording is held in memory. Raises what reading, pairing and compensating raise.
     """
     require_frame(calibration, treatment.output_frame)
-    if not treatment.judged and not is_bag(path, layout) and layout.pose_file is None:
-        try:
-            plain = _row_by_row(path, layout, calibration, treatment, advance)
-            first = next(plain, None)
-        except GapsFound:
-            first = None
-        if first is not None:
-            return _smoothed(_chained(first, plain), treatment)
-    paired = _paired(path, layout, calibration, treatment, advance, note)
-    return _smoothed(paired, treatment)
-
-
-def _chained(first: Rows, others: Iterator[Rows]) -> Iterator[Rows]:
-    yield first
-    yield from others
-
-
-def _row_by_row(
-    path: str | Path, layout: Layout, calibration: Calibration, treatment: Treatment, advance: Advance | None
-) -> Iterator[Rows]:
-    """Row by row; nothing at all where the delay has to be made up for. Raises `GapsFound` at a row without an
-    orientation.
-    """
-    delay = treatment.applied_delay(calibration)
-    for k, samples in enumerate(sample_batches(path, layout, advance=advance)):
-        if k == 0 and delay != 0.0 and is_stream(samples):
-            return
-        yield contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
+    pairs = None if treatment.judged else pairs_in_batches(path, layout, advance=advance)
+    first = None if pairs is None else next(pairs)
+    late = treatment.applied_delay(calibration) != 0.0
+    if pairs is None or first is None or (late and is_stream(first)):
+        return _smoothed(_paired(path, layout, calibration, treatment, advance, note), treatment)
+    plain = (
+        contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
+        for samples in chain([first], pairs)
+    )
+    return _smoothed(plain, treatment)
 
 
 def _paired(
@@ -146,7 +129,7 @@ def _paired(
             delay=0.0,
             drift=treatment.drift,
             sensor_filter=treatment.sensor_filter,
-            ranges=treatment.ranges,
+            noise=treatment.noise,
             gravity=treatment.gravity,
         )
     order = _InOrder()

@@ -11,7 +11,7 @@ import numpy as np
 from ..contact_wrench import Contact
 from ..files import write_text
 from ..orientation import Array
-from ..recording.compensation import TOUCHING, JudgedWrenches
+from ..recording.compensation import TOUCHING, JudgedWrenches, Rows
 from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, table_html
@@ -32,10 +32,11 @@ class ContactLog:
         self.contacts: list[Contact] = []
         self.reasons: dict[str, tuple[int, float]] = {}
 
-    def watched(self, recording: Iterable[JudgedWrenches]) -> Iterator[JudgedWrenches]:
+    def watched(self, recording: Iterable[Rows]) -> Iterator[Rows]:
         """The same batches, each noted as it goes by."""
         for batch in recording:
-            self._note(batch)
+            if isinstance(batch, JudgedWrenches):
+                self._note(batch)
             yield batch
 
     def _note(self, batch: JudgedWrenches) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +19,7 @@ OF_RANGE, OF_SPEED = 0.6, 0.6
 """Of the room that a joint has around home, and of its largest speed: what the exciting motion takes."""
 
 MOVE_SPEED = 0.25
-"""Of its largest speed: what the joint that has furthest to go takes from one stop to the next."""
+"""Of its largest speed: what the joint that has furthest to go takes at most from one stop to the next."""
 PEAK = 1.875
 """Largest over mean speed of a motion of least jerk, `10 s^3 - 15 s^4 + 6 s^5`."""
 
@@ -110,6 +109,12 @@ def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
     return motion
 
 
+def calm(joints: Array) -> float:
+    """The time, s, for each way between rows of joints (k, 7), rad, in which none of them is fast."""
+    way = np.abs(np.diff(joints, axis=0)) / MAX_SPEED
+    return PEAK * float(way.max(initial=0.0)) / MOVE_SPEED
+
+
 def exciting(duration: float, rate: float, rng: np.random.Generator) -> Motion:
     """A sum of sines with random amplitudes and phases in every joint around home (Swevers et al. 1997), rising from
     rest and coming back to it.
@@ -131,26 +136,3 @@ def sweeping(duration: float, rate: float) -> Motion:
     turns[:, 4:] = np.deg2rad(SWEEP_DEG)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
     return through(duration * way / way[-1], HOME + turns, rate)
-
-
-def stopping(joints: Array, rest: float, rate: float) -> Motion:
-    """The motion at `rate` (Hz) that begins at home and stops at each of `joints` (k, 7), rad, for `rest` s, with least
-    jerk in between (Flash and Hogan 1985). Raises `InputError` for joints beyond their range.
-    """
-    stops = np.vstack([HOME, joints])
-    t, q, speed, change = [], [], [], []
-    now = 0.0
-    for begin, end in pairwise(stops):
-        way = end - begin
-        moving = max(PEAK * float((np.abs(way) / MAX_SPEED).max()) / MOVE_SPEED, 1.0 / rate)
-        rows = max(round(moving * rate), 1)
-        s = np.arange(rows)[:, None] / rows
-        t.append(now + np.arange(rows + round(rest * rate)) / rate)
-        still = np.zeros((round(rest * rate), len(HOME)))
-        q += [begin + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2), end + still]
-        speed += [way * 30.0 * s**2 * (1.0 - s) ** 2 * rate / rows, still]
-        change += [way * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * (rate / rows) ** 2, still]
-        now = t[-1][-1] + 1.0 / rate
-    motion = Motion(np.concatenate(t), np.concatenate(q), np.concatenate(speed), np.concatenate(change))
-    _require_within(motion)
-    return motion

@@ -1,0 +1,38 @@
+"""Where contact wrenches go: a table, or a copy of the bag that they are of; and a page about the contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..orientation import Array
+from ..report.contacts import ContactLog, summary, write_contact_report
+from .bag_copy import write_bag_with
+from .compensation import Rows
+from .layout import SUFFIXES_OF_BAGS, Layout, is_bag
+from .writers import write_contact_wrenches
+
+
+def write_contacts(
+    output: Path, recording: Iterator[Rows], path: Path, layout: Layout, output_frame: str, report: Path | None
+) -> str | None:
+    """Write what was made of the recording at `path`; what there is to say of it, where it was judged and reported.
+
+    A bag's suffix, or none where the recording is a folder, makes a copy of the bag with the contact wrench beside each
+    reading. Raises what the writers raise.
+    """
+    log = ContactLog()
+    rows = recording if report is None else log.watched(recording)
+    if is_bag(path, layout) and (output.suffix.lower() in SUFFIXES_OF_BAGS or (path.is_dir() and not output.suffix)):
+        frame = None if output_frame == "sensor" else output_frame
+        write_bag_with(path, output, _wrenches(rows), wrench_topic=layout.wrench_topic, frame=frame)
+    else:
+        write_contact_wrenches(output, rows, path)
+    if report is None:
+        return None
+    write_contact_report(report, "Contact report", log, (str(path),))
+    return f"{summary(log)}\nWrote the report to {report}"
+
+
+def _wrenches(rows: Iterator[Rows]) -> Iterator[Array]:
+    return (batch.wrench for batch in rows)
