@@ -218,14 +218,8 @@ def _judged(samples: Samples, found: list[_Found], rows: int, least: Array, dura
 
 def _saturated(samples: Samples, found: _Found) -> str | None:
     saturated = getattr(samples, "saturated", None)
-    if saturated is None:
-        return None
-    rows = np.asarray(saturated)[found.first : found.last].reshape(found.last - found.first, -1)
-    count = int(rows.any(axis=1).sum())
-    if not count:
-        return None
-    axes = [AXES[k] for k in np.flatnonzero(rows.any(axis=0))] if rows.shape[1] == 6 else []
-    return f"saturated: {count} of {len(rows)} rows stand at the sensor's limit{': ' if axes else ''}{', '.join(axes)}"
+    count = 0 if saturated is None else int(saturated[found.first : found.last].sum())
+    return f"saturated: {count} of {found.last - found.first} rows stand at the sensor's limit" if count else None
 
 
 def _shakes(samples: Samples, found: _Found, usual: Array) -> str | None:
