@@ -8,7 +8,7 @@ half as long again, as a tail is there before and after it shows. What is left m
 enough for the noise to be independent a few times over.
 
 False alarms: levels.py asks once a window, at a probability of one in a million, whether two neighbours differ; of
-2,400 stops of 2 s in white noise none was lost, and of 3,000 in ten kinds of runs three (benchmarks/stillness.py).
+3,000 stops in ten kinds of runs three are lost, all at 10 Hz with a noisy orientation (benchmarks/stillness.py).
 """
 
 from __future__ import annotations
