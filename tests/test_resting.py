@@ -174,8 +174,13 @@ def test_a_run_with_too_few_stops_says_how_many_there_are() -> None:
     assert str(refusal.value).endswith(" (still stretches: 2, left out: 0; stop for a second or two at each)")
 
 
-def test_thousands_of_orientations_on_the_way_are_refused_at_once() -> None:
-    turn = Rotation.from_euler("ZYX", np.linspace([0.0, 0.0, 0.0], [40.0, 25.0, 30.0], 20_000)).as_matrix()
+@pytest.mark.parametrize("way", ["smooth", "wandering"])
+def test_thousands_of_orientations_on_the_way_are_refused_at_once(way: str) -> None:
+    wander = np.cumsum(0.01 * np.random.default_rng(0).normal(size=(20_000, 3)), axis=0)
+    smooth = np.linspace([0.0, 0.0, 0.0], [40.0, 25.0, 30.0], 20_000)
+    turn = Rotation.from_euler("ZYX", smooth).as_matrix()
+    if way == "wandering":
+        turn = Rotation.from_rotvec(wander).as_matrix()
     samples = cw.Samples(np.ones((20_000, 6)), turn, source="run.csv")
     for use in (cw.calibrate, resting_poses):
         with pytest.raises(

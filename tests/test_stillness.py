@@ -187,12 +187,12 @@ def test_a_saturated_stretch_is_left_out() -> None:
     t, R, wrench, _ = hold(4.0, 500.0)
     t[1000:] += 30.0
     samples = cw.Samples(wrench, R, t)
-    saturated = np.zeros((2000, 6), dtype=bool)
-    saturated[1200:1210, 2] = True
+    saturated = np.zeros(2000, dtype=bool)
+    saturated[1200:1210] = True
     object.__setattr__(samples, "saturated", saturated)
     found = still_stretches(samples)
     assert len(found.accepted) == 1
-    assert found.rejected[0].rejected == "saturated: 10 of 1000 rows stand at the sensor's limit: fz"
+    assert found.rejected[0].rejected == "saturated: 10 of 1000 rows stand at the sensor's limit"
 
 
 @pytest.mark.parametrize(("speed_deg", "still"), [(0.002, True), (0.05, False), (1.0, False), (30.0, False)])

@@ -109,8 +109,19 @@ def noise_of_windows(signals: Sequence[Array], window: int, least: Array, floor:
 
 def _means(signal: Array, window: int) -> Array:
     """Means (n - window + 1, d) of the windows that begin at each block."""
-    total = np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(signal - signal[:1], axis=0)])
-    means: Array = (total[window:] - total[:-window]) / window + signal[:1]
+    return _means_of(_sums(signal), window) + signal[:1]
+
+
+def _sums(signal: Array) -> Array:
+    """What the first k blocks, less the first one, add up to (n + 1, d)."""
+    sums = np.zeros((len(signal) + 1, signal.shape[1]))
+    np.cumsum(signal - signal[:1], axis=0, out=sums[1:])
+    return sums
+
+
+def _means_of(sums: Array, window: int) -> Array:
+    """Means of windows, less the signal's first block."""
+    means: Array = (sums[window:] - sums[:-window]) / window
     return means
 
 
@@ -179,9 +190,9 @@ def _settled_after(signal: Array, noise: Noise) -> int:
     """How many blocks at the beginning are not yet at the level of those that follow."""
     n = len(signal)
     off = np.zeros(n + 1, dtype=bool)
-    size = 1
+    sums, size = _sums(signal), 1
     while size <= (ONSET_WINDOWS if noise.joint else TAIL_WINDOWS) * noise.window and 3 * size <= n:
-        means = _means(signal, size)
+        means = _means_of(sums, size)
         after = 0.5 * (means[size:-size] + means[2 * size :])
         off[: len(after)] |= noise.significant(means[: -2 * size] - after, size, 2 * size)
         size *= 2

@@ -33,8 +33,12 @@ ONWARD = 0.5
 """Cosine of the angle between the axes of one turn and the next, where an arm goes on turning."""
 
 CELL = 2.0 * SAME_POSE_ANGLE
-MOST_CELLS, MOST_CELLS_ON_THE_WAY = 50_000, 2_000
+MOST_CELLS = 50_000
 """Orientations of a table, counted in cells of that size of the matrices' elements."""
+
+MOST_POSES, MOST_ON_THE_WAY = 12_000, 2_000
+CLOSE = np.deg2rad(3.0)
+"""Poses of a table; fewer of those that lie this close to the one before: fitting them would take minutes."""
 
 LONGEST_STEP = np.deg2rad(20.0)
 ROW_SCALES = (1.0, 3.0, 10.0, 30.0)
@@ -94,7 +98,10 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
         _require_few(samples)
-        return RecordedPoses(*poses_and_visits(samples, most_visits), (), 0)
+        poses, visits = poses_and_visits(samples, most_visits)
+        if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
+            raise _too_many(samples, len(poses))
+        return RecordedPoses(poses, visits, (), 0)
     found = still_stretches(samples)
     if not found.accepted:
         raise InputError(_never_still(samples, found))
@@ -112,15 +119,23 @@ def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, .
 
 
 def _require_few(samples: Samples) -> None:
-    """Raise `InputError` for a table of more orientations than anybody stops at: averaging them would take minutes."""
+    """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged."""
     cells = np.rint(samples.R_base_flange.reshape(-1, 9) / CELL).astype(np.int16)
     count = len(np.unique(cells.view("V18")))
-    if count <= MOST_CELLS_ON_THE_WAY or (count <= MOST_CELLS and not _is_way(samples.R_base_flange)):
-        return
-    raise InputError(
+    if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _is_way(samples.R_base_flange)):
+        raise _too_many(samples, count)
+
+
+def _too_many(samples: Samples, count: int) -> InputError:
+    return InputError(
         f"{samples.source}: found about {count} orientations in {len(samples)} rows, expected poses at rest: give the "
         "times in a column t, so that the still stretches are found, or only rows at rest"
     )
+
+
+def _lie_close(poses: tuple[Pose, ...]) -> bool:
+    """Whether most poses lie next to the one before, as no poses do that anybody chose."""
+    return float(np.median(_angles(np.array([pose.R_base_flange for pose in poses])))) < CLOSE
 
 
 def _is_way(R: Array) -> bool:

@@ -22,7 +22,14 @@ MOST_RANDOM = 10_000
 
 def simulate(
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="OUT.csv", help="The recording; OUT.truth.json goes beside it.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside "
+            "it.",
+        ),
     ],
     poses: Annotated[
         str | None,
@@ -60,14 +67,17 @@ def simulate(
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
-    from ..simulate.recording_file import truth_path, write_recording
+    from ..recording.layout import SUFFIXES_OF_BAGS
+    from ..simulate.recording_file import truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
 
     rig_settings = changed(Settings(), settings or [])
     if poses is not None and trajectory is not None:
         raise InputError("found both --poses and --trajectory, expected one of them: leave the other out")
-    if str(output) == "-" or output.suffix.lower() != ".csv":
-        raise InputError(f"--output is {output}, expected a name that ends in .csv: the truth goes beside it")
+    if str(output) == "-" or output.suffix.lower() not in (".csv", *SUFFIXES_OF_BAGS):
+        raise InputError(
+            f"--output is {output}, expected a name that ends in .csv, .mcap, .db3 or .bag: the truth goes beside it"
+        )
     if pushes and trajectory is None:
         raise InputError(f"found --pushes {pushes} without a motion, expected --trajectory: add it")
     source = trajectory or poses or DEFAULT_POSES
@@ -81,8 +91,23 @@ def simulate(
     asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}
     if pushes:
         asked["pushes"] = pushes
-    write_recording(output, recorded, asked)
+    if output.suffix.lower() == ".csv":
+        write_recording(output, recorded, asked)
+    else:
+        write_truth(output, recorded, asked)
+        _write_bag(output, recorded)
     typer.echo(_said(recorded, output, truth_path(output)))
+
+
+def _write_bag(output: Path, recorded: Recorded) -> None:
+    """Wrench and pose as streams of their own, the pose at its own rate; a bag that is there is replaced."""
+    from ..recording.bag_writing import write_streams_bag
+    from ..streams import OrientationStream, Streams, WrenchStream
+
+    plan = recorded.settings.recording
+    posed = slice(None, None, max(round(plan.rate / plan.pose_rate), 1))
+    poses = OrientationStream(recorded.t[posed], recorded.R_base_flange[posed], recorded.position[posed])
+    write_streams_bag(output, Streams(WrenchStream(recorded.t, recorded.wrench), poses))
 
 
 def _static(

@@ -35,8 +35,13 @@ def write_recording(path: Path, recorded: Recorded, command: dict[str, object]) 
 
     Same recording, same bytes. Raises `FileAccessError`.
     """
-    write_text(truth_path(path), truth_json(recorded, command))
+    write_truth(path, recorded, command)
     write_text(path, _rows(recorded))
+
+
+def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> None:
+    """Write what was true beside a recording that is at `path`. Raises `FileAccessError`."""
+    write_text(truth_path(path), truth_json(recorded, command))
 
 
 def truth_json(recorded: Recorded, command: dict[str, object]) -> str:
