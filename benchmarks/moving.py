@@ -35,8 +35,8 @@ def two_streams(rec: Recorded, every_wrench: int = 1, every_pose: int = 10, posi
 
 
 def bound_of(rec: Recorded, every_wrench: int) -> float:
-    """The least std, s, of any unbiased estimate of the delay of a tool with free gravity coefficients and bias in white
-    noise (Cramer and Rao), from the true tool, motion and noise.
+    """The least std, s, of any unbiased estimate of the delay, gravity's coefficients and the bias free, in white noise
+    (Cramer and Rao), from the true tool, motion and noise.
     """
     tool, R = rec.settings.tool, rec.R_base_flange
     u = np.einsum("nij,i->nj", R, rec.settings.gravity_direction)
@@ -71,8 +71,8 @@ def gravity_alone(
     correlated_over: float = 0.0,
     fastest: float = 0.6,
 ) -> Streams:
-    """A tool of 5 N with any centre and mounting on a slowly turning flange, both streams at `rate` Hz; noise of `NOISE`
-    times `noise`, white, or of the first order with a correlation time in s.
+    """A tool of 5 N with any centre and mounting on a slowly turning flange, both streams at `rate` Hz; noise of
+    `NOISE` times `noise`, white, or of the first order with a correlation time in s.
     """
     from scipy.signal import lfilter
     from scipy.spatial.transform import Rotation
