@@ -163,5 +163,5 @@ def test_an_unknown_benchmark_is_refused_by_name() -> None:
     command = [sys.executable, "-m", "benchmarks", "acuracy"]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    known = "speed, tables, plan, rig, measured, bags, stillness, live, accuracy, auto, dirty, diagnose"
+    known = "speed, tables, plan, rig, measured, bags, clock_delay, stillness, live, accuracy, auto, dirty, diagnose"
     assert f"found acuracy, expected {known}" in done.stderr

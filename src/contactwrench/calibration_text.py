@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .alternative import largest_force_change
+from .delay import applied_or_not
 from .model import AXES, GRAVITY, MOUNT, horizontal_axes
 from .orientation import Array
 
@@ -93,6 +94,9 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
             _row(f"gravity_{x}", v, s, "in base axes")
             for x, v, s in zip("xyz", c.gravity_direction, spread, strict=True)
         ]
+    if c.delay is not None and c.delay_std is not None:
+        unit = f"ms, wrench after orientation; {applied_or_not(c.delay, c.delay_std)}"
+        rows.append(_row("delay", 1e3 * c.delay, 1e3 * c.delay_std, unit))
     return rows
 
 

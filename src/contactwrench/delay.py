@@ -42,7 +42,7 @@ AS_GOOD = 0.02
 class Delay:
     """`value` s: the wrench is stamped so much later than the orientation; `std` s, from residuals as they are,
     correlated in time; `bound` s: the least std that this motion allows, were the residuals independent. `reason`: why
-    the motion cannot tell, or None.
+    the motion cannot tell, or None; then the std is at least the range that was searched.
 
     A sensor's own low-pass filter is part of it: one of first order at f Hz adds 1 / (2 pi f).
     """
@@ -55,7 +55,7 @@ class Delay:
     @property
     def significant(self) -> bool:
         """Whether the motion tells the delay from zero: only then it is applied."""
-        return self.reason is None and is_significant(self.value, self.std)
+        return is_significant(self.value, self.std)
 
 
 def is_significant(delay: float, std: float) -> bool:
@@ -100,7 +100,8 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     if best in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
     std = standard_deviation(motion, used, fit)
-    return Delay(fit.delay, std, fit.bound, _doubt(fit, std, motion, used, delays, found))
+    doubt = _doubt(fit, std, motion, used, delays, found)
+    return Delay(fit.delay, std if doubt is None else max(std, reach), fit.bound, doubt)
 
 
 def _untold(reason: str) -> Delay:
@@ -171,8 +172,8 @@ def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, f
     rivals = others[misfit[others] - misfit[best] < AS_GOOD * (misfit.max() - misfit[best])]
     if len(rivals):
         return (
-            f"the motion repeats itself: delays of {1e3 * delays[best]:.0f} and {1e3 * delays[rivals[0]]:.0f} ms explain "
-            "the wrench equally well; vary it"
+            f"the motion repeats itself: delays of {1e3 * delays[best]:.0f} and {1e3 * delays[rivals[0]]:.0f} ms "
+            "explain the wrench equally well; vary it"
         )
     return None
 
@@ -180,7 +181,7 @@ def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, f
 def samples_of(
     streams: Streams, *, estimate: bool = True, gravity: ArrayLike = DOWN, longest_gap: float | None = None
 ) -> tuple[Samples, tuple[str, ...]]:
-    """The samples of a recording and what there is to say of it, the delay estimated and applied where it is significant.
+    """The samples of a recording and what there is to say of it; the delay is estimated, and applied if significant.
 
     The samples carry the delay and its std where the motion gives any, applied or not.
     """

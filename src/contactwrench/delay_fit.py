@@ -2,8 +2,8 @@
 
 At a given delay the wrench is linear: bias, gravity in flange axes, accelerations, with free coefficients for each of
 the six axes (variable projection: Golub and Pereyra, 1973). Left are the delay and the two angles of a base that does
-not stand as stated, found by Gauss-Newton steps. The noise of the axes and its correlations come from the residuals, and
-readings far outside it (contacts) count less.
+not stand as stated, found by Gauss-Newton steps. The noise of the axes comes from the residuals, and readings far
+outside it (contacts) count less.
 """
 
 from __future__ import annotations
@@ -208,8 +208,8 @@ def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
 
 
 def _orthonormal(columns: Array) -> tuple[Array, Array]:
-    """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns (p, k),
-    the smallest where columns say the same.
+    """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns
+    (p, k), the smallest where columns say the same.
     """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > SAME * size[0], size, np.inf)
@@ -232,7 +232,8 @@ def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
     """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
     recording disagree by more than theirs (Birge, 1932), and no less than the bound.
 
-    The arm turns as far in each part, which has coefficients of its own. Parts disagree where the model is wrong: the arm accelerates and its positions were not recorded, or a clock drifts.
+    The arm turns as far in each part, which has coefficients of its own. Parts disagree where the model is wrong: the
+    arm accelerates and its positions were not recorded, or a clock drifts.
     """
     if not np.isfinite(fit.bound):
         return np.inf

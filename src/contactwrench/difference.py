@@ -118,6 +118,8 @@ def difference(a: Calibration, b: Calibration) -> Difference:
         if a.sensor_z_along_flange == b.sensor_z_along_flange:
             add("yaw", "rad", 0.0, _turned(a.yaw, b.yaw), a.std["yaw"], b.std["yaw"])
         angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
+    if a.delay is not None and b.delay is not None and a.delay_std is not None and b.delay_std is not None:
+        add("delay", "s", a.delay, b.delay, a.delay_std, b.delay_std)
     everywhere = spread_rotations(288, 24)
     r_a, r_b = (gravity_in_flange(everywhere, c.gravity_direction) for c in (a, b))
     free = (r_b @ b.B[:, :3].T + b.B[:, 3]) - (r_a @ a.B[:, :3].T + a.B[:, 3])

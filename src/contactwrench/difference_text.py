@@ -32,6 +32,12 @@ def meaning(change: Difference) -> tuple[str, ...]:
     sentences = [_SENTENCES[group.name](change, group, len(moved) == 1) for group in moved]
     if not moved:
         sentences.append(_unresolved(groups, everything) if everything.significant else _nothing(everything.test))
+    if "delay" in change.significant:
+        k = change.names.index("delay")
+        sentences.append(
+            f"the delay between wrench and orientation changed by {1e3 * change.change[k]:+.3g} ms "
+            f"({abs(change.in_std[k]):.3g} std): another clock, or another filter in the sensor"
+        )
     if change.gravity_angle > SAME_GRAVITY and "gravity" not in [group.name for group in groups]:
         sentences.append(
             f"gravity was stated {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes: another stand, or "

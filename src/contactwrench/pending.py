@@ -1,4 +1,4 @@
-"""What a recording in batches holds back: rows that later ones may still come before, and what is needed around edges."""
+"""What a recording in batches holds back: rows that later ones may come before, and what is needed around edges."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .stamps import SORTED_WITHIN, Stamps, stamps_after
 from .streams import Streams
 
 LONGEST_HOLD = 0.15
-"""s: a pose repeated for as long at the most was held by who sent it (robots state theirs at 10 Hz and more), and counts
-where it came first; one repeated for longer is an arm at rest.
+"""s: a pose repeated for as long at the most was held by who sent it (robots state theirs at 10 Hz and more), and
+counts where it came first; one repeated for longer is an arm at rest.
 """
 LARGEST_HELD_STEP = np.deg2rad(20.0)
 """From one held pose to the next: a table of poses without the ways between goes further."""

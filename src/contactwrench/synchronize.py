@@ -277,10 +277,8 @@ def _notes(count: Counter[str], holes: Counter[Hole], limits: Limits, pending: P
             more = sum(holes[hole] for hole in found[GAPS_NAMED:])
             left_out = "" if what == WRENCH_GAP else f", {_readings(more)} left out"
             notes.append(f"and {len(found) - GAPS_NAMED} more of these{left_out}")
-    if count[NOT_A_NUMBER]:
-        notes.append(
-            f"{_readings(count[NOT_A_NUMBER])} that {'is' if count[NOT_A_NUMBER] == 1 else 'are'} not a number left out"
-        )
+    if n := count[NOT_A_NUMBER]:
+        notes.append(f"{_readings(n)} that {'is not a number' if n == 1 else 'are not numbers'} left out")
     return tuple(notes)
 
 

@@ -18,8 +18,7 @@ from .pending import Knots, Pending
 from .rotations import rotation_vectors
 
 CELL = 0.01
-"""s: what is faster than this is no motion of an arm; orientations and readings that come faster are thinned or averaged.
-"""
+"""s: what is faster than this is no motion of an arm; orientations that come faster are thinned, readings averaged."""
 SMOOTHED = 0.05
 """s, of velocities before they are differentiated: an arm trembles, and so do the digits of its pose."""
 PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -27,9 +26,9 @@ PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Between knots at `t` (k,) s: `base_axes`, a spline of the base's axes in flange axes, 3 x 3 numbers, row by row one
-    axis, and its derivative `change`; `accelerations` (k, 9), or (k, 12) where positions are known. `turns` and `gap`
-    (k - 1,): where the arm turns between two knots, and where nothing is known.
+    """Between knots at `t` (k,) s: `base_axes`, a spline of the base's axes in flange axes, 3 x 3 numbers, row by row
+    one axis, and its derivative `change`; `accelerations` (k, 9), or (k, 12) where positions are known. `turns` and
+    `gap` (k - 1,): where the arm turns between two knots, and where nothing is known.
     """
 
     t: Array

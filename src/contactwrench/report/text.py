@@ -158,7 +158,7 @@ def difference_json(change: Difference) -> str:
 
 
 _MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
-_SPOKEN = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m")}
+_SPOKEN = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m"), "s": (1e3, "ms")}
 
 
 def _json(values: dict[str, Any]) -> str:
