@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -14,9 +16,15 @@ RATE = 1000.0
 
 def calibrated(seed: int, exact: bool = False) -> tuple[cw.Calibration, Rig, np.random.Generator]:
     """A calibration of any tool on any mounting, from 24 noisy (or `exact`) readings; what is true; what drew it."""
+    calibration, rig = _calibration(seed, exact)
+    return calibration, rig, np.random.default_rng((seed, 1))
+
+
+@cache
+def _calibration(seed: int, exact: bool) -> tuple[cw.Calibration, Rig]:
     rig, R, rng = example(seed)
     samples = noise_free(rig, R) if exact else noisy(rig, R, rng)
-    return cw.calibrate(samples, "mount", noise=NOISE), rig, rng
+    return cw.calibrate(samples, "mount", noise=NOISE), rig
 
 
 def still(rng: np.random.Generator, n: int) -> Array:

@@ -135,12 +135,12 @@ def test_a_shift_judges_what_is_missed_and_what_is_none() -> None:
     flag[1005:2005], pressed[1000:2000], pressed[5000:6000] = True, 1, 2
     error, inside = np.full(9, 0.01), np.zeros(9, dtype=int)
     error[6], inside[6] = 0.9, 2
-    reported = [Contact(at, at + 1.0, *np.zeros((2, 6)), np.eye(6), True) for at in (1.0, 7.5)]
+    reported = [Contact(at, at + 1.0, np.zeros(6), np.zeros(6), np.eye(6), onset_seen=True) for at in (1.0, 7.5)]
     rows = {row.what: row for row in live._judged(contacts, flag, pressed, error, inside, reported, 1000.0)}
     assert rows["contacts held for 99 % of their time"].value == 50.0
     assert rows["seconds in contact with 0.5 N of it learned away"].value == 1
     assert rows["contacts that were none"].value == 1
-    assert rows["RMS bias error of a force axis"].met is False
+    assert not rows["RMS bias error of a force axis"].met
 
 
 def test_figures_are_added_to_a_file_with_one_header(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from .errors import InputError
 from .orientation import Array
 
-RELEASE_RATE = 0.05
+RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
 _LOG_DOF = np.linspace(np.log(0.5), np.log(1e6), 400)
 
@@ -32,7 +32,7 @@ class Thresholds:
 def thresholds(false_alarm_rate: float) -> Thresholds:
     """For 6 axes: 6 F(6, dof), which is chi-square where the covariance is known.
 
-    Raises `InputError` unless the rate lies between 1e-9 and 0.05.
+    Raises `InputError` unless the rate lies between 1e-9 and `RELEASE_RATE`.
     """
     from scipy.special import fdtri
 

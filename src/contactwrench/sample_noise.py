@@ -41,7 +41,8 @@ class SampleNoise:
 
         filtered: Array = sosfilt(low_pass.sections(rate), self.recording, axis=0)
         settled = filtered[min(len(left), len(filtered) // 2) :]
-        return np.maximum(left, np.mean(settled**2, axis=0))
+        slow: Array = np.maximum(left, np.mean(settled**2, axis=0))
+        return slow
 
     def slowness(self, rows: int) -> Array:
         """How many times larger (6,) the variance of a mean of so many samples is than that of white noise."""
@@ -49,7 +50,8 @@ class SampleNoise:
         if self.recording is None or blocks < LEAST_BLOCKS:
             return np.ones(6)
         means = self.recording[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1)
-        return np.maximum(np.mean(means**2, axis=0) * rows / self.of_sample, 1.0)
+        slowness: Array = np.maximum(np.mean(means**2, axis=0) * rows / self.of_sample, 1.0)
+        return slowness
 
 
 def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> SampleNoise:
