@@ -135,7 +135,7 @@ def _too_many(samples: Samples, count: int) -> InputError:
 
 def _lie_close(poses: tuple[Pose, ...]) -> bool:
     """Whether most poses lie next to the one before, as no poses do that anybody chose."""
-    return float(np.median(_angles(np.array([pose.R_base_flange for pose in poses])))) < CLOSE
+    return bool(np.median(_angles(np.array([pose.R_base_flange for pose in poses]))) < CLOSE)
 
 
 def _is_way(R: Array) -> bool:
