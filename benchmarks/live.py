@@ -17,10 +17,10 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.compensator import Compensator
-from contactwrench.contact_wrench import Contact
-from contactwrench.drift import TYPICAL_DRIFT
-from contactwrench.filters import LowPass
+from contactwrench.compensator.compensator import Compensator
+from contactwrench.compensator.contact_wrench import Contact
+from contactwrench.compensator.drift import TYPICAL_DRIFT
+from contactwrench.compensator.filters import LowPass
 
 from .table import Row
 from .world import Array, Rig, noisy_readings, random_rig, random_rotations, readings

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.resting import is_stream
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import Settings, changed
 from contactwrench.simulate.trajectory import exciting
-from contactwrench.stillness import still_stretches
+from contactwrench.stillness.resting import is_stream
+from contactwrench.stillness.stretches import still_stretches
 
 from .clock import median_seconds
 from .runs import TOOL, Run, run

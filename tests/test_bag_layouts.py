@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from contactwrench.errors import InputError
 from contactwrench.recording.bag_chunks import joined
-from contactwrench.recording.layouts import Layout, alike, layout_of_message
+from contactwrench.recording.message_layout import MessageLayout, alike, layout_of_message
 from tests.ros_bags import JOINT_STATE, ODOMETRY, POSE_STAMPED, ROS1, ROS2, TF, WRENCH_STAMPED, built
 
 TYPES = (
@@ -90,7 +90,7 @@ def test_every_number_and_text_is_where_rosbags_finds_it(encoding: str, data: st
     raws = [_serialized(encoding, one, msgtype) for one in several]
     raw = joined(raws)
 
-    def layout_of(message: bytes) -> Layout:
+    def layout_of(message: bytes) -> MessageLayout:
         return layout_of_message(message, msgtype, store.fielddefs, encoding != "ros1")
 
     seen: list[int] = []

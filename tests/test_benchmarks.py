@@ -23,7 +23,7 @@ from benchmarks.record import HEADER, append
 from benchmarks.recordings import measured_sets
 from benchmarks.table import Row
 from benchmarks.world import bound_on_prediction, readings
-from contactwrench.contact_wrench import Contact
+from contactwrench.compensator.contact_wrench import Contact
 
 
 class Here(Executor):

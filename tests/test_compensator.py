@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from benchmarks.world import Array, readings
-from contactwrench.contact_wrench import ContactWrenchBatch
-from contactwrench.drift import TYPICAL_DRIFT
+from contactwrench.compensator.contact_wrench import ContactWrenchBatch
+from contactwrench.compensator.drift import TYPICAL_DRIFT
+from contactwrench.compensator.filters import LowPass
 from contactwrench.errors import InputError, MissingExtraError
-from contactwrench.filters import LowPass
 from tests.live import RATE, calibrated, free, still, swinging, times
 from tests.rigs import NOISE, seeds
 
@@ -140,7 +140,7 @@ def test_compiled_is_plain() -> None:
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 def test_nothing_is_compiled_at_the_first_sample() -> None:
     """A sample of another kind of array than at construction (read-only, transposed) compiles nothing either."""
-    from contactwrench.compensator_kernel import compiled
+    from contactwrench.compensator.kernel import compiled
 
     calibration, rig, rng = calibrated(3)
     compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, fast=True)
@@ -374,7 +374,7 @@ def test_memory_does_not_grow() -> None:
 
 
 def test_a_compiled_step_without_numba_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from contactwrench.compensator_kernel import compiled
+    from contactwrench.compensator.kernel import compiled
 
     calibration, _, _ = calibrated(1)
     compiled.cache_clear()

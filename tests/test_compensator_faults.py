@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from benchmarks.world import Array, readings
-from contactwrench.contact_wrench import ContactWrenchBatch
+from contactwrench.compensator.contact_wrench import ContactWrenchBatch
 from tests.live import RATE, calibrated, free, still, swinging, times
 from tests.rigs import NOISE
 

@@ -11,12 +11,12 @@ from scipy.stats import chi2, f
 
 import contactwrench as cw
 from benchmarks.world import Array, noisy_readings, random_rotations, readings
-from contactwrench.contact_wrench import Contact, ContactWrenchBatch
-from contactwrench.detection import satterthwaite, thresholds, whitening
-from contactwrench.drift import TYPICAL_DRIFT
+from contactwrench.compensator.contact_wrench import Contact, ContactWrenchBatch
+from contactwrench.compensator.detection import satterthwaite, thresholds, whitening
+from contactwrench.compensator.drift import TYPICAL_DRIFT
+from contactwrench.compensator.filters import LowPass
+from contactwrench.compensator.sample_noise import noise_of_sample
 from contactwrench.errors import InputError
-from contactwrench.filters import LowPass
-from contactwrench.sample_noise import noise_of_sample
 from tests.live import RATE, calibrated, free, still, swinging, times
 from tests.rigs import NOISE, example
 

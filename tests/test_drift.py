@@ -9,7 +9,15 @@ from scipy.stats import chi2
 
 import contactwrench as cw
 from benchmarks.world import Array, random_rotations
-from contactwrench.drift import HOUR, TYPICAL_DRIFT, CalibrationError, calibrated, predicted, updated, zeroed
+from contactwrench.compensator.drift import (
+    HOUR,
+    TYPICAL_DRIFT,
+    CalibrationError,
+    calibrated,
+    predicted,
+    updated,
+    zeroed,
+)
 from tests.rigs import NOISE, example, noisy, seeds
 
 WALK = TYPICAL_DRIFT**2 / HOUR

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import sosfreqz
 
+from contactwrench.compensator.filters import LowPass, zero_phase
 from contactwrench.errors import InputError
-from contactwrench.filters import LowPass, zero_phase
 
 RATE = 1000.0
 FILTERS = [LowPass(20.0, order) for order in (0, 1, 2, 3, 4)]

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 from benchmarks.world import Array
+from contactwrench.compensator.line_of_action import LineOfAction, line_of_action, point_on_axis, point_on_plane
 from contactwrench.errors import InputError
-from contactwrench.line_of_action import LineOfAction, line_of_action, point_on_axis, point_on_plane
 from tests.rigs import seeds
 
 COVARIANCE = np.diag([0.05, 0.04, 0.06, 0.002, 0.003, 0.001]) ** 2

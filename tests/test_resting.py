@@ -16,13 +16,13 @@ from benchmarks.runs import Run, run
 from benchmarks.world import Array, readings
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
-from contactwrench.resting import is_stream, resting_poses
 from contactwrench.simulate.poses import random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Settings, changed
 from contactwrench.simulate.trajectory import exciting, stopping, sweeping
-from contactwrench.stillness import still_stretches
+from contactwrench.stillness.resting import is_stream, resting_poses
+from contactwrench.stillness.stretches import still_stretches
 from contactwrench.verify import verify
 from contactwrench.weigh import weigh
 from tests.recordings import run as run_program

@@ -313,7 +313,8 @@ BAD_FILES = {
         (["--set=base.on=roof"], "base.on is roof, expected one of: table, wall, ceiling"),
         (["--poses=far.csv", "-o", "far.csv"], "far.csv: found the file that is read, expected another file to write: "
          "name one"),
-        (["-o", "out.txt"], "--output is out.txt, expected a name that ends in .csv, .mcap, .db3 or .bag: the truth goes beside it"),
+        (["-o", "out.txt"], "--output is out.txt, expected a name that ends in .csv, .mcap, .db3 or .bag: the truth "
+         "goes beside it"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_simulated_is_said_word_for_word(

@@ -16,8 +16,8 @@ import contactwrench as cw
 from benchmarks.recordings import SHARED
 from benchmarks.runs import Run, run
 from benchmarks.world import Array
-from contactwrench.resting import is_stream
-from contactwrench.stillness import StillStretches, still_stretches
+from contactwrench.stillness.resting import is_stream
+from contactwrench.stillness.stretches import StillStretches, still_stretches
 from tests.rigs import seeds
 
 pytest.importorskip("mujoco")

@@ -2,8 +2,8 @@
 
 from .calibrate import calibrate
 from .calibration import Calibration
-from .compensator import Compensator
-from .contact_wrench import ContactWrench
+from .compensator.compensator import Compensator
+from .compensator.contact_wrench import ContactWrench
 from .errors import ContactWrenchError
 from .recording import read
 from .samples import Samples

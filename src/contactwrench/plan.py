@@ -20,10 +20,10 @@ from .exchange import chosen_experiments
 from .model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
 from .observability import LEVER, natural_jacobian, require_separable
 from .orientation import Array
-from .resting import is_stream, resting_poses
 from .robots import Reach
 from .rotations import spread_rotations
 from .samples import Samples, read_only
+from .stillness.resting import is_stream, resting_poses
 from .travel import short_order
 from .wrench import unit_direction
 

@@ -17,8 +17,8 @@ from .contact_noise import noise_dof, reading_variance
 from .errors import InputError
 from .orientation import Array
 from .poses import Pose
-from .resting import is_stream, resting_poses
 from .samples import Samples, read_only
+from .stillness.resting import is_stream, resting_poses
 from .weigh import gravity_in_sensor
 
 

@@ -21,8 +21,8 @@ from .errors import InputError
 from .model import gravity_in_flange, mounting_turn
 from .orientation import Array
 from .poses import SAME_POSE_ANGLE
-from .resting import is_stream, resting_poses
 from .samples import Samples, read_only
+from .stillness.resting import is_stream, resting_poses
 from .wrench import cross_matrix
 
 THREE_STD = 0.9973

@@ -20,8 +20,8 @@ from ..model import yaw_of_mounting
 from ..observability import describe
 from ..orientation import Array
 from ..poses import Pose, moments_of_poses
-from ..resting import is_stream, recorded_poses, resting_poses
 from ..samples import Samples
+from ..stillness.resting import is_stream, recorded_poses, resting_poses
 from ..version import __version__
 from ..wrench import STANDARD_GRAVITY, unit_direction
 from .assumptions import assumptions_in_words

@@ -28,7 +28,7 @@ from .reading import (
 
 if TYPE_CHECKING:
     from ..calibration import Calibration
-    from ..filters import LowPass
+    from ..compensator.filters import LowPass
     from ..orientation import Array
 
 PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
@@ -138,7 +138,7 @@ def compensate(
 
 def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:
     """`HZ` or `HZ:ORDER`. Raises `InputError` naming the flag."""
-    from ..filters import LowPass
+    from ..compensator.filters import LowPass
 
     if text is None:
         return None

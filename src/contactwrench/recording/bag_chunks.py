@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bag_files import Bag, Topic, one_line_errors
-from .layouts import Layout, Raw, alike
+from .message_layout import MessageLayout, Raw, alike
 
 AT_ONCE = 8192
 """Messages that are taken together from what has no chunks."""
@@ -229,7 +229,7 @@ def _ros1_records(chunk: bytes) -> list[tuple[int, int, int, int]]:
     return found
 
 
-def _ros1_head(head: bytes) -> Layout:
+def _ros1_head(head: bytes) -> MessageLayout:
     """The layout of a record's head: fields `name=value`, each behind its length; a message's are op, conn and time."""
     numbers, shared, pos, op = {}, [], 0, "other"
     stream = BytesIO(head)
@@ -246,4 +246,4 @@ def _ros1_head(head: bytes) -> Layout:
         elif name == b"time":
             numbers["seconds"], numbers["ns"] = (at, "<u4", 1), (at + 4, "<u4", 1)
         pos += 4 + size
-    return Layout(numbers, {"op": op}, tuple(shared))
+    return MessageLayout(numbers, {"op": op}, tuple(shared))

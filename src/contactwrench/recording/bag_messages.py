@@ -16,7 +16,7 @@ from ..errors import FileFormatError, InputError
 from ..orientation import Array, from_quat_xyzw
 from .bag_chunks import Logged, joined
 from .bag_files import Bag, Topic, definitions, seconds, written
-from .layouts import Layout, Raw, alike, layout_of_message
+from .message_layout import MessageLayout, Raw, alike, layout_of_message
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
 """Types that hold a wrench, and where in them it is."""
@@ -56,11 +56,11 @@ def joined_placements(parts: Iterable[Placements]) -> Placements:
     return Placements(*(np.concatenate([getattr(p, name) for p in some]) for name in ("t", "quat_xyzw", "position")))
 
 
-def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], Layout, Raw]]:
+def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
     """The messages by layout: rows, the layout and the messages. Raises `FileFormatError` naming topic and time."""
     types = definitions(bag, topic.type)
 
-    def layout_of(message: bytes) -> Layout:
+    def layout_of(message: bytes) -> MessageLayout:
         return layout_of_message(message, topic.type, types, not bag.ros1)
 
     try:
@@ -84,7 +84,7 @@ def place(bag: Bag, topic: Topic, t: float) -> str:
     return f"{bag.path}: topic {topic.name}, at {t - bag.start:.3f} s"
 
 
-def stamps(logged: Logged, rows: NDArray[np.intp], layout: Layout, raw: Raw, header: str = "header") -> Array:
+def stamps(logged: Logged, rows: NDArray[np.intp], layout: MessageLayout, raw: Raw, header: str = "header") -> Array:
     """The times (k,) s of messages of one layout: of the header, else of the bag."""
     of_bag = seconds(logged.stamp[rows])
     path = f"{header}.stamp"
@@ -164,7 +164,7 @@ def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], 
     return in_order
 
 
-def _transforms_in(layout: Layout) -> list[str]:
+def _transforms_in(layout: MessageLayout) -> list[str]:
     """What comes before the names of each transform's fields."""
     ends = [path.removesuffix("child_frame_id") for path in layout.texts if path.endswith("child_frame_id")]
     return [at for at in ends if f"{at}header.frame_id" in layout.texts]

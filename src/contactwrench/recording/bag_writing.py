@@ -22,7 +22,7 @@ from ..orientation import Array
 from ..streams import Streams
 from .bag_files import SUFFIXES_OF_BAGS, require_rosbags, typestore
 from .bag_messages import FORCE_TORQUE, POSES, XYZ, XYZW
-from .layouts import Layout, layout_of_message
+from .message_layout import MessageLayout, layout_of_message
 
 WRENCH_STAMPED, POSE_STAMPED = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 NUMBERS = {
@@ -144,7 +144,7 @@ def stamped(msgtype: str, ros1: bool, frame: str, stamp: NDArray[np.int64], valu
 
 
 @cache
-def _template(msgtype: str, ros1: bool, frame: str) -> tuple[bytes, Layout]:
+def _template(msgtype: str, ros1: bool, frame: str) -> tuple[bytes, MessageLayout]:
     """A message of zeros, and where its numbers are."""
     store = typestore(ros1)
 

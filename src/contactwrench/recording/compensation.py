@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..compensator import Compensator
+from ..compensator.compensator import Compensator
+from ..compensator.contact_wrench import Contact
+from ..compensator.filters import LowPass, zero_phase
+from ..compensator.settings import delay_of
 from ..contact import ContactWrenches, contact_wrenches, in_axes, require_frame
-from ..contact_wrench import Contact
-from ..delay import is_significant
 from ..errors import InputError
-from ..filters import LowPass, zero_phase
 from ..orientation import Array
-from ..resting import is_stream
 from ..samples import Samples
+from ..stillness.resting import is_stream
 from ..streams import Streams
 from ..synchronize import LeftOut, Synchronized, default_gap, synchronized
 from .layout import Layout
@@ -56,18 +56,14 @@ class Treatment:
 
     def applied_delay(self, calibration: Calibration) -> float:
         """The delay (s) by which the orientation is looked up earlier."""
-        if self.delay is not None:
-            return self.delay
-        if calibration.delay is None or calibration.delay_std is None:
-            return 0.0
-        return calibration.delay if is_significant(calibration.delay, calibration.delay_std) else 0.0
+        return delay_of(calibration) if self.delay is None else self.delay
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedWrenches:
-    """Contact wrenches `wrench` (n, 6) with `std` (n, 6) at `t` (n,) s, NaN where there is none; `valid` (n,) and, where
-    it is False, the `reason`; `contact` (n,) 1 in contact, 0 free, -1 where that was not judged. `contacts`: those that
-    ended here, in sensor axes.
+    """Contact wrenches `wrench` (n, 6) with `std` (n, 6) at `t` (n,) s, NaN where there is none; `valid` (n,), and the
+    `reason` where it is False; `contact` (n,) 1 in contact, 0 free, -1 where that was not judged. `contacts`: those
+    that ended here, in sensor axes.
     """
 
     wrench: Array

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..contact_wrench import Contact
+from ..calibration_text import meaningful_digits
+from ..compensator.contact_wrench import Contact
 from ..files import write_text
 from ..orientation import Array
 from ..recording.compensation import TOUCHING, JudgedWrenches, Rows
@@ -126,7 +127,7 @@ def _contacts(log: ContactLog) -> str:
         cells = (
             f"{contact.onset - log.start:.3f}",
             lasts,
-            f"{force:.2f} ± {along:.2f}",
+            " ± ".join(meaningful_digits(float(force), along)),
             f"{np.linalg.norm(contact.peak[:3]):.2f}",
             " ".join(f"{part:.2f}" for part in line.direction) if line.reason is None else "-",
         )
@@ -146,7 +147,7 @@ def _contacts(log: ContactLog) -> str:
 
 def _place(point: Array, covariance: Array) -> str:
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return ", ".join(f"{1e3 * value:.1f} ± {1e3 * spread:.1f}" for value, spread in zip(point, std, strict=True))
+    return ", ".join(" ± ".join(meaningful_digits(1e3 * x, 1e3 * spread)) for x, spread in zip(point, std, strict=True))
 
 
 def _faults(log: ContactLog) -> str:

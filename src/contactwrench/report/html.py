@@ -15,9 +15,9 @@ from ..calibration_text import headline, meaningful_digits, parameter_rows
 from ..files import write_text
 from ..model import AXES
 from ..orientation import Array
-from ..resting import is_stream
 from ..samples import Samples
-from ..stillness import still_stretches
+from ..stillness.resting import is_stream
+from ..stillness.stretches import still_stretches
 from ..version import __version__
 from . import figures, signals
 from .style import STYLE

@@ -12,7 +12,7 @@ from ..calibration import Calibration
 from ..orientation import Array
 from ..poses import SAME_POSE_ANGLE, Pose
 from ..samples import Samples
-from ..stillness import StillStretch, StillStretches
+from ..stillness.stretches import StillStretch, StillStretches
 from .figures import AXIS_COLOURS, drawing, svg_text
 
 if TYPE_CHECKING:

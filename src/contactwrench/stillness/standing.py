@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..orientation import Array
+from ..poses import SAME_POSE_ANGLE
+from ..samples import Samples
 from .levels import Noise, Piece, noise_of_windows, pieces_between_changes
-from .orientation import Array
-from .poses import SAME_POSE_ANGLE
-from .samples import Samples
 
 BLOCK = 0.02
 WINDOW = 0.1

@@ -1,11 +1,11 @@
-"""The pose at the wrench's moment, and filters one sample at a time. Part of the kernel: see compensator_kernel.py."""
+"""The pose at the wrench's moment, and filters one sample at a time. Part of the kernel: see kernel.py."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from . import compensator_layout as slot
-from .compensator_layout import Numbers
+from . import slots as slot
+from .slots import Numbers
 
 
 def as_the_wrench_is_stamped(

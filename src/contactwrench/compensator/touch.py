@@ -1,11 +1,11 @@
-"""When a contact begins and ends, and what it was. Part of the kernel: see compensator_kernel.py."""
+"""When a contact begins and ends, and what it was. Part of the kernel: see kernel.py."""
 
 from __future__ import annotations
 
 from math import nan
 
-from . import compensator_layout as slot
-from .compensator_layout import Numbers
+from . import slots as slot
+from .slots import Numbers
 
 
 def detect(tool: Numbers, live: Numbers, memory: Numbers, statistic: float, now: float) -> None:

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .orientation import Array
+from ..orientation import Array
 
 FALSE_ALARM = 1e-6
 """Probability that two neighbouring windows of white noise are taken for a change."""

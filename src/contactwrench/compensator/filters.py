@@ -1,6 +1,6 @@
 """Low-pass filters as second-order sections, what they leave of white noise, and both ways along a recording.
 
-A sample at a time they run in compensator_kernel.py; the coefficients are scipy's (`scipy.signal.butter`).
+A sample at a time they run in kernel.py; the coefficients are scipy's (`scipy.signal.butter`).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from math import ceil, exp, pi
 
 import numpy as np
 
-from .errors import InputError
-from .orientation import Array
+from ..errors import InputError
+from ..orientation import Array
 
 ORDERS = (1, 2, 3, 4)
 SETTLED = 4.0

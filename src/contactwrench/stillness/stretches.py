@@ -18,10 +18,10 @@ from itertools import combinations
 
 import numpy as np
 
-from .errors import InputError, two_digits
+from ..errors import InputError, two_digits
+from ..orientation import Array
+from ..samples import Samples, read_only
 from .levels import Noise, Piece, noise_of_windows, pieces_between_changes
-from .orientation import Array
-from .samples import Samples, read_only
 from .standing import FEWEST_ROWS, Section, sections_of, standing_arm, turn_over
 
 LEAST_DURATION = 0.3

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .errors import InputError
-from .orientation import Array
-from .samples import read_only
-from .wrench import cross_matrix, unit_direction
+from ..errors import InputError
+from ..orientation import Array
+from ..samples import read_only
+from ..wrench import cross_matrix, unit_direction
 
 LEAST_FORCE = 4.0
 """Standard deviations of the force along itself: with less, direction and lever are no better than noise."""

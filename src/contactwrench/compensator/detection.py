@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import InputError
-from .orientation import Array
+from ..errors import InputError
+from ..orientation import Array
 
 RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""

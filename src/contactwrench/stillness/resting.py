@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .orientation import Array
-from .poses import SAME_POSE_ANGLE, Pose, label_orientations, poses_and_visits
-from .rotations import rotation_log
-from .samples import Samples
-from .stillness import StillStretch, StillStretches, still_stretches
+from ..errors import InputError
+from ..orientation import Array
+from ..poses import SAME_POSE_ANGLE, Pose, label_orientations, poses_and_visits
+from ..rotations import rotation_log
+from ..samples import Samples
+from .stretches import StillStretch, StillStretches, still_stretches
 
 SLOWEST = 0.25
 """s from row to row: a stream has four rows a second or more."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .calibrate.noise import pooled_scatter
-from .calibration import Calibration
-from .errors import InputError
+from ..calibrate.noise import pooled_scatter
+from ..calibration import Calibration
+from ..errors import InputError
+from ..orientation import Array
 from .filters import LowPass
-from .orientation import Array
 
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 """N and N m: less noise than this no sensor has, and rounding begins to count."""

@@ -1,6 +1,6 @@
 """Contact wrenches one sample at a time: compensation, filters, drift, contact, faults. The only class with state.
 
-The work on each sample is compensator_kernel.py's, on flat sequences of floats; here is what needs matrices, ten times
+The work on each sample is kernel.py's, on flat sequences of floats; here is what needs matrices, ten times
 a second and whenever the arm has turned by 5 degrees: the offset that drift.py estimates, and the covariance of the
 contact wrench that detection.py tests it against. A batch is the same kernel in a loop, and gives the same numbers.
 """
@@ -15,20 +15,20 @@ from math import ceil, inf, nan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import compensator_layout as slot
-from .calibration import Calibration
-from .compensator_kernel import BLOCK_SECONDS, advance, compiled
-from .compensator_settings import arrays, delay_of, lists, positive, six
-from .compensator_watch import LOG_SAME_UNSEEN
-from .contact_wrench import Contact, ContactWrench, ContactWrenchBatch, Zero, reason_of
+from ..calibration import Calibration
+from ..errors import InputError
+from ..orientation import Array
+from ..samples import Samples, read_only
+from ..wrench import wrench_rows
+from . import slots as slot
+from .contact_wrench import NOT_KNOWN, Contact, ContactWrench, ContactWrenchBatch, Zero, reason_of
 from .detection import satterthwaite, thresholds, whitening
 from .drift import HOUR, CalibrationError, Offset, calibrated, predicted, updated, zeroed
-from .errors import InputError
 from .filters import LowPass
-from .orientation import Array
+from .kernel import BLOCK_SECONDS, advance, compiled
 from .sample_noise import noise_of_sample
-from .samples import Samples, read_only
-from .wrench import wrench_rows
+from .settings import arrays, delay_of, lists, positive, six
+from .watch import LOG_SAME_UNSEEN
 from .zeroing import free_mean
 
 ROWS_AT_ONCE = 4096
@@ -330,8 +330,7 @@ class Compensator:
         """Learn from the block of samples before this one, where it, this one and the one before it were all free: so a
         contact that was too weak at first, or fades, is not taken for drift.
         """
-        memory, offset = self._memory, self._offset
-        clean = memory[slot.SPOILED] == 0.0
+        memory, offset, clean = self._memory, self._offset, self._memory[slot.SPOILED] == 0.0
         if self._follows and offset is not None:
             R = np.array(memory[slot.R_NOW : slot.R_NOW + 9]).reshape(3, 3)
             rows, t = float(memory[slot.BLOCK_ROWS]), float(memory[slot.TIME])
@@ -399,6 +398,3 @@ class Compensator:
             self._systematic + np.diag(noise),
             bool(memory[slot.ONSET_SEEN]),
         )
-
-
-NOT_KNOWN = read_only(np.full(6, nan))

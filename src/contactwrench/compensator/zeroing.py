@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .calibration import Calibration
-from .errors import InputError
-from .model import AXES
-from .orientation import Array
-from .poses import SAME_POSE_ANGLE
-from .rotations import rotation_angle
-from .samples import Samples
+from ..calibration import Calibration
+from ..errors import InputError
+from ..model import AXES
+from ..orientation import Array
+from ..poses import SAME_POSE_ANGLE
+from ..rotations import rotation_angle
+from ..samples import Samples
 
 LEAST_SAMPLES = 10
 MOST_SCATTER = 2.0

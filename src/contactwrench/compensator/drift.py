@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .calibration import Calibration
-from .chi_square import square_root
-from .orientation import Array
+from ..calibration import Calibration
+from ..chi_square import square_root
+from ..orientation import Array
 
 TYPICAL_DRIFT = np.array([0.05, 0.05, 0.05, 0.0025, 0.0025, 0.0025])
 """N and N m: std of a warm sensor's random walk after one hour."""

@@ -33,7 +33,7 @@ TRAILING = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class MessageLayout:
     """Where the numbers of a message are, by path (`wrench.force.x`): first byte, numpy's type, how many; the `texts`
     by path; and the bytes, by where each run of them starts, that all messages of the layout share.
     """
@@ -66,7 +66,7 @@ class Raw:
         windows = np.lib.stride_tricks.sliding_window_view(self.flat, size)
         return windows[self.start + offset]
 
-    def values(self, layout: Layout, path: str) -> Array:
+    def values(self, layout: MessageLayout, path: str) -> Array:
         """The numbers (n, k) at `path`; all messages must be of the layout. Raises `KeyError` where there is none."""
         offset, kind, count = layout.numbers[path]
         if count == 0:
@@ -74,7 +74,7 @@ class Raw:
         found = self.bytes_at(offset, count * int(kind[-1])).view(kind)
         return found.astype(np.float64)
 
-    def columns(self, layout: Layout, paths: Sequence[str]) -> Array:
+    def columns(self, layout: MessageLayout, paths: Sequence[str]) -> Array:
         """The numbers (n, k) at `paths`, one of each; those that lie side by side are fetched together."""
         first, kind, _ = layout.numbers[paths[0]]
         size = int(kind[-1])
@@ -84,7 +84,7 @@ class Raw:
         return np.hstack([self.values(layout, path) for path in paths])
 
 
-def alike(raw: Raw, layout_of: Callable[[bytes], Layout]) -> Iterator[tuple[NDArray[np.intp], Layout]]:
+def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
     """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one."""
     for length in np.unique(raw.length):
         rows = np.flatnonzero(raw.length == length)
@@ -99,7 +99,7 @@ def alike(raw: Raw, layout_of: Callable[[bytes], Layout]) -> Iterator[tuple[NDAr
             rows = rows[~same]
 
 
-def layout_of_message(message: bytes, msgtype: str, types: Fields, cdr: bool) -> Layout:
+def layout_of_message(message: bytes, msgtype: str, types: Fields, cdr: bool) -> MessageLayout:
     """The layout of one message. Raises `InputError` where it is no such message."""
     walk = _Walk(message, types, cdr)
     try:
@@ -108,7 +108,7 @@ def layout_of_message(message: bytes, msgtype: str, types: Fields, cdr: bool) ->
         end = -1
     if not 0 <= len(message) - end <= (TRAILING if cdr else 0):
         raise InputError(f"found {len(message)} bytes that are no such message, expected one as its type defines")
-    return Layout(walk.numbers, walk.texts, tuple(walk.shared))
+    return MessageLayout(walk.numbers, walk.texts, tuple(walk.shared))
 
 
 class _Walk:

@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model import AXES
+from ..orientation import Array
+from ..samples import read_only
 from .line_of_action import LineOfAction, line_of_action
-from .model import AXES
-from .orientation import Array
-from .samples import read_only
 
+NOT_KNOWN = read_only(np.full(6, np.nan))
+"""The std of a wrench that cannot be computed."""
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 
@@ -62,8 +64,8 @@ class ContactWrenchBatch:
     """The contact wrenches of n samples in a row: `wrench`, `std` (n, 6), `t`, `valid`, `contact` (n,), `reason` (n).
 
     `contact` is 1 in contact, 0 free, -1 where that cannot be judged. `statistic` (n,) is what the test compares with
-    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch. `covariance` (m, 6, 6) of the wrench
-    as it was in turn, of which `covariance_of` (n,) is the one of each sample.
+    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch. `covariance` (m, 6, 6): the
+    wrench's, one after the other, of which `covariance_of` (n,) is each sample's.
     """
 
     wrench: Array

@@ -12,13 +12,13 @@ from functools import cache
 from math import nan, sqrt
 from typing import Any
 
-from . import compensator_contact, compensator_signal, compensator_watch
-from . import compensator_layout as slot
-from .compensator_contact import detect, gather
-from .compensator_layout import Numbers
-from .compensator_signal import as_the_wrench_is_stamped, low_pass, settle
-from .compensator_watch import SQUARED_TOLERANCE, far, rotation, turned, watched_orientation, watched_reading
-from .errors import MissingExtraError
+from ..errors import MissingExtraError
+from . import signal, touch, watch
+from . import slots as slot
+from .signal import as_the_wrench_is_stamped, low_pass, settle
+from .slots import Numbers
+from .touch import detect, gather
+from .watch import SQUARED_TOLERANCE, far, rotation, turned, watched_orientation, watched_reading
 
 BLOCK_SECONDS = 0.1
 
@@ -313,7 +313,7 @@ def compiled() -> Callable[..., int]:
         ) from None
 
     names: dict[str, Any] = {}
-    for module in (compensator_contact, compensator_signal, compensator_watch):
+    for module in (touch, signal, watch):
         names.update(vars(module))
     names.update(globals())
     for function in IN_ORDER:

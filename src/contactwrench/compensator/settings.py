@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .calibration import Calibration
-from .errors import InputError
-from .orientation import Array
+from ..calibration import Calibration
+from ..delay import is_significant
+from ..errors import InputError
+from ..orientation import Array
 
 
 def arrays(values: Array) -> Any:
@@ -27,7 +28,7 @@ def delay_of(calibration: Calibration) -> float:
     """The calibration's delay where its data tell it from zero, else 0."""
     if calibration.delay is None or calibration.delay_std is None:
         return 0.0
-    return calibration.delay if abs(calibration.delay) > 3.0 * calibration.delay_std else 0.0
+    return calibration.delay if is_significant(calibration.delay, calibration.delay_std) else 0.0
 
 
 def six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> Array:

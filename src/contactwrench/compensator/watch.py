@@ -1,14 +1,14 @@
 """Faults that a single sample does not show: a channel or an orientation that stands still.
 
-Part of the kernel: see compensator_kernel.py.
+Part of the kernel: see kernel.py.
 """
 
 from __future__ import annotations
 
 from math import erf, inf, log, sqrt
 
-from . import compensator_layout as slot
-from .compensator_layout import Numbers
+from . import slots as slot
+from .slots import Numbers
 
 TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""

@@ -1,0 +1,1 @@
+"""Still stretches of a recording, and the poses that they are."""
