@@ -185,8 +185,8 @@ def test_a_motion_with_stops_rests_at_each(tmp_path: Path, capsys: Capture) -> N
     still = np.concatenate([[False], np.abs(np.diff(joints, axis=0)).max(axis=1) < 1e-9])
     edges = np.flatnonzero(np.diff(still.astype(int)))
     lengths = np.diff(np.r_[edges, len(still) - 1])[::2] / 200.0
-    assert lengths == pytest.approx(np.full(4, 0.8), abs=0.05)
-    directions = samples.R_base_flange[edges[::2] + 5, 2]
+    assert lengths == pytest.approx(np.full(5, 0.8), abs=0.05)  # at home, and at each of the four poses
+    directions = samples.R_base_flange[edges[2::2] + 5, 2]
     assert np.linalg.norm(directions[:, None] - directions, axis=2)[np.triu_indices(4, 1)].min() > 0.5
 
 
