@@ -185,9 +185,7 @@ def test_a_stamp_that_is_no_number_is_named() -> None:
     t[5] = np.nan
     with pytest.raises(InputError) as caught:
         synchronize(_streams(t, at))
-    assert str(caught.value) == (
-        "run.bag: row 6 of the wrench is stamped nan, expected seconds: leave such rows out"
-    )
+    assert str(caught.value) == ("run.bag: row 6 of the wrench is stamped nan, expected seconds: leave such rows out")
     assert caught.value.row == 5
 
 
