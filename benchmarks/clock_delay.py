@@ -51,7 +51,7 @@ def coverage(trials: int) -> Iterator[Row]:
     for duration in (10.0, 40.0):
         for over in (0.0, 0.05, 0.2, 1.0):
             found = [
-                estimate_delay(gravity_alone(seed, duration=duration, noise=5.0, correlated_over=over))
+                estimate_delay(gravity_alone(seed, duration=duration, noise=5.0, correlated_over=over), within=0.2)
                 for seed in range(trials)
             ]
             off = np.array([one.value - 0.0137 for one in found])

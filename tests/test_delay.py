@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,33 +34,34 @@ def _turned(streams: Streams, R: Array) -> Streams:
     return Streams(streams.wrench, OrientationStream(streams.orientation.t, R))
 
 
-@settings(max_examples=12, deadline=None)
-@given(seed=st.integers(0, 10_000), shift=st.floats(-0.4, 0.4))
+@settings(max_examples=6, deadline=None)
+@given(seed=st.integers(0, 10_000), shift=st.floats(-0.15, 0.15))
 def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> None:
     streams = gravity_alone(seed, duration=20.0)
-    before, after = estimate_delay(streams), estimate_delay(_shifted(streams, shift))
+    before, after = (estimate_delay(_shifted(streams, by), within=0.2) for by in (0.0, shift))
     assert after.value - before.value == pytest.approx(shift, abs=1e-6)
     assert after.std == pytest.approx(before.std, rel=1e-3)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_any_tool_mounting_and_base(seed: int) -> None:
-    found = estimate_delay(gravity_alone(seed, duration=20.0))
+    found = estimate_delay(gravity_alone(seed, duration=20.0), within=0.2)
     assert found.reason is None
     assert abs(found.value - TRUE) < 5.0 * found.std
     assert found.std < 0.002
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
     streams = gravity_alone(seed)
     Q = Rotation.random(random_state=seed).as_matrix()
     turned = _turned(streams, Q @ streams.orientation.R_base_flange)
-    before, after = estimate_delay(streams), estimate_delay(turned, gravity=Q @ [0.0, 0.0, -1.0])
+    before = estimate_delay(streams, within=0.2)
+    after = estimate_delay(turned, gravity=Q @ [0.0, 0.0, -1.0], within=0.2)
     assert after.value == pytest.approx(before.value, abs=1e-8)
     assert after.std == pytest.approx(before.std, rel=1e-5)
-    unstated = estimate_delay(turned)
+    unstated = estimate_delay(turned, within=0.2)
     assert unstated.value == pytest.approx(before.value, abs=before.std)
 
 
@@ -69,12 +72,12 @@ def test_units_and_axes_of_the_sensor_do_not_matter() -> None:
     assert abs(after.value - before.value) < 2.0 * before.std
 
 
-@pytest.mark.parametrize(("over", "least"), [(0.0, 0.85), (0.2, 0.8)])
-def test_two_standard_deviations_cover(over: float, least: float) -> None:
-    """30 recordings at 95 % are 26 or more but once in 50 times; benchmarks/clock_delay.py counts many."""
-    found = [estimate_delay(gravity_alone(seed, noise=5.0, correlated_over=over)) for seed in range(30)]
+@pytest.mark.parametrize("over", [0.0, 0.2])
+def test_two_standard_deviations_cover(over: float) -> None:
+    """Of 12 recordings at 95 % fewer than 10 are inside once in 50 times; benchmarks/clock_delay.py counts many."""
+    found = [estimate_delay(gravity_alone(seed, noise=5.0, correlated_over=over), within=0.1) for seed in range(12)]
     off = np.array([one.value - TRUE for one in found]) / np.array([one.std for one in found])
-    assert np.mean(np.abs(off) < 2.0) >= least
+    assert np.sum(np.abs(off) < 2.0) >= 10
     assert np.std(off) > 0.5
 
 
@@ -135,11 +138,11 @@ def _reason(streams: Streams, within: float = 1.0) -> str:
 def test_an_arm_at_rest_tells_nothing() -> None:
     streams = gravity_alone(9)
     trembling = 1e-5 * np.random.default_rng(9).normal(size=(len(streams.orientation), 3))
-    R = Rotation.from_rotvec([0.3, -1.0, 0.4] + trembling).as_matrix()
+    R = Rotation.from_rotvec(np.array([0.3, -1.0, 0.4]) + trembling).as_matrix()
     assert _reason(_turned(streams, R)) == "the arm turns by less than 2 deg"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_turning_about_the_vertical_tells_nothing(seed: int) -> None:
     streams = gravity_alone(seed)
     about = Rotation.from_rotvec(np.sin(streams.orientation.t)[:, None] * [0.0, 0.0, 1.5])
@@ -148,7 +151,7 @@ def test_turning_about_the_vertical_tells_nothing(seed: int) -> None:
     _reason(_turned(_read(streams, noise), R))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_readings_that_do_not_follow_tell_nothing(seed: int) -> None:
     streams = gravity_alone(seed)
     _reason(_read(streams, np.random.default_rng(seed).normal(size=streams.wrench.wrench.shape)))
@@ -270,7 +273,8 @@ def test_a_calibration_shows_it() -> None:
         for delay, std in ((None, None), (0.0042, 0.0001), (0.0002, 0.0001))
     )
     assert "delay" not in str(silent)
-    assert "  delay          4.20  +- 0.10    ms, wrench after orientation; applied" in str(late)
+    (shown,) = (line for line in str(late).splitlines() if "delay" in line)
+    assert " ".join(shown.split()) == "delay 4.20 +- 0.10 ms, wrench after orientation; applied"
     assert "ms, wrench after orientation; not applied: less than 3 standard deviations from zero" in str(unsure)
     assert late.diff(unsure).meaning[-1] == (
         "the delay between wrench and orientation changed by -4 ms (28.3 std): another clock, or another filter in the "
@@ -278,3 +282,32 @@ def test_a_calibration_shows_it() -> None:
     )
     assert not any("delay" in sentence for sentence in late.diff(late).meaning)
     assert "delay" not in silent.diff(late).names
+
+
+# Measured: a KUKA with an ATI Gamma, three streams of one computer, 6 s of turning about one axis
+
+
+def _measured() -> Streams:
+    folder = Path(__file__).resolve().parents[2] / "shared" / "data" / "kuka_atigamma"
+    if not folder.exists():
+        pytest.skip("the measured recording is not part of the project")
+    wrench, pose = (
+        np.loadtxt(folder / f"1-baseline_{name}.csv", delimiter=",", skiprows=1) for name in ("wrench", "orientations")
+    )
+    return Streams(
+        WrenchStream(wrench[:, 0] * 1e-6, wrench[:, 1:]),
+        OrientationStream(pose[:, 0] * 1e-6, pose[:, 1:].reshape(-1, 3, 3)),
+    )
+
+
+@pytest.mark.parametrize("shift", [0.1, -0.25, 0.0371])
+def test_the_estimate_follows_a_measured_recording(shift: float) -> None:
+    streams = _measured()
+    before, after = estimate_delay(streams), estimate_delay(_shifted(streams, shift))
+    assert after.value - before.value == pytest.approx(shift, abs=1e-4)
+
+
+def test_a_measured_recording_about_one_axis_does_not_tell() -> None:
+    found = estimate_delay(_measured())
+    assert abs(found.value) < 0.03
+    assert not found.significant

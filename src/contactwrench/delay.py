@@ -28,10 +28,8 @@ LONG = 300.0
 """s: what goes on for longer is averaged over twice the time."""
 ANOTHER_BASE = 0.5
 """Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
-RESOLVED = 0.05
-"""rad: a delay is told where the std is a smaller angle at the speed of the motion. Where 18 coefficients of gravity
-explain nothing but noise, it is a quarter of a rad.
-"""
+TOLD = 0.3
+"""Of the std that noise alone would feign: with a tenth of the information that there is, it does no harm."""
 ASTRAY = 0.1
 """s from the best of the search to the fit: further it finds another answer, or none."""
 AS_GOOD = 0.02
@@ -100,7 +98,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     if best in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
     std = standard_deviation(motion, used, fit)
-    doubt = _doubt(fit, std, motion, used, delays, found)
+    doubt = _doubt(fit, std, delays, found)
     return Delay(fit.delay, std if doubt is None else max(std, reach), fit.bound, doubt)
 
 
@@ -153,22 +151,20 @@ def _settled(motion: Turning, means: Means, scans: list[Scan]) -> tuple[Fit, Mea
     return fitted(motion, used, fit.delay, fit.down), used, found
 
 
-def _doubt(fit: Fit, std: float, motion: Turning, means: Means, delays: Array, found: Scan) -> str | None:
+def _doubt(fit: Fit, std: float, delays: Array, found: Scan) -> str | None:
     """Why the motion does not tell the delay, or None."""
-    rate = np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)) / np.sqrt(2.0)
-    moving = rate[rate > 0.0]
-    if not len(moving) or not np.isfinite(std):
+    if not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"
-    misfit = found.misfit
-    if std * float(np.sqrt(np.mean(moving**2))) > RESOLVED or abs(fit.delay - found.best) > ASTRAY:
+    if std > TOLD * fit.feigned or abs(fit.delay - found.best) > ASTRAY:
         return (
-            f"the wrench shows too little of the arm's turning: it tells the delay to {1e3 * std:.3g} ms only; tilt "
-            "the tool further and faster"
+            "gravity's turning shows too little in the wrench, beside accelerations and noise: tilt the tool further, "
+            "about more than one axis"
         )
+    misfit = found.misfit
     inner = misfit[1:-1]
     minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
     best = int(misfit.argmin())
-    others = minima[np.abs(minima - best) > 2]
+    others = minima[np.abs(minima - best) > 1]
     rivals = others[misfit[others] - misfit[best] < AS_GOOD * (misfit.max() - misfit[best])]
     if len(rivals):
         return (

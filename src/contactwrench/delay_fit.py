@@ -15,9 +15,10 @@ import numpy as np
 from .orientation import Array
 from .turning import Turning
 
-GRID = 0.01
-"""s: no motion of an arm is over in less, so that between two such steps the misfit has one minimum."""
-SCANNED = 2500
+GRID = 0.04
+"""s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
+FINE, FINEST = 0.01, 0.001
+SCANNED = 2000
 """Means that the search over the whole range looks at."""
 REWEIGHTED = 4
 """Times that contacts are told from the rest before it."""
@@ -55,8 +56,9 @@ class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
-    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent; and the
-    `misfit`, the sum of the logarithms of the variances.
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and `feigned`
+    s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum of the
+    logarithms of the variances.
     """
 
     delay: float
@@ -67,6 +69,7 @@ class Fit:
     weight: Array
     variance: Array
     bound: float
+    feigned: float
     misfit: float
 
 
@@ -106,10 +109,12 @@ def scan(motion: Turning, means: Means, delays: Array, down: Array | None) -> Sc
         return np.array([_misfit(_variance(one, weight, some)) for one in left])
 
     weight = told_apart(0.0, weight)
-    weight = told_apart(float(delays[::4][misfits(delays[::4]).argmin()]), weight)
+    weight = told_apart(float(delays[misfits(delays).argmin()]), weight)
     misfit = misfits(delays)
-    near = float(delays[misfit.argmin()]) + np.linspace(-GRID, GRID, 21)
-    best = float(near[misfits(near).argmin()])
+    best = float(delays[misfit.argmin()])
+    for reach, step in ((GRID, FINE), (FINE, FINEST)):
+        near = best + np.linspace(-reach, reach, 2 * round(reach / step) + 1)
+        best = float(near[misfits(near).argmin()])
     if down is None:
         of_axes = _explained(motion, some, best, None, weight)[1][1:10].reshape(3, 3, 6)
         noise = np.maximum(some.wrench.std(axis=0), 1e-300)
@@ -156,7 +161,7 @@ def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
         ratio = float(step[0]) / before
         share = 1.0 / (1.0 - ratio) if k % 3 == 2 and abs(ratio) < SLOWEST else 1.0
         before = float(step[0])
-        delay += share * float(np.clip(step[0], -GRID, GRID))
+        delay += share * float(np.clip(step[0], -FINE, FINE))
         down = down + share * step[1:]
         down = down / np.linalg.norm(down)
     return fit
@@ -177,7 +182,8 @@ def _step(
         variance = _robust(residual, means)
     scale, gravity = root / np.sqrt(variance), coefficients[1:4]
     across = np.linalg.svd(down[None])[2][1:]
-    slopes = [-scale * (np.einsum("nji,j->ni", motion.change_at(tau), down) @ gravity)]
+    change = -np.einsum("nji,j->ni", motion.change_at(tau), down)
+    slopes = [scale * (change @ gravity)]
     slopes += [scale * (np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity) for turn in across]
     free = np.array([slope - basis @ (basis.T @ slope) for slope in slopes])
     left = scale * residual
@@ -190,14 +196,17 @@ def _step(
         return (
             np.zeros(4),
             residual,
-            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, misfit),
+            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit),
         )
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
     influence = np.einsum("a,ani->ni", inverse[0], free)
     bound = float(np.sqrt(inverse[0, 0]))
+    noisy = root * change
+    noisy = (noisy - basis @ (basis.T @ noisy)) @ unit[1:4]
+    feigned = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
-    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, misfit)
+    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, feigned, misfit)
 
 
 def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
@@ -279,7 +288,8 @@ def _spectral_std(fit: Fit, spacing: float) -> float:
     power = np.zeros(len(left))
     for i in range(6):
         for j in range(6):
-            cross = _smoothed(left[:, i] * left[:, j].conj(), reach)
+            noise = left[:, i] * left[:, j].conj()
+            cross = _smoothed(noise.real, reach) + 1j * _smoothed(noise.imag, reach)
             power += (influence[:, i].conj() * cross * influence[:, j]).real
     twice = np.full(len(left), 2.0)
     twice[0] = 1.0
@@ -290,7 +300,7 @@ def _spectral_std(fit: Fit, spacing: float) -> float:
 
 def _smoothed(values: Array, reach: int) -> Array:
     """Means over `reach` neighbours to each side, as far as there are."""
-    total = np.concatenate([np.zeros(1, values.dtype), np.cumsum(values)])
+    total = np.concatenate([np.zeros(1), np.cumsum(values)])
     place = np.arange(len(values))
     low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
     mean: Array = (total[high] - total[low]) / (high - low)

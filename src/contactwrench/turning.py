@@ -61,7 +61,8 @@ class Turning:
         """Whether all moments from `earliest` to `latest` (n,) lie within the recording and in no gap."""
         gaps = np.r_[0, np.cumsum(self.gap)]
         known = gaps[self._place(earliest)] == gaps[self._place(latest) + 1]
-        return (earliest >= self.t[0]) & (latest <= self.t[-1]) & known
+        inside: NDArray[np.bool_] = (earliest >= self.t[0]) & (latest <= self.t[-1]) & known
+        return inside
 
     def _place(self, t: Array) -> NDArray[np.intp]:
         """The knots that come before t (n,), the last one left out."""
