@@ -138,4 +138,7 @@ def test_an_unknown_benchmark_is_refused_by_name() -> None:
     command = [sys.executable, "-m", "benchmarks", "acuracy"]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "found acuracy, expected speed, plan, rig, measured, clock_delay, accuracy, auto, dirty, diagnose" in done.stderr
+    assert (
+        "found acuracy, expected speed, plan, rig, measured, clock_delay, accuracy, auto, dirty, diagnose"
+        in done.stderr
+    )
