@@ -2,7 +2,7 @@
 
 The bound is of the true tool, motion and white noise. Targets: errors of at most 2 ms at 1 kHz and 100 Hz where it is
 below 0.5 ms, of at most half a sample at 10 Hz. Recordings without the flange's positions have none where the whole arm
-moves: accelerations of the flange are then unknown, and only the std says so.
+moves: accelerations of the flange are then unknown, and the std has to say so.
 """
 
 from __future__ import annotations

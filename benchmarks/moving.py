@@ -71,8 +71,8 @@ def gravity_alone(
     correlated_over: float = 0.0,
     fastest: float = 0.6,
 ) -> Streams:
-    """A tool of 5 N with any centre and mounting on a slowly turning flange, both streams at `rate` Hz; noise of
-    `NOISE` times `noise`, white, or of the first order with a correlation time in s.
+    """A tool of 5 N with any centre and mounting on a flange that turns on the spot, both streams at `rate` Hz; noise
+    of `NOISE` times `noise`, white, or of the first order with a correlation time in s.
     """
     from scipy.signal import lfilter
     from scipy.spatial.transform import Rotation
@@ -87,4 +87,4 @@ def gravity_alone(
     before = round(5.0 * correlated_over * rate)
     white = rng.normal(size=(len(t) + before, 6)) * np.sqrt(1.0 - keep**2)
     wrench += noise * NOISE * lfilter([1.0], [1.0, -keep], white, axis=0)[before:]
-    return Streams(WrenchStream(t + delay, wrench), OrientationStream(t, R))
+    return Streams(WrenchStream(t + delay, wrench), OrientationStream(t, R, np.zeros((len(t), 3))))

@@ -160,7 +160,8 @@ def test_pushes_are_the_contacts(tmp_path: Path, calibration: Calibration) -> No
 def untouched(found: JudgedWrenches) -> NDArray[np.bool_]:
     """Valid rows with no push; a contact is told a few ms after it begins."""
     pushed = np.abs(true_contact(found.t - LATE - 100.0)).max(axis=1)
-    return found.valid & (pushed == 0.0)
+    free: NDArray[np.bool_] = found.valid & (pushed == 0.0)
+    return free
 
 
 def test_std_in_base_axes_is_that_of_the_scatter(tmp_path: Path, calibration: Calibration) -> None:
@@ -332,3 +333,19 @@ def test_a_bag_comes_back_with_the_contact_wrench_beside_it(
     assert np.abs(off / NOISE).max() < 6.0
     same = bag_streams(tmp_path / "out.mcap", wrench_topic="/wrench").wrench
     assert np.array_equal(same.wrench, wrench)
+
+
+def test_reading_a_bag_tells_how_far_it_is(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    from contactwrench.recording.bag_writing import write_streams_bag
+    from contactwrench.streams import OrientationStream, Streams, WrenchStream
+
+    t, wrench, t_pose = recording(3.0)
+    for suffix in (".mcap", ".db3", ".bag"):
+        path = tmp_path / f"run{suffix}"
+        write_streams_bag(path, Streams(WrenchStream(t, wrench), OrientationStream(t_pose, attitude(t_pose - 100.0))))
+        told: list[float] = []
+        list(streaming.batches(path, rows=100, advance=told.append))
+        assert told == sorted(told)
+        assert 0.0 <= told[0] <= 1.0
+        assert told[-1] == pytest.approx(1.0, abs=0.02)

@@ -67,8 +67,9 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     `gravity` (3,): down in base axes, as far as it is known; `within` s: the range to search to each side, at most a
     quarter of the recording. Tool, mounting and cross-talk need not be known: gravity's effect on each of six axes is
     free (24 numbers), and so is that of accelerations; those of the flange are known where positions are recorded, and
-    without them whole-arm motions tell the delay badly, which the std shows. Contacts count little. Raises `InputError`
-    for stamps that cannot be put in order, and streams without a common span.
+    without them whole-arm motions tell the delay badly, for which the std is widened. Contacts count little.
+
+    Raises `InputError` for stamps that cannot be put in order, and streams without a common span.
     """
     stated = unit_direction(gravity)
     if not 0.0 < within < np.inf:

@@ -38,6 +38,10 @@ SMOOTHED, LEAST_BINS = 0.3, 4
 """Hz to each side, and at least so many frequencies of the recording, over which a spectrum is averaged."""
 LEAST_THERE = 0.1
 """Of the noise at a frequency, whatever the free coefficients took out of it."""
+STRUCTURED, UNKNOWN_ACCELERATIONS = 1.5, 3.0
+"""Where positions are not known, and so much more is left than noise: the flange's accelerations move with the arm, so
+that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
+"""
 LEAST_PART = 30
 PARTS = {2: 5.02, 3: 7.38}
 """Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
@@ -265,7 +269,17 @@ def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
         chi2 = float(np.sum(((offs - mean) / stds) ** 2))
         if chi2 > limit:
             factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
+    if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
+        factor *= UNKNOWN_ACCELERATIONS
     return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
+
+
+def _structure(left: Array) -> float:
+    """The variance of residuals (n, 6) over that of white noise which changes as much from one to the next, in the axis
+    where this is largest.
+    """
+    fresh = 0.5 * np.mean(np.diff(left, axis=0) ** 2, axis=0)
+    return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
 
 
 def _spacing(means: Means) -> float:

@@ -38,6 +38,11 @@ class Turning:
     turns: NDArray[np.bool_]
     gap: NDArray[np.bool_]
 
+    @property
+    def knows_positions(self) -> bool:
+        """Whether the accelerations of the flange are among those known."""
+        return len(self.accelerations[0]) > 9
+
     def axes_at(self, t: Array) -> Array:
         """The base's axes in flange axes (n, 3, 3) at t (n,)."""
         axes: Array = self.base_axes(t).reshape(-1, 3, 3)

@@ -32,9 +32,12 @@ def bag_streams(
     pose_topic: str | None = None,
     frames: tuple[str, str] | None = None,
     arm: Arm | None = None,
+    advance: Callable[[float], None] | None = None,
 ) -> Streams:
     """The whole of a bag; arguments and errors as of `bag_batches`."""
-    parts = list(bag_batches(path, wrench_topic=wrench_topic, pose_topic=pose_topic, frames=frames, arm=arm))
+    parts = list(
+        bag_batches(path, wrench_topic=wrench_topic, pose_topic=pose_topic, frames=frames, arm=arm, advance=advance)
+    )
     positions = [p.orientation.position for p in parts if len(p.orientation)]
     known = [position for position in positions if position is not None]
     return Streams(
@@ -60,6 +63,7 @@ def bag_batches(
     frames: tuple[str, str] | None = None,
     arm: Arm | None = None,
     batch: int = BATCH,
+    advance: Callable[[float], None] | None = None,
 ) -> Iterator[Streams]:
     """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
     the order in which they were recorded. A piece has `batch` readings or poses, and up to a chunk of the file more.
@@ -69,6 +73,7 @@ def bag_batches(
     between them (transforms.py says at which times); with `arm` its `sensor_msgs/JointState`, which gives no position.
     One topic of each is found by itself; where there are more, `wrench_topic` and `pose_topic` name them. Times are
     those of the headers; of a message without one, or with a stamp of zero, the time at which it was recorded.
+    `advance` is told the part, 0 to 1, of the bag's duration that has been read.
 
     Raises `FileAccessError`, `MissingExtraError` without rosbags, `InputError` where frames and arm are both given,
     and `FileFormatError` for a damaged file, topics that are not there or not one, frames that nothing connects, joints
@@ -85,6 +90,8 @@ def bag_batches(
             if wrench in found:
                 readings.append(wrenches(bag, wrench, found[wrench]))
             placed.append(read_poses(found))
+            if advance is not None:
+                advance(_part_read(bag, found))
             poses_count += len(placed[-1].t)
             if max(sum(len(t) for t, _ in readings), sum(len(p.t) for p in placed)) >= batch:
                 count += 1
@@ -94,6 +101,12 @@ def bag_batches(
             raise _no_poses(bag, pose[0], source, arm)
         if readings or placed or not count:
             yield _streams(bag, wrench, source, readings, placed)
+
+
+def _part_read(bag: Bag, found: Messages) -> float:
+    """The part of the bag's duration, 0 to 1, at the last of these messages."""
+    last = max((int(logged.stamp[-1]) for logged in found.values() if len(logged)), default=0)
+    return float(np.clip((1e-9 * last - bag.start) / max(1e-9 * float(bag.reader.duration), 1e-9), 0.0, 1.0))
 
 
 def _sources(

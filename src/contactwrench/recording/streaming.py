@@ -31,7 +31,7 @@ def read_streams(path: str | Path, layout: Layout = AS_USUAL, advance: Advance |
     `FileFormatError`, `InputError` and `MissingExtraError`.
     """
     if is_bag(path, layout):
-        return _bag_as_stated(next(_bag(path, layout, None)), path, layout)
+        return _bag_as_stated(next(_bag(path, layout, None, advance)), path, layout)
     if layout.pose_file is None:
         table = joined(list(_told(tables(path, layout.orientation), advance)))
         return _streams(_as_stated(table, path, layout), path)
@@ -48,7 +48,7 @@ def batches(
     A batch of two files has what both hold up to one moment. Raises as `read_streams`, at once or at a batch.
     """
     if is_bag(path, layout):
-        return (_bag_as_stated(streams, path, layout) for streams in _bag(path, layout, rows))
+        return (_bag_as_stated(streams, path, layout) for streams in _bag(path, layout, rows, advance))
     if layout.pose_file is None:
         blocks = _told(tables(path, layout.orientation, rows), advance)
         return (_streams(_as_stated(table, path, layout), path) for table in blocks)
@@ -154,7 +154,7 @@ def _paired(streams: Streams, tell: Tell | None) -> Samples:
     )
 
 
-def _bag(path: str | Path, layout: Layout, rows: int | None) -> Iterator[Streams]:
+def _bag(path: str | Path, layout: Layout, rows: int | None, advance: Advance | None) -> Iterator[Streams]:
     """A bag's streams as it has them, whole (None) or in batches."""
     from .bags import bag_batches, bag_streams
     from .urdf import arm_of
@@ -164,6 +164,7 @@ def _bag(path: str | Path, layout: Layout, rows: int | None) -> Iterator[Streams
         "pose_topic": layout.pose_topic,
         "frames": layout.frames,
         "arm": None if layout.robot is None else arm_of(layout.robot),
+        "advance": advance,
     }
     yield from [bag_streams(path, **asked)] if rows is None else bag_batches(path, batch=rows, **asked)
 
