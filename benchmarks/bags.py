@@ -17,6 +17,8 @@ import contactwrench as cw
 from contactwrench.recording.bag_copy import write_bag_with
 from contactwrench.recording.bag_writing import write_streams_bag
 from contactwrench.recording.bags import bag_batches
+from contactwrench.recording.compensation import Treatment, compensated
+from contactwrench.recording.layout import Layout
 from contactwrench.streams import OrientationStream, Streams, WrenchStream
 
 from .accuracy import NOISE, TABLE_V
@@ -43,16 +45,8 @@ def _calibration() -> cw.Calibration:
 
 
 def _compensated(path: Path, calibration: cw.Calibration) -> Iterator[Array]:
-    """Each reading with the orientation nearest in time."""
-    last = np.empty((0, 3, 3))
-    for part in bag_batches(path):
-        t, R = part.orientation.t, part.orientation.R_base_flange
-        if len(t):
-            last = R[-1:]
-            nearest = np.clip(np.searchsorted(0.5 * (t[1:] + t[:-1]), part.wrench.t), 0, len(t) - 1)
-        else:
-            R, nearest = last, np.zeros(len(part.wrench), dtype=np.intp)
-        yield calibration.compensate(part.wrench.wrench, R[nearest])
+    """Each reading with the orientation of its moment, and its std; a reading without one is NaN."""
+    return (rows.wrench for rows in compensated(path, Layout(), calibration, Treatment()))
 
 
 def _seconds(action: Iterable[object]) -> float:
@@ -71,11 +65,11 @@ def _by_rosbags(path: Path) -> Iterator[object]:
         yield from reader.messages(connections=reader.connections)
 
 
-def _memory(path: Path) -> float:
-    """Bytes: what Python and numpy allocate for reading in batches, or what the process' peak grows by, if more."""
+def _memory(path: Path, calibration: cw.Calibration) -> float:
+    """Bytes: what Python and numpy allocate for it in batches, or what the process' peak grows by, if more."""
     peak_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tracemalloc.start()
-    _seconds(bag_batches(path))
+    _seconds(_compensated(path, calibration))
     traced = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     unit = 1 if sys.platform == "darwin" else 1024
@@ -93,9 +87,10 @@ def _figures(seconds: float) -> Iterator[Row]:
             read = min(_seconds(bag_batches(path)) for _ in range(3))
             both = min(_seconds(_compensated(path, calibration)) for _ in range(3))
             yield Row(f"{kind}: read", read, "s", most=3.0 * share, remark=size)
-            yield Row(f"{kind}: read and compensated", both, "s", most=5.0 * share)
+            yield Row(f"{kind}: read, on one clock, compensated, with std", both, "s", most=5.0 * share)
             yield Row(f"{kind}: messages by rosbags, not decoded", _seconds(_by_rosbags(path)), "s")
-            yield Row(f"{kind}: extra memory of reading", _memory(path) / MIB, "MiB", most=64.0, remark=f"of {size}")
+            extra = _memory(path, calibration) / MIB
+            yield Row(f"{kind}: extra memory of all that", extra, "MiB", most=64.0, remark=f"of {size}")
             start = time.perf_counter()
             write_bag_with(path, path.with_name(f"out{kind}"), _compensated(path, calibration))
             yield Row(f"{kind}: compensated into a copy", time.perf_counter() - start, "s")
