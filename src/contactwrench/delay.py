@@ -100,7 +100,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
     std = standard_deviation(motion, used, fit)
     doubt = _doubt(fit, std, delays, found)
-    return Delay(fit.delay, std if doubt is None else max(std, reach), fit.bound, doubt)
+    return Delay(fit.delay, std if doubt is None else max(std, float(reach)), fit.bound, doubt)
 
 
 def _untold(reason: str) -> Delay:
