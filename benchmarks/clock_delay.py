@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from contactwrench.delay import Delay, estimate_delay
+from contactwrench.clock.delay import Delay, estimate_delay
+from contactwrench.clock.synchronize import synchronize
 from contactwrench.streams import OrientationStream, Streams, WrenchStream
-from contactwrench.synchronize import synchronize
 
 from .clock import median_seconds
 from .moving import bound_of, gravity_alone, rig_recording, two_streams

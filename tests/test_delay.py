@@ -12,8 +12,16 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from benchmarks.moving import gravity_alone, rig_recording, two_streams
-from contactwrench.delay import Delay, delay_in_words, estimate_delay, is_significant, samples_of
+from contactwrench.clock.delay import (
+    Delay,
+    delay_in_words,
+    estimate_delay,
+    is_significant,
+    on_one_clock,
+    with_delay_of_rows,
+)
 from contactwrench.errors import InputError
+from contactwrench.samples import Samples
 from contactwrench.streams import OrientationStream, Streams, WrenchStream
 from tests.recordings import Array
 
@@ -201,7 +209,7 @@ def test_it_is_significant_at_three_standard_deviations() -> None:
 
 def test_a_significant_delay_is_applied() -> None:
     streams = gravity_alone(13)
-    samples, notes = samples_of(streams)
+    samples, notes = on_one_clock(streams)
     assert samples.delay == pytest.approx(TRUE, abs=0.001)
     assert samples.delay_std is not None
     assert notes[0].startswith("the wrench is stamped 13.")
@@ -214,20 +222,28 @@ def test_a_significant_delay_is_applied() -> None:
 
 def test_one_that_is_not_is_reported_and_not_applied() -> None:
     streams = gravity_alone(14, delay=0.0)
-    samples, notes = samples_of(streams)
+    samples, notes = on_one_clock(streams)
     assert samples.delay is not None
     assert samples.R_base_flange == pytest.approx(streams.orientation.R_base_flange[: len(samples)], abs=1e-12)
     assert notes[0].endswith("than the orientation: not applied: less than 3 standard deviations from zero")
     still = _turned(streams, np.broadcast_to(np.eye(3), (len(streams.orientation), 3, 3)))
-    samples, notes = samples_of(still)
+    samples, notes = on_one_clock(still)
     assert (samples.delay, samples.delay_std) == (None, None)
     assert notes == ("delay between wrench and orientation not applied: the arm turns by less than 2 deg",)
 
 
-def test_it_is_left_out_where_nobody_asks() -> None:
-    samples, notes = samples_of(gravity_alone(15), estimate=False)
-    assert samples.delay is None
-    assert notes == ("2 readings after the last orientation left out",)
+def test_rows_that_came_with_an_orientation_have_a_delay_too() -> None:
+    """A table at 100 Hz in which the wrench of each row is late: the rows stay, the calibration knows."""
+    streams = gravity_alone(13)
+    t, R = streams.orientation.t, streams.orientation.R_base_flange
+    wrench = np.stack([np.interp(t, streams.wrench.t, column) for column in streams.wrench.wrench.T], axis=1)
+    rows = Samples(wrench, R, t)
+    found = with_delay_of_rows(rows)
+    assert found.delay == pytest.approx(TRUE, abs=0.003)
+    assert np.array_equal(found.R_base_flange, rows.R_base_flange)
+    assert with_delay_of_rows(Samples(wrench, R)).delay is None
+    again = np.concatenate([t, t])
+    assert with_delay_of_rows(Samples(np.tile(wrench, (2, 1)), np.tile(R, (2, 1, 1)), again)).delay is None
 
 
 def test_words_for_either_side() -> None:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from benchmarks.moving import smooth_rotations
+from contactwrench.clock.synchronize import Synchronized, synchronize, synchronized
 from contactwrench.errors import InputError
 from contactwrench.streams import OrientationStream, Streams, WrenchStream
-from contactwrench.synchronize import Synchronized, synchronize, synchronized
 from tests.recordings import Array, generic_rotations
 
 GAP = "in a gap of the orientation"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .alternative import largest_force_change
-from .delay import applied_or_not
+from .clock.delay import applied_or_not
 from .model import AXES, GRAVITY, MOUNT, horizontal_axes
 from .orientation import Array
 

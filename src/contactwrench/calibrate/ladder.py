@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..alternative import Alternative
 from ..calibration import Calibration
+from ..clock.delay import with_delay_of_rows
 from ..errors import InputError, UnobservableError
 from ..model import yaw_of_mounting
 from ..observability import describe
@@ -182,7 +183,10 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     free, warnings = _contact_free(samples)
     if not len(free):
         raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
-    recorded = recorded_poses(free, MOST_VISITS, is_stream(samples))
+    stream = is_stream(samples)
+    if stream:
+        free = with_delay_of_rows(free)
+    recorded = recorded_poses(free, MOST_VISITS, stream)
     poses, rejected = _in_time(recorded.poses), recorded.rejected
     warnings += what_was_not_still(rejected, recorded.stretches, _first_time(free))
     if recorded.visits is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration import Calibration
-from ..delay import is_significant
+from ..clock.delay import is_significant
 from ..errors import InputError
 from ..orientation import Array
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
+from ..clock.synchronize import LeftOut, Synchronized, default_gap, synchronized
 from ..compensator.compensator import Compensator
 from ..compensator.contact_wrench import Contact
 from ..compensator.filters import LowPass, zero_phase
@@ -26,7 +27,6 @@ from ..orientation import Array
 from ..samples import Samples
 from ..stillness.resting import is_stream
 from ..streams import Streams
-from ..synchronize import LeftOut, Synchronized, default_gap, synchronized
 from .layout import Layout
 from .streaming import Advance, batches, pairs_in_batches
 

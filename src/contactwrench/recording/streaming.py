@@ -128,30 +128,13 @@ def _samples(table: Table, path: str | Path) -> Samples:
 
 def _paired(streams: Streams, tell: Tell | None) -> Samples:
     """Two streams onto one clock: the delay between them, of free readings, is applied where it is significant."""
-    from ..delay import delay_in_words, estimate_delay
-    from ..synchronize import synchronize
+    from ..clock.delay import on_one_clock
 
-    wrench, load, saturated = streams.wrench, streams.wrench.load_mass, streams.wrench.saturated
-    free = np.ones(len(wrench), dtype=np.bool_)
-    if load is not None:
-        free &= load == 0.0
-    if saturated is not None:
-        free &= ~saturated
-    delay = estimate_delay(
-        streams if free.all() else Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
-    )
-    found = synchronize(streams, delay.value if delay.significant else 0.0)
+    samples, notes = on_one_clock(streams)
     if tell is not None:
-        for note in (delay_in_words(delay), *found.notes):
+        for note in notes:
             tell(note)
-    known = np.isfinite(delay.std)
-    return replace(
-        found.samples,
-        delay=delay.value if known else None,
-        delay_std=delay.std if known else None,
-        load_mass=None if load is None else load[found.rows],
-        saturated=None if saturated is None else saturated[found.rows],
-    )
+    return samples
 
 
 def _bag(path: str | Path, layout: Layout, rows: int | None, advance: Advance | None) -> Iterator[Streams]:

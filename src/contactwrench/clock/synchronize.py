@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .orientation import Array
+from ..errors import InputError
+from ..orientation import Array
+from ..rotations import arcs_through
+from ..samples import Samples
+from ..streams import Streams
 from .pending import Knots, Pending, knots_of, nothing_pending, with_batch
-from .rotations import arcs_through
-from .samples import Samples
 from .stamps import notes_of, require_common_span, require_times
-from .streams import Streams
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
 """A gap is longer than this many s and longer than this many median spacings of the stream, where no limit is given."""

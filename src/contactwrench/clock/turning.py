@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .orientation import Array
+from ..orientation import Array
+from ..rotations import rotation_vectors
 from .pending import Knots, Pending
-from .rotations import rotation_vectors
 
 CELL = 0.01
 """s: what is faster than this is no motion of an arm; orientations that come faster are thinned, readings averaged."""

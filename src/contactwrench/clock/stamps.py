@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .errors import InputError
-from .orientation import Array
+from ..errors import InputError
+from ..orientation import Array
 
 SORTED_WITHIN = 0.1
 """s: messages are delivered late by less, and are sorted. Clocks are set back by more: those that follow a server step

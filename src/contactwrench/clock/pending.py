@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .orientation import Array
+from ..errors import InputError
+from ..orientation import Array
+from ..streams import Streams
 from .stamps import SORTED_WITHIN, Stamps, stamps_after
-from .streams import Streams
 
 LONGEST_HOLD = 0.15
 """s: a pose repeated for as long at the most was held by who sent it (robots state theirs at 10 Hz and more), and

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import InputError
+from ..orientation import Array
+from ..samples import Samples
+from ..streams import OrientationStream, Streams, WrenchStream
+from ..wrench import unit_direction
 from .delay_fit import GRID, Fit, Means, Scan, fitted, scan, standard_deviation, thinned
-from .errors import InputError
-from .orientation import Array
 from .pending import knots_of, nothing_pending, with_batch
-from .samples import Samples
 from .stamps import require_common_span, require_times
-from .streams import Streams
 from .synchronize import default_gap, synchronize
 from .turning import CELL, Turning, turning
-from .wrench import unit_direction
 
 DOWN = (0.0, 0.0, -1.0)
 SIGNIFICANT = 3.0
@@ -175,22 +175,53 @@ def _doubt(fit: Fit, std: float, delays: Array, found: Scan) -> str | None:
     return None
 
 
-def samples_of(
-    streams: Streams, *, estimate: bool = True, gravity: ArrayLike = DOWN, longest_gap: float | None = None
-) -> tuple[Samples, tuple[str, ...]]:
+def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
     """The samples of a recording and what there is to say of it; the delay is estimated, and applied if significant.
 
-    The samples carry the delay and its std where the motion gives any, applied or not.
+    The samples carry the delay and its std where the motion gives any, applied or not. Raises as `estimate_delay` and
+    `synchronize`.
     """
-    if not estimate:
-        paired = synchronize(streams, longest_gap=longest_gap)
-        return paired.samples, paired.notes
-    delay = estimate_delay(streams, gravity)
-    paired = synchronize(streams, delay.value if delay.significant else 0.0, longest_gap=longest_gap)
-    samples = paired.samples
-    if np.isfinite(delay.std):
-        samples = replace(samples, delay=delay.value, delay_std=delay.std)
+    delay = delay_of_free_readings(streams)
+    paired = synchronize(streams, delay.value if delay.significant else 0.0)
+    load, saturated = streams.wrench.load_mass, streams.wrench.saturated
+    samples = replace(
+        with_delay(paired.samples, delay),
+        load_mass=None if load is None else load[paired.rows],
+        saturated=None if saturated is None else saturated[paired.rows],
+    )
     return samples, (delay_in_words(delay), *paired.notes)
+
+
+def delay_of_free_readings(streams: Streams) -> Delay:
+    """`estimate_delay` from the readings without a load on the tool and without a saturated channel."""
+    wrench = streams.wrench
+    free = np.ones(len(wrench), dtype=np.bool_)
+    if wrench.load_mass is not None:
+        free &= wrench.load_mass == 0.0
+    if wrench.saturated is not None:
+        free &= ~wrench.saturated
+    if free.all():
+        return estimate_delay(streams)
+    return estimate_delay(Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation))
+
+
+def with_delay_of_rows(samples: Samples) -> Samples:
+    """Samples of a motion whose rows each came with an orientation, with the delay of their wrench behind it: the rows
+    stay as they are. Where their stamps are none of one clock, nothing is known of it.
+    """
+    if samples.t is None or samples.delay is not None:
+        return samples
+    wrench = WrenchStream(samples.t, samples.wrench, samples.source, samples.load_mass, samples.saturated)
+    orientation = OrientationStream(samples.t, samples.R_base_flange, samples.position, samples.source)
+    try:
+        return with_delay(samples, delay_of_free_readings(Streams(wrench, orientation)))
+    except InputError:
+        return samples
+
+
+def with_delay(samples: Samples, delay: Delay) -> Samples:
+    """The samples with the delay and its std, where the motion gives any."""
+    return replace(samples, delay=delay.value, delay_std=delay.std) if np.isfinite(delay.std) else samples
 
 
 def delay_in_words(delay: Delay) -> str:

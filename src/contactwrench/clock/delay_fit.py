@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .orientation import Array
+from ..orientation import Array
 from .turning import Turning
 
 GRID = 0.04

@@ -1,0 +1,1 @@
+"""Two streams, one clock: orientations at the wrench's times, and the delay between the two."""
