@@ -92,6 +92,19 @@ def test_a_matrix_that_is_no_rotation(matrix: Array) -> None:
     assert _compensator(calibration)(np.zeros(6), rounded, 1.0).valid
 
 
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+@pytest.mark.parametrize("element", range(9))
+def test_an_element_of_a_matrix_that_is_no_number_spoils_its_sample_alone(element: int, broken: float) -> None:
+    calibration, rig, rng = calibrated(5)
+    R = still(rng, 50)
+    wrench, t = free(rig, R, rng), times(50)
+    R[20].reshape(9)[element] = broken
+    batch = _compensator(calibration, sensor_filter=10.0).run(wrench, R, t)
+    assert np.flatnonzero(~batch.valid).tolist() == [20]
+    assert batch.reason[20] == "orientation: not a number"
+    assert np.flatnonzero(np.isnan(batch.wrench).any(axis=1)).tolist() == [20]
+
+
 def test_a_missing_second() -> None:
     """One flagged sample; after it the filter starts at the reading, and the contact that was on is over."""
     calibration, rig, rng = calibrated(6)
