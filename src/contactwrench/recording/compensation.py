@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..calibration import Calibration
 from ..compensator.compensator import Compensator
 from ..compensator.contact_wrench import Contact
-from ..compensator.filters import LowPass, zero_phase
+from ..compensator.filters import LowPass, least_rows, zero_phase
 from ..compensator.settings import delay_of
 from ..contact import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..errors import InputError
@@ -275,6 +275,6 @@ def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]
 
 def _smooth(values: Array, low_pass: LowPass, rate: float) -> Array:
     """A stretch through the low-pass; one that is too short to start a filter on becomes its mean."""
-    if len(values) >= 6 * len(low_pass.sections(rate)) + 2:
+    if len(values) >= least_rows(low_pass.sections(rate)):
         return zero_phase(values, low_pass, rate)
     return np.broadcast_to(values.mean(axis=0), values.shape) if len(values) else values
