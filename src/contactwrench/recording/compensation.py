@@ -24,6 +24,7 @@ from ..contact import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..orientation import Array
 from ..samples import Samples
+from ..stamps import SORTED_WITHIN
 from ..stillness.resting import is_stream
 from ..streams import Streams
 from ..synchronize import LeftOut, Synchronized, default_gap, synchronized
@@ -248,7 +249,7 @@ def _flagged(rows: JudgedWrenches, saturated: NDArray[np.bool_]) -> JudgedWrench
 
 
 def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]:
-    """Through the low-pass both ways; between gaps and rows without a wrench each stretch by itself."""
+    """Through the low-pass both ways, each stretch between gaps by itself, in the order of its stamps."""
     if treatment.low_pass is None:
         yield from recording
         return
@@ -260,12 +261,15 @@ def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]
     there = np.isfinite(wrench).all(axis=1)
     known = t[there]
     steps = np.diff(known)
-    if len(known) < 2 or not np.median(steps) > 0.0:
+    cut = (steps > default_gap(known)) | (steps <= -SORTED_WITHIN)
+    spacing = float(steps[~cut].mean()) if not cut.all() else 0.0
+    if not spacing > 0.0:
         raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
-    rate, filtered = 1.0 / float(np.median(steps)), wrench[there]
-    ends = np.r_[0, np.flatnonzero((steps > default_gap(known)) | (steps <= 0.0)) + 1, len(known)]
+    filtered = wrench[there]
+    ends = np.r_[0, np.flatnonzero(cut) + 1, len(known)]
     for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        filtered[a:b] = _smooth(filtered[a:b], treatment.low_pass, rate)
+        rows = a + np.argsort(known[a:b], kind="stable")
+        filtered[rows] = _smooth(filtered[rows], treatment.low_pass, 1.0 / spacing)
     wrench[there] = filtered
     start = 0
     for part in parts:
