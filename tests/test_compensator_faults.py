@@ -123,6 +123,37 @@ def test_a_missing_second() -> None:
     assert _compensator(calibration).run(wrench, R, short).valid.all()
 
 
+@pytest.mark.parametrize(("delay", "back"), [(0.05, 50), (-0.05, 50), (-0.004, 20), (0.0, 0)])
+@pytest.mark.parametrize("fast", [False, None])
+def test_what_the_delay_asks_for_is_not_known_at_first(delay: float, back: int, fast: bool | None) -> None:
+    """An arm that turns at 60 deg/s from the start and through a gap: what is left with an orientation that is not the
+    wrench's is flagged, and taken for no contact.
+    """
+    calibration, rig, _ = calibrated(2, exact=True)
+    t = times(N)
+    t[1000:] += 1.0
+
+    def turn(at: Array) -> Array:
+        axis = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+        matrices: Array = (
+            Rotation.random(random_state=3) * Rotation.from_rotvec(np.outer((at - 100.0) * 1.05, axis))
+        ).as_matrix()
+        return matrices
+
+    compensator = _compensator(calibration, delay=delay, lowpass=None, fast=fast)
+    batch = compensator.run(readings(rig, turn(t - delay)), turn(t), t)
+    not_known = np.r_[0:back, 1001 : 1000 + back] if back else np.empty(0, int)
+    assert batch.valid[np.r_[back + 1 : 1000, 1001 + back : N]].all()
+    assert not batch.valid[not_known].any()
+    assert {str(batch.reason[k]) for k in not_known.tolist()} == (
+        {f"orientation: that of {0.001 * back:.3g} s before, which the delay asks for, is not known yet"}
+        if back
+        else set()
+    )
+    assert not (batch.contact == 1).any()
+    assert np.abs(batch.wrench[batch.valid, :3]).max() < 0.02
+
+
 def test_a_clock_that_jumps_back() -> None:
     calibration, rig, rng = calibrated(7)
     R = still(rng, N)
