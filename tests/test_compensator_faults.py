@@ -154,6 +154,20 @@ def test_what_the_delay_asks_for_is_not_known_at_first(delay: float, back: int, 
     assert np.abs(batch.wrench[batch.valid, :3]).max() < 0.02
 
 
+def test_one_glitch_before_a_fault_and_one_after_it_are_no_contact() -> None:
+    calibration, rig, rng = calibrated(1)
+    R, t = still(rng, N), times(N)
+    wrench = free(rig, R, rng)
+    stuck = slice(1000, 1900)
+    wrench[stuck, 4] = wrench[1000, 4]
+    flagged = np.flatnonzero(~_compensator(calibration, lowpass=None).run(wrench, R, t).valid)
+    assert 1000 < flagged[0] < flagged[-1] == 1899
+    wrench[[flagged[0] - 1, 1901, 1902], 0] += 5.0
+    batch = _compensator(calibration, lowpass=None).run(wrench, R, t)
+    assert (batch.statistic > batch.threshold)[[flagged[0] - 1, 1901, 1902]].all()
+    assert not batch.contacts
+
+
 def test_a_clock_that_jumps_back() -> None:
     calibration, rig, rng = calibrated(7)
     R = still(rng, N)

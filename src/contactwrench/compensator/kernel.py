@@ -81,6 +81,7 @@ def take(
         out[k] = memory[slot.WRENCH + k]
     if recovers:
         memory[slot.SINCE], memory[slot.STALE], memory[slot.SPOILED] = 0.0, 1.0, 1.0
+        memory[slot.RUN] = memory[slot.QUIET] = 0.0
     memory[slot.SINCE] += 1.0
     if fault == slot.FROZEN:
         memory[slot.FRESH] = slot.WHOLLY
