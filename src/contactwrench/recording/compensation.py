@@ -93,15 +93,16 @@ def compensated(
 ) -> Iterator[Rows]:
     """The contact wrenches of a recording, in batches; `note` is told, at the end, what was left out and why.
 
-    A table whose rows each have both, and which is no recording of a motion that a delay or a judgement would concern,
-    comes row by row as it is, with the std that the calibration alone causes; anything else as `JudgedWrenches`. With
-    a `low_pass` the whole recording is held in memory. Raises what reading, pairing and compensating raise.
+    A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
+    nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
+    anything else as `JudgedWrenches`. With a `low_pass` the whole recording is held in memory. Raises what reading,
+    pairing and compensating raise.
     """
     require_frame(calibration, treatment.output_frame)
     pairs = None if treatment.judged else pairs_in_batches(path, layout, advance=advance)
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
-    if pairs is None or first is None or (late and is_stream(first)):
+    if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
         return _smoothed(_paired(path, layout, calibration, treatment, advance, note), treatment)
     plain = (
         contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
