@@ -92,6 +92,19 @@ def test_a_matrix_that_is_no_rotation(matrix: Array) -> None:
     assert _compensator(calibration)(np.zeros(6), rounded, 1.0).valid
 
 
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+@pytest.mark.parametrize("element", range(9))
+def test_an_element_of_a_matrix_that_is_no_number_spoils_its_sample_alone(element: int, broken: float) -> None:
+    calibration, rig, rng = calibrated(5)
+    R = still(rng, 50)
+    wrench, t = free(rig, R, rng), times(50)
+    R[20].reshape(9)[element] = broken
+    batch = _compensator(calibration, sensor_filter=10.0).run(wrench, R, t)
+    assert np.flatnonzero(~batch.valid).tolist() == [20]
+    assert batch.reason[20] == "orientation: not a number"
+    assert np.flatnonzero(np.isnan(batch.wrench).any(axis=1)).tolist() == [20]
+
+
 def test_a_missing_second() -> None:
     """One flagged sample; after it the filter starts at the reading, and the contact that was on is over."""
     calibration, rig, rng = calibrated(6)
@@ -108,6 +121,51 @@ def test_a_missing_second() -> None:
     short = times(N)
     short[1000:] += 0.05
     assert _compensator(calibration).run(wrench, R, short).valid.all()
+
+
+@pytest.mark.parametrize(("delay", "back"), [(0.05, 50), (-0.05, 50), (-0.004, 20), (0.0, 0)])
+@pytest.mark.parametrize("fast", [False, None])
+def test_what_the_delay_asks_for_is_not_known_at_first(delay: float, back: int, fast: bool | None) -> None:
+    """An arm that turns at 60 deg/s from the start and through a gap: what is left with an orientation that is not the
+    wrench's is flagged, and taken for no contact.
+    """
+    calibration, rig, _ = calibrated(2, exact=True)
+    t = times(N)
+    t[1000:] += 1.0
+
+    def turn(at: Array) -> Array:
+        axis = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+        matrices: Array = (
+            Rotation.random(random_state=3) * Rotation.from_rotvec(np.outer((at - 100.0) * 1.05, axis))
+        ).as_matrix()
+        return matrices
+
+    compensator = _compensator(calibration, delay=delay, lowpass=None, fast=fast)
+    batch = compensator.run(readings(rig, turn(t - delay)), turn(t), t)
+    not_known = np.r_[0:back, 1001 : 1000 + back] if back else np.empty(0, int)
+    assert batch.valid[np.r_[back + 1 : 1000, 1001 + back : N]].all()
+    assert not batch.valid[not_known].any()
+    assert {str(batch.reason[k]) for k in not_known.tolist()} == (
+        {f"orientation: that of {0.001 * back:.3g} s before, which the delay asks for, is not known yet"}
+        if back
+        else set()
+    )
+    assert not (batch.contact == 1).any()
+    assert np.abs(batch.wrench[batch.valid, :3]).max() < 0.02
+
+
+def test_one_glitch_before_a_fault_and_one_after_it_are_no_contact() -> None:
+    calibration, rig, rng = calibrated(1)
+    R, t = still(rng, N), times(N)
+    wrench = free(rig, R, rng)
+    stuck = slice(1000, 1900)
+    wrench[stuck, 4] = wrench[1000, 4]
+    flagged = np.flatnonzero(~_compensator(calibration, lowpass=None).run(wrench, R, t).valid)
+    assert 1000 < flagged[0] < flagged[-1] == 1899
+    wrench[[flagged[0] - 1, 1901, 1902], 0] += 5.0
+    batch = _compensator(calibration, lowpass=None).run(wrench, R, t)
+    assert (batch.statistic > batch.threshold)[[flagged[0] - 1, 1901, 1902]].all()
+    assert not batch.contacts
 
 
 def test_a_clock_that_jumps_back() -> None:

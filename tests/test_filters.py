@@ -58,6 +58,18 @@ def test_both_ways_nothing_is_late() -> None:
     assert filtered[:, 1] == pytest.approx(2.0 * filtered[:, 0])
 
 
+@pytest.mark.parametrize("low_pass", FILTERS)
+def test_both_ways_of_a_short_recording_or_a_word_why_not(low_pass: LowPass) -> None:
+    for rows in range(1, 40):
+        try:
+            filtered = zero_phase(np.full((rows, 6), 2.0), low_pass, RATE)
+        except InputError as error:
+            assert f"found {rows} rows, expected at least " in str(error)  # noqa: PT017
+            assert rows < 16
+        else:
+            assert filtered == pytest.approx(np.full((rows, 6), 2.0))
+
+
 def test_what_is_refused() -> None:
     with pytest.raises(InputError) as caught:
         LowPass(20.0, 5)
@@ -70,7 +82,7 @@ def test_what_is_refused() -> None:
     assert str(caught.value) == "cut-off of a low-pass is 500 Hz at 1000 Hz, expected less than half the rate"
     with pytest.raises(InputError) as caught:
         zero_phase(np.zeros((5, 6)), LowPass(20.0), RATE)
-    assert str(caught.value) == "found 5 rows, expected at least 8 to filter both ways"
+    assert str(caught.value) == "found 5 rows, expected at least 10 to filter both ways"
     broken = np.zeros((50, 6))
     broken[7, 2] = np.nan
     with pytest.raises(InputError) as caught:

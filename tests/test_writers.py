@@ -133,7 +133,7 @@ def test_rows_without_a_wrench_have_no_contact_wrench(tmp_path: Path) -> None:
     }
     recording = stored(tmp_path, table | {"k": np.arange(N)}, row_group_size=300)
     left = int((~gaps).sum())
-    for sizes in ([left], [10, left - 10], [left - 1, 1]):
+    for sizes in ([left], [10, left - 10], [left - 1, 1], [0, left, 0]):
         write_contact_wrenches(tmp_path / "out.parquet", parts(sizes), recording)
         found = pq.read_table(tmp_path / "out.parquet")
         assert found["k"].to_pylist() == list(range(N))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,7 +125,7 @@ def compensate(
         judged=contact or any(flag is not None for flag in judging),
         sensor_filter=_low_pass(sensor_filter, "--sensor-filter", 1),
         drift=_six(drift),
-        noise=None if noise is None else _noise(noise, reading, loaded),
+        noise=None if noise is None else _noise(noise, reading, loaded.with_gravity(gravity_direction(gravity))),
     )
     notes: list[str] = []
     with progress(f"compensating {path.name}") as advance:
@@ -156,7 +157,7 @@ def _noise(text: str, reading: Reading, calibration: Calibration) -> Array:
     try:
         std = float(text)
     except ValueError:
-        free = read_recording(Path(text), reading.layout)
+        free = read_recording(Path(text), replace(reading.layout, pose_file=None))
         return calibration.compensate(free.wrench, free.R_base_flange)
     if not 0.0 < std < np.inf:
         raise InputError(f"--noise is {text}, expected N above 0, or a recording of a free tool")

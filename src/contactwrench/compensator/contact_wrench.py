@@ -118,4 +118,5 @@ def reason_of(fault: int, detail: float, channel: int) -> str | None:
         f"stuck: {axis} has not moved for {detail:.0f} readings while others did",
         f"stuck: the whole reading has not moved for {detail:.3g} s",
         f"frozen: the orientation has not moved for {detail:.3g} s",
+        f"orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
     )[fault]

@@ -68,6 +68,11 @@ class LowPass:
         return gain
 
 
+def least_rows(sections: Array) -> int:
+    """How many rows `zero_phase` needs: one more than scipy adds at each end, 3 for each coefficient of the filter."""
+    return 3 * (2 * len(sections) + 1) + 1
+
+
 def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
     """Signals (n, k) filtered forwards and backwards, so that nothing is delayed: for recordings, not for control.
 
@@ -80,7 +85,7 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
         row = int(np.argmax(~np.isfinite(values).all(axis=1)))
         raise InputError(f"row {row} is not finite, expected numbers: filter the stretches before and after it", row)
     sections = low_pass.sections(rate)
-    least = 6 * len(sections) + 2
+    least = least_rows(sections)
     if len(values) < least:
         raise InputError(f"found {len(values)} rows, expected at least {least} to filter both ways")
     filtered: Array = sosfiltfilt(sections, values, axis=0)

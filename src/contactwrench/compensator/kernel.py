@@ -70,15 +70,18 @@ def take(
         return False
     arrive(memory, reading, restart, now)
     fault, detail, channel = watched(tool, memory, reading, changed, now, fault, detail)
+    fresh_pose = restart or (memory[slot.FRESH] == slot.WHOLLY and fault < slot.STUCK)
+    if without_past(tool, memory, fresh_pose, now) and fault == slot.FINE:
+        fault, detail = slot.NO_PAST, tool[slot.LOOK_BACK]
     recovers = memory[slot.FRESH] != 0.0 and fault < slot.STUCK
     fresh = restart or recovers
-    fresh_pose = restart or (recovers and memory[slot.FRESH] == slot.WHOLLY)
     compensate(tool, live, filters, memory, ring, reading, fresh, fresh_pose, now, heat)
     statistic = statistic_of(live, memory)
     for k in range(6):
         out[k] = memory[slot.WRENCH + k]
     if recovers:
         memory[slot.SINCE], memory[slot.STALE], memory[slot.SPOILED] = 0.0, 1.0, 1.0
+        memory[slot.RUN] = memory[slot.QUIET] = 0.0
     memory[slot.SINCE] += 1.0
     if fault == slot.FROZEN:
         memory[slot.FRESH] = slot.WHOLLY
@@ -177,6 +180,14 @@ def watched(
         if abs(reading[k]) >= tool[slot.RANGES + k]:
             return slot.OVERLOAD, reading[k], k
     return slot.FINE, 0.0, -1
+
+
+def without_past(tool: Numbers, memory: Numbers, fresh_pose: bool, now: float) -> bool:
+    """Whether the delay asks for an orientation from before the first one that counts."""
+    if fresh_pose:
+        memory[slot.POSES_FROM] = now
+        memory[slot.FRESH] = min(memory[slot.FRESH], slot.WRENCH_ALONE)
+    return tool[slot.DELAY] != 0.0 and now - tool[slot.LOOK_BACK] < memory[slot.POSES_FROM]
 
 
 def compensate(
@@ -294,7 +305,8 @@ def begin(memory: Numbers, reading: Numbers, now: float) -> None:
 
 IN_ORDER = (
     *(turned, far, rotation, watched_orientation, watched_reading, gather, detect, settle, low_pass),
-    *(as_the_wrench_is_stamped, down_in_flange, heated, compensate, statistic_of, watched, begin, arrive, waits),
+    *(as_the_wrench_is_stamped, down_in_flange, heated, compensate, statistic_of, watched, without_past),
+    *(begin, arrive, waits),
     *(interrupted, unreadable, refused, take, advance),
 )
 """What the kernel consists of, each after what it calls."""

@@ -7,8 +7,9 @@ from typing import TypeAlias
 
 Numbers: TypeAlias = MutableSequence[float]
 
-# What is wrong with a sample; from `GAP` on its numbers are computed all the same.
-FINE, NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP, OVERLOAD, STUCK, STILL, FROZEN = range(12)
+# What is wrong with a sample; from `BACK` on its numbers are computed all the same.
+FINE, NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP = range(8)
+OVERLOAD, STUCK, STILL, FROZEN, NO_PAST = range(8, 13)
 
 # Why `advance` stopped.
 REFRESH, RELEASED, BLOCK, RATE = 1, 2, 4, 8
@@ -39,4 +40,4 @@ N_INTERVALS = 24
 R_NEXT, R_NOW, R_STEP, R_REFRESHED = 60, 69, 78, 87
 DOWN_IN_FLANGE, WRENCH, BLOCK_SUM, SUM, PEAK = 96, 99, 105, 111, 117
 LAST, REPEATS, QUANTUM, LOG_SAME = 123, 129, 135, 141
-LOWPASS_STATE, SENSOR_STATE, NEXT_TIME, STEP_SQUARED, MEMORY_SIZE = 147, 171, 183, 184, 185
+LOWPASS_STATE, SENSOR_STATE, NEXT_TIME, STEP_SQUARED, POSES_FROM, MEMORY_SIZE = 147, 171, 183, 184, 185, 186

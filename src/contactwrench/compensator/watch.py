@@ -51,9 +51,12 @@ def rotation(orientation: Numbers, memory: Numbers) -> float:
     d, e, f = orientation[3], orientation[4], orientation[5]
     g, h, i = orientation[6], orientation[7], orientation[8]
     lengths = (a * a + b * b + c * c, d * d + e * e + f * f, g * g + h * h + i * i)
+    total = lengths[0] + lengths[1] + lengths[2]
+    if total - total != 0.0:
+        return total
     worst = lengths[0]
     for length in lengths:
-        if not abs(length - 1.0) <= abs(worst - 1.0):
+        if abs(length - 1.0) > abs(worst - 1.0):
             worst = length
     if not abs(worst - 1.0) <= SQUARED_TOLERANCE:
         return worst

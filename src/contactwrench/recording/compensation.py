@@ -19,12 +19,13 @@ from ..calibration import Calibration
 from ..clock.synchronize import LeftOut, Synchronized, default_gap, synchronized
 from ..compensator.compensator import Compensator
 from ..compensator.contact_wrench import Contact
-from ..compensator.filters import LowPass, zero_phase
+from ..compensator.filters import LowPass, least_rows, zero_phase
 from ..compensator.settings import delay_of
 from ..contact import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..orientation import Array
 from ..samples import Samples
+from ..stamps import SORTED_WITHIN
 from ..stillness.resting import is_stream
 from ..streams import Streams
 from .layout import Layout
@@ -92,15 +93,16 @@ def compensated(
 ) -> Iterator[Rows]:
     """The contact wrenches of a recording, in batches; `note` is told, at the end, what was left out and why.
 
-    A table whose rows each have both, and which is no recording of a motion that a delay or a judgement would concern,
-    comes row by row as it is, with the std that the calibration alone causes; anything else as `JudgedWrenches`. With
-    a `low_pass` the whole recording is held in memory. Raises what reading, pairing and compensating raise.
+    A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
+    nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
+    anything else as `JudgedWrenches`. With a `low_pass` the whole recording is held in memory. Raises what reading,
+    pairing and compensating raise.
     """
     require_frame(calibration, treatment.output_frame)
     pairs = None if treatment.judged else pairs_in_batches(path, layout, advance=advance)
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
-    if pairs is None or first is None or (late and is_stream(first)):
+    if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
         return _smoothed(_paired(path, layout, calibration, treatment, advance, note), treatment)
     plain = (
         contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
@@ -248,7 +250,7 @@ def _flagged(rows: JudgedWrenches, saturated: NDArray[np.bool_]) -> JudgedWrench
 
 
 def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]:
-    """Through the low-pass both ways; between gaps and rows without a wrench each stretch by itself."""
+    """Through the low-pass both ways, each stretch between gaps by itself, in the order of its stamps."""
     if treatment.low_pass is None:
         yield from recording
         return
@@ -260,12 +262,15 @@ def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]
     there = np.isfinite(wrench).all(axis=1)
     known = t[there]
     steps = np.diff(known)
-    if len(known) < 2 or not np.median(steps) > 0.0:
+    cut = (steps > default_gap(known)) | (steps <= -SORTED_WITHIN)
+    spacing = float(steps[~cut].mean()) if not cut.all() else 0.0
+    if not spacing > 0.0:
         raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
-    rate, filtered = 1.0 / float(np.median(steps)), wrench[there]
-    ends = np.r_[0, np.flatnonzero((steps > default_gap(known)) | (steps <= 0.0)) + 1, len(known)]
+    filtered = wrench[there]
+    ends = np.r_[0, np.flatnonzero(cut) + 1, len(known)]
     for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        filtered[a:b] = _smooth(filtered[a:b], treatment.low_pass, rate)
+        rows = a + np.argsort(known[a:b], kind="stable")
+        filtered[rows] = _smooth(filtered[rows], treatment.low_pass, 1.0 / spacing)
     wrench[there] = filtered
     start = 0
     for part in parts:
@@ -275,6 +280,6 @@ def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]
 
 def _smooth(values: Array, low_pass: LowPass, rate: float) -> Array:
     """A stretch through the low-pass; one that is too short to start a filter on becomes its mean."""
-    if len(values) >= 6 * len(low_pass.sections(rate)) + 2:
+    if len(values) >= least_rows(low_pass.sections(rate)):
         return zero_phase(values, low_pass, rate)
     return np.broadcast_to(values.mean(axis=0), values.shape) if len(values) else values

@@ -19,11 +19,12 @@ def write_contacts(
     """Write what was made of the recording at `path`; what there is to say of it, where it was judged and reported.
 
     A bag's suffix, or none where the recording is a folder, makes a copy of the bag with the contact wrench beside each
-    reading. Raises what the writers raise.
+    reading; `-` is a table on stdout. Raises what the writers raise.
     """
     log = ContactLog()
     rows = recording if report is None else log.watched(recording)
-    if is_bag(path, layout) and (output.suffix.lower() in SUFFIXES_OF_BAGS or (path.is_dir() and not output.suffix)):
+    like_folder = path.is_dir() and not output.suffix and str(output) != "-"
+    if is_bag(path, layout) and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame
         write_bag_with(path, output, _wrenches(rows), wrench_topic=layout.wrench_topic, frame=frame)
     else:

@@ -159,7 +159,7 @@ def _beside(recording: str | Path, batches: Iterator[ContactRows]) -> Iterator[d
         names = [name for name in new.column_names if name != "t"]
         prefix = PREFIX if any(name in kept for name in names) else ""
         yield kept | {prefix + name: new.column(name) for name in names}
-    if (waiting is not None and len(waiting)) or next(batches, None) is not None:
+    if (waiting is not None and len(waiting)) or any(len(batch.wrench) for batch in batches):
         raise InputError(f"{recording}: found fewer rows than were compensated: write to another format")
 
 

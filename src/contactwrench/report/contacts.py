@@ -71,7 +71,7 @@ def write_contact_report(path: str | Path, title: str, log: ContactLog, paragrap
             figure_html(
                 contact_signals(log),
                 "Contact wrench over time, x red, y green, z blue: the band between the least and the most reading. "
-                "Shaded: contact. Marks at the foot: samples with something wrong.",
+                "Shaded: contact. Marks at the foot: the first sample of each kind that has something wrong.",
             ),
             _contacts(log),
             _faults(log),
@@ -95,14 +95,15 @@ def contact_signals(log: ContactLog) -> str:
     bands = log.envelope or envelope(np.empty(0), np.empty((0, 6)))
     t = bands.t - (log.start if np.isfinite(log.start) else 0.0)
     with drawing(1, (8.6, 4.6), rows=2) as (figure, axes):
-        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, N m"), (1.0, 1.0), strict=True):
+        for ax, part, name in zip(axes, (0, 3), ("force, N", "torque, N m"), strict=True):
             for contact in log.contacts[:MOST_SHADED]:
                 end = log.end if contact.release is None else contact.release
                 ax.axvspan(contact.onset - log.start, end - log.start, color=SHADE, lw=0)
             ax.axhline(0.0, color="#9aa2a9", lw=0.6)
             for k in range(3):
-                low, high = scale * bands.low[:, part + k], scale * bands.high[:, part + k]
-                ax.fill_between(t, low, high, color=AXIS_COLOURS[k], alpha=0.85, lw=0.6)
+                ax.fill_between(
+                    t, bands.low[:, part + k], bands.high[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.6
+                )
             for _, first in log.reasons.values():
                 ax.plot(first - log.start, 0.0, "|", color=LEFT_OUT, ms=8, transform=ax.get_xaxis_transform())
             ax.set_ylabel(name)
