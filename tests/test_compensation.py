@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -200,13 +201,14 @@ def test_a_low_pass_both_ways_is_not_late_and_stops_at_gaps(tmp_path: Path, cali
 
 
 def test_a_table_of_poses_is_taken_row_by_row(tmp_path: Path, calibration: Calibration) -> None:
-    """A delay concerns a motion, not poses at rest."""
+    """The calibration's delay concerns a motion, not poses at rest."""
     R = random_rotations(7, np.random.default_rng(8))
     wrench = noisy_readings(RIG, R, NOISE, np.random.default_rng(9))
     t = 20.0 * np.arange(7)
     names = ("t", *WRENCH, *MATRIX)
     (tmp_path / "poses.csv").write_text(csv_text(names, np.column_stack([t, wrench, R.reshape(-1, 9)])))
-    (rows,) = compensated(tmp_path / "poses.csv", Layout(), calibration, Treatment(delay=LATE))
+    late = replace(calibration, delay=LATE, delay_std=1e-4)
+    (rows,) = compensated(tmp_path / "poses.csv", Layout(), late, Treatment())
     assert not isinstance(rows, JudgedWrenches)
     assert np.abs(rows.wrench).max() < 0.2
     assert rows.t is not None

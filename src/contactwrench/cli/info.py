@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from .progress import progress
 from .reading import Json
 
 
@@ -15,9 +16,10 @@ def info(
     json: Json = False,
 ) -> None:
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
-    from ..recording.bag_files import is_bag
     from ..recording.contents import bag_contents, table_contents
+    from ..recording.layout import is_bag
     from ..report.contents import contents_json, contents_text
 
-    contents = bag_contents(file) if is_bag(file) else table_contents(file)
+    with progress(f"reading {file.name}") as advance:
+        contents = bag_contents(file, advance) if is_bag(file) else table_contents(file)
     typer.echo(contents_json(contents) if json else contents_text(contents))

@@ -67,7 +67,7 @@ def simulate(
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
-    from ..recording.layout import SUFFIXES_OF_BAGS
+    from ..recording.bag_files import SUFFIXES_OF_BAGS
     from ..simulate.recording_file import truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
 

@@ -247,3 +247,9 @@ def _ros1_head(head: bytes) -> MessageLayout:
             numbers["seconds"], numbers["ns"] = (at, "<u4", 1), (at + 4, "<u4", 1)
         pos += 4 + size
     return MessageLayout(numbers, {"op": op}, tuple(shared))
+
+
+def part_read(bag: Bag, found: Messages) -> float:
+    """The part of the bag's duration, 0 to 1, at the last of these messages."""
+    last = max((int(logged.stamp[-1]) for logged in found.values() if len(logged)), default=0)
+    return float(np.clip((1e-9 * last - bag.start) / max(1e-9 * float(bag.reader.duration), 1e-9), 0.0, 1.0))

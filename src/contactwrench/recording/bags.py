@@ -12,7 +12,7 @@ from ..errors import FileFormatError, InputError
 from ..orientation import Array
 from ..robots import Arm, flange_orientation
 from ..streams import OrientationStream, Streams, WrenchStream
-from .bag_chunks import Messages, messages
+from .bag_chunks import Messages, messages, part_read
 from .bag_files import Bag, Topic, opened_bag
 from .bag_messages import joint_states, place, poses, rotations, transforms, wrenches
 from .bag_topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
@@ -91,7 +91,7 @@ def bag_batches(
                 readings.append(wrenches(bag, wrench, found[wrench]))
             placed.append(read_poses(found))
             if advance is not None:
-                advance(_part_read(bag, found))
+                advance(part_read(bag, found))
             poses_count += len(placed[-1].t)
             if max(sum(len(t) for t, _ in readings), sum(len(p.t) for p in placed)) >= batch:
                 count += 1
@@ -101,12 +101,6 @@ def bag_batches(
             raise _no_poses(bag, pose[0], source, arm)
         if readings or placed or not count:
             yield _streams(bag, wrench, source, readings, placed)
-
-
-def _part_read(bag: Bag, found: Messages) -> float:
-    """The part of the bag's duration, 0 to 1, at the last of these messages."""
-    last = max((int(logged.stamp[-1]) for logged in found.values() if len(logged)), default=0)
-    return float(np.clip((1e-9 * last - bag.start) / max(1e-9 * float(bag.reader.duration), 1e-9), 0.0, 1.0))
 
 
 def _sources(

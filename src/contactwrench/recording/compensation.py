@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
+from ..clock.stamps import SORTED_WITHIN
 from ..clock.synchronize import LeftOut, Synchronized, default_gap, synchronized
 from ..compensator.compensator import Compensator
 from ..compensator.contact_wrench import Contact
@@ -25,7 +26,6 @@ from ..contact import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..orientation import Array
 from ..samples import Samples
-from ..stamps import SORTED_WITHIN
 from ..stillness.resting import is_stream
 from ..streams import Streams
 from .layout import Layout
@@ -120,6 +120,10 @@ def _paired(
     note: Note | None,
 ) -> Iterator[Rows]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
+    order = _InOrder()
+    delay = treatment.applied_delay(calibration)
+    parts = synchronized(order.listening(batches(path, layout, advance=advance)), delay)
+    begun = list(islice(parts, 2))
     compensator = None
     if treatment.judged:
         compensator = Compensator(
@@ -129,10 +133,9 @@ def _paired(
             sensor_filter=treatment.sensor_filter,
             noise=treatment.noise,
             gravity=treatment.gravity,
+            fast=None if len(begun) > 1 else False,  # one batch is done before the step is compiled
         )
-    order = _InOrder()
-    delay = treatment.applied_delay(calibration)
-    for part in synchronized(order.listening(batches(path, layout, advance=advance)), delay):
+    for part in chain(begun, parts):
         rows = _of_samples(calibration, compensator, part.samples, treatment)
         yield order.whole(rows, part)
         if note is not None:

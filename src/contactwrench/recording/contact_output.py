@@ -8,8 +8,9 @@ from pathlib import Path
 from ..orientation import Array
 from ..report.contacts import ContactLog, summary, write_contact_report
 from .bag_copy import write_bag_with
+from .bag_files import SUFFIXES_OF_BAGS
 from .compensation import Rows
-from .layout import SUFFIXES_OF_BAGS, Layout, is_bag
+from .layout import Layout, is_bag
 from .writers import write_contact_wrenches
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..orientation import Array
-from .bag_chunks import Logged, messages
+from .bag_chunks import Logged, messages, part_read
 from .bag_files import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
 from .bag_messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
 from .bag_topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
@@ -83,8 +83,8 @@ class TableContents:
     rhythm: Rhythm | None
 
 
-def bag_contents(path: str | Path) -> BagContents:
-    """What is in a bag. Raises as `bag_batches` for a file that is no bag or damaged."""
+def bag_contents(path: str | Path, advance: Callable[[float], None] | None = None) -> BagContents:
+    """What is in a bag; `advance` as for `bag_batches`. Raises as that for a file that is no bag or damaged."""
     with opened_bag(path) as bag:
         stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
         edges: dict[Link, Edge] = {}
@@ -93,6 +93,8 @@ def bag_contents(path: str | Path) -> BagContents:
                 stamps[topic].append(_stamps(bag, topic, logged))
                 if topic.type in TRANSFORMS:
                     note(edges, transforms(bag, topic, logged))
+            if advance is not None:
+                advance(part_read(bag, found))
         start = bag.start
         duration = 1e-9 * float(bag.reader.duration) if sum(bag.counts.values()) else 0.0
         topics = tuple(_topic_content(topic, parts, start) for topic, parts in stamps.items())

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import FileFormatError, InputError
+from . import bag_files
+from .bag_files import SUFFIXES_OF_BAGS
 from .parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .parquet import is_parquet
 
 SUFFIXES_OF_TEXT = (".csv", ".tsv", ".txt", ".dat", "")
-SUFFIXES_OF_BAGS = (".bag", ".db3", ".mcap")
 
 
 @dataclass(frozen=True)
@@ -76,11 +77,11 @@ def is_bag(path: str | Path, layout: Layout = AS_USUAL) -> bool:
 
 def _is_bag(path: Path) -> bool:
     if path.is_dir():
-        return not is_parquet(path) and (path / "metadata.yaml").exists()
+        return not is_parquet(path) and bag_files.is_bag(path)
     suffix = path.suffix.lower()
     if suffix not in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_BAGS):
         raise FileFormatError(
             f"{path}: found the suffix {suffix}, expected .csv, .parquet, .bag, .db3 or .mcap: export the recording as "
             "one of them"
         )
-    return suffix in SUFFIXES_OF_BAGS
+    return bag_files.is_bag(path)
