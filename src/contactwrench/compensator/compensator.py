@@ -46,17 +46,17 @@ DENSEST = 10_000.0
 class Compensator:
     """From readings, one at a time or in batches, to contact wrenches with their std, faults and contacts.
 
-    `rate` Hz; None: from the first 25 stamps, and until then nothing is filtered. `noise`: the std (6,) of one sample,
-    N and N m, or a recording (n, 6) at rest or, compensated, of free motion; None: from the calibration. `lowpass` of
-    the contact wrench: a `LowPass`, or a cut-off in Hz (Butterworth of order 2). `sensor_filter`: what the sensor
-    itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same is done to the model. `delay` s: how
-    much later than the orientation the wrench is stamped; None: the calibration's, where it is significant. `drift`:
-    std (6,) of the bias' random walk after an hour, as `drift.TYPICAL_DRIFT`; None: the bias is not followed, for
-    whatever follows a bias takes a push that is too slow or too weak to be detected for one. `temperature_coefficient`
-    (6,) of the bias, N/K and N m/K. `false_alarm_rate` per sample; `minimum_duration` s of a contact, and of its end;
-    `ranges` (6,) of the sensor, N and N m; `gravity` (3,): its direction in base axes where that differs from the
-    calibration's. `fast`: whether numba compiles the step, here and not at the first sample; None: where it is
-    installed.
+    `rate` Hz; None: from the first 25 stamps (`InputError` where a cut-off is too high for it), nothing filtered until
+    then. `noise`: the std (6,) of one sample, N and N m, or a recording (n, 6) at rest or, compensated, of free motion;
+    None: from the calibration. `lowpass` of the contact wrench: a `LowPass`, or a cut-off in Hz (Butterworth of order
+    2). `sensor_filter`: what the sensor itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same
+    is done to the model. `delay` s: how much later than the orientation the wrench is stamped; None: the calibration's,
+    where it is significant. `drift`: std (6,) of the bias' random walk after an hour, as `drift.TYPICAL_DRIFT`; None:
+    the bias is not followed, for whatever follows a bias takes a push that is too slow or too weak to be detected for
+    one. `temperature_coefficient` (6,) of the bias, N/K and N m/K. `false_alarm_rate` per sample; `minimum_duration` s
+    of a contact, and of its end; `ranges` (6,) of the sensor, N and N m; `gravity` (3,): its direction in base axes
+    where that differs from the calibration's. `fast`: whether numba compiles the step, here and not at the first
+    sample; None: where it is installed.
 
     Raises `InputError` for values that cannot be meant.
     """
@@ -139,7 +139,7 @@ class Compensator:
     ) -> ContactWrench:
         """The contact wrench of a reading (6,) at `R_base_flange` (3, 3) or quaternion x, y, z, w (4,), time `t` s.
 
-        What is wrong with a sample comes back in `valid` and `reason`. Raises `InputError` for a shape alone.
+        What is wrong with a sample comes back in `valid` and `reason`. Raises `InputError` for a shape, or a low rate.
         """
         reading, turn = np.asarray(wrench, dtype=np.float64), np.asarray(orientation, dtype=np.float64)
         if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
