@@ -102,7 +102,10 @@ def test_every_reading_has_its_row_and_its_own_orientation(tmp_path: Path, calib
     assert np.array_equal(found.valid, inside)
     assert np.isnan(found.wrench[~inside]).all()
     assert {reason for reason in found.reason if reason} == {"left out: after the last orientation"}
-    assert notes == ["29 readings after the last orientation left out"]
+    assert notes == [
+        "the wrench is taken to be stamped 13 ms later than the orientation, as stated",
+        "29 readings after the last orientation left out",
+    ]
     off = found.wrench[inside] - true_contact(t[inside] - LATE - 100.0)
     assert np.abs(off.mean(axis=0) / NOISE).max() < 0.5
     assert np.abs(off / NOISE).max() < 6.0
@@ -219,10 +222,7 @@ def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibrat
     path, layout = write_two_files(tmp_path)
     log = ContactLog()
     list(log.watched(compensated(path, layout, calibration, Treatment(delay=LATE, judged=True, noise=NOISE))))
-    assert (
-        summary(log)
-        == "4000 samples over 7.998 s: 2 contacts, 16.2% of the samples in contact; something wrong with 29."
-    )
+    assert summary(log) == "4000 samples over 7.998 s: 2 contacts, 16.2% of the time; 29 not valid."
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     page = (tmp_path / "r.html").read_text()
     assert page.count("<tr><th>1</th>") == 1
@@ -253,7 +253,10 @@ def test_from_the_command_line(tmp_path: Path, capsys: Capture, calibration: Cal
     done = run(capsys, "compensate", *files, "-o", tmp_path / "out.csv", *judge)
     assert done.status == 0
     assert done.out.splitlines()[0].startswith("4000 samples over 7.998 s: 2 contacts, ")
-    assert done.err == "Note: 29 readings after the last orientation left out\n"
+    assert done.err.splitlines() == [
+        "Note: the wrench is taken to be stamped 13 ms later than the orientation, as stated",
+        "Note: 29 readings after the last orientation left out",
+    ]
     with (tmp_path / "out.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0])[-3:] == ["valid", "contact", "reason"]
@@ -293,6 +296,9 @@ def test_the_calibrations_delay_is_made_up_for_where_it_is_more_than_chance(
         (["--noise", "0"], "--noise is 0, expected N above 0, or a recording of a free tool"),
         (["--noise", "gone.csv"], "gone.csv: there is no such file, expected a readable file: check the path"),
         (["--output-frame", "tool"], "output frame is 'tool', expected sensor, flange, base"),
+        (["--delay", "20"], "the delay is 20 s, expected at most 10 s either way: is it in ms?"),
+        (["-o", "out.mcap"], "out.mcap: found the suffix .mcap, expected .csv or .parquet: name it so"),
+        (["-o", "out.foo"], "out.foo: found the suffix .foo, expected .csv or .parquet: name it so"),
     ],
 )
 def test_flags_that_cannot_be_meant(
@@ -351,3 +357,23 @@ def test_reading_a_bag_tells_how_far_it_is(tmp_path: Path) -> None:
         assert told == sorted(told)
         assert 0.0 <= told[0] <= 1.0
         assert told[-1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_stamps_that_repeat_are_spread_before_they_are_judged(tmp_path: Path, calibration: Calibration) -> None:
+    """A clock of 10 ms at 500 Hz: every reading counts, and both pushes are found."""
+    path, layout = write_two_files(tmp_path)
+    t, wrench, _ = recording()
+    coarse = np.floor(t / 0.01 + 1e-6) * 0.01
+    path.write_text(csv_text(("t", *WRENCH), np.column_stack([coarse, wrench])))
+    found = whole(
+        list(compensated(path, layout, calibration, Treatment(delay=LATE - 0.005, judged=True, noise=3.0 * NOISE)))
+    )
+    assert found.valid.mean() > 0.98
+    assert len(found.contacts) == len(PUSHES)
+
+
+def test_a_sensor_filter_that_is_made_up_for_is_not_in_the_delay_too(calibration: Calibration) -> None:
+    late = replace(calibration, delay=0.02, delay_std=1e-4)
+    assert Treatment().applied_delay(late) == 0.02
+    behind = Treatment(sensor_filter=LowPass(10.0, 1)).applied_delay(late)
+    assert behind == pytest.approx(0.02 - 1.0 / (2.0 * np.pi * 10.0))

@@ -197,6 +197,8 @@ def _gram(knowledge: Knowledge, tool: RigidTool) -> Array:
 def _log_determinant(information: Array) -> float:
     """Of a symmetric positive matrix whose units differ widely."""
     unit = np.sqrt(np.diag(information))
+    if not unit.all():
+        return -np.inf
     return float(np.linalg.slogdet(information / np.outer(unit, unit))[1] + 2.0 * np.sum(np.log(unit)))
 
 
@@ -226,7 +228,7 @@ def _mean_over_assumptions(
         if (assumption.nominal_mounting or not pair[0]) and (assumption.nominal_base or not pair[1])
     ]
     tool = candidate.tool
-    if candidate.solved.linear.s[-1] == 0.0:
+    if candidate.solved.linear.s[-1] == 0.0 or not candidate.separable:
         return AutoFit(finished_rigid(tool, NAMES, candidate.solved), assumption, odds, None, None)
     for _ in range(CENTRINGS):
         mixture = _mixture(exact, candidate, tool, gravity_direction, priors, knowledge)

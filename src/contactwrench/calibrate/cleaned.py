@@ -13,6 +13,8 @@ from .robust import RobustEstimate
 MOST_NAMED = 6
 MOST_STRETCHES_NAMED = 3
 HOUR = 3600.0
+MOST_MOVED = 1.0 / 3.0
+"""Of the stretches in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
 
 
 def what_was_cleaned(found: RobustEstimate, poses: tuple[Pose, ...], since: float) -> tuple[str, ...]:
@@ -34,7 +36,12 @@ def what_was_not_still(rejected: tuple[Pose, ...], accepted: int, since: float) 
     named = "; ".join(f"t = {_start(pose) - since:.6g} s, {pose.rejected}" for pose in longest)
     more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
     stood = len(rejected) + accepted
-    return (f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}",)
+    moved = sum("the reading moves" in (pose.rejected or "") for pose in rejected)
+    doubt = ""
+    if moved > MOST_MOVED * stood:
+        doubt = "; do wrench and pose belong together in time, and was the tool let alone?"
+    weak = "weak: " if doubt else ""
+    return (f"{weak}{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}{doubt}",)
 
 
 def _start(pose: Pose) -> float:

@@ -107,12 +107,13 @@ def compensate(
     from ..calibration import Calibration
     from ..files import require_distinct
     from ..recording.compensation import Treatment, compensated
-    from ..recording.contact_output import write_contacts
+    from ..recording.contact_output import require_writable, write_contacts
 
     path = reading.file(file)
     read = {"recording that is read": path, "recording of the poses that is read": reading.layout.pose_file}
     require_distinct(output, {**read, "calibration that is read": calibration, "report": report})
     require_distinct(report, {**read, "calibration that is read": calibration})
+    require_writable(output, path, reading.layout)
     loaded = Calibration.load(calibration)
     note_other_reading(loaded.provenance, reading.layout)
     judging = (noise, drift, sensor_filter, report)
@@ -130,7 +131,7 @@ def compensate(
     notes: list[str] = []
     with progress(f"compensating {path.name}") as advance:
         rows = compensated(path, reading.layout, loaded, treatment, advance, notes.append)
-        said = write_contacts(output, rows, path, reading.layout, output_frame, report)
+        said = write_contacts(output, rows, path, reading.layout, output_frame, treatment.judged, report)
     for sentence in notes:
         note(sentence)
     if said is not None:

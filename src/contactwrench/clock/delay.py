@@ -32,6 +32,9 @@ TOLD = 0.3
 """Of the std that noise alone would feign: with a tenth of the information that there is, it does no harm."""
 ASTRAY = 0.1
 """s from the best of the search to the fit: further it finds another answer, or none."""
+BEYOND = "no delay within"
+WIDE = 10.0
+"""s: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""
 
@@ -97,7 +100,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     fit, used, found = _settled(motion, means, scans)
     best = int(found.misfit.argmin())
     if best in (0, len(delays) - 1):
-        return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
+        return _untold(f"{BEYOND} {1e3 * reach:.0f} ms explains the wrench better than those beyond")
     std = standard_deviation(motion, used, fit)
     doubt = _doubt(fit, std, delays, found)
     return Delay(fit.delay, std if doubt is None else max(std, float(reach)), fit.bound, doubt)
@@ -200,9 +203,12 @@ def delay_of_free_readings(streams: Streams) -> Delay:
         free &= wrench.load_mass == 0.0
     if wrench.saturated is not None:
         free &= ~wrench.saturated
-    if free.all():
-        return estimate_delay(streams)
-    return estimate_delay(Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation))
+    if not free.all():
+        streams = Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
+    found = estimate_delay(streams)
+    if found.reason is None or not found.reason.startswith(BEYOND):
+        return found
+    return estimate_delay(streams, within=WIDE)
 
 
 def with_delay_of_rows(samples: Samples) -> Samples:

@@ -87,7 +87,7 @@ class Compensator:
         self._rate = None if rate is None else positive(rate, "rate", "Hz")
         self._lowpass = lowpass if isinstance(lowpass, LowPass | None) else LowPass(lowpass)
         self._sensor = sensor_filter if isinstance(sensor_filter, LowPass | None) else LowPass(sensor_filter, 1)
-        self._delay = delay_of(calibration) if delay is None else float(delay)
+        self._delay = delay_of(calibration, self._sensor) if delay is None else float(delay)
         if not abs(self._delay) <= LONGEST_DELAY:
             raise InputError(f"delay is {self._delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
         tool = (
@@ -103,10 +103,10 @@ class Compensator:
         self._advance: Callable[..., int] = compiled() if fast else advance
         self._flat = arrays if fast else lists
         self._tool = self._flat(np.concatenate(tool))
-        rows = ROWS_AT_ONCE
-        self._buffers = [self._flat(np.zeros((rows, 6))), self._flat(np.zeros(rows)), self._flat(np.full(rows, nan))]
-        self._orientations = {width: self._flat(np.zeros((rows, width))) for width in (4, 9)}
-        self._out = self._flat(np.zeros((rows, slot.OUT)))
+        empty = (np.zeros((ROWS_AT_ONCE, 6)), np.zeros(ROWS_AT_ONCE), np.full(ROWS_AT_ONCE, nan))
+        self._buffers = [self._flat(rows) for rows in empty]
+        self._orientations = {width: self._flat(np.zeros((ROWS_AT_ONCE, width))) for width in (4, 9)}
+        self._out = self._flat(np.zeros((ROWS_AT_ONCE, slot.OUT)))
         self.reset()
         for width in self._orientations:
             self._step(width, 0, 0)
@@ -154,15 +154,12 @@ class Compensator:
         else:
             readings[0] = reading
             self._orientations[width][0] = turn.ravel()
-        times[0] = t
-        heats[0] = nan if temperature is None else temperature
-        while True:
-            taken = self._step(width, 0, 1)
-            std = self._std
+        times[0], heats[0] = t, nan if temperature is None else temperature
+        taken = 0
+        while not taken:
+            taken, std = self._step(width, 0, 1), self._std
             if self._memory[slot.ASK]:
                 self._attend()
-            if taken:
-                break
         out = self._out[0]
         result = np.array(out[:6])
         result.flags.writeable = False
@@ -305,7 +302,9 @@ class Compensator:
             ended.append(self._last_contact)
         if ask & slot.RATE:
             intervals = self._memory[slot.INTERVALS : slot.INTERVALS + slot.N_INTERVALS]
-            self._use_rate(1.0 / float(np.median(intervals)))
+            self._memory[slot.STAMPS] = 0.0  # asked for again where no filter takes this rate
+            self._use_rate(slot.N_INTERVALS / float(np.sum(intervals)))
+            self._memory[slot.STAMPS] = slot.N_INTERVALS
             self._memory[slot.FRESH] = slot.WHOLLY
         if ask & slot.BLOCK:
             self._end_block()

@@ -14,6 +14,8 @@ from ..errors import InputError
 from ..orientation import Array
 
 ORDERS = (1, 2, 3, 4)
+LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
+"""Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
 SETTLED = 4.0
 """Periods of the cut-off, times the order, after which nothing is left of how a filter was started."""
 
@@ -36,6 +38,13 @@ class LowPass:
             )
         if not 0.0 < self.cutoff < np.inf:
             raise InputError(f"cut-off of a low-pass is {self.cutoff:g} Hz, expected a positive number")
+
+    @property
+    def lag(self) -> float:
+        """How late (s) it makes what changes slowly: the group delay at rest, of a Butterworth by its first coefficient
+        (1, 1.414, 2, 2.613 over the angular cut-off).
+        """
+        return LAG[self.order] / (2.0 * pi * self.cutoff)
 
     def sections(self, rate: float) -> Array:
         """Second-order sections (k, 6), b0 b1 b2 1 a1 a2 each, at `rate` Hz; the filter's gain at rest is 1.

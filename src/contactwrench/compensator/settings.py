@@ -12,6 +12,7 @@ from ..calibration import Calibration
 from ..clock.delay import is_significant
 from ..errors import InputError
 from ..orientation import Array
+from .filters import LowPass
 
 
 def arrays(values: Array) -> Any:
@@ -24,11 +25,15 @@ def lists(values: Array) -> Any:
     return values.tolist()
 
 
-def delay_of(calibration: Calibration) -> float:
-    """The calibration's delay where its data tell it from zero, else 0."""
+def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
+    """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
+    itself: what was estimated from a motion contains it.
+    """
     if calibration.delay is None or calibration.delay_std is None:
         return 0.0
-    return calibration.delay if is_significant(calibration.delay, calibration.delay_std) else 0.0
+    if not is_significant(calibration.delay, calibration.delay_std):
+        return 0.0
+    return calibration.delay - (0.0 if sensor_filter is None else sensor_filter.lag)
 
 
 def six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> Array:

@@ -33,6 +33,8 @@ from .streaming import Advance, batches, pairs_in_batches
 
 SATURATED = "saturated: a channel stands at its limit"
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
+LONGEST_DELAY = 10.0
+"""s either way, as for a `Compensator`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +57,15 @@ class Treatment:
     drift: Array | None = None
     noise: Array | None = None
 
+    def __post_init__(self) -> None:
+        if self.delay is not None and not abs(self.delay) <= LONGEST_DELAY:
+            raise InputError(
+                f"the delay is {self.delay:g} s, expected at most {LONGEST_DELAY:g} s either way: is it in ms?"
+            )
+
     def applied_delay(self, calibration: Calibration) -> float:
         """The delay (s) by which the orientation is looked up earlier."""
-        return delay_of(calibration) if self.delay is None else self.delay
+        return delay_of(calibration, self.sensor_filter) if self.delay is None else self.delay
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +130,10 @@ def _paired(
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order = _InOrder()
     delay = treatment.applied_delay(calibration)
+    if note is not None and delay != 0.0:
+        whose = "the calibration's" if treatment.delay is None else "as stated"
+        late = f"stamped {1e3 * delay:.4g} ms later than the orientation"
+        note(f"the wrench is taken to be {late}, {whose}")
     parts = synchronized(order.listening(batches(path, layout, advance=advance)), delay)
     begun = list(islice(parts, 2))
     compensator = None
@@ -155,7 +167,7 @@ def _of_samples(
         return JudgedWrenches(
             plain.wrench, plain.std, t, np.ones(n, dtype=bool), (None,) * n, np.full(n, NOT_JUDGED, np.int8)
         )
-    found = compensator.run(samples.wrench, samples.R_base_flange, t)
+    found = compensator.run(samples.wrench, samples.R_base_flange, _spread(t))
     wrench, std = found.wrench, found.std
     if treatment.output_frame != "sensor" or treatment.point is not None:
         covariance = found.covariance[found.covariance_of]
@@ -165,6 +177,21 @@ def _of_samples(
         )
         std = np.where(np.isfinite(found.std), std, np.nan)
     return JudgedWrenches(wrench, std, t, found.valid, found.reason, found.contact, found.contacts)
+
+
+def _spread(t: Array) -> Array:
+    """Stamps (n,) of which several in a row are the same, as a clock of ms gives them at 4 kHz, spread evenly up
+    to the next one.
+    """
+    new = np.flatnonzero(np.r_[True, np.diff(t) > 0.0][: len(t)])
+    if len(new) in (len(t), 0, 1):
+        return t
+    count = np.diff(np.r_[new, len(t)])
+    width = np.diff(t[new])
+    width = np.minimum(np.r_[width, width[-1]], 2.0 * float(np.median(width)))
+    within = np.arange(len(t)) - np.repeat(new, count)
+    spread: Array = t + within * np.repeat(width / count, count)
+    return spread
 
 
 def _nothing() -> JudgedWrenches:

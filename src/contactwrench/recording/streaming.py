@@ -16,6 +16,7 @@ from ..samples import Samples
 from ..streams import OrientationStream, Streams, WrenchStream
 from .columns import ROWS
 from .layout import AS_USUAL, Layout, is_bag
+from .limits import at_limit
 from .table import Table, joined, pose_tables, tables, wrench_tables
 
 Advance = Callable[[float], None]
@@ -127,9 +128,13 @@ def _samples(table: Table, path: str | Path) -> Samples:
 
 
 def _paired(streams: Streams, tell: Tell | None) -> Samples:
-    """Two streams onto one clock: the delay between them, of free readings, is applied where it is significant."""
+    """Two streams onto one clock: the delay between them, of free readings, is applied where it is significant. Where
+    the recording does not say which channels stood at their limits, its readings do.
+    """
     from ..clock.delay import on_one_clock
 
+    if streams.wrench.saturated is None:
+        streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
     if tell is not None:
         for note in notes:

@@ -85,9 +85,10 @@ def summary(log: ContactLog) -> str:
     n = len(log.contacts)
     contacts = "no contact" if n == 0 else f"{n} contact{'' if n == 1 else 's'}"
     share = log.touching / log.rows if log.rows else 0.0
-    faults = "nothing wrong with any" if log.faults == 0 else f"something wrong with {log.faults}"
+    faults = "all valid" if log.faults == 0 else f"{log.faults} not valid"
     span = log.end - log.start if log.rows else 0.0
-    return f"{log.rows} samples over {span:.4g} s: {contacts}, {share:.1%} of the samples in contact; {faults}."
+    touched = f"{contacts}, {share:.1%} of the time" if n else contacts
+    return f"{log.rows} samples over {span:.4g} s: {touched}; {faults}."
 
 
 def contact_signals(log: ContactLog) -> str:
@@ -141,7 +142,10 @@ def _contacts(log: ContactLog) -> str:
     )
     more = len(log.contacts) - MOST_LISTED
     cut = f"<p>And {more} more.</p>" if more > 0 else ""
-    said = "Means over the whole contact, sensor axes. The line of action is that of one force; ± is one std."
+    said = (
+        "Means over the whole contact in the sensor's axes, which turn with the arm. The line of action is that of one "
+        "force; ± is one std of the mean, what the arm turned meanwhile left out."
+    )
     table = table_html(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
     return f"<h3>Contacts</h3>{table}{cut}<p class='unit'>{said}</p>"
 
