@@ -47,6 +47,8 @@ DEFAULTS = {
     "recording.orientation_error_deg": 0.0,
     "recording.rate": 1000.0,
     "recording.duration": 20.0,
+    "recording.rest": 1.5,
+    "recording.pose_rate": 100.0,
 }
 
 MESSAGES = {
