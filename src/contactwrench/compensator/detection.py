@@ -25,7 +25,9 @@ class Thresholds:
 
     def at(self, dof: float) -> tuple[float, float]:
         """Both at `dof`; 0: the covariance is known."""
-        x = np.log(dof) if dof > 0.0 else np.inf
+        if dof == 0.0:
+            return float(self.contact[-1]), float(self.release[-1])
+        x = np.log(dof)
         return float(np.interp(x, _LOG_DOF, self.contact)), float(np.interp(x, _LOG_DOF, self.release))
 
 
@@ -43,8 +45,17 @@ def thresholds(false_alarm_rate: float) -> Thresholds:
 
 
 def whitening(covariance: Array) -> Array:
-    """The lower triangular W (6, 6) with `W S W^T = 1`: the statistic is `|W f|^2`."""
-    W: Array = np.linalg.inv(np.linalg.cholesky(covariance))
+    """The lower triangular W (6, 6) with `W S W^T = 1`: the statistic is `|W f|^2`.
+
+    By LAPACK itself, as this is on the way of a sample: numpy's checks take longer than the work. Raises numpy's
+    `LinAlgError` where the covariance is none.
+    """
+    from scipy.linalg.lapack import dpotrf, dtrtri
+
+    root, wrong = dpotrf(covariance, lower=1, clean=1)
+    if wrong:
+        raise np.linalg.LinAlgError("the covariance of a contact wrench is not positive definite")
+    W: Array = dtrtri(root, lower=1)[0]
     return W
 
 
