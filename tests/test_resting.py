@@ -14,6 +14,8 @@ import contactwrench as cw
 from benchmarks.recordings import measured_sets
 from benchmarks.runs import Run, run
 from benchmarks.world import Array, readings
+from contactwrench.calibrate.cleaned import what_was_not_still
+from contactwrench.poses import Pose
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.simulate.poses import random_joints
@@ -234,3 +236,15 @@ def test_a_table_of_poses_has_no_picture_of_the_recording(tmp_path: Path) -> Non
     samples = true_poses(recorded())
     write_calibration_report(tmp_path / "table.html", cw.calibrate(samples, "mount"), samples)
     assert "The recording" not in (tmp_path / "table.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("moved", "weak"), [(1, False), (4, True)])
+def test_a_recording_is_in_doubt_where_the_reading_moves_in_a_third_of_its_stretches(moved: int, weak: bool) -> None:
+    """As where wrench and pose are of other moments, or somebody holds the tool all the time."""
+    reason = "the reading moves by 2 N and 90 mN m though the arm stands: contact, drift or vibration"
+    rejected = tuple(
+        Pose(np.eye(3), np.zeros(6), np.zeros((6, 6)), 50, 3.0 * k, 3.0 * k + 1.0, reason) for k in range(moved)
+    )
+    (warning,) = what_was_not_still(rejected, 8 - moved, 0.0)
+    assert warning.startswith("weak: ") == weak
+    assert ("do wrench and pose belong together in time" in warning) == weak
