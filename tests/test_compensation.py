@@ -86,6 +86,13 @@ def write_two_files(folder: Path, saturated: Array | None = None) -> tuple[Path,
     return folder / "w.csv", Layout(pose_file=folder / "p.csv")
 
 
+def two_files_and_calibration(folder: Path, calibration: Calibration) -> list[str | Path]:
+    """The flags of `compensate` for the recording of two files."""
+    write_two_files(folder)
+    calibration.save(folder / "cal.json")
+    return ["--wrench", folder / "w.csv", "--pose", folder / "p.csv", "-c", folder / "cal.json"]
+
+
 def whole(rows: list[Rows]) -> JudgedWrenches:
     parts = [part for part in rows if isinstance(part, JudgedWrenches)]
     assert len(parts) == len(rows)
@@ -239,16 +246,7 @@ def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:
 
 
 def test_from_the_command_line(tmp_path: Path, capsys: Capture, calibration: Calibration) -> None:
-    write_two_files(tmp_path)
-    calibration.save(tmp_path / "cal.json")
-    files: list[str | Path] = [
-        "--wrench",
-        tmp_path / "w.csv",
-        "--pose",
-        tmp_path / "p.csv",
-        "-c",
-        tmp_path / "cal.json",
-    ]
+    files = two_files_and_calibration(tmp_path, calibration)
     judge: list[str | Path] = ["--noise", "0.02", "--delay", str(LATE), "--report", tmp_path / "r.html"]
     done = run(capsys, "compensate", *files, "-o", tmp_path / "out.csv", *judge)
     assert done.status == 0
@@ -304,16 +302,7 @@ def test_the_calibrations_delay_is_made_up_for_where_it_is_more_than_chance(
 def test_flags_that_cannot_be_meant(
     tmp_path: Path, capsys: Capture, calibration: Calibration, flags: list[str], message: str
 ) -> None:
-    write_two_files(tmp_path)
-    calibration.save(tmp_path / "cal.json")
-    files: list[str | Path] = [
-        "--wrench",
-        tmp_path / "w.csv",
-        "--pose",
-        tmp_path / "p.csv",
-        "-c",
-        tmp_path / "cal.json",
-    ]
+    files = two_files_and_calibration(tmp_path, calibration)
     done = run(capsys, "compensate", *files, "-o", tmp_path / "out.csv", *flags)
     assert (done.status, done.err) == (2, f"contactwrench: {message}\n")
     assert not (tmp_path / "out.csv").exists()

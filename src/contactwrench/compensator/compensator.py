@@ -37,6 +37,7 @@ GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
 UNKNOWN_RATE_GAP = 1.0
 LONGEST_DELAY = 10.0
+"""s, either way."""
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
 DENSEST = 10_000.0

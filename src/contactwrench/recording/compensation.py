@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..calibration import Calibration
 from ..clock.stamps import SORTED_WITHIN
 from ..clock.synchronize import LeftOut, Synchronized, default_gap, synchronized
-from ..compensator.compensator import Compensator
+from ..compensator.compensator import LONGEST_DELAY, Compensator
 from ..compensator.contact_wrench import Contact
 from ..compensator.filters import LowPass, least_rows, zero_phase
 from ..compensator.settings import delay_of
@@ -33,8 +33,6 @@ from .streaming import Advance, batches, pairs_in_batches
 
 SATURATED = "saturated: a channel stands at its limit"
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
-LONGEST_DELAY = 10.0
-"""s either way, as for a `Compensator`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,7 +217,7 @@ def _judged(samples: Samples, found: list[_Found], rows: int, least: Array, dura
 
 
 def _saturated(samples: Samples, found: _Found) -> str | None:
-    saturated = getattr(samples, "saturated", None)
+    saturated = samples.saturated
     count = 0 if saturated is None else int(saturated[found.first : found.last].sum())
     return f"saturated: {count} of {found.last - found.first} rows stand at the sensor's limit" if count else None
 
