@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from contactwrench.estimation.cleaned import what_was_not_still
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
-from contactwrench.estimation.cleaned import what_was_not_still
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ..calibration.observability import LEVER
 from ..errors import InputError, UnobservableError
 from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_start
-from ..estimation.least_squares import PoseReadings
+from ..estimation.noise import PoseReadings
 from ..estimation.rigid import fit_rigid
 from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array, read_only

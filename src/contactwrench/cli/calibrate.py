@@ -88,7 +88,7 @@ def calibrate(
     g: StandardGravity = DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
-    from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
+    from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 
     files = reading.files(given)
     require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.calibration import ROWS_AT_ONCE, Calibration
+from ..calibration.calibration import Calibration
+from ..calibration.fields import ROWS_AT_ONCE
 from ..errors import InputError
 from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import cross_matrix, wrench_transform

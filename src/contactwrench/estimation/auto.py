@@ -1,6 +1,6 @@
 """`auto`: mounting and base free, with priors around nominal that the readings can overrule.
 
-Parallel faces and a level base are what most robots have, to a degree or so; no fixed rung of the ladder of models is
+Parallel faces and a level base are what most robots have, to a degree or so; no fixed model is
 right for all of them (method, sections 4 and 5). So the tilt of the sensor against the flange and that of the base
 are estimated with Gaussian priors. Three questions are put to the readings, each answered by evidence, the probability
 of the readings under an assumption, every parameter integrated out (Laplace's method; MacKay, 1992):
@@ -23,15 +23,10 @@ from ..calibration.observability import is_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .initial_guess import Search, starting_tools
-from .least_squares import EstimatedNoise, Fit, GivenNoise, PoseReadings, Solved
-from .noise import GROUPS
-from .priors import Knowledge, known_gravity, nominal_mounting, rows_of
+from .least_squares import Fit, Solved
+from .noise import GROUPS, EstimatedNoise, PoseReadings, StatedNoise
+from .priors import EXACT_TILT_SD, Knowledge, TiltPriors, known_gravity, nominal_mounting, rows_of
 from .rigid import RigidProblem, finished_rigid, solved_from
-
-MOUNT_TILT_SD = np.deg2rad(1.41)
-BASE_TILT_SD = np.deg2rad(0.71)
-EXACT_TILT_SD = np.deg2rad(0.005)
-"""What a machined face or a levelled base is off by: the readings cannot see it."""
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
 """Before the readings, of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
@@ -44,16 +39,6 @@ SUSPICIOUS = 3.0
 
 CENTRINGS = 4
 NAMES = PARAMETERS["mount+base"]
-
-
-@dataclass(frozen=True)
-class TiltPriors:
-    """Standard deviations (rad, an axis) of the mounting's and the base's tilt about nominal; None where what is known
-    of it takes the place of a prior.
-    """
-
-    mount: float | None = MOUNT_TILT_SD
-    base: float | None = BASE_TILT_SD
 
 
 @dataclass(frozen=True)
@@ -94,7 +79,7 @@ class AutoFit:
 def fit_auto(
     readings: PoseReadings,
     gravity_direction: Array,
-    noise: GivenNoise | None,
+    noise: StatedNoise | None,
     priors: TiltPriors,
     knowledge: tuple[Knowledge, ...] = (),
 ) -> AutoFit:
@@ -134,7 +119,7 @@ def _candidate(
     assumption: Assumption,
     readings: PoseReadings,
     gravity_direction: Array,
-    noise: GivenNoise | None,
+    noise: StatedNoise | None,
     priors: TiltPriors,
     knowledge: tuple[Knowledge, ...],
 ) -> Candidate:

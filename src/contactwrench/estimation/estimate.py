@@ -10,23 +10,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import require_full_rank, require_separable
 from ..errors import UnobservableError
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, gravity_in_flange
-from .affine import fit_affine
-from .auto import AutoFit, TiltPriors, fit_auto, tilt_priors
-from .least_squares import LEAST_LEFT, Fit, GivenNoise, PoseReadings
-from .noise import GROUPS
+from .auto import AutoFit, fit_auto, tilt_priors
+from .least_squares import LEAST_LEFT, Fit
+from .noise import GROUPS, PoseReadings, StatedNoise
 from .paper import fit_paper
-from .priors import Knowledge, rows_of
-from .rigid import RigidProblem, finished_rigid, fit_rigid, solved_from
+from .priors import Knowledge, TiltPriors, rows_of
+from .rigid import RigidProblem, finished_rigid, fit_affine, fit_rigid, solved_from
 from .sign_ambiguity import check_sign, require_positive_weight, require_stated_side
 
 FEWEST_POSES_WITH_BASE = 4
 MODEL_OF_AUTO = "mount+base"
 DEFAULT_PRIORS = TiltPriors()
 HELD_GRAVITY = ("yaw", "mount")
+MIRRORED = Finding(
+    Kind.MIRRORED_AXIS,
+    Severity.WEAK,
+    "weak: the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction",
+)
 PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
 
 
@@ -34,13 +39,13 @@ PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model
 class Question:
     """What is asked of the readings: a model, and all that is known beside them.
 
-    `gravity_direction` (3,) in base axes, stated or nominal; `noise` given or None; `priors` of the tilts, for `auto`;
+    `gravity_direction` (3,) in base axes, stated or nominal; `noise` stated or None; `priors` of the tilts, for `auto`;
     `knowledge` of the parameters; the `earlier` tool, where an earlier calibration of it is among that knowledge.
     """
 
     model: str
     gravity_direction: Array
-    noise: GivenNoise | None = None
+    noise: StatedNoise | None = None
     priors: TiltPriors = DEFAULT_PRIORS
     knowledge: tuple[Knowledge, ...] = ()
     earlier: RigidTool | None = None
@@ -55,7 +60,7 @@ class Estimate:
     fit: Fit
     names: tuple[str, ...]
     knowledge: tuple[Knowledge, ...] = ()
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     auto: AutoFit | None = None
     weight_xy: float | None = None
     weight_z: float | None = None
@@ -64,7 +69,7 @@ class Estimate:
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
     """The fit alone, as it comes."""
     stated, noise = question.gravity_direction, question.noise
-    names = PARAMETERS[rung_fitted(question.model)]
+    names = PARAMETERS[model_fitted(question.model)]
     if question.model == "paper":
         paper = fit_paper(readings, stated)
         return Estimate(paper.fit, names, weight_xy=paper.weight_xy, weight_z=paper.weight_z)
@@ -86,35 +91,35 @@ def fitted(readings: PoseReadings, question: Question) -> Estimate:
     return Estimate(fit, names, question.knowledge)
 
 
-def rung_fitted(model: str) -> str:
-    """The rung of the ladder whose parameters a model estimates."""
+def model_fitted(model: str) -> str:
+    """The model whose parameters another one estimates."""
     return MODEL_OF_AUTO if model == "auto" else model
 
 
-def checked(found: Estimate, readings: PoseReadings, as_recorded: PoseReadings, question: Question) -> Estimate:
-    """The estimate from `readings` with its warnings. Raises `UnobservableError` and `AmbiguityError` where it may not
-    be returned. The sign is judged on the readings `as_recorded`: whoever leaves out enough explains any sign.
+def checked(estimate: Estimate, readings: PoseReadings, as_recorded: PoseReadings, question: Question) -> Estimate:
+    """The estimate from `readings` with what there is to say of it. Raises `UnobservableError` and `AmbiguityError`
+    where it may not be returned. The sign is judged on the readings `as_recorded`: whoever leaves out enough explains
+    any sign.
     """
     stated = question.gravity_direction
-    if found.weight_z is not None:
-        warnings = check_sign(fit_rigid(readings, "yaw", stated, None), readings, "yaw", stated, None)
-        require_positive_weight(found.weight_z, stated, PAPER_HINT)
-    elif found.fit.tool is None:
-        _require_noise(readings, 24, found.fit.readings_left, question)
-        mirrors = np.linalg.det(found.fit.B[:3, :3]) < 0.0
-        warning = "weak: the force matrix A mirrors: an axis has the wrong sign, or the sensor reports the reaction"
-        warnings = (warning,) if mirrors else ()
+    fit = estimate.fit
+    if estimate.weight_z is not None:
+        findings = check_sign(fit_rigid(readings, "yaw", stated, None), readings, "yaw", stated, None)
+        require_positive_weight(estimate.weight_z, stated, PAPER_HINT)
+    elif fit.tool is None:
+        _require_noise(readings, 24, fit.readings_left, question)
+        findings = (MIRRORED,) if np.linalg.det(fit.B[:3, :3]) < 0.0 else ()
     elif question.earlier is not None:
-        require_positive_weight(found.fit.tool.weight, stated)
-        warnings = ()
+        require_positive_weight(fit.tool.weight, stated)
+        findings = ()
     else:
-        model = question.model if found.auto is None else _rung_of(found.auto)
-        warnings = _checked(found.fit, readings, as_recorded, model, question)
-    return replace(found, warnings=warnings)
+        model = question.model if estimate.auto is None else _model_freed(estimate.auto)
+        findings = _checked(fit, readings, as_recorded, model, question)
+    return replace(estimate, findings=findings)
 
 
-def _rung_of(auto: AutoFit) -> str:
-    """The rung whose rotations are free under the assumptions that `auto` kept."""
+def _model_freed(auto: AutoFit) -> str:
+    """The model whose rotations are free under the assumptions that `auto` kept."""
     if not auto.assumption.nominal_base:
         return "mount+base"
     return "yaw" if auto.assumption.nominal_mounting else "mount"
@@ -122,17 +127,17 @@ def _rung_of(auto: AutoFit) -> str:
 
 def _checked(
     fit: Fit, readings: PoseReadings, as_recorded: PoseReadings, model: str, question: Question
-) -> tuple[str, ...]:
-    """Warnings of a rigid fit whose free rotations are those of `model`. Raises where it may not be returned."""
+) -> tuple[Finding, ...]:
+    """What to say of a rigid fit whose free rotations are those of `model`. Raises where it may not be returned."""
     require_answerable(fit, readings, model, question)
     tool, stated = _tool(fit), question.gravity_direction
     if model not in HELD_GRAVITY:
         require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
     if as_recorded is not readings:
         check_sign(fit, as_recorded, model, stated, question.noise)
-    warnings = check_sign(fit, readings, model, stated, question.noise)
+    findings = check_sign(fit, readings, model, stated, question.noise)
     require_positive_weight(tool.weight, stated)
-    return warnings
+    return findings
 
 
 def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Question) -> None:

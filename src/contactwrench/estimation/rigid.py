@@ -1,4 +1,4 @@
-"""The joint force and torque fit of the rigid models `yaw`, `mount` and `mount+base`.
+"""The joint force and torque fit of the rigid models `yaw`, `mount` and `mount+base`, and that of `affine`.
 
 Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the start is global, so
 no mounting needs a guess.
@@ -14,6 +14,7 @@ from ..geometry.arrays import Array
 from ..model import (
     PARAMETERS,
     RigidTool,
+    affine_jacobian,
     free_wrench,
     gravity_in_flange,
     matrix_jacobian,
@@ -22,9 +23,8 @@ from ..model import (
     wrench_matrix,
 )
 from .initial_guess import SEARCH_OF_MODEL, starting_tools
-from .least_squares import Fit, GivenNoise, PoseReadings, Solved, finished, relative_variances, solve
-from .linearised import Linearised, linearise
-from .noise import whitening
+from .least_squares import Fit, Linearised, Solved, finished, linearise, solve
+from .noise import PoseReadings, StatedNoise, relative_variances, whitening
 from .priors import Knowledge, rows_of
 
 SETTLE_ITERATIONS = 12
@@ -73,7 +73,7 @@ def fit_rigid(
     readings: PoseReadings,
     model: str,
     gravity_direction: Array,
-    noise: GivenNoise | None,
+    noise: StatedNoise | None,
     knowledge: tuple[Knowledge, ...] = (),
     sign: float = 1.0,
 ) -> Fit:
@@ -90,7 +90,7 @@ def fit_rigid(
 
 
 def solved_from(
-    problem: RigidProblem, starts: list[RigidTool], readings: PoseReadings, noise: GivenNoise | None
+    problem: RigidProblem, starts: list[RigidTool], readings: PoseReadings, noise: StatedNoise | None
 ) -> tuple[RigidTool, Solved]:
     """The optimum that the most promising of the starts leads to."""
     rough = whitening(relative_variances(noise), None, len(readings))
@@ -112,3 +112,24 @@ def _settled(problem: RigidProblem, tool: RigidTool, whitener: Array) -> tuple[R
         if linear.step_size() <= SETTLED:
             break
     return tool, problem.misfit(tool, whitener)
+
+
+class _AffineProblem:
+    """Residuals, derivatives and steps of the 24 numbers B, row-major."""
+
+    def __init__(self, r: Array, wrench: Array) -> None:
+        self.r, self.wrench = r, wrench
+        self.jacobian = affine_jacobian(r)
+
+    def linearised(self, B: Array, whitener: Array) -> Linearised:
+        return linearise(self.wrench - free_wrench(B, self.r), self.jacobian, whitener)
+
+    def advanced(self, B: Array, linear: Linearised) -> Array:
+        return B + linear.step().reshape(6, 4)
+
+
+def fit_affine(readings: PoseReadings, gravity_direction: Array, noise: StatedNoise | None) -> Fit:
+    """Fit B (6, 4) itself, 24 free numbers: `F = A r + F0, T = A_t r + T0` (method, section 4)."""
+    problem = _AffineProblem(gravity_in_flange(readings.R_base_flange, gravity_direction), readings.wrench)
+    B, solved = solve(problem, np.zeros((6, 4)), readings, noise)
+    return finished(None, gravity_direction, B, np.eye(24), solved)

@@ -1,8 +1,8 @@
 """Several tools on one sensor: each recording has its tool, and the mounting, the base, or both, are common to all.
 
-Each recording is cleaned on its own. What it then says of the common rotations, its own tool eliminated, goes as a
-message (message.py) to each of the others, where it joins the readings; a prior on the common tilts is counted once, as
-messages carry none. Messages are linearised at the estimate of the recording that knows most, again and again until
+Each recording is fitted robustly on its own. What it then says of the common rotations, its own tool eliminated, goes
+as a message (shared_rotations.py) to each of the others, where it joins the readings; a prior on the common tilts is
+counted once, as messages carry none. Messages are linearised at the estimate of the recording that knows most, again and again until
 that stays. Its estimate of the common rotations is then everybody's: with the tool given the rotations as that tool's
 readings have it, and the rotations as all readings together have them, each result is the marginal of the joint
 posterior, and the very same matrix stands in each.
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
+from ..calibration.fields import Finding, Kind
 from ..errors import AmbiguityError, InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
@@ -37,13 +38,14 @@ from ..model import (
 )
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, percent
-from .auto import BASE_TILT_SD, MOUNT_TILT_SD, AutoFit, TiltPriors, tilt_priors
+from .auto import AutoFit, tilt_priors
 from .calibrate import NoiseLike, Recorded, assembled, from_recording, question_asked
 from .estimate import Estimate, Question, fitted
-from .given import knowledge_given
+from .findings import weak
 from .initial_guess import linear_fit
-from .least_squares import Fit, PoseReadings
-from .priors import Knowledge
+from .least_squares import Fit
+from .noise import PoseReadings
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, TiltPriors, stated_knowledge
 from .robust import confirmed
 from .shared_rotations import Message, disagreement, message_of
 
@@ -94,22 +96,28 @@ def calibrate_shared(
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     recorded = [from_recording(samples, question, g) for samples in recordings]
-    apart = knowledge_given({name: pair for name, pair in (known or {}).items() if name not in shared})
+    apart = stated_knowledge({name: pair for name, pair in (known or {}).items() if name not in shared})
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), apart)
-    exchange = _exchanged(recorded, sharing)
+    agreement = _agreement(recorded, sharing)
     checked = []
-    for one, found, asked in zip(recorded, exchange.found, exchange.questions, strict=True):
-        with _naming(one.samples.source):
-            checked.append(replace(one, found=confirmed(replace(one.found, found=found), asked)))
-    common = checked[exchange.leader].found.found
-    warnings = _contradictions(exchange, [one.samples.source for one in recorded], sharing)
+    for recording, estimate, asked in zip(recorded, agreement.estimates, agreement.questions, strict=True):
+        with _naming(recording.samples.source):
+            robust = confirmed(replace(recording.robust, estimate=estimate), asked)
+        checked.append(replace(recording, robust=robust))
+    common = checked[agreement.leader].robust.estimate
+    sources = [recording.samples.source for recording in recorded]
+    contradictions = _contradictions(agreement, sources, sharing)
     results = []
-    for k, one in enumerate(checked):
-        agreeing = _agreeing(one.found.found, one.found.readings, common, sharing)
-        others = [other.samples.source for j, other in enumerate(checked) if j != k]
-        origin = {"shared": ", ".join(sharing.names), "shared_with": ", ".join(others)}
-        agreed = replace(one, found=replace(one.found, found=agreeing), warnings=(*one.warnings, *warnings))
-        results.append(assembled(agreed, question, origin))
+    for recording in checked:
+        robust = recording.robust
+        agreeing = _agreeing(robust.estimate, robust.readings, common, sharing)
+        agreed = replace(
+            recording,
+            robust=replace(robust, estimate=agreeing),
+            findings=(*recording.findings, *contradictions),
+        )
+        others = ", ".join(other.samples.source for other in checked if other is not recording)
+        results.append(assembled(agreed, question, {"shared": ", ".join(sharing.names), "shared_with": others}))
     return tuple(results)
 
 
@@ -147,43 +155,46 @@ class _Sharing:
     def parameters(self) -> tuple[str, ...]:
         return tuple(parameter for name in self.names for parameter in SHAREABLE[name])
 
-    def known_apart(self, found: Estimate) -> tuple[Knowledge, ...]:
+    def known_apart(self, estimate: Estimate) -> tuple[Knowledge, ...]:
         """What is known of a recording's rotations that are its own: stated, or a prior that `auto` kept."""
-        if found.auto is None:
+        if estimate.auto is None:
             return self.apart
+        assumption = estimate.auto.assumption
         kept = replace(
-            found.auto.assumption,
-            nominal_mounting=found.auto.assumption.nominal_mounting and "mount" not in self.names,
-            nominal_base=found.auto.assumption.nominal_base and "gravity" not in self.names,
+            assumption,
+            nominal_mounting=assumption.nominal_mounting and "mount" not in self.names,
+            nominal_base=assumption.nominal_base and "gravity" not in self.names,
         )
         tilts = tilt_priors(kept, self.question.gravity_direction, self.question.priors)
         return (*self.apart, *(tilt for tilt, _ in tilts))
 
 
 @dataclass(frozen=True, eq=False)
-class _Exchange:
-    """The estimates once all recordings know what the others say: the `questions` put to each, the `messages`, and the
-    `leader`, the recording that knows most of what is common.
+class _Agreement:
+    """The `estimates` once all recordings know what the others say, the `questions` put to each, the `messages`, and
+    the `leader`, the recording that knows most of what is common.
     """
 
-    found: list[Estimate]
+    estimates: list[Estimate]
     questions: list[Question]
     messages: list[Message]
     leader: int
 
 
-def _exchanged(recorded: list[Recorded], sharing: _Sharing) -> _Exchange:
-    alone = [one.found.found for one in recorded]
-    readings = [one.found.readings for one in recorded]
+def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
+    alone = [recording.robust.estimate for recording in recorded]
+    readings = [recording.robust.readings for recording in recorded]
 
-    def say(found: list[Estimate], point: RigidTool | None) -> list[Message]:
-        return [_message(*these, point, sharing) for these in zip(readings, alone, found, strict=True)]
+    def say(estimates: list[Estimate], point: RigidTool | None) -> list[Message]:
+        return [
+            _message(*of_recording, point, sharing) for of_recording in zip(readings, alone, estimates, strict=True)
+        ]
 
     leader = int(np.argmin([message.uncertainty for message in say(alone, None)]))
-    found, questions, messages = alone, [sharing.question] * len(alone), []
+    estimates, questions, messages = alone, [sharing.question] * len(alone), []
     for _ in range(ROUNDS):
-        before = _tool(found[leader].fit)
-        messages = say(found, before)
+        before = _tool(estimates[leader].fit)
+        messages = say(estimates, before)
         questions = [
             replace(
                 sharing.question,
@@ -192,14 +203,14 @@ def _exchanged(recorded: list[Recorded], sharing: _Sharing) -> _Exchange:
                     *(message.as_knowledge() for j, message in enumerate(messages) if j != k),
                 ),
             )
-            for k in range(len(found))
+            for k in range(len(estimates))
         ]
-        found = [fitted(these, question) for these, question in zip(readings, questions, strict=True)]
-        fit, index = found[leader].fit, _index(found[leader].names, sharing)
+        estimates = [fitted(of_tool, question) for of_tool, question in zip(readings, questions, strict=True)]
+        fit, index = estimates[leader].fit, _index(estimates[leader].names, sharing)
         moved = _turns(before, _tool(fit), sharing)
         if float(moved @ np.linalg.solve(fit.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
             break
-    return _Exchange(found, questions, messages, leader)
+    return _Agreement(estimates, questions, messages, leader)
 
 
 def _message(
@@ -265,12 +276,12 @@ def _auto_agreeing(auto: AutoFit | None, fit: Fit, common: AutoFit | None, shari
     return replace(auto, fit=fit, base_exact=common.base_exact)
 
 
-def _contradictions(exchange: _Exchange, sources: list[str], sharing: _Sharing) -> tuple[str, ...]:
-    """A warning that names the recording whose rotations differ from those of the others by more than chance."""
-    messages = exchange.messages
+def _contradictions(agreement: _Agreement, sources: list[str], sharing: _Sharing) -> tuple[Finding, ...]:
+    """A finding that names the recording whose rotations differ from those of the others by more than chance."""
+    messages = agreement.messages
     judged = [disagreement(message, [other for other in messages if other is not message]) for message in messages]
     two = len(messages) == 2
-    suspect = 1 - exchange.leader if two else int(np.argmin([one.test.probability for one in judged]))
+    suspect = 1 - agreement.leader if two else int(np.argmin([rotations.test.probability for rotations in judged]))
     odd = judged[suspect]
     # of two, either differs as much from the other: one test; of more, one test each
     chance = min(1.0, odd.test.probability * (1 if two else len(messages)))
@@ -281,11 +292,12 @@ def _contradictions(exchange: _Exchange, sources: list[str], sharing: _Sharing) 
         "gravity": "gravity by {:.2g} +- {:.2g} deg",
     }
     parts = [differ[name].format(*odd.angle(SHAREABLE[name])) for name in sharing.names]
-    return (
-        f"weak: {sources[suspect]} contradicts the other recording{'' if two else 's'}, {' and '.join(parts)} (chance "
+    text = (
+        f"{sources[suspect]} contradicts the other recording{'' if two else 's'}, {' and '.join(parts)} (chance "
         f"{percent(chance)}): the sensor or the base moved in between, or the tool touched something: calibrate it "
-        "apart",
+        "apart"
     )
+    return (weak(Kind.CONTRADICTS_OTHERS, text),)
 
 
 def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:

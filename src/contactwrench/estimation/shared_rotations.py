@@ -16,7 +16,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..model import GRAVITY, MOUNT, RigidTool, wrench_jacobian
 from ..statistics import MisfitTest
-from .least_squares import PoseReadings
+from .noise import PoseReadings
 from .priors import Knowledge, known_rotations, rows_of
 from .rigid import RigidProblem
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..calibration.fields import Finding, Kind, Severity
 from ..errors import AmbiguityError
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool
 from .initial_guess import SEARCH_OF_MODEL, explained_by_start
-from .least_squares import Fit, GivenNoise, PoseReadings
+from .least_squares import Fit
+from .noise import PoseReadings, StatedNoise
 from .rigid import fit_rigid
 
 SIGNIFICANCE = 0.001
@@ -23,19 +25,21 @@ SURE_SIDE = 4.0
 SURE_WEIGHT = 3.0
 """Standard deviations: a fit whose weight is less sure explains nothing, so that a tie with it says nothing either."""
 
-NOT_CONFIRMED = (
+NOT_CONFIRMED = Finding(
+    Kind.SIGN_NOT_CONFIRMED,
+    Severity.WARNING,
     "the sign of the readings is taken as given: the negated readings fit as well, mostly because gravity's directions "
-    "lie close to one plane of the sensor; confirm it by a push, or tilt the tool about another axis"
+    "lie close to one plane of the sensor; confirm it by a push, or tilt the tool about another axis",
 )
 
 
 def check_sign(
-    fit: Fit, readings: PoseReadings, model: str, gravity_direction: Array, noise: GivenNoise | None
-) -> tuple[str, ...]:
+    fit: Fit, readings: PoseReadings, model: str, gravity_direction: Array, noise: StatedNoise | None
+) -> tuple[Finding, ...]:
     """Refuse readings that a tool explains much better once they are negated (or, the same, gravity is).
 
     `model` yaw, mount or mount+base is fitted to the negated readings; arguments as for `fit_rigid`. Returns a
-    warning where both fit alike, else nothing. Raises `AmbiguityError` naming both readings.
+    finding where both fit alike, else nothing. Raises `AmbiguityError` naming both interpretations.
     """
     R, wrench = readings.R_base_flange, readings.wrench
     as_given = explained_by_start(R, wrench, SEARCH_OF_MODEL[model], gravity_direction)
@@ -74,7 +78,7 @@ def require_stated_side(tool: RigidTool, stated: Array, std: float) -> None:
 
 
 def require_positive_weight(weight: float, gravity_direction: Array, hint: str = "") -> None:
-    """Raise `AmbiguityError` for a weight (N) that is not above zero; `hint` names a reading of the model's own."""
+    """Raise `AmbiguityError` for a weight (N) that is not above zero; `hint` is one of the model's own."""
     if weight <= 0.0:
         raise AmbiguityError(
             f"the weight comes out as {weight:.3g} N, expected above 0: {hint}either the sensor reports the reaction "

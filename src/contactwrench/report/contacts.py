@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calibration.text import meaningful_digits
 from ..compensate.contact_wrenches import Contact
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..recording.compensate import TOUCHING, JudgedWrenches, Rows
+from ..statistics import meaningful_digits
 from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, table_html

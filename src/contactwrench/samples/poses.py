@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen, Matrix, Vector
 from .samples import Samples
 
 SAME_POSE_ANGLE = np.deg2rad(0.2)
@@ -23,7 +23,7 @@ _HASH = np.array([pow(0x9E3779B97F4A7C15, k, 2**63) for k in range(1, 10)], dtyp
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(Frozen):
     """One orientation of the arm at rest, and the mean reading there.
 
     `R_base_flange` (3, 3); `wrench` (6,) N and N m, the mean of `n` rows; `wrench_cov` (6, 6) of that mean from
@@ -31,17 +31,13 @@ class Pose:
     `rejected` the reason why the pose is left out, or None.
     """
 
-    R_base_flange: Array
-    wrench: Array
-    wrench_cov: Array
-    n: int = 1
-    t_start: float | None = None
-    t_end: float | None = None
-    rejected: str | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("R_base_flange", "wrench", "wrench_cov"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+    R_base_flange: Matrix
+    wrench: Vector
+    wrench_cov: Matrix
+    n: int
+    t_start: float | None
+    t_end: float | None
+    rejected: str | None
 
 
 def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
@@ -80,12 +76,12 @@ def _average(wrench: Array, R: Array, t: Array | None) -> Pose:
     n = len(wrench)
     times = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:
-        return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, *times)
+        return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, *times, None)
     from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
     mean = wrench[0] + from_first.mean(axis=0)
     centred = from_first - from_first.mean(axis=0)
     U, _, Vt = np.linalg.svd(R.mean(axis=0))
-    return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, *times)
+    return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, *times, None)
 
 
 def label_orientations(R: Array) -> NDArray[np.intp]:
@@ -120,7 +116,7 @@ def label_orientations(R: Array) -> NDArray[np.intp]:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseMoments:
+class PoseMoments(Frozen):
     """Sums over many poses that stand in for the poses: enough to fit any model of this package again.
 
     `n` poses; with m = [R_base_flange row-major, 1] (10,): `design` = sum m m^T (10, 10), `cross` = sum m wrench^T
@@ -128,13 +124,9 @@ class PoseMoments:
     """
 
     n: int
-    design: Array
-    cross: Array
-    wrench: Array
-
-    def __post_init__(self) -> None:
-        for name in ("design", "cross", "wrench"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+    design: Matrix
+    cross: Matrix
+    wrench: Matrix
 
 
 def moments_of_poses(R_base_flange: Array, wrench: Array) -> PoseMoments:

@@ -82,13 +82,14 @@ def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float)
 @dataclass(frozen=True, eq=False)
 class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
-    none or too often; the stretches of a stream that are no pose, `rejected`, as poses with the reason, and how many
-    `stretches` made the poses (0: the rows of a table did).
+    none or too often; the stretches of a stream that are no pose, `rejected`, as poses with the reason, in how many of
+    them the reading `moved`, and how many `stretches` made the poses (0: the rows of a table did).
     """
 
     poses: tuple[Pose, ...]
     visits: tuple[Pose, ...] | None
     rejected: tuple[Pose, ...]
+    moved: int
     stretches: int
 
 
@@ -101,7 +102,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         poses, visits = poses_and_visits(samples, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        return RecordedPoses(poses, visits, (), 0)
+        return RecordedPoses(poses, visits, (), 0, 0)
     found = still_stretches(samples)
     if not found.accepted:
         raise InputError(_never_still(samples, found))
@@ -110,7 +111,8 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     rejected = tuple(_pose([stretch], stretch.rejected) for stretch in found.rejected)
     again = label.max() < visit[-1] < most_visits
     visits = _joined(found.accepted, visit) if again else None
-    return RecordedPoses(_joined(found.accepted, label), visits, rejected, len(found.accepted))
+    moved = sum(stretch.moves for stretch in found.rejected)
+    return RecordedPoses(_joined(found.accepted, label), visits, rejected, moved, len(found.accepted))
 
 
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:

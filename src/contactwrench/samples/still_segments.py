@@ -18,8 +18,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ..errors import InputError, two_digits
+from ..errors import InputError
 from ..geometry.arrays import Array, read_only
+from ..statistics import two_digits
 from .change_detection import Noise, Piece, noise_of_windows, pieces_between_changes
 from .samples import Samples
 from .stationary_arm import FEWEST_ROWS, Section, sections_of, standing_arm, turn_over
@@ -49,7 +50,8 @@ AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 class StillStretch:
     """Rows `first` to `last`, both included, in which the arm stands: `t_start`, `t_end` s; `n` rows; `R_base_flange`
     (3, 3) and `wrench` (6,) N and N m, their means; `wrench_cov` (6, 6) of that mean, the correlation of the rows in
-    time counted; `independent` readings that the rows are worth; `rejected` why it is left out, None where it is not.
+    time counted; `independent` readings that the rows are worth; `rejected` why it is left out, None where it is not;
+    `moves`: that is because the reading moves.
     """
 
     first: int
@@ -62,6 +64,7 @@ class StillStretch:
     wrench_cov: Array
     independent: float
     rejected: str | None = None
+    moves: bool = False
 
     def __post_init__(self) -> None:
         for name in ("R_base_flange", "wrench", "wrench_cov"):
@@ -86,11 +89,12 @@ class StillStretches:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Rows `first` up to `last`, and why they are no stretch, where that is known already."""
+    """Rows `first` up to `last`, and why they are no stretch, where that is known already; the reading `moves`."""
 
     first: int
     last: int
     reason: str | None = None
+    moves: bool = False
 
 
 def still_stretches(samples: Samples) -> StillStretches:
@@ -150,24 +154,25 @@ def _of_standing_arm(section: Section, standing: Piece, moving: Noise, period: f
     if not usable:
         longest = max(pieces, key=lambda piece: piece.last - piece.first, default=None)
         if longest is None or standing.last - standing.first - longest.last > longest.first:
-            return [_Found(first, last, _moves(wrench))]
+            return [_Found(first, last, _moves(wrench), moves=True)]
         left = (longest.last - longest.first) * block
         reason = f"too short: of {seconds:.2g} s the reading takes {seconds - left:.2g} s to settle, and {left:.2g} s "
         return [_Found(first, last, f"{reason}are left, {duration:.2g} s are needed")]
     if not _agree(wrench, usable, moving):
-        return [_Found(first, last, _moves(wrench[usable[0].first :]))]
+        return [_Found(first, last, _moves(wrench[usable[0].first :]), moves=True)]
     found: list[_Found] = []
     end = 0
     for piece in usable:
         if found and piece.first > end:  # where two touch, nothing lies between that moves
             between = section.rows_of(standing.first + end, standing.first + piece.first)
-            found.append(_Found(*between, _moves(wrench[end : piece.first], wrench[piece.first : piece.last])))
+            off = _moves(wrench[end : piece.first], wrench[piece.first : piece.last])
+            found.append(_Found(*between, off, moves=True))
         rows = section.rows_of(standing.first + piece.first, standing.first + piece.last)
         found.append(_Found(*rows))
         end = piece.last
     if standing.last - standing.first - end >= 2 * moving.window:
         rest = section.rows_of(standing.first + end, standing.last)
-        found.append(_Found(*rest, _moves(wrench[end:], wrench[usable[-1].first : end])))
+        found.append(_Found(*rest, _moves(wrench[end:], wrench[usable[-1].first : end]), moves=True))
     return found
 
 
@@ -277,4 +282,5 @@ def _stretch(samples: Samples, found: _Found, worth: Array) -> StillStretch:
         wrench_cov=centred.T @ centred / (n * (n - 1.0)),
         independent=float(n / worth.max()),
         rejected=found.reason,
+        moves=found.moves,
     )
