@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +98,7 @@ class _Result(Frozen):
 
 
 def test_a_frozen_result_holds_read_only_copies_of_its_arrays() -> None:
-    values = np.arange(3, dtype=np.float32)
+    values: NDArray[Any] = np.arange(3, dtype=np.float32)
     result = _Result(values, np.array([True, False]), None, "x")
     values[0] = 7.0
     assert result.values.dtype == np.float64
