@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..calibration.observability import LEVER
 from ..errors import InputError, UnobservableError
-from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_start
+from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from ..estimation.noise import PoseReadings
 from ..estimation.rigid import fit_rigid
 from ..estimation.sign_ambiguity import negated
@@ -275,7 +275,7 @@ class _Diagnosing:
         R, wrench = as_read(self.readings, reading)
         down = -self.down if reading.reversed_gravity else self.down
         scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
-        if explained_by_start(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(
+        if explained_by_guess(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(
             np.sum(scatter**2)
         ):
             return None

@@ -118,7 +118,7 @@ def calibrate(
         from ..estimation.calibrate import calibrate as fit
 
         calibrations = (fit(recordings[0], model, prior=None if prior is None else Calibration.load(prior), **stated),)
-    stated_of_file = {
+    stated_of_file: dict[str, str | bool | None] = {
         "orientation": reading.layout.orientation,
         "wrench_frame": reading.layout.wrench_frame,
         "sign": reading.layout.sign,

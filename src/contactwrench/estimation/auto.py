@@ -22,7 +22,7 @@ import numpy as np
 from ..calibration.observability import is_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
-from .initial_guess import Search, starting_tools
+from .initial_guess import Search, initial_guesses
 from .least_squares import Fit, Solved
 from .noise import GROUPS, EstimatedNoise, PoseReadings, StatedNoise
 from .priors import EXACT_TILT_SD, Knowledge, TiltPriors, known_gravity, nominal_mounting, rows_of
@@ -61,6 +61,15 @@ class Candidate:
     solved: Solved
     log_evidence: float
     separable: bool
+
+    @property
+    def answerable(self) -> bool:
+        """Whether the readings tell all parameters and, where that is to be estimated, their noise: else the fit goes on
+        as it is, to be refused. A noise of nothing would leave the mean over assumptions to rounding.
+        """
+        linear = self.solved.linear
+        told = linear.tells_noise or not isinstance(self.solved.noise, EstimatedNoise)
+        return self.separable and told and linear.s[-1] > 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +136,8 @@ def _candidate(
     tilts = tilt_priors(assumption, gravity_direction, priors)
     problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, (*knowledge, *(tilt for tilt, _ in tilts)))
     search = Search(any_mounting=not assumption.nominal_mounting, any_base=not assumption.nominal_base)
-    starts = starting_tools(readings.R_base_flange, readings.wrench, search, gravity_direction)
-    tool, solved = solved_from(problem, starts, readings, noise)
+    guesses = initial_guesses(readings.R_base_flange, readings.wrench, search, gravity_direction)
+    tool, solved = solved_from(problem, guesses, readings, noise)
     known = rows_of(problem.knowledge, tool, NAMES)
     seen = is_separable(tool, readings.R_base_flange, NAMES, None if known is None else known.jacobian)
     evidence = _log_evidence(assumption, tool, solved, priors)
@@ -205,7 +214,7 @@ def _mean_over_assumptions(
         if (assumption.nominal_mounting or not pair[0]) and (assumption.nominal_base or not pair[1])
     ]
     tool = candidate.tool
-    if candidate.solved.linear.s[-1] == 0.0 or not candidate.separable:
+    if not candidate.answerable:
         return AutoFit(finished_rigid(tool, NAMES, candidate.solved), assumption, odds, None, None)
     for _ in range(CENTRINGS):
         mixture = _mixture(exact, candidate, tool, gravity_direction, priors, knowledge)

@@ -17,7 +17,7 @@ from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, gravity_in_flange
 from .auto import AutoFit, fit_auto, tilt_priors
 from .least_squares import LEAST_LEFT, Fit
-from .noise import GROUPS, PoseReadings, StatedNoise
+from .noise import PoseReadings, StatedNoise
 from .paper import fit_paper
 from .priors import Knowledge, TiltPriors, rows_of
 from .rigid import RigidProblem, finished_rigid, fit_affine, fit_rigid, solved_from
@@ -154,19 +154,13 @@ def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Q
             f"found {len(readings)} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
-    _require_noise(readings, len(names), _least_left_of_a_group(fit), question)
+    left = fit.readings_left if fit.linear is None else fit.linear.least_left
+    _require_noise(readings, len(names), left, question)
     if not fit.singular_values[-1] > 0.0:
         raise UnobservableError(
             "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
             "columns hold what the sensor read"
         )
-
-
-def _least_left_of_a_group(fit: Fit) -> float:
-    """Degrees of freedom that are left to the forces, or to the torques, whichever has fewer: their noises differ."""
-    if fit.linear is None:
-        return fit.readings_left
-    return min(3.0 * len(fit.residuals) - float(np.sum(fit.linear.U[:, group] ** 2)) for group in GROUPS)
 
 
 def _tool(fit: Fit) -> RigidTool:

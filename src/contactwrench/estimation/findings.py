@@ -6,6 +6,7 @@ import numpy as np
 
 from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
+from ..geometry.arrays import Array
 from ..model import AXES, affine_jacobian, gravity_in_flange
 from ..samples.poses import Pose
 from ..samples.recorded_poses import RecordedPoses
@@ -146,10 +147,9 @@ def _with_advice(
 
 def _advice(fit: Fit, names: tuple[str, ...], readings: PoseReadings, weakest: str) -> str:
     """Where the poses are at fault, why, and what one more would give; else a better reading of the data."""
-    if fit.tool is None:
-        s = fit.singular_values
-    else:
-        s = np.linalg.svd(natural_jacobian(fit.tool, readings.R_base_flange, names), compute_uv=False)
+    s: Array = fit.singular_values
+    if fit.tool is not None:
+        s = np.asarray(np.linalg.svd(natural_jacobian(fit.tool, readings.R_base_flange, names), compute_uv=False))
     if s[-1] < WELL_SPREAD * s[0]:
         return advice_on_poses(fit.tool, fit.covariance, fit.noise, names, weakest, readings.R_base_flange)
     return (

@@ -15,6 +15,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..model import RigidTool
 from .noise import (
+    GROUPS,
     EstimatedNoise,
     PoseReadings,
     ScaledNoise,
@@ -96,6 +97,16 @@ class Linearised:
     def readings_left(self) -> float:
         """Degrees of freedom that the readings have left; a parameter that the prior settles costs them none."""
         return self.whitened.size - float(np.sum(self.U**2))
+
+    @property
+    def tells_noise(self) -> bool:
+        """Whether forces and torques, whose noises differ, each have readings left to estimate their noise from."""
+        return self.least_left >= LEAST_LEFT
+
+    @property
+    def least_left(self) -> float:
+        """Degrees of freedom that are left to the forces, or to the torques, whichever has fewer."""
+        return min(3.0 * len(self.residuals) - float(np.sum(self.U[:, group] ** 2)) for group in GROUPS)
 
     def inverse(self) -> Array:
         """A (p, p): `A @ U^T @ whitened` is the least-squares step, of least length where nothing determines it;

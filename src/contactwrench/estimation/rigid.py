@@ -1,6 +1,6 @@
 """The joint force and torque fit of the rigid models `yaw`, `mount` and `mount+base`, and that of `affine`.
 
-Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the start is global, so
+Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the initial guess is global, so
 no mounting needs a guess.
 """
 
@@ -22,7 +22,7 @@ from ..model import (
     wrench_jacobian,
     wrench_matrix,
 )
-from .initial_guess import SEARCH_OF_MODEL, starting_tools
+from .initial_guess import SEARCH_OF_MODEL, initial_guesses
 from .least_squares import Fit, Linearised, Solved, finished, linearise, solve
 from .noise import PoseReadings, StatedNoise, relative_variances, whitening
 from .priors import Knowledge, rows_of
@@ -84,18 +84,18 @@ def fit_rigid(
     see observability.py.
     """
     problem = RigidProblem(readings.R_base_flange, sign * readings.wrench, PARAMETERS[model], knowledge)
-    starts = starting_tools(readings.R_base_flange, problem.wrench, SEARCH_OF_MODEL[model], gravity_direction)
-    tool, solved = solved_from(problem, starts, readings, noise)
+    guesses = initial_guesses(readings.R_base_flange, problem.wrench, SEARCH_OF_MODEL[model], gravity_direction)
+    tool, solved = solved_from(problem, guesses, readings, noise)
     return finished_rigid(tool, problem.names, solved)
 
 
 def solved_from(
-    problem: RigidProblem, starts: list[RigidTool], readings: PoseReadings, noise: StatedNoise | None
+    problem: RigidProblem, guesses: list[RigidTool], readings: PoseReadings, noise: StatedNoise | None
 ) -> tuple[RigidTool, Solved]:
-    """The optimum that the most promising of the starts leads to."""
+    """The optimum that the most promising of the guesses leads to."""
     rough = whitening(relative_variances(noise), None, len(readings))
-    settled = [_settled(problem, start, rough) for start in starts]
-    best, _ = min(settled, key=lambda found: found[1])
+    settled = [_settled(problem, guess, rough) for guess in guesses]
+    best, _ = min(settled, key=lambda guess: guess[1])
     return solve(problem, best, readings, noise)
 
 
@@ -105,7 +105,7 @@ def finished_rigid(tool: RigidTool, names: tuple[str, ...], solved: Solved) -> F
 
 
 def _settled(problem: RigidProblem, tool: RigidTool, whitener: Array) -> tuple[RigidTool, float]:
-    """A start brought close to its optimum, and the misfit there."""
+    """A guess brought close to its optimum, and the misfit there."""
     for _ in range(SETTLE_ITERATIONS):
         linear = problem.linearised(tool, whitener)
         tool = problem.advanced(tool, linear)

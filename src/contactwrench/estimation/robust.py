@@ -60,7 +60,7 @@ def robust_estimate(readings: PoseReadings, time: Array, question: Question) -> 
     if (
         question.model in ROBUST_MODELS
         and len(readings) <= MOST_JUDGED
-        and not _clean_at_a_glance(estimate, readings, time)
+        and not _clean_at_a_glance(estimate, readings, time, question)
     ):
         estimate, drift, kept = _without_outliers(estimate, readings, time, question)
     return RobustEstimate(estimate, kept, readings, _reasons(estimate.fit, readings, drift), drift)
@@ -97,14 +97,17 @@ def _without_outliers(
     return as_it_is, None, readings
 
 
-def _clean_at_a_glance(estimate: Estimate, readings: PoseReadings, time: Array) -> bool:
+def _clean_at_a_glance(estimate: Estimate, readings: PoseReadings, time: Array, question: Question) -> bool:
     """Whether neither a pose nor the order in time stands out of the ordinary fit.
 
-    What rounding leaves of perfect readings has no distribution to stand out of.
+    What rounding leaves of perfect readings has no distribution to stand out of, nor has what a fit leaves that reaches
+    every force, or every torque.
     """
     fit, n = estimate.fit, len(time)
     linear = fit.linear
     if linear is None or linear.s[-1] == 0.0 or fit.readings_left < LEAST_LEFT or linear.chi2_of_readings == 0.0:
+        return True
+    if question.noise is None and not linear.tells_noise:
         return True
     if float(np.abs(fit.residuals).max()) <= ROUNDING * float(np.abs(fit.B).max()):
         return True

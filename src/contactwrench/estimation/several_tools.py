@@ -2,10 +2,10 @@
 
 Each recording is fitted robustly on its own. What it then says of the common rotations, its own tool eliminated, goes
 as a message (shared_rotations.py) to each of the others, where it joins the readings; a prior on the common tilts is
-counted once, as messages carry none. Messages are linearised at the estimate of the recording that knows most, again and again until
-that stays. Its estimate of the common rotations is then everybody's: with the tool given the rotations as that tool's
-readings have it, and the rotations as all readings together have them, each result is the marginal of the joint
-posterior, and the very same matrix stands in each.
+counted once, as messages carry none. Messages are linearised at the estimate of the recording that knows most, again
+and again until that stays. Its estimate of the common rotations is then everybody's: with the tool given the
+rotations as that tool's readings have it, and the rotations as all readings together have them, each result is the
+marginal of the joint posterior, and the very same matrix stands in each.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from ..calibration.fields import Finding, Kind, Severity
 from ..errors import AmbiguityError
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool
-from .initial_guess import SEARCH_OF_MODEL, explained_by_start
+from .initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from .least_squares import Fit
 from .noise import PoseReadings, StatedNoise
 from .rigid import fit_rigid
@@ -42,8 +42,8 @@ def check_sign(
     finding where both fit alike, else nothing. Raises `AmbiguityError` naming both interpretations.
     """
     R, wrench = readings.R_base_flange, readings.wrench
-    as_given = explained_by_start(R, wrench, SEARCH_OF_MODEL[model], gravity_direction)
-    if explained_by_start(R, -wrench, SEARCH_OF_MODEL[model], gravity_direction) < NEAR_TIE * as_given:
+    as_given = explained_by_guess(R, wrench, SEARCH_OF_MODEL[model], gravity_direction)
+    if explained_by_guess(R, -wrench, SEARCH_OF_MODEL[model], gravity_direction) < NEAR_TIE * as_given:
         return ()
     rival = fit_rigid(readings, model, gravity_direction, noise, sign=-1.0)
     dof = max(6 * len(readings) - len(PARAMETERS[model]), 1)

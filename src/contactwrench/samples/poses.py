@@ -74,14 +74,14 @@ def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
 
 def _average(wrench: Array, R: Array, t: Array | None) -> Pose:
     n = len(wrench)
-    times = (None, None) if t is None else (float(t.min()), float(t.max()))
+    t_start, t_end = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:
-        return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, *times, None)
+        return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, t_start, t_end, None)
     from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
     mean = wrench[0] + from_first.mean(axis=0)
     centred = from_first - from_first.mean(axis=0)
     U, _, Vt = np.linalg.svd(R.mean(axis=0))
-    return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, *times, None)
+    return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, t_start, t_end, None)
 
 
 def label_orientations(R: Array) -> NDArray[np.intp]:
