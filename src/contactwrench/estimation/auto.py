@@ -64,8 +64,8 @@ class Candidate:
 
     @property
     def answerable(self) -> bool:
-        """Whether the readings tell all parameters and, where that is to be estimated, their noise: else the fit goes on
-        as it is, to be refused. A noise of nothing would leave the mean over assumptions to rounding.
+        """Whether the readings tell all parameters and, where that is to be estimated, their noise: else the fit goes
+        on as it is, to be refused. A noise of nothing would leave the mean over assumptions to rounding.
         """
         linear = self.solved.linear
         told = linear.tells_noise or not isinstance(self.solved.noise, EstimatedNoise)

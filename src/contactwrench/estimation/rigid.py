@@ -1,7 +1,7 @@
 """The joint force and torque fit of the rigid models `yaw`, `mount` and `mount+base`, and that of `affine`.
 
-Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the initial guess is global, so
-no mounting needs a guess.
+Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the initial guess is global,
+so no mounting has to be stated.
 """
 
 from __future__ import annotations
