@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from ..calibration.observability import LEVER
 from ..errors import InputError, UnobservableError
+from ..estimation.estimate import negated
 from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from ..estimation.noise import PoseReadings
 from ..estimation.rigid import fit_rigid
-from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
 from .interpretations import Reading, Readings, TorqueUnit, as_read

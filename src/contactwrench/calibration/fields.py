@@ -93,6 +93,11 @@ class Finding:
     severity: Severity
     text: str
 
+    @classmethod
+    def weak(cls, kind: Kind, text: str) -> Finding:
+        """A finding that says "weak" itself, for those who read warnings only."""
+        return cls(kind, Severity.WEAK, f"weak: {text}")
+
 
 @dataclass(frozen=True, eq=False)
 class Alternative(Frozen):

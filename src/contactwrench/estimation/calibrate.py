@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Alternative, Finding, Kind, Severity
+from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import InputError, UnobservableError
-from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
@@ -25,23 +24,24 @@ from ..samples.poses import Pose, moments_of_poses
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..version import __version__
-from .assumptions import assumptions_in_words
-from .estimate import HELD_GRAVITY, Question, fitted, model_fitted, require_answerable
-from .findings import doubts, poses_left_out, segments_left_out
-from .least_squares import LEAST_LEFT
-from .noise import PoseReadings, StatedNoise, pooled_scatter
+from .estimate import HELD_GRAVITY, Question, alternatives_to, model_fitted
+from .findings import assumptions_in_words, doubts
+from .noise import NoiseLike, in_time, readings_of, stated_noise, times_of
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors, earlier_tool, stated_knowledge
-from .robust import MOST_JUDGED, RobustEstimate, confirmed, robust_estimate
+from .robust import (
+    MOST_JUDGED,
+    RobustEstimate,
+    confirmed,
+    poses_left_out,
+    robust_estimate,
+    segments_left_out,
+)
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
-OTHER_MODELS = ("yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
-
-
-NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
 
 def calibrate(
@@ -129,11 +129,10 @@ def question_asked(
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
         if sd is None or not 0.0 < sd < np.inf:
             raise InputError(f"{name} is {sd!r}, expected rad above 0")
-    noise_std = _noise_std(noise)
     question = Question(
         model=model,
         gravity_direction=stated,
-        noise=None if noise_std is None else StatedNoise(noise_std),
+        noise=stated_noise(noise),
         priors=priors,
     )
     return _with_known(question, known, gravity is not None) if known else question
@@ -193,68 +192,17 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     recorded = recorded_poses(free, MOST_VISITS, stream)
     findings += segments_left_out(recorded, _first_time(free))
     if recorded.visits is not None:
-        visits = _in_time(recorded.visits)
-        robust = robust_estimate(_readings(visits), _times(visits), question)
+        visits = in_time(recorded.visits)
+        robust = robust_estimate(readings_of(visits), times_of(visits), question)
         if robust.bias_drift is not None and robust.bias_drift.kind is not None:
             return Recorded(free, visits, robust, findings, g, recorded.rejected, recorded.stretches)
-    poses = _in_time(recorded.poses)
-    robust = robust_estimate(_readings(poses), _times(poses), question)
+    poses = in_time(recorded.poses)
+    robust = robust_estimate(readings_of(poses), times_of(poses), question)
     return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.stretches)
 
 
 def _first_time(samples: Samples) -> float:
     return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
-
-
-def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
-    return tuple(sorted(poses, key=_middle))
-
-
-def _middle(pose: Pose) -> float:
-    return 0.0 if pose.t_start is None or pose.t_end is None else 0.5 * (pose.t_start + pose.t_end)
-
-
-def _readings(poses: tuple[Pose, ...]) -> PoseReadings:
-    return PoseReadings(
-        np.array([pose.R_base_flange for pose in poses]),
-        np.array([pose.wrench for pose in poses]),
-        pooled_scatter(poses),
-    )
-
-
-def _times(poses: tuple[Pose, ...]) -> Array:
-    """The middle of each pose (n,), s; the count of poses where no time is known or it stands still."""
-    times = np.array([_middle(pose) for pose in poses])
-    if poses[0].t_start is not None and times[-1] > times[0]:
-        return times
-    return np.arange(len(poses), dtype=np.float64)
-
-
-def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
-    """What the other models make of the same poses; those that the poses cannot tell are left out."""
-    alternatives = []
-    for model in OTHER_MODELS:
-        as_asked = replace(question, model=model)
-        try:
-            fit = fitted(readings, as_asked).fit
-            if fit.tool is not None:
-                require_answerable(fit, readings, model, as_asked)
-        except UnobservableError:
-            continue
-        freedom = max(fit.readings_left, LEAST_LEFT) / 6.0
-        force, torque = (np.sqrt(np.sum(part**2) / freedom) for part in np.hsplit(fit.residuals, 2))
-        alternatives.append(
-            Alternative(
-                model=model,
-                weight=None if fit.tool is None else fit.tool.weight,
-                weight_std=None if fit.tool is None else float(np.sqrt(fit.covariance[0, 0])),
-                force_left=float(force),
-                torque_left=float(torque),
-                B=fit.B,
-                gravity_direction=fit.gravity_direction,
-            )
-        )
-    return tuple(alternatives)
 
 
 def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
@@ -265,24 +213,6 @@ def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     free = samples.load_mass == 0.0
     text = f"{int(np.sum(~free))} rows with a load hung on the tool were left out"
     return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
-
-
-def _noise_std(noise: NoiseLike) -> Array | None:
-    """Standard deviations (6,) of one pose's reading from what the user gave, or None."""
-    if noise is None:
-        return None
-    try:
-        values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
-        values = values.std(axis=0, ddof=1)
-    if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):
-        raise InputError(
-            "noise must be six standard deviations above 0 (fx..tz, N and N m), or a recording at rest (n, 6) in which "
-            f"every axis moves; found {np.array2string(values, threshold=8)}"
-        )
-    return values
 
 
 def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
@@ -315,7 +245,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
     left_out = poses_left_out(robust, poses, _first_time(recorded.samples))
     doubtful = doubts(robust, question, observability.trade_offs)
     compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_JUDGED
-    alternatives = _alternatives(readings, question) if compared else ()
+    alternatives = alternatives_to(readings, question) if compared else ()
     return Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),

@@ -1,4 +1,4 @@
-"""What calibrating found beside the numbers: what was left out, what is weak and why, and what would mend it."""
+"""What a result cannot be trusted with, why, and what would mend it; and what `auto` took for granted."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import numpy as np
 from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
-from ..model import AXES, affine_jacobian, gravity_in_flange
-from ..samples.poses import Pose
-from ..samples.recorded_poses import RecordedPoses
-from .bias_drift import in_words
+from ..model import AXES, RigidTool, affine_jacobian, gravity_in_flange
+from .auto import AutoFit
 from .estimate import Question
 from .least_squares import LEAST_LEFT, Fit
 from .noise import PoseReadings
@@ -36,53 +34,6 @@ SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
-
-MOST_NAMED = 6
-MOST_SEGMENTS_NAMED = 3
-MOST_MOVED = 1.0 / 3.0
-"""Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
-
-
-def weak(kind: Kind, text: str) -> Finding:
-    """A finding that says "weak" itself, for those who read warnings only."""
-    return Finding(kind, Severity.WEAK, f"weak: {text}")
-
-
-def segments_left_out(recorded: RecordedPoses, since: float) -> tuple[Finding, ...]:
-    """That still segments of a stream are no pose; the longest with their reasons, times counted from `since` (s)."""
-    rejected = recorded.rejected
-    if not rejected:
-        return ()
-    longest = sorted(sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED], key=_start)
-    named = "; ".join(f"t = {_start(pose) - since:.6g} s, {pose.rejected}" for pose in longest)
-    more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
-    stood = len(rejected) + recorded.stretches
-    text = f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}"
-    if recorded.moved <= MOST_MOVED * stood:
-        return (Finding(Kind.STILL_SEGMENTS_LEFT_OUT, Severity.REFUSED, text),)
-    doubt = "do wrench and pose belong together in time, and was the tool let alone?"
-    return (weak(Kind.STILL_SEGMENTS_LEFT_OUT, f"{text}; {doubt}"),)
-
-
-def _start(pose: Pose) -> float:
-    return 0.0 if pose.t_start is None else pose.t_start
-
-
-def poses_left_out(robust: RobustEstimate, poses: tuple[Pose, ...], since: float) -> tuple[Finding, ...]:
-    """That poses were left out, up to `MOST_NAMED` by name, and that the bias moved; times count from `since` (s)."""
-    names = [_name(k, pose, since) for k, pose in enumerate(poses)]
-    texts = [f"{names[k]} was left out: {reason}" for k, reason in enumerate(robust.reasons) if reason is not None]
-    if len(texts) > MOST_NAMED:
-        texts[MOST_NAMED:] = [f"{len(texts) - MOST_NAMED} more poses were left out for the same reason"]
-    findings = tuple(Finding(Kind.POSE_LEFT_OUT, Severity.REFUSED, text) for text in texts)
-    if robust.bias_drift is None or robust.bias_drift.kind is None:
-        return findings
-    text = in_words(robust.bias_drift, names, poses[0].t_start, poses[-1].t_end)
-    return (*findings, Finding(robust.bias_drift.kind, Severity.WARNING, text))
-
-
-def _name(k: int, pose: Pose, since: float) -> str:
-    return f"pose {k + 1}" + ("" if pose.t_start is None else f" (t = {pose.t_start - since:.6g} s)")
 
 
 def doubts(robust: RobustEstimate, question: Question, trade_offs: tuple[str, ...]) -> tuple[Finding, ...]:
@@ -140,7 +91,7 @@ def _with_advice(
     findings = []
     for name, text in uncertain:
         rivals = [pair for pair in trade_offs if name in pair.split(": ")[0].split(" and ")]
-        findings.append(weak(Kind.UNCERTAIN_PARAMETER, f"{text}{f' ({rivals[0]})' if rivals else ''}"))
+        findings.append(Finding.weak(Kind.UNCERTAIN_PARAMETER, f"{text}{f' ({rivals[0]})' if rivals else ''}"))
     advice = _advice(fit, names, readings, uncertain[0][0])
     return [*findings, Finding(Kind.ADVICE, Severity.NOTE, advice)]
 
@@ -167,7 +118,7 @@ def beyond_stated_noise(fit: Fit) -> list[Finding]:
         f"the residuals are {ratio:.0f} times the given noise: check the noise, the model and each pose, every std was "
         "enlarged by that factor"
     )
-    return [weak(Kind.BEYOND_STATED_NOISE, text)]
+    return [Finding.weak(Kind.BEYOND_STATED_NOISE, text)]
 
 
 def uncertain_noise(fit: Fit) -> list[Finding]:
@@ -181,7 +132,7 @@ def uncertain_noise(fit: Fit) -> list[Finding]:
             f"every std rests on {fewest:.2g} degrees of freedom, under {FEWEST_DOF:g}, and may be far off: record "
             "more poses"
         )
-        found.append(weak(Kind.FEW_DEGREES_OF_FREEDOM, text))
+        found.append(Finding.weak(Kind.FEW_DEGREES_OF_FREEDOM, text))
     for group in (slice(0, 3), slice(3, 6)):
         noise, axes = fit.noise[group], AXES[group]
         low, high = int(np.argmin(noise)), int(np.argmax(noise))
@@ -190,7 +141,7 @@ def uncertain_noise(fit: Fit) -> list[Finding]:
                 f"{axes[high]} is left {noise[high] / noise[low]:.0f} times noisier than {axes[low]}: either that axis "
                 "is, or this model does not hold and every std is too small: compare the other models"
             )
-            found.append(weak(Kind.UNEQUAL_NOISE, text))
+            found.append(Finding.weak(Kind.UNEQUAL_NOISE, text))
     return found
 
 
@@ -203,7 +154,7 @@ def poor_fit(fit: Fit) -> list[Finding]:
         f"{left:.2g} N are left in the poses, {100.0 * left / weight:.0f} % of the weight: the file may be read "
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
     )
-    return [weak(Kind.POOR_FIT, text)]
+    return [Finding.weak(Kind.POOR_FIT, text)]
 
 
 def correlated_poses(fit: Fit) -> list[Finding]:
@@ -224,7 +175,7 @@ def correlated_poses(fit: Fit) -> list[Finding]:
         f"moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and every std is too small: stop at each "
         "orientation, and give the times in a column t"
     )
-    return [weak(Kind.CORRELATED_POSES, text)]
+    return [Finding.weak(Kind.CORRELATED_POSES, text)]
 
 
 def far_centre_of_mass(fit: Fit) -> list[Finding]:
@@ -236,7 +187,7 @@ def far_centre_of_mass(fit: Fit) -> list[Finding]:
         f"the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then rename their "
         "columns tx_nmm ty_nmm tz_nmm; contactwrench diagnose tries this and other ways to read the file"
     )
-    return [weak(Kind.FAR_CENTRE_OF_MASS, text)]
+    return [Finding.weak(Kind.FAR_CENTRE_OF_MASS, text)]
 
 
 def cross_talk(fit: Fit, readings: PoseReadings) -> list[Finding]:
@@ -281,4 +232,54 @@ def contradicts_prior(fit: Fit) -> list[Finding]:
         "the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches something; "
         "calibrate anew, without --prior"
     )
-    return [weak(Kind.CONTRADICTS_PRIOR, text)]
+    return [Finding.weak(Kind.CONTRADICTS_PRIOR, text)]
+
+
+def assumptions_in_words(auto: AutoFit, question: Question) -> tuple[str, ...]:
+    """One sentence on the mounting, one on the base."""
+    tool = auto.fit.tool
+    if tool is None:
+        raise TypeError("auto fits a rigid tool")
+    side = "along" if tool.R_flange_sensor[2, 2] >= 0.0 else "against"
+    tilt, lean = _tilt_of_mounting(tool), _angle(float(tool.gravity_direction @ question.gravity_direction))
+    priors = question.priors
+    if priors.mount is None:
+        of_mounting = f"mounting: as known; sensor's z is found {tilt:.2f} deg off the flange's"
+    elif auto.mounting_exact is None:
+        of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(auto, priors.mount)}"
+    else:
+        of_mounting = (
+            f"mounting: sensor's z {side} the flange's, {_an_axis(priors.mount)}; found {tilt:.2f} deg off, exactly "
+            f"parallel has a probability of {_percent(auto.mounting_exact)}"
+        )
+    if priors.base is None:
+        of_base = f"base: as known; gravity is found {lean:.2f} deg off that direction"
+    elif auto.base_exact is None:
+        of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(auto, priors.base)}"
+    else:
+        of_base = (
+            f"base: gravity in the stated direction, {_an_axis(priors.base)}; found {lean:.2f} deg off, exactly "
+            f"level has a probability of {_percent(auto.base_exact)}"
+        )
+    return of_mounting, of_base
+
+
+def _an_axis(sd: float) -> str:
+    return f"+- {np.rad2deg(sd):.3g} deg an axis"
+
+
+def _overruled(auto: AutoFit, sd: float) -> str:
+    odds = auto.log_odds / np.log(10.0)
+    return f"which the readings favour 10^{odds:.0f} : 1 over a tilt of {np.rad2deg(sd):.3g} deg an axis"
+
+
+def _tilt_of_mounting(tool: RigidTool) -> float:
+    return min(_angle(float(tool.R_flange_sensor[2, 2])), _angle(-float(tool.R_flange_sensor[2, 2])))
+
+
+def _angle(cosine: float) -> float:
+    return float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _percent(probability: float) -> str:
+    return f"{100.0 * probability:.0f} %"

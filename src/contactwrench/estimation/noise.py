@@ -16,11 +16,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..calibration.observability import LEVER
+from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.poses import Pose
+from ..samples.samples import Samples
 
 GROUPS = (slice(0, 3), slice(3, 6))
 LEAST_OWN_DOF = 2.0
@@ -32,6 +34,7 @@ with 2 dof): up to there the axes share one variance, beyond it they quickly get
 MOST_DOF = 1e6
 """What a parameter that the prior alone settles is said to have."""
 
+NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 Whitening: TypeAlias = Array
 """(n, 6, 6): inverse Cholesky factors W of the poses' noise covariances, so that `W @ error` has unit variance."""
 
@@ -60,6 +63,32 @@ def mean_scatter(scatter: Scatter | None) -> Array:
         return np.zeros(6)
     mean: Array = np.einsum("nii->i", scatter.covariance) / len(scatter.covariance)
     return mean
+
+
+def in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+    """The poses in the order of time."""
+    return tuple(sorted(poses, key=_middle))
+
+
+def _middle(pose: Pose) -> float:
+    return 0.0 if pose.t_start is None or pose.t_end is None else 0.5 * (pose.t_start + pose.t_end)
+
+
+def readings_of(poses: tuple[Pose, ...]) -> PoseReadings:
+    """The poses as arrays."""
+    return PoseReadings(
+        np.array([pose.R_base_flange for pose in poses]),
+        np.array([pose.wrench for pose in poses]),
+        pooled_scatter(poses),
+    )
+
+
+def times_of(poses: tuple[Pose, ...]) -> Array:
+    """The middle of each pose (n,), s; the count of poses where no time is known or it stands still."""
+    times = np.array([_middle(pose) for pose in poses])
+    if poses[0].t_start is not None and times[-1] > times[0]:
+        return times
+    return np.arange(len(poses), dtype=np.float64)
 
 
 def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Array:
@@ -127,6 +156,24 @@ class ScaledNoise:
     variance: Array
     reduced_chi2: float
     dof: float
+
+
+def stated_noise(noise: NoiseLike) -> StatedNoise | None:
+    """The noise of one pose's reading from what the user states of it, or None. Raises `InputError`."""
+    if noise is None:
+        return None
+    try:
+        values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
+        values = values.std(axis=0, ddof=1)
+    if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise InputError(
+            "noise must be six standard deviations above 0 (fx..tz, N and N m), or a recording at rest (n, 6) in which "
+            f"every axis moves; found {np.array2string(values, threshold=8)}"
+        )
+    return StatedNoise(values)
 
 
 def relative_variances(noise: StatedNoise | None) -> Array:

@@ -1,7 +1,7 @@
 """The joint force and torque fit of the rigid models `yaw`, `mount` and `mount+base`, and that of `affine`.
 
-Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the initial guess is global,
-so no mounting has to be stated.
+Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the initial guess is
+global, so no mounting has to be stated.
 """
 
 from __future__ import annotations
@@ -23,8 +23,17 @@ from ..model import (
     wrench_matrix,
 )
 from .initial_guess import SEARCH_OF_MODEL, initial_guesses
-from .least_squares import Fit, Linearised, Solved, finished, linearise, solve
-from .noise import PoseReadings, StatedNoise, relative_variances, whitening
+from .least_squares import LEAST_LEFT, Fit, Linearised, Solved, linearise, solve
+from .noise import (
+    EstimatedNoise,
+    PoseReadings,
+    Scatter,
+    StatedNoise,
+    effective_dof,
+    mean_scatter,
+    relative_variances,
+    whitening,
+)
 from .priors import Knowledge, rows_of
 
 SETTLE_ITERATIONS = 12
@@ -102,6 +111,61 @@ def solved_from(
 def finished_rigid(tool: RigidTool, names: tuple[str, ...], solved: Solved) -> Fit:
     """The `Fit` of a rigid tool at its optimum."""
     return finished(tool, tool.gravity_direction, wrench_matrix(tool), matrix_jacobian(tool, names), solved)
+
+
+def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_jacobian: Array, solved: Solved) -> Fit:
+    """The `Fit` at an optimum; `matrix_jacobian` (24, p) is the derivative of B, row-major."""
+    linear = solved.linear
+    A = linear.inverse()
+    covariance = A @ A.T
+    if isinstance(solved.noise, EstimatedNoise):
+        estimated, left = solved.noise, linear.readings_left
+        reduced_chi2 = _chi2_of_scatter(linear, estimated.scatter) / left if left >= LEAST_LEFT else 1.0
+        noise = np.sqrt(estimated.counted + mean_scatter(estimated.scatter))
+        gain = np.einsum("cp,nkp,nka->nca", A, linear.U, linear.whitener)
+        covariance = covariance + np.einsum("nca,nda,a->cd", gain, gain, estimated.counted - estimated.weighting)
+        from_prior = np.sum((A @ linear.U_prior.T) ** 2, axis=1)
+        dof = effective_dof(gain, np.diag(covariance), from_prior, estimated)
+    else:
+        reduced_chi2, noise = solved.noise.reduced_chi2, np.sqrt(solved.noise.variance)
+        dof = np.full(len(A), solved.noise.dof)
+    return Fit(
+        tool=tool,
+        gravity_direction=gravity_direction,
+        B=B,
+        B_covariance=matrix_jacobian @ covariance @ matrix_jacobian.T,
+        covariance=covariance,
+        noise=noise,
+        residuals=linear.residuals,
+        held_out=_held_out(linear),
+        reduced_chi2=reduced_chi2,
+        dof=dof,
+        readings_left=linear.readings_left,
+        singular_values=linear.s,
+        linear=linear,
+    )
+
+
+def _chi2_of_scatter(linear: Linearised, scatter: Scatter | None) -> float:
+    """Sum of squares of the residuals over what the samples' scatter alone explains (without any: over the noise)."""
+    if scatter is None:
+        return linear.chi2_of_readings
+    variance = np.einsum("nii->ni", scatter.covariance)
+    known = variance > 0.0
+    return float(np.sum(linear.residuals[known] ** 2 / variance[known]))
+
+
+def _held_out(linear: Linearised) -> Array | None:
+    """Residual (n, 6) of each pose against the fit to the other poses; None where the others are too few.
+
+    From the block of the hat matrix, `(I - H_ii)^-1 e_i`: exact for a linear model, first order on the manifold.
+    """
+    remaining = np.eye(6) - linear.U @ linear.U.transpose(0, 2, 1)
+    if float(np.linalg.eigvalsh(remaining)[:, 0].min()) < 1e-9:
+        return None
+    whitened = np.linalg.solve(remaining, linear.whitened[..., None])
+    held_out: Array = np.linalg.solve(linear.whitener, whitened)[..., 0]
+    return held_out
 
 
 def _settled(problem: RigidProblem, tool: RigidTool, whitener: Array) -> tuple[RigidTool, float]:

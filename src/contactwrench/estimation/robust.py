@@ -10,10 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..calibration.fields import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import affine_jacobian, free_wrench, gravity_in_flange, matrix_jacobian, wrench_jacobian
+from ..samples.poses import Pose
+from ..samples.recorded_poses import RecordedPoses
 from ..statistics import two_digits
-from .bias_drift import FALSE_ALARM, FEWEST_POSES, BiasDrift, chance_of_steady, likeliest_drift
+from .bias_drift import FALSE_ALARM, FEWEST_POSES, BiasDrift, chance_of_steady, in_words, likeliest_drift
 from .estimate import Estimate, Question, checked, fitted
 from .least_squares import LEAST_LEFT, Fit
 from .noise import GROUPS, PoseReadings
@@ -33,6 +36,11 @@ MENDED = 0.3
 
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out. Looking at each would take minutes."""
+
+MOST_NAMED = 6
+MOST_SEGMENTS_NAMED = 3
+MOST_MOVED = 1.0 / 3.0
+"""Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
 
 ROBUST_MODELS = ("auto", "yaw", "mount", "mount+base")
 
@@ -195,3 +203,40 @@ def _reason(error: Array, noise: Array) -> str:
         f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m off what the other poses explain, "
         f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
     )
+
+
+def segments_left_out(recorded: RecordedPoses, since: float) -> tuple[Finding, ...]:
+    """That still segments of a stream are no pose; the longest with their reasons, times counted from `since` (s)."""
+    rejected = recorded.rejected
+    if not rejected:
+        return ()
+    longest = sorted(sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED], key=_start)
+    named = "; ".join(f"t = {_start(pose) - since:.6g} s, {pose.rejected}" for pose in longest)
+    more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
+    stood = len(rejected) + recorded.stretches
+    text = f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}"
+    if recorded.moved <= MOST_MOVED * stood:
+        return (Finding(Kind.STILL_SEGMENTS_LEFT_OUT, Severity.REFUSED, text),)
+    doubt = "do wrench and pose belong together in time, and was the tool let alone?"
+    return (Finding.weak(Kind.STILL_SEGMENTS_LEFT_OUT, f"{text}; {doubt}"),)
+
+
+def _start(pose: Pose) -> float:
+    return 0.0 if pose.t_start is None else pose.t_start
+
+
+def poses_left_out(robust: RobustEstimate, poses: tuple[Pose, ...], since: float) -> tuple[Finding, ...]:
+    """That poses were left out, up to `MOST_NAMED` by name, and that the bias moved; times count from `since` (s)."""
+    names = [_name(k, pose, since) for k, pose in enumerate(poses)]
+    texts = [f"{names[k]} was left out: {reason}" for k, reason in enumerate(robust.reasons) if reason is not None]
+    if len(texts) > MOST_NAMED:
+        texts[MOST_NAMED:] = [f"{len(texts) - MOST_NAMED} more poses were left out for the same reason"]
+    findings = tuple(Finding(Kind.POSE_LEFT_OUT, Severity.REFUSED, text) for text in texts)
+    if robust.bias_drift is None or robust.bias_drift.kind is None:
+        return findings
+    text = in_words(robust.bias_drift, names, poses[0].t_start, poses[-1].t_end)
+    return (*findings, Finding(robust.bias_drift.kind, Severity.WARNING, text))
+
+
+def _name(k: int, pose: Pose, since: float) -> str:
+    return f"pose {k + 1}" + ("" if pose.t_start is None else f" (t = {pose.t_start - since:.6g} s)")

@@ -39,12 +39,11 @@ from ..model import (
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, percent
 from .auto import AutoFit, tilt_priors
-from .calibrate import NoiseLike, Recorded, assembled, from_recording, question_asked
+from .calibrate import Recorded, assembled, from_recording, question_asked
 from .estimate import Estimate, Question, fitted
-from .findings import weak
 from .initial_guess import linear_fit
 from .least_squares import Fit
-from .noise import PoseReadings
+from .noise import NoiseLike, PoseReadings
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, TiltPriors, stated_knowledge
 from .robust import confirmed
 from .shared_rotations import Message, disagreement, message_of
@@ -297,7 +296,7 @@ def _contradictions(agreement: _Agreement, sources: list[str], sharing: _Sharing
         f"{percent(chance)}): the sensor or the base moved in between, or the tool touched something: calibrate it "
         "apart"
     )
-    return (weak(Kind.CONTRADICTS_OTHERS, text),)
+    return (Finding.weak(Kind.CONTRADICTS_OTHERS, text),)
 
 
 def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
