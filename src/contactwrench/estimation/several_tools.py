@@ -20,13 +20,11 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.fields import Finding, Kind
-from ..errors import AmbiguityError, InputError, UnobservableError
+from ..errors import AmbiguityError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import (
-    GRAVITY,
-    MOUNT,
     RigidTool,
     free_wrench,
     gravity_in_flange,
@@ -46,12 +44,8 @@ from .least_squares import Fit
 from .noise import NoiseLike, PoseReadings
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, TiltPriors, stated_knowledge
 from .robust import confirmed
-from .shared_rotations import Message, disagreement, message_of
+from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
 
-SHAREABLE = {"mount": MOUNT, "gravity": GRAVITY}
-"""What recordings may have in common, with its parameters."""
-
-SHARING_MODELS = ("auto", "mount", "mount+base")
 ROUNDS = 10
 SETTLED = 1e-3
 """Standard deviations: messages are not linearised anew for less."""
@@ -118,28 +112,6 @@ def calibrate_shared(
         others = ", ".join(other.samples.source for other in checked if other is not recording)
         results.append(assembled(agreed, question, {"shared": ", ".join(sharing.names), "shared_with": others}))
     return tuple(results)
-
-
-def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
-    """Raise `InputError` for what recordings cannot have in common."""
-    for name in shared:
-        if name not in SHAREABLE:
-            raise InputError(f"found {name!r} to share, expected {' or '.join(SHAREABLE)}, or both")
-    if not shared:
-        raise InputError(f"found nothing to share, expected {' or '.join(SHAREABLE)}, or both")
-    if recordings < 2:
-        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
-    if model not in SHARING_MODELS:
-        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
-    if model == "mount" and "gravity" in shared:
-        raise InputError(
-            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
-        )
-    of_tool = [name for name in known if name not in SHAREABLE]
-    if of_tool:
-        raise InputError(
-            f"known {of_tool[0]} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
-        )
 
 
 @dataclass(frozen=True, eq=False)
