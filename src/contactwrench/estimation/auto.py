@@ -24,8 +24,8 @@ from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
 from .initial_guess import Search, initial_guesses
 from .least_squares import Fit, Solved
-from .noise import GROUPS, EstimatedNoise, PoseReadings, StatedNoise
-from .priors import EXACT_TILT_SD, Knowledge, TiltPriors, known_gravity, nominal_mounting, rows_of
+from .noise import GROUPS, EstimatedNoise, PoseReadings
+from .priors import EXACT_TILT_SD, Knowledge, Question, TiltPriors, known_gravity, nominal_mounting, rows_of
 from .rigid import RigidProblem, finished_rigid, solved_from
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
@@ -85,72 +85,52 @@ class AutoFit:
     base_exact: float | None
 
 
-def fit_auto(
-    readings: PoseReadings,
-    gravity_direction: Array,
-    noise: StatedNoise | None,
-    priors: TiltPriors,
-    knowledge: tuple[Knowledge, ...] = (),
-) -> AutoFit:
+def fit_auto(readings: PoseReadings, question: Question) -> AutoFit:
     """The posterior mean of tool, mounting and base; see the head of this file.
 
-    `gravity_direction` (3,) in base axes is nominal; `knowledge` joins the readings under every assumption.
+    The stated gravity is nominal; what is known joins the readings under every assumption.
     """
-
-    def under(assumption: Assumption) -> Candidate:
-        return _candidate(assumption, readings, gravity_direction, noise, priors, knowledge)
-
-    kept = Assumption(nominal_mounting=priors.mount is not None, nominal_base=priors.base is not None)
-    nominal = under(kept)
-    freer = [Assumption(nominal_mounting=False, nominal_base=False)]
-    freer += [
-        Assumption(nominal_mounting=False, nominal_base=True),
-        Assumption(nominal_mounting=True, nominal_base=False),
-    ]
+    kept = Assumption(question.priors.mount is not None, question.priors.base is not None)
+    nominal = _candidate(kept, readings, question)
+    freer = [Assumption(*free) for free in ((False, False), (False, True), (True, False))]
     freer = [
         a
         for a in freer
         if a != kept and a.nominal_mounting <= kept.nominal_mounting and a.nominal_base <= kept.nominal_base
     ]
-    rivals = [under(assumption) for assumption in freer[:1]]
+    rivals = [_candidate(assumption, readings, question) for assumption in freer[:1]]
     beaten = any(rival.separable and rival.log_evidence > nominal.log_evidence for rival in rivals)
-    if beaten or _largest_tilt(nominal, gravity_direction, priors) > SUSPICIOUS:
-        rivals += [under(assumption) for assumption in freer[1:]]
+    if beaten or _largest_tilt(nominal, question) > SUSPICIOUS:
+        rivals += [_candidate(assumption, readings, question) for assumption in freer[1:]]
     rivals = [rival for rival in rivals if rival.separable]
     best = max(rivals, key=lambda rival: rival.log_evidence, default=nominal)
     log_odds = best.log_evidence - nominal.log_evidence
     if log_odds <= np.log(LEAVES_PRIOR):
         best, log_odds = nominal, 0.0
-    return _mean_over_assumptions(best, gravity_direction, priors, knowledge, log_odds)
+    return _mean_over_assumptions(best, question, log_odds)
 
 
-def _candidate(
-    assumption: Assumption,
-    readings: PoseReadings,
-    gravity_direction: Array,
-    noise: StatedNoise | None,
-    priors: TiltPriors,
-    knowledge: tuple[Knowledge, ...],
-) -> Candidate:
+def _candidate(assumption: Assumption, readings: PoseReadings, question: Question) -> Candidate:
     """The optimum under an assumption."""
-    tilts = tilt_priors(assumption, gravity_direction, priors)
-    problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, (*knowledge, *(tilt for tilt, _ in tilts)))
+    knowledge = (*question.knowledge, *(tilt for tilt, _ in tilt_priors(assumption, question)))
+    problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, knowledge)
     search = Search(any_mounting=not assumption.nominal_mounting, any_base=not assumption.nominal_base)
-    guesses = initial_guesses(readings.R_base_flange, readings.wrench, search, gravity_direction)
-    tool, solved = solved_from(problem, guesses, readings, noise)
+    guesses = initial_guesses(readings.R_base_flange, readings.wrench, search, question.gravity_direction)
+    tool, solved = solved_from(problem, guesses, readings, question.noise)
     known = rows_of(problem.knowledge, tool, NAMES)
     seen = is_separable(tool, readings.R_base_flange, NAMES, None if known is None else known.jacobian)
-    evidence = _log_evidence(assumption, tool, solved, priors)
+    evidence = _log_evidence(assumption, tool, solved, question.priors)
     return Candidate(assumption, problem, tool, solved, evidence, seen)
 
 
-def tilt_priors(assumption: Assumption, gravity_direction: Array, priors: TiltPriors) -> list[tuple[Knowledge, float]]:
+def tilt_priors(assumption: Assumption, question: Question) -> list[tuple[Knowledge, float]]:
     """The priors that an assumption keeps, each with its standard deviation."""
+    priors = question.priors
     tilts: list[tuple[Knowledge, float]] = []
     if assumption.nominal_mounting and priors.mount is not None:
         tilts.append((nominal_mounting(priors.mount), priors.mount))
     if assumption.nominal_base and priors.base is not None:
-        tilts.append((known_gravity(gravity_direction, priors.base), priors.base))
+        tilts.append((known_gravity(question.gravity_direction, priors.base), priors.base))
     return tilts
 
 
@@ -188,9 +168,9 @@ def _log_determinant(information: Array) -> float:
     return float(np.linalg.slogdet(information / np.outer(unit, unit))[1] + 2.0 * np.sum(np.log(unit)))
 
 
-def _largest_tilt(candidate: Candidate, gravity_direction: Array, priors: TiltPriors) -> float:
+def _largest_tilt(candidate: Candidate, question: Question) -> float:
     """In standard deviations of its prior."""
-    tilts = tilt_priors(candidate.assumption, gravity_direction, priors)
+    tilts = tilt_priors(candidate.assumption, question)
     off = [float(np.linalg.norm(tilt(candidate.tool, NAMES).residuals)) for tilt, _ in tilts]
     return max(off, default=0.0)
 
@@ -203,9 +183,7 @@ class _Mixture:
     probability: Array
 
 
-def _mean_over_assumptions(
-    candidate: Candidate, gravity_direction: Array, priors: TiltPriors, knowledge: tuple[Knowledge, ...], odds: float
-) -> AutoFit:
+def _mean_over_assumptions(candidate: Candidate, question: Question, odds: float) -> AutoFit:
     """The mean over tilts that are exactly nominal or not, where their prior holds, and its covariance."""
     assumption = candidate.assumption
     exact = [
@@ -217,7 +195,7 @@ def _mean_over_assumptions(
     if not candidate.answerable:
         return AutoFit(finished_rigid(tool, NAMES, candidate.solved), assumption, odds, None, None)
     for _ in range(CENTRINGS):
-        mixture = _mixture(exact, candidate, tool, gravity_direction, priors, knowledge)
+        mixture = _mixture(exact, candidate, tool, question)
         centre, mean = tool, mixture.probability @ mixture.steps
         tool = stepped(centre, mean, NAMES)
     fit = finished_rigid(candidate.tool, NAMES, candidate.solved)
@@ -246,14 +224,7 @@ def _mean_over_assumptions(
     )
 
 
-def _mixture(
-    exact: list[tuple[bool, bool]],
-    candidate: Candidate,
-    tool: RigidTool,
-    gravity_direction: Array,
-    priors: TiltPriors,
-    knowledge: tuple[Knowledge, ...],
-) -> _Mixture:
+def _mixture(exact: list[tuple[bool, bool]], candidate: Candidate, tool: RigidTool, question: Question) -> _Mixture:
     """Everything linearised at `tool`, with the noise of the candidate; a misfit beyond that noise is judged as one of
     readings whose noise was estimated, by Student's t.
     """
@@ -263,10 +234,11 @@ def _mixture(
     steps, log_probability = [], []
     for mounting_exact, base_exact in exact:
         stds = TiltPriors(
-            EXACT_TILT_SD if mounting_exact else priors.mount, EXACT_TILT_SD if base_exact else priors.base
+            EXACT_TILT_SD if mounting_exact else question.priors.mount,
+            EXACT_TILT_SD if base_exact else question.priors.base,
         )
-        tilts = tilt_priors(candidate.assumption, gravity_direction, stds)
-        known = rows_of((*knowledge, *(tilt for tilt, _ in tilts)), tool, NAMES)
+        tilts = tilt_priors(candidate.assumption, replace(question, priors=stds))
+        known = rows_of((*question.knowledge, *(tilt for tilt, _ in tilts)), tool, NAMES)
         rows, left = (np.zeros((0, len(NAMES))), np.zeros(0)) if known is None else (known.jacobian, known.residuals)
         information = J.T @ J + rows.T @ rows
         unit = np.sqrt(np.diag(information))

@@ -24,10 +24,10 @@ from ..samples.poses import Pose, moments_of_poses
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..version import __version__
-from .estimate import HELD_GRAVITY, Question, alternatives_to, model_fitted
+from .estimate import HELD_GRAVITY, alternatives_to, model_fitted
 from .findings import assumptions_in_words, doubts
 from .noise import NoiseLike, in_time, readings_of, stated_noise, times_of
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors, earlier_tool, stated_knowledge
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
 from .robust import (
     MOST_JUDGED,
     RobustEstimate,
@@ -129,12 +129,7 @@ def question_asked(
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
         if sd is None or not 0.0 < sd < np.inf:
             raise InputError(f"{name} is {sd!r}, expected rad above 0")
-    question = Question(
-        model=model,
-        gravity_direction=stated,
-        noise=stated_noise(noise),
-        priors=priors,
-    )
+    question = Question(model=model, gravity_direction=stated, noise=stated_noise(noise), priors=priors)
     return _with_known(question, known, gravity is not None) if known else question
 
 

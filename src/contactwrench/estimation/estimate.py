@@ -24,12 +24,11 @@ from .initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from .least_squares import LEAST_LEFT, Fit
 from .noise import PoseReadings, StatedNoise
 from .paper import fit_paper
-from .priors import Knowledge, TiltPriors, rows_of
+from .priors import Knowledge, Question, rows_of
 from .rigid import RigidProblem, finished_rigid, fit_affine, fit_rigid, solved_from
 
 FEWEST_POSES_WITH_BASE = 4
 MODEL_OF_AUTO = "mount+base"
-DEFAULT_PRIORS = TiltPriors()
 HELD_GRAVITY = ("yaw", "mount")
 MIRRORED = Finding(
     Kind.MIRRORED_AXIS,
@@ -50,22 +49,6 @@ NOT_CONFIRMED = Finding(
     "the sign of the readings is taken as given: the negated readings fit as well, mostly because gravity's directions "
     "lie close to one plane of the sensor; confirm it by a push, or tilt the tool about another axis",
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Question:
-    """What is asked of the readings: a model, and all that is known beside them.
-
-    `gravity_direction` (3,) in base axes, stated or nominal; `noise` stated or None; `priors` of the tilts, for `auto`;
-    `knowledge` of the parameters; the `earlier` tool, where an earlier calibration of it is among that knowledge.
-    """
-
-    model: str
-    gravity_direction: Array
-    noise: StatedNoise | None = None
-    priors: TiltPriors = DEFAULT_PRIORS
-    knowledge: tuple[Knowledge, ...] = ()
-    earlier: RigidTool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +84,8 @@ def fitted(readings: PoseReadings, question: Question) -> Estimate:
         tool, solved = solved_from(problem, [question.earlier], readings, noise)
         return Estimate(finished_rigid(tool, names, solved), names, question.knowledge)
     if question.model == "auto":
-        auto = fit_auto(readings, stated, noise, question.priors, question.knowledge)
-        tilts = tilt_priors(auto.assumption, stated, question.priors)
+        auto = fit_auto(readings, question)
+        tilts = tilt_priors(auto.assumption, question)
         return Estimate(auto.fit, names, (*question.knowledge, *(tilt for tilt, _ in tilts)), auto=auto)
     fit = fit_rigid(readings, question.model, stated, noise, question.knowledge)
     return Estimate(fit, names, question.knowledge)
@@ -147,7 +130,7 @@ def _checked(
 ) -> tuple[Finding, ...]:
     """What to say of a rigid fit whose free rotations are those of `model`. Raises where it may not be returned."""
     require_answerable(fit, readings, model, question)
-    tool, stated = _tool(fit), question.gravity_direction
+    tool, stated = fit.rigid_tool, question.gravity_direction
     if model not in HELD_GRAVITY:
         require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(fit.covariance[-2:, -2:])[-1])))
     if as_recorded is not readings:
@@ -161,7 +144,7 @@ def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Q
     """Raise `UnobservableError` unless the poses separate the parameters of a rigid `model`, and leave its noise some
     readings.
     """
-    tool, names, stated = _tool(fit), PARAMETERS[model], question.gravity_direction
+    tool, names, stated = fit.rigid_tool, PARAMETERS[model], question.gravity_direction
     known = rows_of(question.knowledge, tool, names)
     if model in HELD_GRAVITY:
         tool = replace(tool, gravity_direction=stated)  # a tilt that the prior lets in is not what separates
@@ -178,12 +161,6 @@ def require_answerable(fit: Fit, readings: PoseReadings, model: str, question: Q
             "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
             "columns hold what the sensor read"
         )
-
-
-def _tool(fit: Fit) -> RigidTool:
-    if fit.tool is None:
-        raise TypeError("a rigid fit has a tool")
-    return fit.tool
 
 
 def _require_noise(readings: PoseReadings, parameters: int, left: float, question: Question) -> None:

@@ -9,9 +9,9 @@ from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..model import AXES, RigidTool, affine_jacobian, gravity_in_flange
 from .auto import AutoFit
-from .estimate import Question
 from .least_squares import LEAST_LEFT, Fit
 from .noise import PoseReadings
+from .priors import Question
 from .robust import POOR_SHARE, RobustEstimate, force_left, weight_of
 
 WEIGHT_SHARE = 0.10
@@ -237,9 +237,7 @@ def contradicts_prior(fit: Fit) -> list[Finding]:
 
 def assumptions_in_words(auto: AutoFit, question: Question) -> tuple[str, ...]:
     """One sentence on the mounting, one on the base."""
-    tool = auto.fit.tool
-    if tool is None:
-        raise TypeError("auto fits a rigid tool")
+    tool = auto.fit.rigid_tool
     side = "along" if tool.R_flange_sensor[2, 2] >= 0.0 else "against"
     tilt, lean = _tilt_of_mounting(tool), _angle(float(tool.gravity_direction @ question.gravity_direction))
     priors = question.priors

@@ -182,6 +182,13 @@ class Fit:
     singular_values: Array
     linear: Linearised | None = None
 
+    @property
+    def rigid_tool(self) -> RigidTool:
+        """The tool of a fit that is known to be rigid."""
+        if self.tool is None:
+            raise TypeError("a rigid fit has a tool")
+        return self.tool
+
 
 class Problem(Protocol[State]):
     """A model to fit to given readings, from one state to the next."""

@@ -48,6 +48,22 @@ class TiltPriors:
     base: float | None = BASE_TILT_SD
 
 
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of the readings: a model, and all that is known beside them.
+
+    `gravity_direction` (3,) in base axes, stated or nominal; `noise` stated or None; `priors` of the tilts, for `auto`;
+    `knowledge` of the parameters; the `earlier` tool, where an earlier calibration of it is among that knowledge.
+    """
+
+    model: str
+    gravity_direction: Array
+    noise: StatedNoise | None = None
+    priors: TiltPriors = TiltPriors()
+    knowledge: tuple[Knowledge, ...] = ()
+    earlier: RigidTool | None = None
+
+
 def known_weight(weight: float, std: float) -> Knowledge:
     """The weight (N), from a scale."""
 

@@ -17,11 +17,11 @@ from ..samples.poses import Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..statistics import two_digits
 from .bias_drift import FALSE_ALARM, FEWEST_POSES, BiasDrift, chance_of_steady, in_words, likeliest_drift
-from .estimate import Estimate, Question, checked, fitted
+from .estimate import Estimate, checked, fitted
 from .least_squares import LEAST_LEFT, Fit
 from .noise import GROUPS, PoseReadings
 from .outliers import SURELY_CLEAN, LinearReadings, deleted_distances
-from .priors import rows_of
+from .priors import Question, rows_of
 
 ROUNDS = 5
 ROUNDING = 1e-7
@@ -141,12 +141,9 @@ def noise_of_groups(fit: Fit) -> Array:
 def _linear_readings(estimate: Estimate, readings: PoseReadings, unit: Array) -> LinearReadings:
     """The readings linearised at the estimate, in units (6,) of noise."""
     fit = estimate.fit
-    tool = fit.tool
-    if tool is None:
-        raise TypeError("a rigid fit has a tool")
-    known = rows_of(estimate.knowledge, tool, estimate.names)
+    known = rows_of(estimate.knowledge, fit.rigid_tool, estimate.names)
     return LinearReadings(
-        J=wrench_jacobian(tool, readings.R_base_flange, estimate.names) / unit[:, None],
+        J=wrench_jacobian(fit.rigid_tool, readings.R_base_flange, estimate.names) / unit[:, None],
         errors=_left_by(fit, readings) / unit,
         known=np.zeros((0, len(estimate.names))) if known is None else known.jacobian,
         known_errors=np.zeros(0) if known is None else known.residuals,
@@ -174,11 +171,9 @@ def _same(a: BiasDrift, b: BiasDrift) -> bool:
 
 def _with_drift(fit: Fit, names: tuple[str, ...], drift: BiasDrift) -> Fit:
     """The fit with what the unknown drift of the bias adds to its covariance."""
-    if fit.tool is None or fit.linear is None:
-        raise TypeError("a rigid fit has a tool")
     counted = fit.readings_left / max(fit.readings_left - drift.parameters, 1.0)
     covariance = counted * (fit.covariance + drift.covariance)
-    from_parameters = matrix_jacobian(fit.tool, names)
+    from_parameters = matrix_jacobian(fit.rigid_tool, names)
     return replace(
         fit,
         covariance=covariance,

@@ -38,11 +38,11 @@ from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, percent
 from .auto import AutoFit, tilt_priors
 from .calibrate import Recorded, assembled, from_recording, question_asked
-from .estimate import Estimate, Question, fitted
+from .estimate import Estimate, fitted
 from .initial_guess import linear_fit
 from .least_squares import Fit
 from .noise import NoiseLike, PoseReadings
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, TiltPriors, stated_knowledge
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, Question, TiltPriors, stated_knowledge
 from .robust import confirmed
 from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
 
@@ -136,8 +136,7 @@ class _Sharing:
             nominal_mounting=assumption.nominal_mounting and "mount" not in self.names,
             nominal_base=assumption.nominal_base and "gravity" not in self.names,
         )
-        tilts = tilt_priors(kept, self.question.gravity_direction, self.question.priors)
-        return (*self.apart, *(tilt for tilt, _ in tilts))
+        return (*self.apart, *(tilt for tilt, _ in tilt_priors(kept, self.question)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +163,7 @@ def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
     leader = int(np.argmin([message.uncertainty for message in say(alone, None)]))
     estimates, questions, messages = alone, [sharing.question] * len(alone), []
     for _ in range(ROUNDS):
-        before = _tool(estimates[leader].fit)
+        before = estimates[leader].fit.rigid_tool
         messages = say(estimates, before)
         questions = [
             replace(
@@ -178,7 +177,7 @@ def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
         ]
         estimates = [fitted(of_tool, question) for of_tool, question in zip(readings, questions, strict=True)]
         fit, index = estimates[leader].fit, _index(estimates[leader].names, sharing)
-        moved = _turns(before, _tool(fit), sharing)
+        moved = _turns(before, fit.rigid_tool, sharing)
         if float(moved @ np.linalg.solve(fit.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
             break
     return _Agreement(estimates, questions, messages, leader)
@@ -188,7 +187,7 @@ def _message(
     readings: PoseReadings, alone: Estimate, now: Estimate, point: RigidTool | None, sharing: _Sharing
 ) -> Message:
     """What a recording says at the common `point` (None: at its own), with the noise that it has `alone`."""
-    tool = _tool(now.fit)
+    tool = now.fit.rigid_tool
     common = tool if point is None else point
     R = common.R_flange_sensor if "mount" in sharing.names else tool.R_flange_sensor
     d = common.gravity_direction if "gravity" in sharing.names else tool.gravity_direction
@@ -208,7 +207,7 @@ def _agreeing(found: Estimate, readings: PoseReadings, common: Estimate, sharing
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """
     fit, names, index = found.fit, found.names, _index(found.names, sharing)
-    tool, agreed = _tool(fit), _tool(common.fit)
+    tool, agreed = fit.rigid_tool, common.fit.rigid_tool
     follow = np.linalg.solve(fit.covariance[np.ix_(index, index)], fit.covariance[index]).T
     moved = stepped(tool, follow @ _turns(tool, agreed, sharing), names)
     if "mount" in sharing.names:
@@ -284,12 +283,6 @@ def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
 
 def _index(names: tuple[str, ...], sharing: _Sharing) -> list[int]:
     return [names.index(parameter) for parameter in sharing.parameters]
-
-
-def _tool(fit: Fit) -> RigidTool:
-    if fit.tool is None:
-        raise TypeError("a rigid fit has a tool")
-    return fit.tool
 
 
 @contextmanager
