@@ -23,6 +23,7 @@ _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 B_TOLERANCE = 1e-9
 ROUNDING = 1e-14
 COVARIANCE_TOLERANCE = 1e-6
+NOT_NEGATIVE = ("noise", "residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof")
 _AGAIN = "calibrate again or restore the file"
 
 Form = TypeVar("Form", bound=CalibrationFields)
@@ -138,7 +139,9 @@ def _check(c: CalibrationFields) -> None:
         raise InputError(f"parameter_names do not fit model {c.model}, expected {', '.join(names)}")
     for name, array, shape in _shapes(c):
         _require_shape(name, array, shape)
-    _check_signs(c)
+        if name in NOT_NEGATIVE and array is not None and (array < 0.0).any():
+            raise InputError(f"{name} has a number below 0, expected 0 or more")
+    _check_numbers(c)
     for k, pose in enumerate(c.poses):
         _require_shape(f"poses[{k}].wrench", pose.wrench, (6,))
         _require_shape(f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6))
@@ -191,16 +194,7 @@ def _require_rotation(name: str, R: Array) -> None:
         raise InputError(f"{name} is no rotation matrix")
 
 
-def _check_signs(c: CalibrationFields) -> None:
-    for name, array in [
-        ("noise", c.noise),
-        ("residual_rms", c.residual_rms),
-        ("held_out_rms", c.held_out_rms),
-        ("observability.tilt_range", c.observability.tilt_range),
-        ("parameter_dof", c.parameter_dof),
-    ]:
-        if array is not None and (array < 0.0).any():
-            raise InputError(f"{name} has a number below 0, expected 0 or more")
+def _check_numbers(c: CalibrationFields) -> None:
     if c.dof < 0.0 or c.reduced_chi2 < 0.0:
         raise InputError(f"dof is {c.dof:g} and reduced_chi2 {c.reduced_chi2:g}, expected 0 or more")
     if c.delay_std is not None and c.delay_std < 0.0:
