@@ -365,7 +365,7 @@ def test_without_rosbags_the_command_that_installs_it_is_named(tmp_path: Path) -
     script = (
         "import sys; sys.modules['rosbags'] = None\n"
         "from contactwrench.errors import MissingExtraError\n"
-        "from contactwrench.recording.bags import bag_streams\n"
+        "from contactwrench.recording.bags.read import bag_streams\n"
         f"try: bag_streams({str(path)!r})\n"
         "except MissingExtraError as error: print(error)\n"
     )

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array
 from ...geometry.orientation import from_quat_xyzw
-from .chunks import Logged, joined
-from .message_layout import MessageLayout, Raw, alike, layout_of_message
-from .open import Bag, Topic, definitions, seconds, written
+from .chunks import Logged, Topic, written
+from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, types_of_ros
+from .open import Bag, seconds
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
 """Types that hold a wrench, and where in them it is."""
@@ -55,6 +55,30 @@ def joined_placements(parts: Iterable[Placements]) -> Placements:
     """One after the other."""
     some = list(parts)
     return Placements(*(np.concatenate([getattr(p, name) for p in some]) for name in ("t", "quat_xyzw", "position")))
+
+
+def definitions(bag: Bag, msgtype: str) -> Fields:
+    """The definition of a type and of all types in it: the bag's own, else that of ROS.
+
+    Raises:
+        FileFormatError: there is none, or it cannot be understood.
+    """
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import TypesysError
+
+    defined = [c.msgdef for c in bag.connections if c.msgtype == msgtype and c.msgdef.data.strip()]
+    if not defined:
+        known = types_of_ros(bag.ros1)
+        if msgtype not in known:
+            raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
+        return known
+    try:
+        return types_defined(msgtype, defined[0].data, defined[0].format == MessageDefinitionFormat.IDL, bag.ros1)
+    except TypesysError as error:
+        reason = " ".join(str(error).split())
+        raise FileFormatError(
+            f"{bag.path}: the definition of {written(msgtype)} cannot be understood ({reason}), expected that of ROS"
+        ) from None
 
 
 def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
@@ -194,4 +218,3 @@ def rotations(bag: Bag, what: str, placements: Placements) -> Array:
 
 
 NO_PLACEMENTS = Placements(np.empty(0), np.empty((0, 4)), np.empty((0, 3)))
-NO_MESSAGES = Logged(np.empty(0, np.int64), joined([]))

@@ -18,9 +18,9 @@ import numpy as np
 
 from ...errors import FileFormatError
 from ...geometry.arrays import Array
-from .chunks import messages
+from .chunks import Topic
 from .messages import NO_PLACEMENTS, Placements, joined_placements, rotations, transforms
-from .open import Bag, Topic
+from .open import Bag, messages
 
 STATIC = "tf_static"
 FORGOTTEN = 10.0

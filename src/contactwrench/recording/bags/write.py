@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from ...errors import FileAccessError, FileFormatError
 from ...geometry.arrays import Array
 from ...samples.streams import Streams
-from .message_layout import MessageLayout, layout_of_message
+from .message_layout import MessageLayout, layout_of_message, typestore
 from .messages import FORCE_TORQUE, POSES, XYZ, XYZW
-from .open import SUFFIXES_OF_BAGS, require_rosbags, typestore
+from .open import SUFFIXES_OF_BAGS, require_rosbags
 
 WRENCH_STAMPED, POSE_STAMPED = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 NUMBERS = {
