@@ -94,11 +94,14 @@ def joined(payloads: list[bytes]) -> Raw:
 
 
 def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one."""
+    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, and its error names the row."""
     for length in np.unique(raw.length):
         rows = np.flatnonzero(raw.length == length)
         while len(rows):
-            layout = layout_of(raw.message(int(rows[0])))
+            try:
+                layout = layout_of(raw.message(int(rows[0])))
+            except InputError as error:
+                raise InputError(str(error), int(rows[0])) from None
             same = np.ones(len(rows), dtype=bool)
             candidates = raw[rows]
             for offset, shared in layout.shared:

@@ -6,14 +6,14 @@ into the bag.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import from_quat_xyzw
 from .chunks import Logged, Topic, written
 from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, types_of_ros
@@ -40,21 +40,12 @@ XYZW, XYZ = tuple("xyzw"), tuple("xyz")
 
 
 @dataclass(frozen=True, eq=False)
-class Placements:
+class Placements(Rows):
     """Placements of one frame in another at times `t` (n,) s: `quat_xyzw` (n, 4) as written, `position` (n, 3) m."""
 
-    t: Array
-    quat_xyzw: Array
-    position: Array
-
-    def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Placements:
-        return Placements(self.t[rows], self.quat_xyzw[rows], self.position[rows])
-
-
-def joined_placements(parts: Iterable[Placements]) -> Placements:
-    """One after the other."""
-    some = list(parts)
-    return Placements(*(np.concatenate([getattr(p, name) for p in some]) for name in ("t", "quat_xyzw", "position")))
+    t: Array = field(metadata=column())
+    quat_xyzw: Array = field(metadata=column(4))
+    position: Array = field(metadata=column(3))
 
 
 def definitions(bag: Bag, msgtype: str) -> Fields:
@@ -92,16 +83,8 @@ def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[
         for rows, layout in alike(logged.raw, layout_of):
             yield rows, layout, logged.raw[rows]
     except InputError as error:
-        row = next(k for k in range(len(logged)) if not _is_one(logged.raw.message(k), topic.type, bag))
-        raise FileFormatError(f"{place(bag, topic, float(seconds(logged.stamp[row])))}: {error}") from None
-
-
-def _is_one(message: bytes, msgtype: str, bag: Bag) -> bool:
-    try:
-        layout_of_message(message, msgtype, definitions(bag, msgtype), not bag.ros1)
-    except InputError:
-        return False
-    return True
+        t = float(seconds(logged.stamp[error.row or 0]))
+        raise FileFormatError(f"{place(bag, topic, t)}: {error}") from None
 
 
 def place(bag: Bag, topic: Topic, t: float) -> str:
@@ -174,18 +157,18 @@ def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[str]
 
 def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], Placements]:
     """The transforms of a topic: the placement of each child in its parent, by (parent, child), in their order."""
-    found: dict[tuple[str, str], list[tuple[NDArray[np.intp], Placements]]] = {}
+    parts: dict[tuple[str, str], list[tuple[NDArray[np.intp], Placements]]] = {}
     for rows, layout, raw in by_layout(bag, topic, logged):
         for at in _transforms_in(layout):
-            edge = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
+            link = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
             t = stamps(logged, rows, layout, raw, f"{at}header")
             quat = raw.columns(layout, [f"{at}transform.rotation.{part}" for part in XYZW])
             position = raw.columns(layout, [f"{at}transform.translation.{part}" for part in XYZ])
-            found.setdefault(edge, []).append((rows, Placements(t, quat, position)))
+            parts.setdefault(link, []).append((rows, Placements(t, quat, position)))
     in_order = {}
-    for edge, parts in found.items():
-        together = joined_placements(part for _, part in parts)
-        in_order[edge] = together[np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")]
+    for link, some in parts.items():
+        order = np.argsort(np.concatenate([rows for rows, _ in some]), kind="stable")
+        in_order[link] = Placements.concatenate([placements for _, placements in some]).select(order)
     return in_order
 
 
@@ -213,8 +196,8 @@ def rotations(bag: Bag, what: str, placements: Placements) -> Array:
         return from_quat_xyzw(placements.quat_xyzw)
     except InputError as error:
         row = error.row or 0
-        found = str(error).removeprefix(f"orientation {row} is ")
-        raise FileFormatError(f"{bag.path}: {what}, at {placements.t[row] - bag.start:.3f} s: found {found}") from None
+        fault = str(error).removeprefix(f"orientation {row} is ")
+        raise FileFormatError(f"{bag.path}: {what}, at {placements.t[row] - bag.start:.3f} s: found {fault}") from None
 
 
 NO_PLACEMENTS = Placements(np.empty(0), np.empty((0, 4)), np.empty((0, 3)))

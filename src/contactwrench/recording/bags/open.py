@@ -181,16 +181,10 @@ def _require_closed(path: Path) -> None:
 
 def _of_ros1(path: Path, files: ExitStack) -> Bag:
     index = Ros1Index(path, files.enter_context(path.open("rb")))
-    start, end = (min((c.start for c in index.chunks), default=0), max((c.end for c in index.chunks), default=0))
-    return Bag(
-        path,
-        True,
-        tuple(index.connections),
-        (index.source(),),
-        _s(start),
-        1e-9 * (end + 1 - start),
-        index.compression(),
-    )
+    start = min((chunk.start for chunk in index.chunks), default=0)
+    duration = max((chunk.end + 1 for chunk in index.chunks), default=0) - start
+    sources = (index.source(),)
+    return Bag(path, True, tuple(index.connections), sources, _s(start), 1e-9 * duration, index.compression())
 
 
 def _of_ros2(path: Path, files: ExitStack) -> Bag:
@@ -213,7 +207,7 @@ def _of_ros2(path: Path, files: ExitStack) -> Bag:
 
 def mcap_files(path: Path) -> list[Path]:
     """The MCAP files of a recording of ROS 2, in their order."""
-    if path.suffix and path.is_file():
+    if path.is_file():
         return [path] if path.suffix == ".mcap" else []
     from ruamel.yaml import YAML
 

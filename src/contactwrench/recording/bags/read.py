@@ -15,10 +15,10 @@ from ...geometry.arrays import Array
 from ...samples.streams import OrientationStream, Streams, WrenchStream
 from .chunks import Topic
 from .joint_states import joint_places
-from .messages import joint_states, place, poses, rotations, transforms, wrenches
+from .messages import joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read
 from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
-from .transforms import Heard, Poses, chain, composed, hear, shortened, tree
+from .transforms import ChainPoses, Poses, shortened
 
 BATCH = 2**16
 """Readings of a batch, and up to a chunk of the bag more."""
@@ -112,7 +112,7 @@ def _sources(
     """The topic of the wrench, those of the pose, where the pose is from in words, and how it is read."""
     wrench, topics = wrench_topic(bag, wrench_name), pose_topics(bag, pose_name, frames, arm)
     if frames is not None:
-        return wrench, topics, f"{frames[0]} -> {frames[1]}", _poses_of_frames(bag, topics, frames)
+        return wrench, topics, f"{frames[0]} -> {frames[1]}", ChainPoses(bag, topics, *frames).read
     if arm is not None:
         return wrench, topics, f"{topics[0].name} of {arm.name}", _poses_of_arm(bag, topics[0], arm)
     return wrench, topics, topics[0].name, _poses_of_topic(bag, topics[0])
@@ -133,21 +133,6 @@ def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
                 f"topic with {POSE_FLAG}"
             )
         return Poses(placements.t, rotations(bag, f"topic {topic.name}", placements), placements.position)
-
-    return read
-
-
-def _poses_of_frames(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str]) -> ReadPoses:
-    between = chain(bag, tree(bag, topics), *frames)
-    heard = Heard({})
-
-    def read(part: Messages) -> Poses:
-        nonlocal heard
-        for topic in topics:
-            if topic in part:
-                heard = hear(heard, transforms(bag, topic, part[topic]), between.moving)
-        stated, heard = composed(bag, between, hear(heard, {}, between.moving))
-        return stated
 
     return read
 
