@@ -10,7 +10,8 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry.arrays import Array
-from .bags.chunks import Logged, Topic, written
+from .bags.chunks import Logged, Topic
+from .bags.message_layout import written
 from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, definitions, header_stamps, transforms
 from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic

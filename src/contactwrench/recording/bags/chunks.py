@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .message_layout import Raw, joined
+from .message_layout import Raw, joined, written
 
 AT_ONCE = 8192
 """Messages that are taken together from what has no chunks."""
@@ -32,6 +32,8 @@ MCAP_HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<i8
 LOG = np.dtype([(name, np.int64) for name in ("connection", "sequence", "stamp", "published")])
 """Of a message: the number of its connection, its own number there, when it was recorded and published, ns."""
 ROS1_CONNECTION = b"\x07"
+ROS1_COMPRESSIONS = {"bz2": "bz2", "lz4": "lz4.frame"}
+"""How chunks are compressed, and the module that does so."""
 _LENGTH = Struct("<Q")
 
 
@@ -44,11 +46,6 @@ class Topic:
 
     def __str__(self) -> str:
         return f"{self.name} ({written(self.type)})"
-
-
-def written(msgtype: str) -> str:
-    """A type as people write it: `geometry_msgs/Wrench`."""
-    return msgtype.replace("/msg/", "/")
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +109,8 @@ def mcap_source(file: BinaryIO) -> Source | None:
 
     def logged(numbers: Set[int]) -> Iterator[Logged]:
         # Without an index of messages, a chunk does not say which channels it holds.
-        chunks = [
-            c for c in summary.chunk_indexes if not c.message_index_offsets or numbers & c.message_index_offsets.keys()
-        ]
+        known = ((chunk, chunk.message_index_offsets.keys()) for chunk in summary.chunk_indexes)
+        chunks = [chunk for chunk, channels in known if not channels or numbers & channels]
         chunks.sort(key=lambda chunk: chunk.message_start_time)
         contents = (_mcap_chunk(file, chunk.chunk_start_offset, numbers) for chunk in chunks)
         return _in_order([chunk.message_start_time for chunk in chunks], contents)
@@ -151,16 +147,15 @@ def _in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logge
     """What chunks hold, in order: of a chunk that reaches beyond the start of the next, the rest waits."""
     waiting = Logged(np.empty(0, LOG), joined([]))
     for until, chunk in zip((*starts[1:], np.iinfo(np.int64).max), chunks, strict=False):
-        if len(chunk) and int((chunk.raw.start + chunk.raw.length).max()) > len(chunk.raw.flat):
+        if (chunk.raw.length < 0).any() or (chunk.raw.start + chunk.raw.length > len(chunk.raw.flat)).any():
             raise ValueError("a message reaches beyond its chunk")
         rest = joined([waiting.raw.message(row) for row in range(len(waiting))])  # the chunk they are of is let go
         flat = np.concatenate([rest.flat, chunk.raw.flat]) if len(rest) else chunk.raw.flat
         start = np.concatenate([rest.start, chunk.raw.start + len(rest.flat)])
         raw = Raw(flat, start, np.concatenate([rest.length, chunk.raw.length]))
-        log = np.concatenate([waiting.log, chunk.log])
-        ordered = Logged(log, raw)
-        if (np.diff(log["stamp"]) < 0).any():
-            ordered = ordered[np.argsort(log["stamp"], kind="stable")]
+        ordered = Logged(np.concatenate([waiting.log, chunk.log]), raw)
+        if (np.diff(ordered.stamp) < 0).any():
+            ordered = ordered[np.argsort(ordered.stamp, kind="stable")]
         ready = int(np.searchsorted(ordered.stamp, until, side="left"))
         if ready:
             yield ordered[:ready]
@@ -190,8 +185,10 @@ class Ros1Index:
         self.file = file
         try:
             head = _fields(_sized(file))
-            if not any(head["index_pos"]) or head.get("encryptor"):
-                raise ValueError("Bag is not indexed or is encrypted, reindex or decrypt before reading")
+            if head.get("encryptor"):
+                raise ValueError(f"Bag encryption {head['encryptor'].decode()!r} is not supported")
+            if not any(head["index_pos"]):
+                raise ValueError("Bag is not indexed, reindex before reading")
             file.seek(_uint(head["index_pos"]))
             connections = [self._connection() for _ in range(_uint(head["conn_count"]))]
             chunks = [self._chunk() for _ in range(_uint(head["chunk_count"]))]
@@ -218,16 +215,11 @@ class Ros1Index:
         topic = "/".join(part for part in head["topic"].decode().split("/") if part)
         package, _, name = said["type"].rpartition("/")
         latching = said.get("latching")
-        return Connection(
-            id=_uint(head["conn"]),
-            topic="/" * head["topic"].startswith(b"/") + topic,
-            msgtype=f"{package.removesuffix('/msg')}/msg/{name}",
-            msgdef=MessageDefinition(MessageDefinitionFormat.MSG, said["message_definition"]),
-            digest=said["md5sum"],
-            msgcount=0,
-            ext=ConnectionExtRosbag1(said.get("callerid"), int(latching) if latching else None),
-            owner=self,
-        )
+        topic = "/" * head["topic"].startswith(b"/") + topic
+        definition = MessageDefinition(MessageDefinitionFormat.MSG, said["message_definition"])
+        details = ConnectionExtRosbag1(said.get("callerid"), int(latching) if latching else None)
+        msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
+        return Connection(_uint(head["conn"]), topic, msgtype, definition, said["md5sum"], 0, details, self)
 
     def _chunk(self) -> Ros1Chunk:
         head, counts = _fields(_sized(self.file)), np.frombuffer(_sized(self.file), "<u4").reshape(-1, 2)
@@ -290,9 +282,9 @@ def _behind_connections(chunk: bytes, place: int) -> int:
 def _decompressed(packed: bytes, compression: str) -> bytes:
     if compression == "none":
         return packed
-    if compression not in ("bz2", "lz4"):
+    if compression not in ROS1_COMPRESSIONS:
         raise ValueError(f"Compression {compression!r} is not supported")
-    content: bytes = import_module("bz2" if compression == "bz2" else "lz4.frame").decompress(packed)
+    content: bytes = import_module(ROS1_COMPRESSIONS[compression]).decompress(packed)
     return content
 
 

@@ -94,8 +94,8 @@ def joined(payloads: list[bytes]) -> Raw:
 
 
 def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, and its error names the row."""
-    for length in np.unique(raw.length):
+    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, its error is given the row."""
+    for length in dict.fromkeys(raw.length.tolist()):
         rows = np.flatnonzero(raw.length == length)
         while len(rows):
             try:
@@ -185,6 +185,11 @@ class _Walk:
         if pos > len(self.message):
             raise IndexError
         return pos
+
+
+def written(msgtype: str) -> str:
+    """A type as people write it: `geometry_msgs/Wrench`."""
+    return msgtype.replace("/msg/", "/")
 
 
 @lru_cache(64)

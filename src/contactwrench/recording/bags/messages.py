@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import from_quat_xyzw
-from .chunks import Logged, Topic, written
-from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, types_of_ros
+from .chunks import Logged, Topic
+from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, types_of_ros, written
 from .open import Bag, seconds
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ...assess.robot_arms import Arm
 from ...errors import FileFormatError, InputError
-from .chunks import Topic, written
+from .chunks import Topic
+from .message_layout import written
 from .messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES
 from .open import Bag
 from .transforms import STATIC, shortened, tree

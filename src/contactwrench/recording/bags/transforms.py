@@ -41,7 +41,7 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """From base to flange: links, each with whether it is passed from child to parent. `moving` are those that are heard
+    """From base to flange: links, each with whether it is passed from child to parent. `moving` are those that come
     again and again, `held` the placements of the others.
     """
 

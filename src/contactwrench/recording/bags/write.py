@@ -76,15 +76,23 @@ def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iter
     `kind`: `.bag`, `.mcap` or `.db3`, a file, or nothing, a folder; `mcap`: what a folder holds, else sqlite3;
     `compression`: bz2 or lz4 of a `.bag`, storage, message or file of ROS 2. Raises `FileAccessError`.
     """
+    from rosbags import rosbag1, rosbag2
+
     with new_place(path) as made:
-        if kind in (".bag", ""):
-            with _writer(made, kind, mcap, compression) as writer:
-                yield writer
-            return
-        folder = made.with_name("folder")  # in which rosbags puts the one file
-        with _writer(folder, kind, mcap, compression) as writer:
+        target = made.with_name("folder") if kind in (".mcap", ".db3") else made  # in which rosbags puts the one file
+        if kind == ".bag":
+            writer: Any = rosbag1.Writer(target)
+            if compression:
+                writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
+        else:
+            plugin = rosbag2.StoragePlugin.MCAP if mcap else rosbag2.StoragePlugin.SQLITE3
+            writer = rosbag2.Writer(target, version=METADATA_VERSION, storage_plugin=plugin)
+            if compression:
+                writer.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
+        with writer:
             yield writer
-        (folder / f"{folder.name}{kind}").replace(made)
+        if target != made:
+            (target / f"{target.name}{kind}").replace(made)
 
 
 @contextmanager
@@ -112,21 +120,6 @@ def new_place(path: Path) -> Iterator[Path]:
         raise FileAccessError(
             f"{path}: cannot be written ({reason}): check the space on the disk and the permissions"
         ) from None
-
-
-def _writer(path: Path, kind: str, mcap: bool, compression: str) -> Any:
-    from rosbags import rosbag1, rosbag2
-
-    if kind == ".bag":
-        writer1 = rosbag1.Writer(path)
-        if compression:
-            writer1.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
-        return writer1
-    plugin = rosbag2.StoragePlugin.MCAP if mcap else rosbag2.StoragePlugin.SQLITE3
-    writer2 = rosbag2.Writer(path, version=METADATA_VERSION, storage_plugin=plugin)
-    if compression:
-        writer2.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
-    return writer2
 
 
 def stamped(msgtype: str, ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:
