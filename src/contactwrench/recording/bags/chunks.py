@@ -27,9 +27,9 @@ AT_ONCE = 8192
 
 MCAP_RECORD, MCAP_MESSAGE = 9, 5
 """Bytes before a record's content, its code and its length; the code of a message."""
-MCAP_HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<i8"), ("published", "<i8")])
+MCAP_HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<i8"), ("published", "<u8")])
 """What stands before a message's payload."""
-LOG = np.dtype([(name, np.int64) for name in ("connection", "sequence", "stamp", "published")])
+LOG = np.dtype([("connection", "i8"), ("sequence", "i8"), ("stamp", "i8"), ("published", "u8")])
 """Of a message: the number of its connection, its own number there, when it was recorded and published, ns."""
 ROS1_CONNECTION = b"\x07"
 ROS1_COMPRESSIONS = {"bz2": "bz2", "lz4": "lz4.frame"}
@@ -147,8 +147,9 @@ def _in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logge
     """What chunks hold, in order: of a chunk that reaches beyond the start of the next, the rest waits."""
     waiting = Logged(np.empty(0, LOG), joined([]))
     for until, chunk in zip((*starts[1:], np.iinfo(np.int64).max), chunks, strict=False):
-        if (chunk.raw.length < 0).any() or (chunk.raw.start + chunk.raw.length > len(chunk.raw.flat)).any():
-            raise ValueError("a message reaches beyond its chunk")
+        end = chunk.raw.start + chunk.raw.length
+        if ((end > len(chunk.raw.flat)) | (chunk.raw.length < 0) | (chunk.stamp < 0)).any():
+            raise ValueError("a message reaches beyond its chunk, or its stamp beyond all times")
         rest = joined([waiting.raw.message(row) for row in range(len(waiting))])  # the chunk they are of is let go
         flat = np.concatenate([rest.flat, chunk.raw.flat]) if len(rest) else chunk.raw.flat
         start = np.concatenate([rest.start, chunk.raw.start + len(rest.flat)])
@@ -244,8 +245,8 @@ class Ros1Index:
                 parts.append(np.insert(entries, 0, number, axis=1))
         connection, seconds, ns, place = np.concatenate([np.empty((0, 4), np.int64), *parts]).T
         log = np.zeros(len(place), LOG)
-        log["connection"], log["stamp"] = connection, seconds * 10**9 + ns
-        log["published"] = log["stamp"]
+        log["connection"] = connection
+        log["stamp"] = log["published"] = seconds * 10**9 + ns
         flat = np.frombuffer(content, np.uint8)
         behind_head = place + 4 + _uint32_at(flat, place)
         return Logged(log, Raw(flat, behind_head + 4, _uint32_at(flat, behind_head)))[np.argsort(place)]

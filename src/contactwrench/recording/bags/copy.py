@@ -159,8 +159,9 @@ def _copy_mcap(bag: Bag, reader: Any, path_out: Path, records: Iterator[Record],
         schemas = {0: 0}
         for number, schema in sorted(summary.schemas.items()):
             schemas[number] = writer.register_schema(schema.name, schema.encoding, schema.data)
-        same = [number for number, schema in summary.schemas.items() if schema.name == WRENCH_STAMPED]
-        if not same:
+            if schema.name == WRENCH_STAMPED:
+                schemas[CONTACT_WRENCH] = schemas[number]
+        if CONTACT_WRENCH not in schemas:
             text, _ = typestore(False).generate_msgdef(WRENCH_STAMPED, ros_version=2)
             schemas[CONTACT_WRENCH] = writer.register_schema(WRENCH_STAMPED, "ros2msg", text.encode())
         channels, quality = {}, {}
@@ -170,13 +171,11 @@ def _copy_mcap(bag: Bag, reader: Any, path_out: Path, records: Iterator[Record],
             )
             if channel.topic == topic.name and topic.type == WRENCH_STAMPED:
                 quality = channel.metadata
-        channels[CONTACT_WRENCH] = writer.register_channel(name, "cdr", schemas[(*same, CONTACT_WRENCH)[0]], quality)
-        for attached in attachments:
-            writer.add_attachment(
-                attached.create_time, attached.log_time, attached.name, attached.media_type, attached.data
-            )
-        for one in metadata:
-            writer.add_metadata(one.name, one.metadata)
+        channels[CONTACT_WRENCH] = writer.register_channel(name, "cdr", schemas[CONTACT_WRENCH], quality)
+        for record in attachments:
+            writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+        for record in metadata:
+            writer.add_metadata(record.name, record.metadata)
         count = 0
         for connection, sequence, stamp, published, payload in records:
             writer.add_message(channels[connection], stamp, payload, published, sequence)
@@ -193,7 +192,8 @@ def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: st
         for connection in bag.connections:
             publisher = (connection.topic, connection.msgtype, repr(connection.ext))
             if publisher not in publishers:
-                publishers[publisher] = _added(bag, writer, connection)
+                details = _definition(bag, connection) | connection.ext._asdict()
+                publishers[publisher] = writer.add_connection(connection.topic, connection.msgtype, **details)
             connections[connection.id] = publishers[publisher]
         like = next(c for c in bag.connections if Topic(c.topic, c.msgtype) == topic)
         quality = {} if bag.ros1 else {"offered_qos_profiles": like.ext.offered_qos_profiles}
@@ -227,39 +227,21 @@ def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, cou
         yaml.dump(content, written)
 
 
-def _added(bag: Bag, writer: Any, connection: Any) -> Any:
-    """The connection in the new bag. A type whose definition no one knows stays without."""
-    if bag.ros1:
-        return writer.add_connection(
-            connection.topic,
-            connection.msgtype,
-            msgdef=connection.msgdef.data,
-            md5sum=connection.digest,
-            callerid=connection.ext.callerid,
-            latching=connection.ext.latching,
-        )
-    return writer.add_connection(
-        connection.topic,
-        connection.msgtype,
-        **_definition(bag, connection),
-        serialization_format=connection.ext.serialization_format,
-        offered_qos_profiles=connection.ext.offered_qos_profiles,
-    )
-
-
 def _definition(bag: Bag, connection: Any) -> dict[str, Any]:
     """The definition and its hash: as they are, computed where the hash is not written, those of ROS where there is no
     definition, and else those of a type without fields.
     """
     from rosbags.typesys import Stores, get_typestore
 
-    text = connection.msgdef.data
-    if text and connection.digest:
-        return {"msgdef": text, "rihs01": connection.digest}
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(definitions(bag, connection.msgtype))
-    except FileFormatError:
-        store.register({connection.msgtype: ([], [])})
-    made, _ = store.generate_msgdef(connection.msgtype, ros_version=2)
-    return {"msgdef": text or made, "rihs01": connection.digest or store.hash_rihs01(connection.msgtype)}
+    text, digest = connection.msgdef.data, connection.digest
+    if bag.ros1:
+        return {"msgdef": text, "md5sum": digest}
+    if not (text and digest):
+        store = get_typestore(Stores.EMPTY)
+        try:
+            store.register(definitions(bag, connection.msgtype))
+        except FileFormatError:
+            store.register({connection.msgtype: ([], [])})
+        text = text or store.generate_msgdef(connection.msgtype, ros_version=2)[0]
+        digest = digest or store.hash_rihs01(connection.msgtype)
+    return {"msgdef": text, "rihs01": digest}
