@@ -257,7 +257,7 @@ def test_attachments_metadata_and_channels_without_messages_of_an_mcap_stay(tmp_
 
     assert around(out) == around(path)
     with out.open("rb") as stream:
-        added = [(c.metadata, m.sequence) for _, c, m in make_reader(stream).iter_messages("/wrench/contact")]
+        added = [(c.metadata, m.sequence) for _, c, m in make_reader(stream).iter_messages(["/wrench/contact"])]
     assert added == [(quality, k) for k in range(3)]
 
 

@@ -108,13 +108,11 @@ def header_stamps(logged: Logged, cdr: bool) -> Array:
     behind the header's number, in CDR behind the bytes that state the order.
     """
     t = seconds(logged.stamp)
-    for big_endian in (False, True):
-        rows = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
-        first_bytes = logged.raw[rows].bytes_at(0, 2)
-        rows = rows[(first_bytes[:, 1] == 0) == big_endian if cdr else np.full(len(rows), not big_endian)]
-        if len(rows):
-            sec, ns = logged.raw[rows].bytes_at(4, 8).view(">u4" if big_endian else "<u4").T.astype(np.float64)
-            t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
+    whole = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
+    is_big_endian = logged.raw[whole].bytes_at(0, 2)[:, 1] == 0 if cdr else np.zeros(len(whole), dtype=bool)
+    for rows, kind in ((whole[~is_big_endian], "<u4"), (whole[is_big_endian], ">u4")):
+        sec, ns = logged.raw[rows].bytes_at(4, 8).view(kind).T.astype(np.float64)
+        t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
     return t
 
 

@@ -88,21 +88,20 @@ def bag_batches(
         wrench, pose, source, read_poses = _sources(bag, wrench_topic, pose_topic, frames, arm)
         readings: list[tuple[Array, Array]] = []
         placed: list[Poses] = []
-        pieces = poses_count = 0
+        poses_count, is_first = 0, True
         for part in messages(bag, (wrench, *pose)):
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
             placed.append(read_poses(part))
             if advance is not None:
                 advance(part_read(bag, part))
-            poses_count += len(placed[-1].t)
-            if max(sum(len(t) for t, _ in readings), sum(len(p.t) for p in placed)) >= batch:
-                pieces += 1
+            poses_count += len(placed[-1])
+            if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
                 yield _streams(bag, wrench, source, readings, placed)
-                readings, placed = [], []
+                readings, placed, is_first = [], [], False
         if not poses_count:
             raise _no_poses(bag, pose[0], source, arm)
-        if readings or placed or not pieces:
+        if readings or placed or is_first:
             yield _streams(bag, wrench, source, readings, placed)
 
 
@@ -175,18 +174,10 @@ _NO_POSES = Poses(np.empty(0), np.empty((0, 3, 3)), None)
 
 
 def _streams(bag: Bag, wrench: Topic, source: str, readings: list[tuple[Array, Array]], placed: list[Poses]) -> Streams:
-    some = [p for p in placed if len(p.t)] or [_NO_POSES]
-    positions = [p.position for p in some if p.position is not None]
+    t = np.concatenate([np.empty(0), *(t for t, _ in readings)])
+    values = np.concatenate([np.empty((0, 6)), *(values for _, values in readings)])
+    poses = Poses.concatenate([part for part in placed if len(part)] or [_NO_POSES])
     return Streams(
-        WrenchStream(
-            np.concatenate([np.empty(0), *(t for t, _ in readings)]),
-            np.concatenate([np.empty((0, 6)), *(values for _, values in readings)]),
-            f"{bag.path} {wrench.name}",
-        ),
-        OrientationStream(
-            np.concatenate([p.t for p in some]),
-            np.concatenate([p.R_base_flange for p in some]),
-            np.concatenate(positions) if positions else None,
-            f"{bag.path} {source}",
-        ),
+        WrenchStream(t, values, f"{bag.path} {wrench.name}"),
+        OrientationStream(poses.t, poses.R_base_flange, poses.position, f"{bag.path} {source}"),
     )

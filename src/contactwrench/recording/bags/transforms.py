@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Rows, column
 from .chunks import Topic
 from .messages import NO_PLACEMENTS, Placements, rotations, transforms
 from .open import Bag, Messages, messages
@@ -51,12 +51,12 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class Poses(Rows):
     """Of a flange in its base, at `t` (n,) s: `R_base_flange` (n, 3, 3) and `position` (n, 3) m, None: not known."""
 
-    t: Array
-    R_base_flange: Array
-    position: Array | None
+    t: Array = field(metadata=column())
+    R_base_flange: Array = field(metadata=column(3, 3))
+    position: Array | None = field(metadata=column(3))
 
 
 def tree(bag: Bag, topics: Iterable[Topic]) -> dict[Link, Edge]:
