@@ -1,9 +1,8 @@
 """The messages of a recording's file as they were logged, a chunk at a time and many at once.
 
 MCAP and ROS 1 keep messages in chunks of about a MiB. A chunk is read whole, where its messages lie is noted, and the
-rest is left to numpy. sqlite3 has no chunks: there rosbags gives row by row. Of a ROS 1 bag rosbags would hold the
-place of every message in memory and take 5 us for each. Formats: https://mcap.dev/spec and
-http://wiki.ros.org/Bags/Format/2.0.
+rest is left to numpy. sqlite3 has no chunks: rosbags gives its rows. A ROS 1 bag's index is read here: rosbags holds it
+in memory whole. Formats: https://mcap.dev/spec and http://wiki.ros.org/Bags/Format/2.0.
 """
 
 from __future__ import annotations

@@ -18,10 +18,10 @@ from ...files import require_distinct
 from ...geometry.arrays import Array
 from .chunks import Logged, Source, Topic
 from .message_layout import typestore
-from .messages import by_layout, definitions
+from .messages import STAMP, by_layout, definitions
 from .open import METADATA, Bag, kind_of, logged_in, mcap_files, one_line_errors, opened_bag
 from .topics import wrench_topic as chosen_topic
-from .write import STAMP, WRENCH_STAMPED, new_bag, new_place, stamped
+from .write import WRENCH_STAMPED, new_bag, new_place, stamped
 
 CONTACT = "contact"
 """Under the wrench's own topic: the contact wrench."""
@@ -120,11 +120,11 @@ def _contact_messages(bag: Bag, topic: Topic, logged: Logged, values: Array, fra
     payloads = [b""] * len(logged)
     for rows, layout, raw in by_layout(bag, topic, logged):
         stamp = logged.stamp[rows]
-        if STAMP[0] in layout.numbers:
-            sec, ns = (raw.values(layout, path)[:, 0].astype(np.int64) for path in STAMP)
+        if f"header.{STAMP[0]}" in layout.numbers:
+            sec, ns = raw.columns(layout, [f"header.{part}" for part in STAMP]).astype(np.int64).T
             stamp = sec * 10**9 + ns
         name = layout.texts.get("header.frame_id", "") if frame is None else frame
-        made = stamped(WRENCH_STAMPED, bag.ros1, name, stamp, values[rows])
+        made = stamped(bag.ros1, name, stamp, values[rows])
         for row, payload in zip(rows.tolist(), made, strict=True):
             payloads[row] = payload
     return payloads

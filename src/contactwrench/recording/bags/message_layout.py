@@ -197,19 +197,13 @@ def types_defined(msgtype: str, text: str, idl: bool, ros1: bool) -> Fields:
     """The message types of ROS and those that `text` defines, in ROS' own language or in IDL."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
-    types = dict(types_of_ros(ros1))
+    types = dict(typestore(ros1).fielddefs)
     if not idl:
         types.update(get_types_from_msg(text, msgtype))
         return types
     for part in text.split("=" * 80 + "\n"):
         types.update(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
     return types
-
-
-@cache
-def types_of_ros(ros1: bool) -> Fields:
-    """The message types that come with ROS."""
-    return dict(typestore(ros1).fielddefs)
 
 
 @cache

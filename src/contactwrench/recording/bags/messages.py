@@ -16,7 +16,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import from_quat_xyzw
 from .chunks import Logged, Topic
-from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, types_of_ros, written
+from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, typestore, written
 from .open import Bag, seconds
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
@@ -32,6 +32,8 @@ POSES = {
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
+STAMP = ("stamp.sec", "stamp.nanosec")
+"""Where in a header its stamp is."""
 STAMP_ENDS = 12
 """Bytes of a message up to the end of its header's stamp."""
 
@@ -59,10 +61,10 @@ def definitions(bag: Bag, msgtype: str) -> Fields:
 
     defined = [c.msgdef for c in bag.connections if c.msgtype == msgtype and c.msgdef.data.strip()]
     if not defined:
-        known = types_of_ros(bag.ros1)
-        if msgtype not in known:
+        of_ros: Fields = typestore(bag.ros1).fielddefs
+        if msgtype not in of_ros:
             raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
-        return known
+        return of_ros
     try:
         return types_defined(msgtype, defined[0].data, defined[0].format == MessageDefinitionFormat.IDL, bag.ros1)
     except TypesysError as error:
@@ -95,10 +97,10 @@ def place(bag: Bag, topic: Topic, t: float) -> str:
 def stamps(logged: Logged, rows: NDArray[np.intp], layout: MessageLayout, raw: Raw, header: str = "header") -> Array:
     """The times (k,) s of messages of one layout: of the header, else of the bag."""
     of_bag = seconds(logged.stamp[rows])
-    path = f"{header}.stamp"
-    if f"{path}.sec" not in layout.numbers:
+    if f"{header}.{STAMP[0]}" not in layout.numbers:
         return of_bag
-    of_header: Array = (raw.values(layout, f"{path}.sec") + 1e-9 * raw.values(layout, f"{path}.nanosec"))[:, 0]
+    sec, ns = (raw.values(layout, f"{header}.{part}")[:, 0] for part in STAMP)
+    of_header: Array = sec + 1e-9 * ns
     t: Array = np.where(of_header == 0.0, of_bag, of_header)
     return t
 
