@@ -16,7 +16,7 @@ bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against mem
 	$(DEV)/bin/python -m benchmarks
 
 experiment: $(RUN)/ready  ## the paper's experiment on the virtual rig; docs/experiment.md is made by it
-	$(RUN)/bin/contactwrench experiment --out contactwrench-experiment
+	$(RUN)/bin/python -m reproduction --out contactwrench-experiment
 	cp contactwrench-experiment/experiment.md docs/experiment.md
 	cp contactwrench-experiment/images/* docs/images/
 

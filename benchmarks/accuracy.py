@@ -15,10 +15,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtri, stdtr
 
 import contactwrench as cw
-
-from .poses import POSE_SETS
-from .table import Row
-from .world import (
+from tests.support.poses import POSE_SETS
+from tests.support.world import (
     DOWN,
     Array,
     Rig,
@@ -30,6 +28,8 @@ from .world import (
     tilted_down,
     with_down,
 )
+
+from .table import Row
 
 TABLE_V = Rig(
     weight=1.980,

@@ -16,11 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-
-from .accuracy import MOUNTING_NOISE, NAMES, NOISE, TABLE_V, UNSEEN
-from .poses import POSE_SETS
-from .table import Row
-from .world import (
+from tests.support.poses import POSE_SETS
+from tests.support.world import (
     Array,
     Rig,
     bound_on_prediction,
@@ -31,6 +28,9 @@ from .world import (
     tilted_down,
     with_down,
 )
+
+from .accuracy import MOUNTING_NOISE, NAMES, NOISE, TABLE_V, UNSEEN
+from .table import Row
 
 WEIGHTS = (2.0, 10.0, 50.0)
 SIX = ("paper's 6", "6 spread")

@@ -14,16 +14,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.recording.bag_copy import write_bag_with
-from contactwrench.recording.bag_writing import write_streams_bag
-from contactwrench.recording.bags import bag_batches
-from contactwrench.recording.compensation import Treatment, compensated
-from contactwrench.recording.layout import Layout
-from contactwrench.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.recording.bags.copy import write_bag_with
+from contactwrench.recording.bags.read import bag_batches
+from contactwrench.recording.bags.write import write_streams_bag
+from contactwrench.recording.compensate import Treatment, compensated
+from contactwrench.recording.options import Layout
+from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from tests.support.world import Array, noisy_readings, random_rotations
 
 from .accuracy import NOISE, TABLE_V
 from .table import Row
-from .world import Array, noisy_readings, random_rotations
 
 SECONDS = 600.0
 MIB = 2**20

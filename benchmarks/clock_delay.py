@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from contactwrench.clock.delay import Delay, estimate_delay
-from contactwrench.clock.synchronize import synchronize
-from contactwrench.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.delay import Delay, estimate_delay
+from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.synchronize import synchronize
+from tests.support.moving import bound_of, gravity_alone, rig_recording, two_streams
 
 from .clock import median_seconds
-from .moving import bound_of, gravity_alone, rig_recording, two_streams
 from .table import Row
 
 TRUE = 0.004

@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contactwrench.diagnose import Diagnosis, diagnose
-from contactwrench.recording.readings import readings as all_readings
-from contactwrench.ways_to_read import Readings, as_read
+from contactwrench.assess.diagnose import Diagnosis, diagnose
+from contactwrench.assess.interpretations import Readings, as_read
+from contactwrench.recording.interpretations import readings as all_readings
+from tests.support.measured_sets import measured_sets
+from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
 
-from .recordings import measured_sets
 from .table import Row
-from .world import Array, noisy_readings, random_rig, random_rotations, tilted_down
 
 NOISE = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
 

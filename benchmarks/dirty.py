@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import contactwrench as cw
+from tests.support.poses import POSE_SETS
+from tests.support.world import Array, derivatives, noisy_readings, random_rotations
 
 from .accuracy import NOISE, TABLE_V, UNSEEN
 from .auto import chunks, force_error, rms
-from .poses import POSE_SETS
 from .table import Row
-from .world import Array, derivatives, noisy_readings, random_rotations
 
 RIG = replace(TABLE_V, weight=10.0)
 POSES = POSE_SETS["24 random"]

@@ -17,13 +17,13 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.compensator.compensator import Compensator
-from contactwrench.compensator.contact_wrench import Contact
-from contactwrench.compensator.drift import TYPICAL_DRIFT
-from contactwrench.compensator.filters import LowPass
+from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
+from contactwrench.compensate.compensator import Compensator
+from contactwrench.compensate.contact_wrenches import Contact
+from contactwrench.compensate.filters import LowPass
+from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
 from .table import Row
-from .world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
 RATE = 1000.0
 NOISE = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])

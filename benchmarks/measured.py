@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.ways_to_read import as_read
+from contactwrench.assess.interpretations import as_read
+from tests.support.measured_sets import measured_sets
 
 from .diagnose import File, diagnosed, likeness
-from .recordings import measured_sets
 from .table import Row
 
 INDEPENDENT = {

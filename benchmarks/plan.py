@@ -11,12 +11,12 @@ from importlib.resources import files
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.plan import Expected, Plan, expected_tool, plan, recorded_poses
-from contactwrench.robots import ARMS, reach
+from contactwrench.assess.plan import Expected, Plan, expected_tool, plan, recorded_poses
+from contactwrench.assess.robot_arms import ARMS, reach
+from tests.support.world import DOWN, Array, Rig, derivatives, random_rotations
 
 from .accuracy import NOISE, TABLE_V
 from .table import Row
-from .world import DOWN, Array, Rig, derivatives, random_rotations
 
 MODELS = ("yaw", "mount", "mount+base", "auto")
 LEVER = 0.05

@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
+from tests.support.world import Array, noisy_readings, random_rotations
 
 from .accuracy import NOISE, TABLE_V
 from .clock import median_seconds
 from .table import Row
-from .world import Array, noisy_readings, random_rotations
 
 SAMPLES = 10_000_000
 BYTES_OF_SAMPLE = 64
 MIB = 2**20
 
-kernel = importlib.import_module("contactwrench.compensate")
+kernel = importlib.import_module("contactwrench.subtract")
 
 
 def _calibration(n: int = 24) -> cw.Calibration:

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
+from contactwrench.samples.recorded_poses import is_stream
+from contactwrench.samples.still_segments import still_stretches
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import Settings, changed
 from contactwrench.simulate.trajectory import exciting
-from contactwrench.stillness.resting import is_stream
-from contactwrench.stillness.stretches import still_stretches
+from tests.support.runs import TOOL, Run, run
 
 from .clock import median_seconds
-from .runs import TOOL, Run, run
 from .table import Row
 
 RUNS = 25

@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.contact import contact_wrenches
-from contactwrench.recording import batches, pairs_in_batches, read_streams
-from contactwrench.recording.columns import ROWS as BLOCK
-from contactwrench.recording.writers import write_contact_wrenches
+from contactwrench.compensate.output_frame import contact_wrenches
+from contactwrench.recording.read import batches, pairs_in_batches, read_streams
+from contactwrench.recording.tables.columns import ROWS as BLOCK
+from contactwrench.recording.tables.write import write_contact_wrenches
+from tests.support.world import Array, noisy_readings, random_rotations
 
 from .accuracy import NOISE, TABLE_V
 from .clock import median_seconds
 from .speed import MIB
 from .table import Row
-from .world import Array, noisy_readings, random_rotations
 
 ROWS = 600_000
 """10 minutes at 1 kHz."""

@@ -7,13 +7,13 @@ import numpy as np
 
 import contactwrench as cw
 from contactwrench.errors import MissingExtraError
-from contactwrench.simulate.closed_loop import servo_rig
-from contactwrench.simulate.guarded_move import approaches, guarded_move
 from contactwrench.simulate.poses import paper_joints
 from contactwrench.simulate.recording import record_poses
 from contactwrench.simulate.rig import build
-from contactwrench.simulate.scenes import PLATE, PROBE, TOOL
 from contactwrench.simulate.settings import Settings
+from reproduction.closed_loop import servo_rig
+from reproduction.guarded_move import approaches, guarded_move
+from reproduction.scenes import PLATE, PROBE, TOOL
 
 
 def main() -> None:

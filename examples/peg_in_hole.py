@@ -8,14 +8,14 @@ import numpy as np
 
 import contactwrench as cw
 from contactwrench.errors import MissingExtraError
-from contactwrench.simulate.closed_loop import servo_rig
 from contactwrench.simulate.kinematics import HOME
-from contactwrench.simulate.peg import insert, joints_over
 from contactwrench.simulate.poses import paper_joints
 from contactwrench.simulate.recording import record_poses
 from contactwrench.simulate.rig import build
-from contactwrench.simulate.scenes import TOOL, hole, peg_tool
 from contactwrench.simulate.settings import Settings
+from reproduction.closed_loop import servo_rig
+from reproduction.peg import insert, joints_over
+from reproduction.scenes import TOOL, hole, peg_tool
 
 
 def main() -> None:

@@ -9,15 +9,15 @@ import numpy as np
 
 import contactwrench as cw
 from contactwrench.errors import MissingExtraError
-from contactwrench.simulate import film
-from contactwrench.simulate.closed_loop import servo_rig
 from contactwrench.simulate.kinematics import HOME
 from contactwrench.simulate.poses import paper_joints
-from contactwrench.simulate.pushing import joints_at, push
 from contactwrench.simulate.recording import record_poses
 from contactwrench.simulate.rig import build
-from contactwrench.simulate.scenes import PLATE, PROBE, TOOL
 from contactwrench.simulate.settings import Settings
+from reproduction import film
+from reproduction.closed_loop import servo_rig
+from reproduction.pushing import joints_at, push
+from reproduction.scenes import PLATE, PROBE, TOOL
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The house stays in order: layers, lazy imports, public names, one version."""
+"""The house stays in order: folders, imports that go one way, lazy imports, public names, one version."""
 
 from __future__ import annotations
 
@@ -6,242 +6,162 @@ import ast
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 import contactwrench as cw
+from tests.support.house import JUDGE, ORDER, against_the_order, circles, imports, modules, touching_the_outside_world
 
 PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
+EDGES = imports(PACKAGE)
 
-LAYER = {
-    "errors": 0,
-    "orientation": 0,
-    "wrench": 0,
-    "rotations": 0,
-    "travel": 0,
-    "exchange": 0,
-    "alternative": 3,
-    "version": 0,
-    "chi_square": 0,
-    "samples": 1,
-    "streams": 1,
-    "stillness": 2,
-    "clock": 3,
-    "compensator": 4,
-    "poses": 2,
-    "model": 2,
-    "robots": 2,
-    "compensate": 2,
-    "compensate_fused": 2,
-    "calibration": 3,
-    "calibration_text": 3,
-    "difference": 3,
-    "difference_text": 3,
-    "observability": 3,
-    "calibrate": 4,
-    "plan": 5,
-    "diagnose": 5,
-    "screening": 5,
-    "ways_to_read": 5,
-    "verify": 5,
-    "baselines": 5,
-    "contact": 5,
-    "contact_noise": 5,
-    "weigh": 5,
-    "recording": 6,
-    "calibration_file": 6,
-    "files": 6,
-    "demonstration": 6,
-    "report": 6,
-    "simulate": 6,
-    "experiment": 6,
-    "cli": 7,
-    "__init__": 7,
-    "__main__": 7,
-}
-"""By the first name under the package."""
-
-SAVED_WHEN_CALLED = {("calibration", "calibration_file")}
-"""`Calibration.save` and `load` import layer 6 when they are called."""
-
-OUTSIDE_WORLD = {
-    *("asyncio", "fileinput", "glob", "http", "io", "logging", "mmap", "multiprocessing", "os", "pathlib", "requests"),
-    *("rclpy", "rospy", "rosbags", "select", "selectors", "shutil", "socket", "sqlite3", "ssl", "subprocess"),
-    *("tempfile", "time", "typer", "rich", "urllib", "websockets", "matplotlib", "msgspec", "mujoco"),
-}
-"""Files, network, clocks and user interfaces: layers 0 to 5 import none of them."""
-
-ALLOWED = {
-    ("calibration", "pathlib"),  # the annotation of save and load
-    ("compensate_fused", "os"),  # the number of cores
-}
+MOST_FILES, MOST_LINES = 157, 22_500
+MOST_AT_ROOT, MOST_FOLDERS = 9, 11
+MOST_LINES_OF_FILE = 400
 
 
-def _files() -> list[Path]:
-    return sorted(path for path in PACKAGE.rglob("*.py"))
+def test_the_root_is_small() -> None:
+    at_root = list(PACKAGE.glob("*.py"))
+    folders = [path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"]
+    assert len(at_root) <= MOST_AT_ROOT
+    assert set(folders) == {*ORDER, JUDGE, "data"}
+    assert len(folders) <= MOST_FOLDERS
 
 
-def _module(path: Path) -> str:
-    parts = list(path.relative_to(PACKAGE).with_suffix("").parts)
-    if parts[-1] == "__init__" and len(parts) > 1:
-        parts.pop()
-    return ".".join(parts)
+def test_the_whole_is_small() -> None:
+    files = [path for _, path in modules(PACKAGE)]
+    assert len(files) <= MOST_FILES
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= MOST_LINES
 
 
-def _only_for_types(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+@pytest.mark.parametrize(("module", "path"), list(modules(PACKAGE)), ids=[name for name, _ in modules(PACKAGE)])
+def test_a_file_is_read_in_one_sitting(module: str, path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES_OF_FILE
 
 
-def _imports(node: ast.AST) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-    """Every import statement, and whether it runs when the module is imported; those for types alone left out."""
-
-    def walk(node: ast.AST, at_import: bool) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-        for child in ast.iter_child_nodes(node):
-            if _only_for_types(child):
-                continue
-            if isinstance(child, ast.Import | ast.ImportFrom):
-                yield child, at_import
-            inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-            yield from walk(child, at_import and not inside)
-
-    yield from walk(node, True)
+def test_imports_go_one_way() -> None:
+    assert against_the_order(EDGES) == []
 
 
-def _targets(path: Path, statement: ast.Import | ast.ImportFrom) -> Iterator[tuple[str, bool]]:
-    """The modules that a statement imports, and whether each is of this package (then without its name)."""
-    if isinstance(statement, ast.Import):
-        for alias in statement.names:
-            head, _, rest = alias.name.partition(".")
-            yield (rest, True) if head == "contactwrench" else (alias.name, False)
-        return
-    module = statement.module or ""
-    if statement.level == 0:
-        head, _, rest = module.partition(".")
-        if head != "contactwrench":
-            yield module, False
-            return
-        base = rest
-    else:
-        package = path.relative_to(PACKAGE).parent.parts
-        base = ".".join((*package[: len(package) - statement.level + 1], *filter(None, [module])))
-    for alias in statement.names:
-        inner = f"{base}.{alias.name}".strip(".")
-        is_module = (PACKAGE / (inner.replace(".", "/") + ".py")).exists() or (
-            PACKAGE / inner.replace(".", "/") / "__init__.py"
-        ).exists()
-        yield inner if is_module else base, True
-
-
-def _layer(module: str) -> int:
-    return LAYER[module.partition(".")[0] or "__init__"]
-
-
-def _edges() -> list[tuple[str, str, bool]]:
-    """(module, what it imports of this package, whether on import)."""
-    return [
-        (_module(path), target, at_import)
-        for path in _files()
-        for statement, at_import in _imports(ast.parse(path.read_text(encoding="utf-8")))
-        for target, ours in _targets(path, statement)
-        if ours
-    ]
-
-
-def test_every_file_has_a_layer() -> None:
-    assert {_module(path).partition(".")[0] for path in _files()} <= set(LAYER)
-
-
-def test_files_import_from_their_own_layer_or_lower_ones() -> None:
-    upwards = [
-        f"{module} imports {target}"
-        for module, target, _ in _edges()
-        if _layer(target) > _layer(module) and (module, target) not in SAVED_WHEN_CALLED
-    ]
-    assert upwards == []
-
-
-def test_what_is_saved_when_called_is_not_imported_before() -> None:
-    assert not [edge for edge in _edges() if edge[:2] in SAVED_WHEN_CALLED and edge[2]]
-
-
-def test_there_is_no_cycle() -> None:
-    graph: dict[str, set[str]] = {}
-    for module, target, at_import in _edges():
-        if at_import and target and module != target and not module.startswith(f"{target}."):
-            graph.setdefault(module, set()).add(target)
-    done: set[str] = set()
-
-    def visit(module: str, way: tuple[str, ...]) -> None:
-        assert module not in way, " -> ".join((*way, module))
-        if module not in done:
-            for target in sorted(graph.get(module, ())):
-                visit(target, (*way, module))
-            done.add(module)
-
-    for module in sorted(graph):
-        visit(module, ())
-
-
-JUDGED = {"model", "calibrate", "calibration", "compensate", "plan", "observability", "alternative"}
-"""What the virtual rig judges, and so never imports."""
-
-
-def _reached_from(package: str) -> dict[str, str]:
-    """Every module that the package's modules import, also through others and when called, by way of which one. The
-    package's root is left out: it imports the estimators for the user.
-    """
-    imports: dict[str, set[str]] = {}
-    for module, target, _ in _edges():
-        if target:
-            imports.setdefault(module, set()).add(target)
-    reached = {module: "" for module in imports if module.partition(".")[0] == package}
-    waiting = list(reached)
-    while waiting:
-        module = waiting.pop()
-        for target in imports.get(module, set()) - reached.keys():
-            reached[target] = module
-            waiting.append(target)
-    return reached
-
-
-def test_the_rig_does_not_know_what_it_judges() -> None:
-    reached = _reached_from("simulate")
-    assert {"simulate.rig", "rotations"} <= reached.keys()
-    assert {module: way for module, way in reached.items() if module.partition(".")[0] in JUDGED} == {}
-
-
-def test_knowing_what_is_judged_would_be_seen() -> None:
-    assert {"calibrate", "model", "calibration"} <= {module.partition(".")[0] for module in _reached_from("experiment")}
+def test_there_is_no_circle_of_files_or_folders() -> None:
+    assert circles(EDGES) == []
 
 
 def test_numerics_touch_no_file_network_clock_or_screen() -> None:
-    touching = [
-        f"{_module(path)} imports {target}"
-        for path in _files()
-        if _layer(_module(path)) <= 5
-        for statement, _ in _imports(ast.parse(path.read_text(encoding="utf-8")))
-        for target, ours in _targets(path, statement)
-        if not ours
-        and target.partition(".")[0] in OUTSIDE_WORLD
-        and (_module(path), target.partition(".")[0]) not in ALLOWED
-    ]
-    assert touching == []
+    assert touching_the_outside_world(EDGES) == []
 
 
-@pytest.mark.parametrize("path", _files(), ids=_module)
-def test_a_file_is_read_in_one_sitting(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+def _planted(folder: Path, files: dict[str, str]) -> Path:
+    package = folder / "contactwrench"
+    for name, text in files.items():
+        path = package / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return package
+
+
+UPWARDS = {
+    "a lower folder imports a higher one": (
+        {"samples/delay.py": "from ..report import html", "report/html.py": ""},
+        "samples.delay imports report.html",
+    ),
+    "inside a function": (
+        {"samples/delay.py": "def f():\n    from ..cli import main", "cli/main.py": ""},
+        "samples.delay imports cli.main",
+    ),
+    "by the package's full name": (
+        {"estimation/auto.py": "from contactwrench.assess.plan import plan", "assess/plan.py": ""},
+        "estimation.auto imports assess.plan",
+    ),
+    "the root imports a folder": ({"model.py": "from .samples import poses", "samples/poses.py": ""}, None),
+    "the judge sees what it judges": (
+        {"simulate/rig.py": "from ..estimation import auto", "estimation/auto.py": ""},
+        "simulate.rig imports estimation.auto",
+    ),
+    "the judge sees another file of assess": (
+        {"simulate/rig.py": "from ..assess import plan", "assess/plan.py": ""},
+        "simulate.rig imports assess.plan",
+    ),
+    "what is judged sees the judge": (
+        {"assess/plan.py": "from ..simulate import rig", "simulate/rig.py": ""},
+        "assess.plan imports simulate.rig",
+    ),
+    "a part imports the whole": ({"samples/delay.py": "from .. import Samples", "__init__.py": ""}, None),
+}
+
+
+@pytest.mark.parametrize("planted", UPWARDS.values(), ids=UPWARDS)
+def test_an_import_upwards_is_seen(planted: tuple[dict[str, str], str | None], tmp_path: Path) -> None:
+    files, said = planted
+    upwards = against_the_order(imports(_planted(tmp_path, files)))
+    assert upwards == [said] if said is not None else len(upwards) == 1
+
+
+def test_imports_for_types_and_downwards_are_no_violation(tmp_path: Path) -> None:
+    files = {
+        "samples/delay.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from ..report import html",
+        "report/html.py": "from ..samples import delay\nfrom ..errors import InputError",
+        "errors.py": "",
+        "simulate/rig.py": "from ..assess import robot_arms\nfrom ..geometry import wrench\nfrom .. import errors",
+        "assess/robot_arms.py": "",
+        "geometry/wrench.py": "",
+        "cli/simulate.py": "from ..simulate import rig",
+    }
+    edges = imports(_planted(tmp_path, files))
+    assert against_the_order(edges) == []
+    assert circles(edges) == []
+
+
+@pytest.mark.parametrize("lazy", [False, True])
+def test_a_circle_is_seen(lazy: bool, tmp_path: Path) -> None:
+    back = "def f():\n    from . import one" if lazy else "from . import one"
+    files = {"report/one.py": "from . import two", "report/two.py": "from . import three", "report/three.py": back}
+    assert circles(imports(_planted(tmp_path, files))) == ["report.one -> report.two -> report.three -> report.one"]
+
+
+def test_a_circle_of_folders_is_seen(tmp_path: Path) -> None:
+    files = {
+        "geometry/a.py": "from ..samples import b",
+        "geometry/c.py": "",
+        "samples/b.py": "from ..geometry import c",
+    }
+    assert circles(imports(_planted(tmp_path, files))) == ["geometry -> samples -> geometry"]
+
+
+@pytest.mark.parametrize("statement", ["import socket", "def f():\n    from pathlib import Path"])
+def test_touching_the_outside_world_is_seen(statement: str, tmp_path: Path) -> None:
+    edges = imports(_planted(tmp_path, {"estimation/auto.py": statement, "recording/read.py": statement}))
+    assert len(touching_the_outside_world(edges)) == 1
+
+
+def test_nothing_of_the_package_sees_the_reproduction() -> None:
+    assert [edge for edge in EDGES if edge.target.partition(".")[0] in {"reproduction", "tests", "benchmarks"}] == []
+
+
+def test_the_rig_does_not_know_what_it_judges() -> None:
+    """Also through others; the package's root is left out: it imports the estimators for the user."""
+    graph: dict[str, set[str]] = {}
+    for edge in EDGES:
+        if edge.ours and edge.target:
+            graph.setdefault(edge.module, set()).add(edge.target)
+    reached = {module for module in graph if module.partition(".")[0] == JUDGE}
+    waiting = list(reached)
+    while waiting:
+        new = graph.get(waiting.pop(), set()) - reached
+        reached |= new
+        waiting += new
+    assert {"simulate.rig", "geometry.rotations"} <= reached
+    judged = {"model", "subtract", "calibration", "estimation", "compensate"}
+    assert {module for module in reached if module.partition(".")[0] in judged} == set()
 
 
 def test_no_global_random_state_and_no_assert_in_the_package() -> None:
-    for path in _files():
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        assert not [node for node in ast.walk(tree) if isinstance(node, ast.Assert)], path
+    for _, path in modules(PACKAGE):
         text = path.read_text(encoding="utf-8")
+        assert not [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Assert)], path
         assert "np.random.seed" not in text, path
 
 
@@ -282,7 +202,7 @@ def test_import_loads_only_what_is_needed() -> None:
 def test_a_single_sample_is_compensated_without_compiling_anything() -> None:
     loaded = _loaded_by(
         "import numpy as np\n"
-        "from contactwrench.compensate import compensate, stepper\n"
+        "from contactwrench.subtract import compensate, stepper\n"
         "B, d = np.ones((6, 4)), np.array([0.0, 0.0, -1.0])\n"
         "compensate(B, d, np.ones(6), np.array([0.0, 0.6, 0.0, 0.8]))\n"
         "stepper(B, d)(*np.ones(6), 0.0, 0.6, 0.0, 0.8)"

@@ -18,12 +18,12 @@ import contactwrench as cw
 from benchmarks import auto, dirty, live
 from benchmarks.accuracy import NOISE, TABLE_V, UNSEEN
 from benchmarks.measured import ranks
-from benchmarks.poses import POSE_SETS
 from benchmarks.record import HEADER, append
-from benchmarks.recordings import measured_sets
 from benchmarks.table import Row
-from benchmarks.world import bound_on_prediction, readings
-from contactwrench.compensator.contact_wrench import Contact
+from contactwrench.compensate.contact_wrenches import Contact
+from tests.support.measured_sets import measured_sets
+from tests.support.poses import POSE_SETS
+from tests.support.world import bound_on_prediction, readings
 
 
 class Here(Executor):

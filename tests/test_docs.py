@@ -28,7 +28,7 @@ from typing import Any
 import pytest
 
 import contactwrench
-from contactwrench.cli import main
+from contactwrench.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = sorted((ROOT / "docs").glob("*.md"))

@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.verify import verify
-from tests.rigs import rotation_angle
+from contactwrench.assess.verify import verify
+from tests.support.rigs import rotation_angle
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 KUKA = DATA / "kuka_atigamma" / "0-calibration_fts-accel.csv"

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from benchmarks.world import Array, Rig, random_rotations, readings, tilted_down
 from contactwrench.model import (
     PARAMETERS,
     RigidTool,
@@ -23,7 +22,8 @@ from contactwrench.model import (
     wrench_matrix,
     yaw_of_mounting,
 )
-from tests.rigs import example, seeds
+from tests.support.rigs import example, seeds
+from tests.support.world import Array, Rig, random_rotations, readings, tilted_down
 
 FLIPPED = np.diag([1.0, -1.0, -1.0])
 RIGID = ("yaw", "mount", "mount+base")

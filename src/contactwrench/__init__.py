@@ -1,12 +1,12 @@
 """contactwrench: from a raw wrist force/torque sensor to the pure contact wrench."""
 
-from .calibrate import calibrate
-from .calibration import Calibration
-from .compensator.compensator import Compensator
-from .compensator.contact_wrench import ContactWrench
+from .calibration.calibration import Calibration
+from .compensate.compensator import Compensator
+from .compensate.contact_wrenches import ContactWrench
 from .errors import ContactWrenchError
-from .recording import read
-from .samples import Samples
+from .estimation.calibrate import calibrate
+from .recording.read import read
+from .samples.samples import Samples
 from .version import __version__
 
 __all__ = [

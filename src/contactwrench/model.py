@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .orientation import Array
-from .rotations import rotation_exp
-from .wrench import cross_matrix
+from .geometry.arrays import Array
+from .geometry.rotations import rotation_exp
+from .geometry.wrench import cross_matrix
 
 LINEAR_PARAMETERS = (
     "weight",

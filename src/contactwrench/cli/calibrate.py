@@ -28,7 +28,7 @@ from .reading import (
 from .several import json_of, output_files, shared_names
 
 if TYPE_CHECKING:
-    from ..calibration import Calibration
+    from ..calibration.calibration import Calibration
 
 
 @with_reading_flags
@@ -88,7 +88,7 @@ def calibrate(
     g: StandardGravity = DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
-    from ..calibrate.auto import BASE_TILT_SD, MOUNT_TILT_SD
+    from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
 
     files = reading.files(given)
     require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)
@@ -110,12 +110,12 @@ def calibrate(
         "known": known_values(known or [], g),
     }
     if in_common:
-        from ..calibrate.shared import calibrate_shared
+        from ..estimation.several_tools import calibrate_shared
 
         calibrations = calibrate_shared(recordings, in_common, model, **stated)
     else:
-        from ..calibrate import calibrate as fit
-        from ..calibration import Calibration
+        from ..calibration.calibration import Calibration
+        from ..estimation.calibrate import calibrate as fit
 
         calibrations = (fit(recordings[0], model, prior=None if prior is None else Calibration.load(prior), **stated),)
     stated_of_file = {
@@ -148,7 +148,7 @@ def calibrate(
 
 def _print(calibrations: tuple[Calibration, ...], several: bool, json: bool, output: Path | None) -> None:
     """The text or the JSON on stdout; a single calibration that went there already is not printed again."""
-    from ..calibration_file import to_json
+    from ..calibration.file import to_json
 
     to_stdout = str(output) == STDOUT
     if several and (json or to_stdout):

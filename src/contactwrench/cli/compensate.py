@@ -28,9 +28,9 @@ from .reading import (
 )
 
 if TYPE_CHECKING:
-    from ..calibration import Calibration
-    from ..compensator.filters import LowPass
-    from ..orientation import Array
+    from ..calibration.calibration import Calibration
+    from ..compensate.filters import LowPass
+    from ..geometry.arrays import Array
 
 PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """A drift or a noise in N stands for as many N m at a lever of 5 cm, as in `drift.TYPICAL_DRIFT`."""
@@ -104,9 +104,9 @@ def compensate(
     g: StandardGravity = DEFAULT_G,
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
-    from ..calibration import Calibration
+    from ..calibration.calibration import Calibration
     from ..files import require_distinct
-    from ..recording.compensation import Treatment, compensated
+    from ..recording.compensate import Treatment, compensated
     from ..recording.contact_output import require_writable, write_contacts
 
     path = reading.file(file)
@@ -140,7 +140,7 @@ def compensate(
 
 def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:
     """`HZ` or `HZ:ORDER`. Raises `InputError` naming the flag."""
-    from ..compensator.filters import LowPass
+    from ..compensate.filters import LowPass
 
     if text is None:
         return None

@@ -14,6 +14,6 @@ def demo(
     ] = Path("contactwrench-demo"),
 ) -> None:
     """Run the main job on two measured sets that come with the package, and say what the results mean."""
-    from ..demonstration import demonstrate
+    from .demonstration import demonstrate
 
     demonstrate(out, typer.echo)

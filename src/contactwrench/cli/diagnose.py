@@ -7,14 +7,7 @@ from pathlib import Path
 import typer
 
 from ..errors import InputError
-from .reading import (
-    Gravity,
-    Json,
-    Reading,
-    Recording,
-    gravity_direction,
-    with_reading_flags,
-)
+from .reading import Gravity, Json, Reading, Recording, gravity_direction, with_reading_flags
 
 
 @with_reading_flags
@@ -30,8 +23,8 @@ def diagnose(
     Tries every orientation convention, inverse and unit, both signs, wrenches in base axes, exchanged axes, shifted
     rows and torques in N mm. The reading flags say how the file is read as given.
     """
-    from ..diagnose import diagnose as rank
-    from ..recording.readings import readings
+    from ..assess.diagnose import diagnose as rank
+    from ..recording.interpretations import readings
     from ..report.diagnosis import diagnosis_json, diagnosis_text
 
     found = rank(

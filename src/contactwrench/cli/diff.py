@@ -16,7 +16,7 @@ def diff(
     json: Json = False,
 ) -> None:
     """What changed between two calibrations, each change with its standard deviation."""
-    from ..calibration import Calibration
+    from ..calibration.calibration import Calibration
     from ..report.text import difference_json, difference_text
 
     change = Calibration.load(a).diff(Calibration.load(b))

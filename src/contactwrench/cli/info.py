@@ -17,7 +17,7 @@ def info(
 ) -> None:
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
     from ..recording.contents import bag_contents, table_contents
-    from ..recording.layout import is_bag
+    from ..recording.options import is_bag
     from ..report.contents import contents_json, contents_text
 
     with progress(f"reading {file.name}") as advance:

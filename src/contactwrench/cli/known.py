@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import typer
 
-from ..orientation import Array, nearest_rotations
+from ..geometry.arrays import Array
+from ..geometry.orientation import nearest_rotations
 
 KNOWN_HELP = (
     "What is known, with its std; may be repeated. weight=N, mass=KG, com=X,Y,Z (m) or com_mm=X,Y,Z (sensor axes), "

@@ -18,7 +18,6 @@ from .compensate import compensate
 from .demo import demo
 from .diagnose import diagnose
 from .diff import diff
-from .experiment import experiment
 from .info import info
 from .plan import plan
 from .show import show
@@ -40,7 +39,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, experiment, demo):
+for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, demo):
     app.command()(verb)
 
 
@@ -57,25 +56,26 @@ def _program(
     """From a raw wrist force/torque sensor to the pure contact wrench."""
 
 
-def main() -> None:
+def main(program: typer.Typer = app, name: str = "contactwrench") -> None:
     """Run the program and leave with its exit status."""
     if sys.stdout is None:  # closed by whoever started the program
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8")
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-    sys.exit(_status())
+    sys.exit(exit_status(program, name))
 
 
-def _status() -> int:
+def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
+    """Run the program: its exit status."""
     try:
-        status = app(prog_name="contactwrench", standalone_mode=False)
+        status = program(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
     except ContactWrenchError as error:
         return _say(str(error))
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
-        program = "contactwrench" if context is None else context.command_path
-        return _say(f"{error.format_message().rstrip('.')}: try '{program} --help'")
+        command = name if context is None else context.command_path
+        return _say(f"{error.format_message().rstrip('.')}: try '{command} --help'")
     except typer.Abort:
         return _say("interrupted")
     except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second

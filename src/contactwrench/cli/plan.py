@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 from ..errors import InputError
-from ..orientation import Array
-from ..recording.layout import Layout
+from ..geometry.arrays import Array
+from ..recording.options import Layout
 from .reading import (
     Gravity,
     InverseOrientation,
@@ -23,7 +23,7 @@ from .reading import (
 )
 
 if TYPE_CHECKING:
-    from ..robots import Reach
+    from ..assess.robot_arms import Reach
 
 
 def plan(
@@ -56,9 +56,9 @@ def plan(
     gravity: Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
+    from ..assess.plan import expected_tool, recorded_poses
+    from ..assess.plan import plan as choose
     from ..files import require_distinct, write_text
-    from ..plan import expected_tool, recorded_poses
-    from ..plan import plan as choose
     from ..recording.urdf import urdf_file
     from ..report.plan import plan_csv, plan_json, plan_text
 
@@ -94,8 +94,8 @@ def plan(
 
 def _reach(robot: str | None, around: str | None) -> Reach | None:
     """What the robot's wrist reaches around the joint angles that --around states."""
+    from ..assess.robot_arms import reach
     from ..recording.urdf import arm_of
-    from ..robots import reach
 
     if robot is None:
         if around is not None:

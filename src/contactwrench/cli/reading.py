@@ -13,10 +13,11 @@ import numpy as np
 import typer
 
 from ..errors import InputError
-from ..orientation import CONVENTIONS, Array
-from ..recording.layout import Layout
-from ..samples import Samples
-from ..wrench import STANDARD_GRAVITY
+from ..geometry.arrays import Array
+from ..geometry.orientation import CONVENTIONS
+from ..geometry.wrench import STANDARD_GRAVITY
+from ..recording.options import Layout
+from ..samples.samples import Samples
 from .progress import progress
 
 
@@ -167,7 +168,7 @@ def _two_names(text: str) -> tuple[str, str]:
 
 def read_recording(file: Path, layout: Layout) -> Samples:
     """The recording as samples; what takes long shows how far it is."""
-    from ..recording import read_samples
+    from ..recording.read import read_samples
 
     with progress(f"reading {file.name}") as advance:
         return read_samples(file, layout, advance, note)
@@ -193,7 +194,7 @@ def gravity_direction(text: str | None) -> Array | None:
     """The direction that --gravity states, unit length, or None."""
     if text is None:
         return None
-    from ..wrench import unit_direction
+    from ..geometry.wrench import unit_direction
 
     return unit_direction(three_numbers(text, "--gravity"), "--gravity")
 

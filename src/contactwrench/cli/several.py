@@ -12,7 +12,7 @@ from ..errors import FileAccessError
 from ..files import STDOUT, require_distinct
 
 if TYPE_CHECKING:
-    from ..calibration import Calibration
+    from ..calibration.calibration import Calibration
 
 
 def shared_names(
@@ -25,7 +25,7 @@ def shared_names(
         if len(files) > 1:
             raise typer.BadParameter(f"found {len(files)} files, expected one, or --shared mount,gravity")
         return ()
-    from ..calibrate.shared import require_shareable
+    from ..estimation.several_tools import require_shareable
 
     for flag, value in (("--prior", prior), ("--report", report)):
         if value is not None:
@@ -62,6 +62,6 @@ def output_files(files: list[Path], folder: Path | None) -> list[Path | None]:
 
 def json_of(calibrations: tuple[Calibration, ...]) -> str:
     """The saved forms, a JSON array."""
-    from ..calibration_file import to_json
+    from ..calibration.file import to_json
 
     return "[\n" + ",\n".join(to_json(calibration).rstrip("\n") for calibration in calibrations) + "\n]\n"

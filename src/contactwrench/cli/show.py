@@ -15,8 +15,8 @@ def show(
     json: Json = False,
 ) -> None:
     """Print a calibration: every parameter with its standard deviation, the verdict, the warnings."""
-    from ..calibration import Calibration
-    from ..calibration_file import to_json
+    from ..calibration.calibration import Calibration
+    from ..calibration.file import to_json
 
     calibration = Calibration.load(file)
     typer.echo(to_json(calibration) if json else f"{calibration}\n", nl=False)

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from ..errors import InputError
-from ..orientation import Array
+from ..geometry.arrays import Array
 from .reading import Orientation
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def simulate(
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
-    from ..recording.bag_files import SUFFIXES_OF_BAGS
+    from ..recording.bags.open import SUFFIXES_OF_BAGS
     from ..simulate.recording_file import truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
 
@@ -101,8 +101,8 @@ def simulate(
 
 def _write_bag(output: Path, recorded: Recorded) -> None:
     """Wrench and pose as streams of their own, the pose at its own rate; a bag that is there is replaced."""
-    from ..recording.bag_writing import write_streams_bag
-    from ..streams import OrientationStream, Streams, WrenchStream
+    from ..recording.bags.write import write_streams_bag
+    from ..samples.streams import OrientationStream, Streams, WrenchStream
 
     plan = recorded.settings.recording
     posed = slice(None, None, max(round(plan.rate / plan.pose_rate), 1))
@@ -135,8 +135,8 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
         raise InputError(
             f"--poses is {poses}, expected paper, plan, plan:N, random:N (1 to {MOST_RANDOM}) or a CSV file"
         )
-    from ..recording.goals import read_goals
-    from ..robots import known_arm, within_limits
+    from ..assess.robot_arms import known_arm, within_limits
+    from ..recording.target_poses import read_goals
 
     goals = read_goals(poses, JOINTS, orientation)
     try:
@@ -149,8 +149,8 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
 
 def _planned(settings: Settings, n: int) -> Array:
     """Joints of the poses that `contactwrench plan --robot iiwa7` gives for this base."""
-    from ..plan import expected_tool, plan
-    from ..robots import known_arm, reach
+    from ..assess.plan import expected_tool, plan
+    from ..assess.robot_arms import known_arm, reach
 
     around_home = reach(known_arm("iiwa7"))
     planned = plan(n, expected_tool(None, "auto", settings.gravity_direction), reach=around_home)
@@ -181,7 +181,7 @@ def _moving(
             f"--trajectory is {trajectory}, expected stops, stops:N, excite, sweep or a CSV file with t and q1 to q7"
         )
     else:
-        from ..recording.goals import read_goals
+        from ..recording.target_poses import read_goals
         from ..simulate.rig import JOINTS
 
         goals = read_goals(trajectory, JOINTS)

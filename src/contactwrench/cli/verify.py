@@ -43,9 +43,9 @@ def verify(
 
     Exit status 1 if the recording contradicts the calibration.
     """
-    from ..calibration import Calibration
+    from ..assess.verify import verify as check
+    from ..calibration.calibration import Calibration
     from ..report.text import verification_json, verification_text
-    from ..verify import verify as check
 
     path = reading.file(file)
     loaded = Calibration.load(calibration).with_gravity(gravity_direction(gravity))

@@ -29,9 +29,9 @@ def weigh(
     g: WeighingGravity = None,
 ) -> None:
     """Mass and centre of mass of an object that the tool holds, from one or more poses."""
-    from ..calibration import Calibration
+    from ..assess.weigh import weigh as weighed
+    from ..calibration.calibration import Calibration
     from ..report.text import held_object_json, held_object_text
-    from ..weigh import weigh as weighed
 
     path = reading.file(file)
     loaded = Calibration.load(calibration).with_gravity(gravity_direction(gravity))

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import InputError
-from ..orientation import Array
+from ..geometry.arrays import Array
 from ..report.contacts import ContactLog, summary, write_contact_report
-from .bag_copy import write_bag_with
-from .bag_files import SUFFIXES_OF_BAGS
-from .compensation import Rows
-from .layout import Layout, is_bag
-from .parquet import SUFFIXES as SUFFIXES_OF_PARQUET
-from .writers import write_contact_wrenches
+from .bags.copy import write_bag_with
+from .bags.open import SUFFIXES_OF_BAGS
+from .compensate import Rows
+from .options import Layout, is_bag
+from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from .tables.write import write_contact_wrenches
 
 SUFFIXES_OF_TABLES = (".csv", ".tsv", ".txt", ".dat", "", *SUFFIXES_OF_PARQUET)
 

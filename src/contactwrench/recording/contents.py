@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
-from ..orientation import Array
-from .bag_chunks import Logged, messages, part_read
-from .bag_files import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
-from .bag_messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
-from .bag_topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
-from .table import opened, times
-from .transforms import Edge, Link, note
+from ..geometry.arrays import Array
+from .bags.chunks import Logged, messages, part_read
+from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
+from .bags.open import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
+from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
+from .bags.transforms import Edge, Link, note
+from .tables.table import opened, times
 
 HEADER = "std_msgs/msg/Header"
 

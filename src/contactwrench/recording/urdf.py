@@ -14,10 +14,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..assess.robot_arms import Arm, known_arm
 from ..errors import FileFormatError
 from ..files import read_bytes
-from ..orientation import Array
-from ..robots import Arm, known_arm
+from ..geometry.arrays import Array
 
 FLANGES = ("tool0", "flange")
 """Links that ROS-Industrial and REP 199 call the flange, the preferred one first: tool0 has the controller's axes."""

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calibration_text import meaningful_digits
-from ..compensator.contact_wrench import Contact
+from ..calibration.text import meaningful_digits
+from ..compensate.contact_wrenches import Contact
 from ..files import write_text
-from ..orientation import Array
-from ..recording.compensation import TOUCHING, JudgedWrenches, Rows
+from ..geometry.arrays import Array
+from ..recording.compensate import TOUCHING, JudgedWrenches, Rows
 from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, table_html

@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ..diagnose import Diagnosis, Explanation
-from ..ways_to_read import Reading
+from ..assess.diagnose import Diagnosis, Explanation
+from ..assess.interpretations import Reading
 
 WIDTH = 100
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..orientation import Array
+from ..geometry.arrays import Array
 
 MOST_BINS = 2000
 FIRST_WIDTH = 0.005

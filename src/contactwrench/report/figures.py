@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..baselines import LeftOver
-from ..calibration import Calibration
+from ..assess.baselines import LeftOver
+from ..calibration.calibration import Calibration
 from ..errors import MissingExtraError
+from ..geometry.arrays import Array
+from ..geometry.rotations import rotations_about_z
 from ..model import gravity_in_flange
-from ..orientation import Array
-from ..rotations import rotations_about_z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..alternative import largest_force_change
-from ..baselines import LeftOver, compare
-from ..calibration import Calibration
-from ..calibration_text import headline, meaningful_digits, parameter_rows
+from ..assess.baselines import LeftOver, compare
+from ..calibration.alternative import largest_force_change
+from ..calibration.calibration import Calibration
+from ..calibration.text import headline, meaningful_digits, parameter_rows
 from ..files import write_text
+from ..geometry.arrays import Array
 from ..model import AXES
-from ..orientation import Array
-from ..samples import Samples
-from ..stillness.resting import is_stream
-from ..stillness.stretches import still_stretches
+from ..samples.recorded_poses import is_stream
+from ..samples.samples import Samples
+from ..samples.still_segments import still_stretches
 from ..version import __version__
 from . import figures, signals
 from .style import STYLE
@@ -31,7 +31,7 @@ PURPOSE = {
 
 
 BIAS_MOVED = ("the bias stepped", "the bias drifted", "the bias wandered")
-"""How the warning of a bias that moved begins (calibrate/cleaned.py)."""
+"""How the warning of a bias that moved begins (estimation/cleaned.py)."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import asdict
 import msgspec
 import numpy as np
 
+from ..assess.plan import Accuracy, Plan
+from ..geometry.arrays import Array
 from ..model import gravity_in_flange
-from ..orientation import Array
-from ..plan import Accuracy, Plan
 
 MUCH_WORSE = 1.05
 """Of the std that a plan without a robot reaches: more than this, and the arm's limits are said to cost it."""

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration import Calibration
-from ..orientation import Array
-from ..poses import SAME_POSE_ANGLE, Pose
-from ..samples import Samples
-from ..stillness.stretches import StillStretch, StillStretches
+from ..calibration.calibration import Calibration
+from ..geometry.arrays import Array
+from ..samples.poses import SAME_POSE_ANGLE, Pose
+from ..samples.samples import Samples
+from ..samples.still_segments import StillStretch, StillStretches
 from .figures import AXIS_COLOURS, drawing, svg_text
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ..calibration_text import meaningful_digits
-from ..chi_square import percent
-from ..difference import Difference
+from ..assess.verify import Verification
+from ..assess.weigh import HeldObject
+from ..calibration.difference import Difference
+from ..calibration.text import meaningful_digits
+from ..geometry.arrays import Array
 from ..model import AXES
-from ..orientation import Array
-from ..verify import Verification
-from ..weigh import HeldObject
+from ..statistics import percent
 
 
 def verification_text(result: Verification) -> str:

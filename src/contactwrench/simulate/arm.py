@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..orientation import Array
-from ..robots import known_arm
+from ..assess.robot_arms import known_arm
+from ..geometry.arrays import Array
 
 BASE_TO_SHOULDER = 0.34
 SHOULDER_TO_ELBOW = 0.4

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..orientation import Array
+from ..geometry.arrays import Array
 from .arm import MAX_TORQUE
 from .rig import JOINTS, Rig, import_mujoco
 from .settings import JointTorque

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..orientation import Array
-from ..rotations import rotation_log
+from ..geometry.arrays import Array
+from ..geometry.rotations import rotation_log
 from .arm import JOINT_RANGE
 from .rig import JOINTS, Rig, import_mujoco, inverse_dynamics
 

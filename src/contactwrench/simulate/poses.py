@@ -7,7 +7,8 @@ from importlib.resources import files
 import numpy as np
 
 from ..errors import InputError
-from ..orientation import CONVENTIONS, Array
+from ..geometry.arrays import Array
+from ..geometry.orientation import CONVENTIONS
 from .arm import JOINT_RANGE
 from .kinematics import HOME, flange_pose, joints_for
 from .rig import Rig

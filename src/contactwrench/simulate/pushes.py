@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..orientation import Array
-from ..samples import read_only
+from ..geometry.arrays import Array, read_only
 
 LEAST_FORCE, LARGEST_FORCE = 1.0, 10.0
 """N."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..orientation import Array
-from ..rotations import rotation_exp
-from ..samples import Samples, read_only
+from ..geometry.arrays import Array, read_only
+from ..geometry.rotations import rotation_exp
+from ..samples.samples import Samples
 from .joint_torque import friction_torque, joint_torque_readings
 from .pushes import Push, force_on_hook
 from .rig import Physics, build, inverse_dynamics

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from ..files import write_text
-from ..orientation import Array
+from ..geometry.arrays import Array
 from .recording import Recorded
 
 AXES = ("fx", "fy", "fz", "tx", "ty", "tz")

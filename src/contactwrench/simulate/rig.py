@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, MissingExtraError
-from ..orientation import Array
-from ..samples import read_only
+from ..geometry.arrays import Array, read_only
 from .arm import FLANGE_HEIGHT, arm_xml, numbers
 from .settings import Settings
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..orientation import Array
+from ..geometry.arrays import Array
 from .settings import Sensor
 
 HOUR = 3600.0

@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 
 from ..errors import InputError
-from ..orientation import Array
-from ..rotations import rotation_exp
+from ..geometry.arrays import Array
+from ..geometry.rotations import rotation_exp
 
 Three: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]

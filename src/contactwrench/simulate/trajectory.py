@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..orientation import Array
-from ..samples import read_only
+from ..geometry.arrays import Array, read_only
 from .arm import JOINT_RANGE, MAX_SPEED
 from .kinematics import HOME
 from .settings import MOST_ROWS

@@ -1,0 +1,274 @@
+"""Which orientations to record next, so that the contact wrench comes out best, whatever the orientation it is used at.
+
+Every pose adds its information `J^T W J` about the parameters (J the derivative of its reading, W the inverse variance
+of the noise), and the covariance C of the parameters is the inverse of the sum. What the user uses is the contact
+wrench, and a calibration adds the variance `J C J^T` to it; its mean over all orientations is `trace(C M)`, and the
+planned poses are those that make it least (exchange.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calibration.observability import LEVER, natural_jacobian, require_separable
+from ..errors import AmbiguityError, InputError, UnobservableError
+from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
+from ..estimation.calibrate import calibrate
+from ..geometry.arrays import Array, read_only
+from ..geometry.rotations import spread_rotations
+from ..geometry.wrench import unit_direction
+from ..model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
+from ..samples.recorded_poses import is_stream, resting_poses
+from ..samples.samples import Samples
+from .experiment_design import chosen_experiments
+from .robot_arms import Reach
+from .visiting_order import short_order
+
+MODELS = ("auto", "yaw", "mount", "mount+base")
+MOST_POSES = 100
+
+TILTS = {"mount_x": MOUNT_TILT_SD, "mount_y": MOUNT_TILT_SD, **dict.fromkeys(GRAVITY, BASE_TILT_SD)}
+"""Standard deviations that `auto` expects of the tilts, rad."""
+
+WEIGHT = 10.0
+COM = (0.0, 0.0, 0.05)
+NOISE = (0.05, 0.05, 0.05, 0.002, 0.002, 0.002)
+"""N, m, and N and N m: a tool of 1 kg on a decent sensor, where nothing is known yet. Which poses are best hardly
+depends on it: it cancels but for the tilts of `auto`, which are known beforehand as well as they are.
+"""
+
+UNKNOWN = 10.0
+"""Times the weight, `LEVER` or 1 rad: how well any parameter is known before the first pose. It keeps the covariance
+finite while there are too few poses, and is far too vague to be felt once there are enough.
+"""
+
+APART = np.deg2rad(10.0)
+"""Between any two poses: one beside another repeats the errors of arm and cables, and tells nothing new."""
+
+CANDIDATES = (72, 14)
+EVERYWHERE = (288, 24)
+"""Directions and turns of `spread_rotations`: to choose from, and to average over. Choosing from the second set takes
+seven times as long and gains less than one per cent in the standard deviation.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """What the poses are planned for: the tool, the standard deviations (6,) of a pose's reading, the recording that
+    both were fitted to (None: assumed), and why a recording could not be (None: it could, or there is none).
+    """
+
+    tool: RigidTool
+    noise: Array
+    fitted_to: str | None = None
+    refusal: str | None = None
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Standard deviation of the contact force (N) and torque (N m) from the calibration: each the root of the summed
+    variances of its three axes, root mean square over all orientations, and largest.
+    """
+
+    force: float
+    torque: float
+    largest_force: float
+    largest_torque: float
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The next poses, in order.
+
+    `recorded` is how many poses come before. `R_base_flange` (n, 3, 3); `joints` (n, k) rad or None; `turn` (n,) rad,
+    the rotation from the pose before (from the last one recorded, or where the robot stands, to the first; NaN where
+    there is neither). `before` and `after`: the accuracy of a calibration without and with these poses, None where they
+    leave a parameter open. `anywhere`: that of a plan which no joint limits, None without a robot. `arm` and `around`
+    (k,) rad say how the joints were found.
+    """
+
+    model: str
+    expected: Expected
+    recorded: int
+    R_base_flange: Array
+    turn: Array
+    before: Accuracy | None
+    after: Accuracy | None
+    joints: Array | None = None
+    arm: str | None = None
+    around: Array | None = None
+    anywhere: Accuracy | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("R_base_flange", "turn", "joints", "around"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, None if value is None else read_only(value))
+
+    def __len__(self) -> int:
+        return len(self.R_base_flange)
+
+
+def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: ArrayLike | None = None) -> Expected:
+    """The tool and noise to plan for: fitted to `samples`; or assumed, where there are none or too few to tell.
+
+    `gravity`: direction (3,) in base axes, default down. Raises `InputError` for unusable arguments.
+    """
+    _require_model(model)
+    d = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)
+    assumed = Expected(RigidTool(WEIGHT, np.array(COM), np.zeros(6), np.eye(3), d), read_only(NOISE))
+    if samples is None:
+        return assumed
+    try:
+        cal = calibrate(samples, model, gravity=d)
+    except (UnobservableError, AmbiguityError) as refusal:
+        return replace(assumed, refusal=f"{samples.source}: {refusal}")
+    if cal.weight is None or cal.com is None or cal.R_flange_sensor is None:
+        raise TypeError("a rigid model has a tool")
+    tool = RigidTool(cal.weight, cal.com, cal.bias, cal.R_flange_sensor, cal.gravity_direction)
+    return Expected(tool, cal.noise, fitted_to=samples.source)
+
+
+def recorded_poses(samples: Samples) -> Array:
+    """The orientations (m, 3, 3) of the contact-free poses in a recording, in the order of their first rows."""
+    samples, _ = samples.unsaturated()
+    free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
+    return np.array([pose.R_base_flange for pose in resting_poses(free, is_stream(samples))]).reshape(-1, 3, 3)
+
+
+def plan(
+    n: int,
+    expected: Expected | None = None,
+    *,
+    model: str = "auto",
+    recorded: Array | None = None,
+    reach: Reach | None = None,
+) -> Plan:
+    """The `n` orientations that, after those `recorded` (m, 3, 3), make the contact wrench most certain.
+
+    "Most certain": least variance from the calibration, of the force and of the torque at a lever of 50 mm, on average
+    over all orientations. `model` is what will be fitted: yaw, mount, mount+base, or auto, which expects small tilts of
+    mounting and base. `reach`: choose only from what a robot's wrist reaches. Poses are `APART`, and in an order in
+    which the flange (or, with a robot, the joint that turns most) turns little in all.
+
+    Raises `InputError` for a model or a number that cannot be planned for, and where no orientation is left.
+    """
+    _require_model(model)
+    if not 1 <= n <= MOST_POSES:
+        raise InputError(f"number of poses is {n}, expected 1 to {MOST_POSES}")
+    expected = expected_tool(None, model) if expected is None else expected
+    recorded = np.empty((0, 3, 3)) if recorded is None else recorded
+    free = spread_rotations(*CANDIDATES)
+    R = free if reach is None else reach.R_base_flange
+    chosen = _chosen(n, expected, model, recorded, R)
+    order, turn = _in_order(R[chosen], recorded, None if reach is None else reach.joints[chosen], reach)
+    chosen = [chosen[k] for k in order]
+    anywhere = None
+    if reach is not None:
+        best = free[_chosen(n, expected, model, recorded, free)]
+        anywhere = _accuracy(expected, model, np.concatenate([recorded, best]))
+    return Plan(
+        model=model,
+        expected=expected,
+        recorded=len(recorded),
+        R_base_flange=R[chosen],
+        turn=turn,
+        before=_accuracy(expected, model, recorded),
+        after=_accuracy(expected, model, np.concatenate([recorded, R[chosen]])),
+        joints=None if reach is None else reach.joints[chosen],
+        arm=None if reach is None else reach.arm,
+        around=None if reach is None else reach.around,
+        anywhere=anywhere,
+    )
+
+
+def _require_model(model: str) -> None:
+    if model not in MODELS:
+        raise InputError(f"model {model!r} cannot be planned for, expected one of {', '.join(MODELS)}")
+
+
+def _names(model: str) -> tuple[str, ...]:
+    return PARAMETERS["mount+base" if model == "auto" else model]
+
+
+def _chosen(n: int, expected: Expected, model: str, recorded: Array, R: Array) -> list[int]:
+    """The `n` of the candidates `R` (m, 3, 3) that tell most after the recorded poses."""
+    usable = np.flatnonzero(_apart(R, recorded).all(axis=1))
+    R = R[usable]
+    names, tool = _names(model), expected.tool
+    J = wrench_jacobian(tool, R, names) / expected.noise[:, None]
+    anywhere = wrench_jacobian(tool, spread_rotations(*EVERYWHERE), names)
+    anywhere[:, 3:] /= LEVER
+    M = np.einsum("nip,niq->pq", anywhere, anywhere, optimize=True) / len(anywhere)
+    chosen = chosen_experiments(n, J, _information(expected, model, recorded), M, _apart(R, R))
+    if len(chosen) < n:
+        raise InputError(
+            f"found {len(chosen)} orientations {np.rad2deg(APART):.0f} deg apart and from the {len(recorded)} poses "
+            f"recorded, expected {n}: plan fewer poses"
+        )
+    return [int(usable[k]) for k in chosen]
+
+
+def _apart(R_a: Array, R_b: Array) -> NDArray[np.bool_]:
+    """Whether each of the rotations (a, 3, 3) is at least `APART` from each of (b, 3, 3): (a, b)."""
+    trace = R_a.reshape(-1, 9) @ R_b.reshape(-1, 9).T
+    apart: NDArray[np.bool_] = trace < 1.0 + 2.0 * np.cos(APART)
+    return apart
+
+
+def _information(expected: Expected, model: str, R_base_flange: Array) -> Array:
+    """What is known (p, p) of the parameters from poses (m, 3, 3), and before the first one."""
+    names, tool = _names(model), expected.tool
+    unit = np.r_[tool.weight, [LEVER] * 3, [tool.weight] * 3, [tool.weight * LEVER] * 3, np.ones(len(names) - 10)]
+    std = UNKNOWN * unit
+    if model == "auto":
+        std = np.array([TILTS.get(name, value) for name, value in zip(names, std, strict=True)])
+    J = wrench_jacobian(tool, R_base_flange, names) / expected.noise[:, None]
+    information: Array = np.diag(std**-2.0) + np.einsum("nip,niq->pq", J, J, optimize=True)
+    return information
+
+
+def _accuracy(expected: Expected, model: str, R_base_flange: Array) -> Accuracy | None:
+    """The accuracy of a calibration on poses (m, 3, 3), or None where they do not separate the parameters."""
+    if not len(R_base_flange):
+        return None
+    names, tool = _names(model), expected.tool
+    J = natural_jacobian(tool, R_base_flange, names)
+    if model == "auto":
+        J = np.vstack([J, np.eye(len(names))[[names.index(tilt) for tilt in TILTS]]])
+    try:
+        require_separable(J, names, R_base_flange, tool.gravity_direction)
+    except UnobservableError:
+        return None
+    anywhere = wrench_jacobian(tool, spread_rotations(*EVERYWHERE), names)
+    C = np.linalg.inv(_information(expected, model, R_base_flange))
+    variance = np.sum((anywhere @ C) * anywhere, axis=2)
+    force, torque = variance[:, :3].sum(axis=1), variance[:, 3:].sum(axis=1)
+    return Accuracy(*(float(np.sqrt(value)) for value in (force.mean(), torque.mean(), force.max(), torque.max())))
+
+
+def _in_order(R: Array, recorded: Array, joints: Array | None, reach: Reach | None) -> tuple[list[int], Array]:
+    """The order of the poses (n, 3, 3), and the rotation from each to the one before it (n,), rad."""
+    start = recorded[-1:] if reach is None else reach.R_base_flange[:1]
+    between, from_start = _angles(R, R), _angles(start, R)
+    if joints is None or reach is None:
+        order = short_order(between, from_start[0] if len(start) else None)
+    else:
+        order = short_order(_largest_move(joints, joints), _largest_move(reach.around[None], joints)[0])
+    first = from_start[0, order[0]] if len(start) else np.nan
+    return order, np.r_[first, between[order[:-1], order[1:]]]
+
+
+def _angles(R_a: Array, R_b: Array) -> Array:
+    """Angles (a, b), rad, between rotations."""
+    trace = R_a.reshape(-1, 9) @ R_b.reshape(-1, 9).T
+    angles: Array = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
+    return angles
+
+
+def _largest_move(joints_a: Array, joints_b: Array) -> Array:
+    """The turn (a, b), rad, of the joint that turns most: joints move together, and it takes longest."""
+    moves: Array = np.abs(joints_a[:, None] - joints_b[None]).max(axis=2)
+    return moves

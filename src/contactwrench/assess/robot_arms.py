@@ -1,0 +1,224 @@
+"""Robot arms as far as they turn a sensor: which orientations of the flange the wrist reaches, and how.
+
+Only rotations are kept. The lengths of an arm carry the flange to another place, which gravity does not notice, so
+arms that differ in length alone have one wrist. The flange is the one of the maker's controller, z out of it; the base
+too (on ROS, `base_link` of the Universal Robots arms is turned by half a turn about z against it).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..geometry.arrays import Array, read_only
+from ..geometry.wrench import cross_matrix
+
+WRIST = 3
+"""The last joints, which turn the flange; the others carry it, and stay where they are."""
+
+MARGIN = np.deg2rad(5.0)
+"""Kept from every joint limit: a controller stops before it, and a person's figures are rounded."""
+
+SPACING = np.deg2rad(18.0)
+"""Between the orientations that are offered: fine enough, by measurement (benchmarks/plan.py)."""
+
+TRIED = 4096
+TYPED_DIGITS = 4
+"""Joint angles are given to 0.1 mrad, which a person types; the orientations are those of the rounded angles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """The rotations of an arm with k revolute joints: `R_before[0] exp(axis[0] q1) R_before[1] ... R_last_flange`.
+
+    `R_before` (k, 3, 3) from each joint's frame to the one before it, at rest; `axis` (k, 3) unit vectors in the
+    joint's own frame; `R_last_flange` (3, 3) from the flange to the last joint; `limits` (k, 2) rad, lowest and
+    highest; `home` (k,) rad, a place to plan around. `source` says where this is from; `joint_names` (k),
+    where it names the joints.
+    """
+
+    name: str
+    R_before: Array
+    axis: Array
+    R_last_flange: Array
+    limits: Array
+    home: Array
+    source: str
+    joint_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("R_before", "axis", "R_last_flange", "limits", "home"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __len__(self) -> int:
+        return len(self.axis)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Orientations that an arm's wrist reaches: `R_base_flange` (m, 3, 3), at `joints` (m, k) rad, `around` (k,)."""
+
+    arm: str
+    around: Array
+    R_base_flange: Array
+    joints: Array
+
+    def __post_init__(self) -> None:
+        for name in ("around", "R_base_flange", "joints"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def flange_orientation(arm: Arm, joints: Array) -> Array:
+    """`R_base_flange` (n, 3, 3) of an arm at joint angles (n, k), rad."""
+    R = np.broadcast_to(np.eye(3), (len(joints), 3, 3))
+    for before, axis, q in zip(arm.R_before, arm.axis, joints.T, strict=True):
+        K = cross_matrix(axis)
+        turn = np.eye(3) + np.sin(q)[:, None, None] * K + (1.0 - np.cos(q))[:, None, None] * (K @ K)
+        R = R @ before @ turn
+    at_flange: Array = R @ arm.R_last_flange
+    return at_flange
+
+
+def reach(arm: Arm, around: Array | None = None) -> Reach:
+    """What the arm's wrist reaches while its other joints stay as in `around` (k,), rad; None: its home.
+
+    Orientations at least `SPACING` apart, each at the configuration nearest to `around` that was found for it, the
+    nearest first (which is `around` itself); no joint closer than `MARGIN` to a limit, unless it stands there, or
+    further than half a turn from where it stands. Collisions of the arm with itself, its cables or its surroundings are
+    not known here. Raises `InputError` for a wrong number of joints and for one outside its limits.
+    """
+    start = np.round(arm.home if around is None else within_limits(arm, around), TYPED_DIGITS)
+    wrist = min(WRIST, len(arm))
+    low, high = arm.limits[-wrist:].T
+    low = np.minimum(np.maximum(low + MARGIN, start[-wrist:] - np.pi), start[-wrist:])
+    high = np.maximum(np.minimum(high - MARGIN, start[-wrist:] + np.pi), start[-wrist:])
+    joints = np.tile(start, (TRIED, 1))
+    joints[1:, -wrist:] = np.round(low + (high - low) * _evenly(TRIED - 1, wrist), TYPED_DIGITS)
+    joints = joints[np.argsort(np.abs(joints - start).max(axis=1), kind="stable")]
+    R = flange_orientation(arm, joints)
+    kept = _apart(R, SPACING)
+    return Reach(arm.name, start, R[kept], joints[kept])
+
+
+def within_limits(arm: Arm, joints: ArrayLike) -> Array:
+    """The joints (k,), rad, of an arm. Raises `InputError` for a wrong number, and for one outside its limits."""
+    joints = np.asarray(joints, dtype=np.float64)
+    if joints.shape != (len(arm),):
+        raise InputError(f"found {joints.size} joint angles, expected {len(arm)} for {arm.name}: give one a joint, rad")
+    for number, (q, (low, high)) in enumerate(zip(joints, arm.limits, strict=True), start=1):
+        if not low <= q <= high:
+            degrees = " (are these degrees?)" if abs(q) > 2.0 * np.pi else ""
+            raise InputError(f"q{number} of {arm.name} is {q:g} rad, expected {low:.4g} to {high:.4g}{degrees}")
+    return joints
+
+
+def _evenly(n: int, dimensions: int) -> Array:
+    """N points (n, dimensions) that fill the unit cube evenly: multiples, modulo 1, of the powers of 1 / g, where g
+    solves g^(d + 1) = g + 1 (the golden ratio for one dimension).
+    """
+    g = 2.0
+    for _ in range(60):
+        g = (1.0 + g) ** (1.0 / (dimensions + 1.0))
+    points: Array = (0.5 + np.arange(1, n + 1)[:, None] * g ** -np.arange(1.0, dimensions + 1.0)) % 1.0
+    return points
+
+
+def _apart(R: Array, angle: float) -> list[int]:
+    """The rotations (n, 3, 3), first come first kept, that are at least `angle` from every one kept before."""
+    flat = R.reshape(-1, 9)
+    most = 1.0 + 2.0 * np.cos(angle)  # the trace of the rotation from one to the other
+    kept, count, indices = np.empty_like(flat), 0, []
+    for index, one in enumerate(flat):
+        if count == 0 or (kept[:count] @ one).max() <= most:
+            kept[count] = one
+            count += 1
+            indices.append(index)
+    return indices
+
+
+def known_arm(name: str) -> Arm:
+    """The arm of that name, in any case, with or without spaces and hyphens. Raises `InputError` naming those known."""
+    key = name.lower().translate({ord(sign): None for sign in " -_"})
+    if key not in ARMS:
+        raise InputError(f"robot {name!r} is not known, expected {', '.join(ARMS)} or a file that ends in .urdf")
+    return ARMS[key]
+
+
+def _about_x(quarter_deg: int) -> Array:
+    """`Rx` of 0, 90 or -90 deg, exact."""
+    s, c = {0: (0.0, 1.0), 90: (1.0, 0.0), -90: (-1.0, 0.0)}[quarter_deg]
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def _arm(name: str, twists: tuple[int, ...], limits: ArrayLike, home: tuple[int, ...], source: str) -> Arm:
+    """An arm by its Denavit-Hartenberg twists, deg: `Rx(twist 0) Rz(q1) Rx(twist 1) ... Rz(qk) Rx(twist k)`; `limits`
+    rad, (k, 2) or (k,) for the same on both sides; `home` deg, flange down and forearm level, so that every tilt is
+    within the wrist's reach.
+    """
+    R = np.array([_about_x(twist) for twist in twists])
+    axis = np.tile([0.0, 0.0, 1.0], (len(home), 1))
+    ends = np.asarray(limits, dtype=np.float64)
+    ends = np.stack([-ends, ends], axis=1) if ends.ndim == 1 else ends
+    return Arm(name, R[:-1], axis, R[-1], ends, np.deg2rad(home), source)
+
+
+def _iiwa(name: str) -> Arm:
+    return _arm(
+        name,
+        (0, -90, 90, 90, -90, -90, 90, 0),
+        np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]),
+        (0, 30, 0, -60, 0, 90, 0),
+        "KUKA, LBR iiwa 7 R800, LBR iiwa 14 R820, Specification: axis data",
+    )
+
+
+def _universal_robots(name: str) -> Arm:
+    return _arm(
+        name,
+        (0, 90, 0, 0, 90, -90, 0),
+        np.deg2rad(np.full(6, 360.0)),
+        (0, -90, 90, -90, -90, 0),
+        "Universal Robots, DH parameters for calculations of kinematics and dynamics; user manual: joint ranges",
+    )
+
+
+def _franka(name: str, limits: list[tuple[float, float]]) -> Arm:
+    return _arm(
+        name,
+        (0, -90, 90, 90, -90, 90, 90, 0),
+        limits,
+        (0, -45, 0, -135, 0, 90, 45),
+        "Franka Robotics, Franka Control Interface documentation: robot and interface specifications",
+    )
+
+
+_PANDA_LIMITS = [
+    (-2.8973, 2.8973),
+    (-1.7628, 1.7628),
+    (-2.8973, 2.8973),
+    (-3.0718, -0.0698),
+    (-2.8973, 2.8973),
+    (-0.0175, 3.7525),
+    (-2.8973, 2.8973),
+]
+_FR3_LIMITS = [
+    (-2.7437, 2.7437),
+    (-1.7837, 1.7837),
+    (-2.9007, 2.9007),
+    (-3.0421, -0.1518),
+    (-2.8065, 2.8065),
+    (0.5445, 4.5169),
+    (-3.0159, 3.0159),
+]
+
+ARMS: dict[str, Arm] = {
+    "iiwa7": _iiwa("iiwa7"),
+    "iiwa14": _iiwa("iiwa14"),
+    **{name: _universal_robots(name) for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20")},
+    "panda": _franka("panda", _PANDA_LIMITS),
+    "fr3": _franka("fr3", _FR3_LIMITS),
+}
+"""By name. Twists and limits are the makers' figures; `source` says where they stand."""

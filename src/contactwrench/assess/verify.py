@@ -1,0 +1,180 @@
+"""Is a calibration still right? A second, contact-free recording against it; and weighing known loads.
+
+The residual of a pose has the covariance of its reading's noise plus that of the prediction, which all poses share;
+so the test is one chi-square over all of them (an F test where the noise itself was estimated). With loads hung on
+the tool, the contact force along "down" is a weighing: the paper's Table IX.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..compensate.contact_noise import noise_dof, reading_variance
+from ..errors import InputError
+from ..geometry.arrays import Array, read_only
+from ..samples.poses import Pose
+from ..samples.recorded_poses import is_stream, resting_poses
+from ..samples.samples import Samples
+from ..statistics import SIGNIFICANCE, MisfitTest, misfit_of_readings, percent
+from .weigh import gravity_in_sensor
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """One load: its `actual` mass (kg), how it was `weighed` on average over `n` poses, and the std of that."""
+
+    actual: float
+    weighed: float
+    std: float
+    n: int
+
+    @property
+    def error(self) -> float:
+        """Relative error, (weighed - actual) / actual."""
+        return (self.weighed - self.actual) / self.actual
+
+    @property
+    def error_std(self) -> float:
+        """Standard deviation of `error`."""
+        return self.std / self.actual
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """How a recording agrees with a calibration.
+
+    `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
+    norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
+    the residuals or of the weighings, whichever is the less probable;
+    the `limits` asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words. `warnings`: what
+    was left out.
+    """
+
+    residuals: Array
+    rms: Array
+    largest_force: float
+    largest_torque: float
+    chi2: float | None
+    probability: float | None
+    limit_force: float | None
+    limit_torque: float | None
+    weighings: tuple[Weighing, ...]
+    passed: bool
+    reason: str
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "residuals", read_only(self.residuals))
+        object.__setattr__(self, "rms", read_only(self.rms))
+
+
+def verify(
+    calibration: Calibration,
+    samples: Samples,
+    *,
+    limit_force: float | None = None,
+    limit_torque: float | None = None,
+    g: float | None = None,
+) -> Verification:
+    """Hold `samples` against `calibration`.
+
+    Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
+    those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
+    weighed, with `g` m/s^2 (None: the calibration's); without limits the weighings must agree with the loads at that
+    level too. Samples with a saturated channel are left out. Raises `InputError` for a limit or a `g` that is none, and
+    where there is nothing to judge by.
+    """
+    for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
+        if value is not None and not 0.0 <= value < np.inf:
+            raise InputError(f"{name} is {value:g}, expected a number of 0 or more")
+    g = calibration.g if g is None else g
+    if not 0.0 < g < np.inf:
+        raise InputError(f"g is {g:g}, expected m/s^2 above 0")
+    samples, warnings = samples.unsaturated()
+    load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
+    if not len(samples):
+        raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
+    weighings, weighed = _weigh(calibration, samples, load, g)
+    poses = resting_poses(samples.select(load == 0.0), is_stream(samples))
+    residuals = np.empty((0, 6))
+    tests = {} if weighed is None else {"error of the weighings": weighed}
+    if poses:
+        R = np.array([pose.R_base_flange for pose in poses])
+        residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
+        noise = reading_variance(calibration, poses).ravel()
+        J = calibration.free_wrench_jacobian(R).reshape(len(noise), -1)
+        tests["residual"] = MisfitTest(
+            misfit_of_readings(residuals.ravel(), noise, J, calibration.covariance), len(noise), noise_dof(calibration)
+        )
+    force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
+    torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
+    judged = min(tests, key=lambda name: tests[name].probability)
+    test = tests[judged]
+    if limit_force is None and limit_torque is None:
+        passed = test.probability >= SIGNIFICANCE
+        reason = (
+            f"the {judged} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
+            f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
+        )
+    else:
+        if not poses:
+            raise InputError(f"{samples.source}: found poses with a load only, expected free ones to hold to a limit")
+        exceeded = [
+            f"{name} {value:.3g} {unit} over {limit:g}"
+            for name, value, limit, unit in (
+                ("force", force, limit_force, "N"),
+                ("torque", torque, limit_torque, "N m"),
+            )
+            if limit is not None and value > limit
+        ]
+        passed = not exceeded
+        reason = "every pose is within the limits" if passed else f"largest {' and '.join(exceeded)}"
+    return Verification(
+        residuals=residuals,
+        rms=np.sqrt(np.mean(residuals**2, axis=0)) if poses else np.zeros(6),
+        largest_force=force,
+        largest_torque=torque,
+        chi2=test.chi2,
+        probability=test.probability,
+        limit_force=limit_force,
+        limit_torque=limit_torque,
+        weighings=weighings,
+        passed=passed,
+        reason=reason,
+        warnings=warnings,
+    )
+
+
+def _weigh(
+    calibration: Calibration, samples: Samples, load: Array, g: float
+) -> tuple[tuple[Weighing, ...], MisfitTest | None]:
+    """Each load's weighing, and the joint test of all of them."""
+    poses: list[Pose] = []
+    masses: list[float] = []
+    stream = is_stream(samples)
+    for mass in np.unique(load[load > 0.0]):
+        of_load = resting_poses(samples.select(load == mass), stream)
+        poses += of_load
+        masses += [float(mass)] * len(of_load)
+    if not poses:
+        return (), None
+    R = np.array([pose.R_base_flange for pose in poses])
+    contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
+    down = gravity_in_sensor(calibration, R)
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    each = np.einsum("ni,ni->n", contact[:, :3], down) / g
+    noise = np.sum(down**2 * reading_variance(calibration, tuple(poses))[:, :3], axis=1) / g**2
+    J = np.einsum("ni,nip->np", down, calibration.free_wrench_jacobian(R)[:, :3]) / g
+    actual = np.array(masses)
+    weighings = []
+    for mass in np.unique(actual):
+        rows = actual == mass
+        n = int(np.sum(rows))
+        of_mean = J[rows].mean(axis=0)
+        variance = noise[rows].mean() / n + of_mean @ calibration.covariance @ of_mean
+        weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
+    misfit = misfit_of_readings(each - actual, noise, J, calibration.covariance)
+    return tuple(weighings), MisfitTest(misfit, len(poses), noise_dof(calibration))

@@ -1,0 +1,261 @@
+"""Mass and centre of mass of an object that the tool holds, from one or more poses.
+
+What is left of a reading after compensation is the object's own gravity, `[m g u; c x m g u]` with u the unit "down" in
+sensor axes: linear in the mass m and in the first moment p = m c. Every pose shares the calibration's errors; they turn
+u as well. So m and p are estimated together with those errors, for which the calibration's covariance is the prior: the
+generalised least squares of all readings, at a cost that grows with the number of poses only.
+
+Turning the tool about gravity shows nothing new, and with gravity along one line p is known across that line only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..compensate.contact_noise import noise_dof, reading_variance
+from ..errors import InputError
+from ..geometry.arrays import Array, read_only
+from ..geometry.wrench import cross_matrix
+from ..model import gravity_in_flange, mounting_turn
+from ..samples.poses import SAME_POSE_ANGLE
+from ..samples.recorded_poses import is_stream, resting_poses
+from ..samples.samples import Samples
+from ..statistics import SIGNIFICANCE, MisfitTest, percent, square_root
+
+THREE_STD = 0.9973
+"""Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
+
+PASSES = 3
+"""How often the object's weight, which turns with the calibration's errors, is taken from the pass before."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldObject:
+    """An object that the tool held in `poses` poses.
+
+    `mass` kg and its `mass_std`; `moment` (3,) kg m, mass times com; `covariance` (4, 4) of both, in that order.
+    `com` (3,) m, sensor frame, and `com_covariance` (3, 3); None where the mass is not above zero. Where gravity had
+    one direction only, `unknown_along` (3,) is that direction, a unit vector in sensor axes: the centre of mass lies on
+    a line along it (as well as the mounting is known), of which `com` is the point nearest to the sensor's origin.
+    `com_flange`, `com_flange_std` (3,) m: the same in flange axes, still from the sensor's origin; None where com is
+    not known in full or the model has no mounting. `residual_rms` (6,) N and N m of what a rigid object leaves; `chi2`
+    of it per degree of freedom (1 expected), and the `probability` of one as large or larger; `dof` of every variance,
+    as in `Calibration`; `g` m/s^2.
+    """
+
+    mass: float
+    mass_std: float
+    moment: Array
+    covariance: Array
+    com: Array | None
+    com_covariance: Array | None
+    unknown_along: Array | None
+    com_flange: Array | None
+    com_flange_std: Array | None
+    poses: int
+    residual_rms: Array
+    chi2: float
+    probability: float
+    dof: float
+    g: float
+    warnings: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            value = getattr(self, name)
+            object.__setattr__(self, name, None if value is None else read_only(value))
+
+    @property
+    def com_std(self) -> Array | None:
+        """Standard deviation (3,) of `com`, m; None where it is not known in full."""
+        if self.com_covariance is None or self.unknown_along is not None:
+            return None
+        return read_only(np.sqrt(np.diag(self.com_covariance)))
+
+
+def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None) -> HeldObject:
+    """Weigh what the tool of `calibration` holds in `samples`, still and touching nothing else.
+
+    `g` m/s^2, None: the calibration's. Samples with a `load_mass` of 0 are left out where others have one above 0, and
+    those with a saturated channel always.
+    Raises `InputError` for no samples, for loads of several masses, and for a `g` that is none.
+    """
+    g = calibration.g if g is None else g
+    if not 0.0 < g < np.inf:
+        raise InputError(f"g is {g:g}, expected m/s^2 above 0")
+    held, warnings = _of_one_object(samples)
+    poses = resting_poses(held, is_stream(samples))
+    if not poses:
+        raise InputError(f"{samples.source}: found no samples, expected poses in which the object is held")
+    R = np.array([pose.R_base_flange for pose in poses])
+    contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
+    down, turned = _down(calibration, R)
+    across, unknown_along = _seen(down)
+    gravity = _gravity_of_unit(down, across, g)
+
+    std = np.sqrt(np.maximum(reading_variance(calibration, poses), 1e-300))
+    root = square_root(calibration.covariance)
+    of_tool = calibration.free_wrench_jacobian(R)
+    solved = _Solved(np.zeros(gravity.shape[2]), np.empty(0), 0.0)
+    for _ in range(PASSES):
+        mass, moment = float(solved.x[0]), across @ solved.x[1:]
+        of_object = g * np.concatenate([mass * turned, cross_matrix(moment) @ turned], axis=1)
+        solved = _least_squares(gravity / std[..., None], (of_tool + of_object) @ root / std[..., None], contact / std)
+    mass, moment = float(solved.x[0]), across @ solved.x[1:]
+
+    unfold = np.zeros((4, len(solved.x)))
+    unfold[0, 0], unfold[1:, 1:] = 1.0, across
+    covariance = unfold @ solved.covariance @ unfold.T
+    mass_std = float(np.sqrt(covariance[0, 0]))
+    com = com_covariance = com_flange = com_flange_std = None
+    surely = calibration.t_quantile(THREE_STD) * mass_std
+    if mass > surely:
+        com = moment / mass
+        of_com = np.column_stack([-com, np.eye(3)]) @ unfold / mass
+        com_covariance = of_com @ solved.covariance @ of_com.T
+        R_flange_sensor = calibration.R_flange_sensor
+        if unknown_along is None and R_flange_sensor is not None:
+            # Sensor-frame torques over sensor-frame forces give com whatever the mounting: the two errors add
+            # (with two or three poses, to a std that is a few per cent too large).
+            turn = cross_matrix(com) @ mounting_turn(calibration.parameter_names) @ root
+            com_flange = R_flange_sensor @ com
+            com_flange_std = np.sqrt(np.diag(R_flange_sensor @ (com_covariance + turn @ turn.T) @ R_flange_sensor.T))
+    test = MisfitTest(solved.misfit, contact.size - len(solved.x), noise_dof(calibration))
+    residual = contact - gravity @ solved.x
+    return HeldObject(
+        mass=mass,
+        mass_std=mass_std,
+        moment=moment,
+        covariance=covariance,
+        com=com,
+        com_covariance=com_covariance,
+        unknown_along=unknown_along,
+        com_flange=com_flange,
+        com_flange_std=com_flange_std,
+        poses=len(poses),
+        residual_rms=np.sqrt(np.mean(residual**2, axis=0)),
+        chi2=test.chi2,
+        probability=test.probability,
+        dof=calibration.dof,
+        g=g,
+        warnings=warnings + _doubts(mass, surely, unknown_along is not None, test),
+    )
+
+
+def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
+    """Gravity's force (n, 3) on the calibrated tool, N, sensor axes: it points down."""
+    force: Array = gravity_in_flange(R_base_flange, calibration.gravity_direction) @ calibration.B[:3, :3].T
+    return force
+
+
+def _of_one_object(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
+    """The samples in which the object is held, and a note where others were left out."""
+    samples, notes = samples.unsaturated()
+    if samples.load_mass is None or not (samples.load_mass > 0.0).any():
+        return samples, notes
+    loaded = samples.load_mass > 0.0
+    masses = np.unique(samples.load_mass[loaded])
+    if len(masses) > 1:
+        found = ", ".join(f"{1e3 * mass:g} g" for mass in masses[:4]) + (", ..." if len(masses) > 4 else "")
+        raise InputError(
+            f"{samples.source}: found loads of {found}, expected one object: weigh several with verify, or split the "
+            "recording"
+        )
+    left_out = int(np.sum(~loaded))
+    return samples.select(loaded), (*notes, *([f"{left_out} rows without a load were left out"] if left_out else []))
+
+
+def _down(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]:
+    """Unit "down" (n, 3) in sensor axes, and its derivative (n, 3, p) with respect to the calibration's parameters."""
+    force = gravity_in_sensor(calibration, R_base_flange)
+    size = np.linalg.norm(force, axis=1)[:, None]
+    down = force / size
+    J = calibration.free_wrench_jacobian(R_base_flange)[:, :3].copy()
+    J[:, :, [name.startswith("bias_") or name.endswith("_1") for name in calibration.parameter_names]] = 0.0
+    across = np.eye(3) - down[:, :, None] * down[:, None, :]
+    return down, across @ J / size[..., None]
+
+
+def _seen(down: Array) -> tuple[Array, Array | None]:
+    """Orthonormal columns (3, k) that span the moments which show in torques under gravity along `down` (n, 3), and
+    the direction (3,) of those that do not, if any.
+    """
+    values, axes = np.linalg.eigh(np.eye(3) - down.T @ down / len(down))
+    if values[0] > np.sin(SAME_POSE_ANGLE) ** 2:
+        return np.eye(3), None
+    along = axes[:, 0] * np.sign(down[0] @ axes[:, 0])
+    return axes[:, 1:], along
+
+
+def _gravity_of_unit(down: Array, across: Array, g: float) -> Array:
+    """Wrenches (n, 6, 1 + k) of a unit mass at the origin, and of unit moments along the columns of `across`."""
+    wrench = np.zeros((len(down), 6, 1 + across.shape[1]))
+    wrench[:, :3, 0] = g * down
+    wrench[:, 3:, 1:] = -g * cross_matrix(down) @ across
+    return wrench
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Unknowns x (q,), their covariance (q, q), and the misfit."""
+
+    x: Array
+    covariance: Array
+    misfit: float
+
+
+def _least_squares(A: Array, J: Array, y: Array) -> _Solved:
+    """Least squares of whitened readings y (n, 6) in unknowns A (n, 6, q), with the calibration's errors J (n, 6, p)
+    as further unknowns that have unit variance.
+    """
+    q, p = A.shape[2], J.shape[2]
+    design = np.concatenate([A, J], axis=2).reshape(-1, q + p)
+    prior = np.hstack([np.zeros((p, q)), np.eye(p)])
+    Q, triangle = np.linalg.qr(np.vstack([design, prior]))
+    readings = np.r_[y.ravel(), np.zeros(p)]
+    inverse = np.linalg.inv(triangle)
+    along = Q.T @ readings
+    left = readings - Q @ along
+    return _Solved((inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left))
+
+
+def _doubts(mass: float, surely: float, one_direction: bool, test: MisfitTest) -> tuple[str, ...]:
+    """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
+    warnings = []
+    if mass < -surely:
+        warnings.append(
+            "the mass is below zero: the tool is lighter than when it was calibrated, or the sign of the readings "
+            "differs (--sign)"
+        )
+    elif mass <= surely:
+        warnings.append(
+            "the mass is not above zero by three standard deviations: nothing is held, or too little for this "
+            "calibration; no centre of mass"
+        )
+    elif one_direction:
+        warnings.append(
+            "gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the tool to "
+            "another pose for the rest"
+        )
+    if test.probability < SIGNIFICANCE:
+        warnings.append(
+            f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
+            f"freedom, probability {percent(test.probability)}): it or the tool touched something, it moved between "
+            "the poses, or the calibration no longer holds"
+        )
+    return tuple(warnings)
+
+
+_ARRAYS = (
+    "moment",
+    "covariance",
+    "com",
+    "com_covariance",
+    "unknown_along",
+    "com_flange",
+    "com_flange_std",
+    "residual_rms",
+)

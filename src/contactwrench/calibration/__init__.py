@@ -1,0 +1,1 @@
+"""What was identified: the calibration, its uncertainty, its file and its words."""

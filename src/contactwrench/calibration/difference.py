@@ -1,0 +1,251 @@
+"""What changed between two calibrations: each parameter with its standard deviation, and jointly, cause by cause.
+
+The parameters of one calibration correlate, so a change of the tool shows a little in all of them. What a cause moves
+(the tool: weight and com; drift: the bias; a sensor that slipped: the mounting; the stand: gravity) is therefore tested
+as a whole, with the covariance that is left to it whatever the other parameters do: a tool that changed is not read as
+drift.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..geometry.arrays import Array, read_only
+from ..geometry.rotations import rotation_angle, spread_rotations
+from ..model import (
+    AXES,
+    GRAVITY,
+    LINEAR_PARAMETERS,
+    MOUNT,
+    PARAMETERS,
+    gravity_in_flange,
+    horizontal_axes,
+    mounting_turn,
+    yaw_of_mounting,
+)
+from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfit_of_parameters
+from .calibration import Calibration
+
+SIGNIFICANT = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class GroupChange:
+    """The parameters that one cause moves: `tool`, `bias`, `mounting`, `gravity`; where a calibration is `affine`,
+    `matrix` for all that gravity does; and `all` of them.
+
+    `parameters` (k names), their `change` (k,) and its `covariance` (k, k); the `test` of no change at all, and whether
+    it is `significant` so that all groups together raise a false alarm once in a hundred times.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    change: Array
+    covariance: Array
+    test: MisfitTest
+    significant: bool
+
+    def __post_init__(self) -> None:
+        for name in ("change", "covariance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """Changes from calibration a to b.
+
+    `names`, `units`, `change` (k,) and `std` (k,): parameters that both have, the calibrations taken as independent.
+    `free_wrench` (6,): the largest change of each axis of the free wrench over all orientations (of `R_base_flange`
+    in either's own base), N and N m. `mounting_angle` rad between the two mountings, None where one has none;
+    `gravity_angle` rad between the two directions of gravity in base axes. `groups`: what one cause moves together,
+    and last all of it. Between mountings on opposite sides of the sensor yaw is left out: its zeros differ.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    change: Array
+    std: Array
+    free_wrench: Array
+    mounting_angle: float | None
+    gravity_angle: float
+    groups: tuple[GroupChange, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("change", "std", "free_wrench"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def significant(self) -> tuple[str, ...]:
+        """The parameters that changed by more than three standard deviations."""
+        moved = np.abs(self.change) > SIGNIFICANT * self.std
+        return tuple(name for name, yes in zip(self.names, moved, strict=True) if yes)
+
+    @property
+    def in_std(self) -> Array:
+        """Each change (k,) in its standard deviations; infinite for a change of what was known exactly."""
+        return in_standard_deviations(self.change, self.std)
+
+    @cached_property
+    def meaning(self) -> tuple[str, ...]:
+        """What happened to tool, sensor and base, in plain sentences."""
+        from .difference_text import meaning
+
+        return meaning(self)
+
+
+def difference(a: Calibration, b: Calibration) -> Difference:
+    """The changes from `a` to `b`."""
+    names, units, change, std = [], [], [], []
+
+    def add(name: str, unit: str, before: float, after: float, std_before: float, std_after: float) -> None:
+        names.append(name)
+        units.append(unit)
+        change.append(after - before)
+        std.append(float(np.hypot(std_before, std_after)))
+
+    if a.weight is not None and b.weight is not None and a.com is not None and b.com is not None:
+        add("weight", "N", a.weight, b.weight, a.std["weight"], b.std["weight"])
+        for k, axis in enumerate("xyz"):
+            add(f"com_{axis}", "m", a.com[k], b.com[k], a.std["com"][k], b.std["com"][k])
+    for k, axis in enumerate(AXES):
+        add(f"bias_{axis}", "N" if k < 3 else "N m", a.bias[k], b.bias[k], a.std["bias"][k], b.std["bias"][k])
+    angle = None
+    if a.R_flange_sensor is not None and b.R_flange_sensor is not None and a.yaw is not None and b.yaw is not None:
+        if a.sensor_z_along_flange == b.sensor_z_along_flange:
+            add("yaw", "rad", 0.0, _turned(a.yaw, b.yaw), a.std["yaw"], b.std["yaw"])
+        angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
+    if a.delay is not None and b.delay is not None and a.delay_std is not None and b.delay_std is not None:
+        add("delay", "s", a.delay, b.delay, a.delay_std, b.delay_std)
+    everywhere = spread_rotations(288, 24)
+    r_a, r_b = (gravity_in_flange(everywhere, c.gravity_direction) for c in (a, b))
+    free = (r_b @ b.B[:, :3].T + b.B[:, 3]) - (r_a @ a.B[:, :3].T + a.B[:, 3])
+    return Difference(
+        names=tuple(names),
+        units=tuple(units),
+        change=np.array(change),
+        std=np.array(std),
+        free_wrench=np.abs(free).max(axis=0),
+        mounting_angle=angle,
+        gravity_angle=float(np.linalg.norm(_turn_of_gravity(a, b))),
+        groups=_tested(a, b),
+    )
+
+
+def _turned(before: float, after: float) -> float:
+    """The change of an angle, rad, the short way round."""
+    return (after - before + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _turn_of_gravity(a: Calibration, b: Calibration) -> Array:
+    """Rotation vector (3,), base axes, from a's direction of gravity to b's."""
+    across = np.cross(a.gravity_direction, b.gravity_direction)
+    sine = float(np.linalg.norm(across))
+    if sine == 0.0 and a.gravity_direction @ b.gravity_direction < 0.0:
+        return np.pi * horizontal_axes(a.gravity_direction)[0]
+    angle = np.arctan2(sine, a.gravity_direction @ b.gravity_direction)
+    return across * (angle / sine if sine > 0.0 else 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A group's change (k,), and how it follows the errors of either calibration's parameters (with an `affine` one, of
+    either's B): `of_a` (k, p), `of_b` (k, q).
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    change: Array
+    of_a: Array
+    of_b: Array
+
+
+def _parts(a: Calibration, b: Calibration) -> list[_Part]:
+    """Every group of parameters that both calibrations tell."""
+    if a.R_flange_sensor is None or b.R_flange_sensor is None:
+        change, each = (b.B - a.B).ravel(), np.eye(24)
+        constant = np.arange(24) % 4 == 3
+        matrix = tuple(name for name in PARAMETERS["affine"] if not name.endswith("_1"))
+        return [
+            _Part("matrix", matrix, change[~constant], each[~constant], each[~constant]),
+            _Part("bias", LINEAR_PARAMETERS[4:], change[constant], each[constant], each[constant]),
+        ]
+    change = b.parameters[:10] - a.parameters[:10]
+    of_a, of_b = (np.eye(10, len(c.parameters)) for c in (a, b))
+    parts = [
+        _Part("tool", LINEAR_PARAMETERS[:4], change[:4], of_a[:4], of_b[:4]),
+        _Part("bias", LINEAR_PARAMETERS[4:], change[4:], of_a[4:], of_b[4:]),
+        _mounting(a, b),
+    ]
+    if any(set(GRAVITY) <= set(c.parameter_names) for c in (a, b)):
+        axes = np.array(horizontal_axes(a.gravity_direction))
+        of_a, of_b = (_of_gravity(c, axes) for c in (a, b))
+        parts.append(_Part("gravity", GRAVITY, axes @ _turn_of_gravity(a, b), of_a, of_b))
+    return parts
+
+
+def _mounting(a: Calibration, b: Calibration) -> _Part:
+    """The turn from one mounting to the other: about all axes where both estimate it, else yaw; where a model that
+    estimates yaw alone has the sensor on its other side, an angle without an error.
+    """
+    from scipy.spatial.transform import Rotation
+
+    turns = [mounting_turn(c.parameter_names) for c in (a, b)]
+    R_a, R_b = np.asarray(a.R_flange_sensor), np.asarray(b.R_flange_sensor)
+    if all(set(MOUNT) <= set(c.parameter_names) for c in (a, b)):
+        return _Part("mounting", MOUNT, Rotation.from_matrix(R_a.T @ R_b).as_rotvec(), turns[0], turns[1])
+    (yaw_a, flipped_a, of_a), (yaw_b, flipped_b, of_b) = yaw_of_mounting(R_a), yaw_of_mounting(R_b)
+    if flipped_a != flipped_b:
+        nothing = [np.zeros((1, turn.shape[1])) for turn in turns]
+        return _Part("mounting", ("mounting_angle",), np.array([rotation_angle(R_a.T @ R_b)]), *nothing)
+    change = np.array([_turned(yaw_a, yaw_b)])
+    return _Part("mounting", ("yaw",), change, of_a[None] @ turns[0], of_b[None] @ turns[1])
+
+
+def _of_gravity(c: Calibration, axes: Array) -> Array:
+    """How turns of gravity about `axes` (2, 3) follow the parameters of c: (2, p), zero where it was stated."""
+    J = np.zeros((2, len(c.parameter_names)))
+    own = np.array(horizontal_axes(c.gravity_direction))
+    for name, about in zip(GRAVITY, own, strict=True):
+        if name in c.parameter_names:
+            J[:, c.parameter_names.index(name)] = axes @ about
+    return J
+
+
+def _tested(a: Calibration, b: Calibration) -> tuple[GroupChange, ...]:
+    """Every part as a group, and all together; the level of 1 % is shared among them (Bonferroni)."""
+    each = _parts(a, b)
+    rigid = a.R_flange_sensor is not None and b.R_flange_sensor is not None
+    covariance_a, covariance_b = (c.covariance if rigid else c.B_covariance for c in (a, b))
+    everything = _Part(
+        "all",
+        tuple(name for part in each for name in part.parameters),
+        np.concatenate([part.change for part in each]),
+        np.vstack([part.of_a for part in each]),
+        np.vstack([part.of_b for part in each]),
+    )
+    groups = []
+    for part in (*each, everything):
+        from_a = part.of_a @ covariance_a @ part.of_a.T
+        from_b = part.of_b @ covariance_b @ part.of_b.T
+        covariance = from_a + from_b
+        dof = _dof_of_sum(from_a, from_b, a.dof, b.dof)
+        test = MisfitTest(misfit_of_parameters(part.change, covariance), len(part.change), dof)
+        significant = test.probability < SIGNIFICANCE / (len(each) + 1)
+        groups.append(GroupChange(part.name, part.parameters, part.change, covariance, test, significant))
+    return tuple(groups)
+
+
+def _dof_of_sum(from_a: Array, from_b: Array, dof_a: float, dof_b: float) -> float:
+    """Degrees of freedom behind the sum of two estimated covariances (Welch, 1947), by their mean shares in the
+    variances; 0 where neither was estimated.
+    """
+    total = np.diag(from_a + from_b)
+    known = total > 0.0
+    if not known.any():
+        return 0.0
+    share_a, share_b = (float(np.mean(np.diag(part)[known] / total[known])) for part in (from_a, from_b))
+    doubt = sum(share**2 / dof for share, dof in ((share_a, dof_a), (share_b, dof_b)) if dof > 0.0)
+    return 1.0 / doubt if doubt > 0.0 else 0.0

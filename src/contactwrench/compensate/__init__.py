@@ -1,0 +1,1 @@
+"""Contact wrenches one sample at a time: compensation, filters, drift, contact, faults."""

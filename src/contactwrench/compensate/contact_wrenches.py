@@ -1,0 +1,121 @@
+"""What comes out of a running Compensator: contact wrenches, contacts, a new zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.arrays import Array, read_only
+from ..model import AXES
+from .line_of_action import LineOfAction, line_of_action
+
+NOT_KNOWN = read_only(np.full(6, np.nan))
+"""The std of a wrench that cannot be computed."""
+UNITS = ("N", "N", "N", "N m", "N m", "N m")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWrench:
+    """The contact wrench of one sample: `wrench` (6,), N and N m, sensor axes, and its `std` (6,), at `t` s.
+
+    `valid` is False where something is wrong with the sample, and `reason` says what, a short word first. Where nothing
+    can be computed the wrench is NaN. `contact`: whether something touches; None where that cannot be judged.
+    """
+
+    wrench: Array
+    std: Array
+    t: float
+    valid: bool
+    reason: str | None
+    contact: bool | None
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """One contact, from `onset` to `release` s (None: it lasts).
+
+    `peak` (6,): the wrench that stood out most; `mean` (6,) with its `covariance` (6, 6). `onset_seen` is False where
+    the tool had not been seen free before, so that a bias that moved looks the same.
+    """
+
+    onset: float
+    release: float | None
+    peak: Array
+    mean: Array
+    covariance: Array
+    onset_seen: bool
+
+    def __post_init__(self) -> None:
+        for name in ("peak", "mean", "covariance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @cached_property
+    def line(self) -> LineOfAction:
+        """Where the mean force acts."""
+        return line_of_action(self.mean, self.covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWrenchBatch:
+    """The contact wrenches of n samples in a row: `wrench`, `std` (n, 6), `t`, `valid`, `contact` (n,), `reason` (n).
+
+    `contact` is 1 in contact, 0 free, -1 where that cannot be judged. `statistic` (n,) is what the test compares with
+    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch. `covariance` (m, 6, 6): the
+    wrench's, one after the other, of which `covariance_of` (n,) is each sample's.
+    """
+
+    wrench: Array
+    std: Array
+    t: Array
+    valid: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    reason: tuple[str | None, ...]
+    contact: np.ndarray[tuple[int], np.dtype[np.int8]]
+    statistic: Array
+    threshold: Array
+    contacts: tuple[Contact, ...]
+    covariance: Array
+    covariance_of: NDArray[np.intp]
+
+    def __post_init__(self) -> None:
+        for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold", "covariance", "covariance_of"):
+            getattr(self, name).flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, eq=False)
+class Zero:
+    """A new zero: by how much (6,) free readings had moved, N and N m, and the `std` (6,) of that as an estimate of how
+    far the bias moved since the calibration, whose own error at this orientation is in it.
+    """
+
+    shift: Array
+    std: Array
+
+    def __post_init__(self) -> None:
+        for name in ("shift", "std"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def reason_of(fault: int, detail: float, channel: int) -> str | None:
+    """A fault of the kernel in words; None where there is none."""
+    axis, unit = (AXES[channel], UNITS[channel]) if channel >= 0 else ("", "")
+    return (
+        None,
+        f"time: {detail:g} is no time",
+        f"time: {detail:.6f} s again",
+        f"reading: {axis} is {detail:g}",
+        "orientation: not a number",
+        f"orientation: its squared length is {detail:.6g}, expected 1 within 2 %",
+        f"time: jumped back by {detail:.6g} s",
+        f"gap: nothing for {detail:.6g} s, filters start anew",
+        f"overload: {axis} reads {detail:.6g} {unit}, at or beyond its range",
+        f"stuck: {axis} has not moved for {detail:.0f} readings while others did",
+        f"stuck: the whole reading has not moved for {detail:.3g} s",
+        f"frozen: the orientation has not moved for {detail:.3g} s",
+        f"orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
+    )[fault]

@@ -1,0 +1,101 @@
+"""Low-pass filters as second-order sections, what they leave of white noise, and both ways along a recording.
+
+A sample at a time they run in kernel.py; the coefficients are scipy's (`scipy.signal.butter`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, exp, pi
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.arrays import Array
+
+ORDERS = (1, 2, 3, 4)
+LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
+"""Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
+SETTLED = 4.0
+"""Periods of the cut-off, times the order, after which nothing is left of how a filter was started."""
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """A low-pass filter with `cutoff` Hz (3 dB): a Butterworth of `order` 1 to 4, or, with order 0, the first-order
+    filter that sensors and drivers compute, `y += (1 - exp(-2 pi cutoff / rate)) (x - y)`.
+
+    Raises `InputError` for another order, or a cut-off that is no positive number.
+    """
+
+    cutoff: float
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        if self.order not in (0, *ORDERS):
+            raise InputError(
+                f"order of a low-pass is {self.order}, expected 1 to 4 (Butterworth) or 0 (y += a (x - y))"
+            )
+        if not 0.0 < self.cutoff < np.inf:
+            raise InputError(f"cut-off of a low-pass is {self.cutoff:g} Hz, expected a positive number")
+
+    @property
+    def lag(self) -> float:
+        """How late (s) it makes what changes slowly: the group delay at rest, of a Butterworth by its first coefficient
+        (1, 1.414, 2, 2.613 over the angular cut-off).
+        """
+        return LAG[self.order] / (2.0 * pi * self.cutoff)
+
+    def sections(self, rate: float) -> Array:
+        """Second-order sections (k, 6), b0 b1 b2 1 a1 a2 each, at `rate` Hz; the filter's gain at rest is 1.
+
+        Raises `InputError` where a Butterworth's cut-off is not below half the rate.
+        """
+        if self.order == 0:
+            left = exp(-2.0 * pi * self.cutoff / rate)
+            return np.array([[1.0 - left, 0.0, 0.0, 1.0, -left, 0.0]])
+        if self.cutoff >= 0.5 * rate:
+            raise InputError(
+                f"cut-off of a low-pass is {self.cutoff:g} Hz at {rate:g} Hz, expected less than half the rate"
+            )
+        from scipy.signal import butter
+
+        sections: Array = butter(self.order, self.cutoff, fs=rate, output="sos")
+        return sections
+
+    def noise_gain(self, rate: float) -> Array:
+        """What is left of the variance of white noise k = 0, 1, ... samples after a start at the steady state of the
+        first sample: 1 there; the last is what stays.
+        """
+        from scipy.signal import sosfilt
+
+        impulse = np.zeros(2 + ceil(SETTLED * max(self.order, 1) * rate / self.cutoff))
+        impulse[0] = 1.0
+        response = sosfilt(self.sections(rate), impulse)
+        before = np.r_[0.0, response[:-1]]
+        gain: Array = np.cumsum(before**2) + (1.0 - np.cumsum(before)) ** 2
+        return gain
+
+
+def least_rows(sections: Array) -> int:
+    """How many rows `zero_phase` needs: one more than scipy adds at each end, 3 for each coefficient of the filter."""
+    return 3 * (2 * len(sections) + 1) + 1
+
+
+def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
+    """Signals (n, k) filtered forwards and backwards, so that nothing is delayed: for recordings, not for control.
+
+    The attenuation counts twice: 6 dB at the cut-off. Raises `InputError` where a row is not finite, and where the
+    recording is too short to start the filter on.
+    """
+    from scipy.signal import sosfiltfilt
+
+    if len(values) and not np.isfinite(values).all():
+        row = int(np.argmax(~np.isfinite(values).all(axis=1)))
+        raise InputError(f"row {row} is not finite, expected numbers: filter the stretches before and after it", row)
+    sections = low_pass.sections(rate)
+    least = least_rows(sections)
+    if len(values) < least:
+        raise InputError(f"found {len(values)} rows, expected at least {least} to filter both ways")
+    filtered: Array = sosfiltfilt(sections, values, axis=0)
+    return filtered

@@ -1,0 +1,183 @@
+"""The paper's estimator: two decoupled regressions, with the measured force as the torque's regressor.
+
+1. Torque, Eq. 5-7: `T = com x F + l`, six unknowns com, l.
+2. Force, Eq. 13-15, with the third row corrected to -R33: unknowns G cos(theta), G sin(theta), G_z, F0. Nothing ties
+   the first two to the third, so the x and y rows give one weight, G_xy, and the z rows another, G_z; the paper does
+   not say which it uses, this package uses the second.
+3. T0 from l, F0 and com, Eq. 16.
+
+Each regression is ordinary least squares, as in the paper. The covariance is that of the whole chain to first order,
+with one variance for the noise of fx and fy, one for that of fz, and one for that of the torques: what the torque
+regression leaves, less the part that the force's noise has in its regressor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..calibration.observability import require_separable
+from ..errors import UnobservableError
+from ..geometry.arrays import Array
+from ..geometry.rotations import rotations_about_z
+from ..geometry.wrench import cross_matrix
+from ..model import PARAMETERS, RigidTool, free_wrench, gravity_in_flange, matrix_jacobian, wrench_matrix
+from .least_squares import Fit, PoseReadings
+
+MIN_POSES = 3
+LEAST_OWN_SHARE = 0.1
+"""Of the torque regression's residual variance: no less is put down to the torques themselves."""
+
+FORCE_NAMES = ("weight_xy", "yaw", "weight", "bias_fx", "bias_fy", "bias_fz")
+TORQUE_NAMES = ("com_x", "com_y", "com_z", "bias_tx", "bias_ty", "bias_tz")
+
+
+@dataclass(frozen=True, eq=False)
+class PaperFit:
+    """A `Fit` and the paper's two weights, N."""
+
+    fit: Fit
+    weight_xy: float
+    weight_z: float
+
+
+def fit_paper(readings: PoseReadings, gravity_direction: Array) -> PaperFit:
+    """The paper's estimate from at least three poses. Raises `UnobservableError` where a regression is singular."""
+    n = len(readings)
+    r = gravity_in_flange(readings.R_base_flange, gravity_direction)
+    F, T = readings.wrench[:, :3], readings.wrench[:, 3:]
+    force, torque = _force_regressor(r), _torque_regressor(F)
+    _require_separable(force, torque, readings.R_base_flange, gravity_direction)
+    x, L = _least_squares(force, F), _least_squares(torque, T)
+    tool = _tool(x, L, gravity_direction)
+    B = wrench_matrix(tool)
+
+    e_F, e_T = F - force @ x, T - torque @ L
+    variance_xy = float(np.sum(e_F[:, :2] ** 2)) / (2 * n - 4)
+    variance_z = float(np.sum(e_F[:, 2] ** 2)) / (n - 2)
+    force_variance = np.array([variance_xy, variance_xy, variance_z])
+    com = cross_matrix(tool.com)
+    left = float(np.sum(e_T**2)) / (3 * n - 6)
+    through_force = float(np.trace(com * force_variance @ com.T)) / 3.0
+    torque_variance = max(left - through_force, LEAST_OWN_SHARE * left)
+    covariance = _covariance(force, torque, x, tool, force_variance, torque_variance)
+    from_parameters = matrix_jacobian(tool, PARAMETERS["paper"])
+    singular_values = np.asarray(np.linalg.svd(force.reshape(3 * n, 6), compute_uv=False))
+    fit = Fit(
+        tool=tool,
+        gravity_direction=gravity_direction,
+        B=B,
+        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        covariance=covariance,
+        noise=np.sqrt(np.r_[force_variance, np.full(3, torque_variance)]),
+        residuals=readings.wrench - free_wrench(B, r),
+        held_out=_held_out(readings, force, torque, x, L, gravity_direction),
+        reduced_chi2=1.0,
+        dof=np.full(11, float(n - 2)),
+        readings_left=6.0 * n - 12.0,
+        singular_values=singular_values,
+    )
+    return PaperFit(fit, float(np.hypot(x[0], x[1])), float(x[2]))
+
+
+def _force_regressor(r: Array) -> Array:
+    """Rows (n, 3, 6) of Eq. 13 for r = -(R31, R32, R33), the third row corrected: unknowns G cos(theta),
+    G sin(theta), G_z, F0.
+    """
+    A = np.zeros((len(r), 3, 6))
+    A[:, 0, 0], A[:, 0, 1] = r[:, 0], r[:, 1]
+    A[:, 1, 0], A[:, 1, 1] = r[:, 1], -r[:, 0]
+    A[:, 2, 2] = r[:, 2]
+    A[:, :, 3:] = np.eye(3)
+    return A
+
+
+def _torque_regressor(F: Array) -> Array:
+    """Rows (n, 3, 6) of Eq. 5 for measured forces (n, 3): unknowns com, l."""
+    A = np.empty((len(F), 3, 6))
+    A[:, :, :3] = -cross_matrix(F)
+    A[:, :, 3:] = np.eye(3)
+    return A
+
+
+def _require_separable(force: Array, torque: Array, R_base_flange: Array, gravity_direction: Array) -> None:
+    n = len(force)
+    if n < MIN_POSES:
+        raise UnobservableError(
+            f"cannot separate {', '.join(FORCE_NAMES + TORQUE_NAMES)}: found {n} distinct orientations, expected "
+            f"{MIN_POSES} or more for the paper's estimator; record 6 or more that tilt the tool"
+        )
+    require_separable(force.reshape(3 * n, 6), FORCE_NAMES, R_base_flange, gravity_direction)
+    swing = torque[:, :, :3] - torque[:, :, :3].mean(axis=0)
+    unit = np.sqrt(np.mean(np.sum(swing**2, axis=(1, 2)))) + 1e-300
+    scaled = np.concatenate([swing / unit, torque[:, :, 3:]], axis=2)
+    require_separable(scaled.reshape(3 * n, 6), TORQUE_NAMES, R_base_flange, gravity_direction)
+
+
+def _least_squares(A: Array, y: Array) -> Array:
+    """Eq. 7 and 15: unknowns (6,) of `A x = y` for rows (n, 3, 6) and values (n, 3)."""
+    return np.asarray(np.linalg.lstsq(A.reshape(-1, 6), y.ravel(), rcond=None)[0], dtype=np.float64)
+
+
+def _tool(x: Array, L: Array, gravity_direction: Array) -> RigidTool:
+    """The parameters of Eq. 16 and Eq. 17 from the unknowns of the two regressions."""
+    theta = np.arctan2(x[1], x[0])
+    com, F0 = L[:3], x[3:]
+    T0 = L[3:] + np.cross(com, F0)
+    return RigidTool(float(x[2]), com, np.r_[F0, T0], rotations_about_z(np.array([theta]))[0], gravity_direction)
+
+
+def _covariance(
+    force: Array, torque: Array, x: Array, tool: RigidTool, force_variance: Array, torque_variance: float
+) -> Array:
+    """Covariance (11, 11) of weight, com, bias and yaw, to first order in the noise of the readings.
+
+    The torque regression's error is `n_T - com x n_F`: its regressor is measured, so the two share the force's noise.
+    """
+    n = len(force)
+    of_x = np.linalg.pinv(force.reshape(3 * n, 6)).reshape(6, n, 3)
+    of_L = np.linalg.pinv(torque.reshape(3 * n, 6)).reshape(6, n, 3)
+    from_F = np.concatenate([of_x, -of_L @ cross_matrix(tool.com)])
+    from_T = np.concatenate([np.zeros_like(of_x), of_L])
+    joint = np.einsum("pni,qni,i->pq", from_F, from_F, force_variance)
+    joint += torque_variance * np.einsum("pni,qni->pq", from_T, from_T)
+
+    G2 = x[0] ** 2 + x[1] ** 2
+    J = np.zeros((11, 12))
+    J[0, 2] = 1.0
+    J[1:4, 6:9] = np.eye(3)
+    J[4:7, 3:6] = np.eye(3)
+    J[7:10, 3:6] = cross_matrix(tool.com)
+    J[7:10, 6:9] = -cross_matrix(tool.bias[:3])
+    J[7:10, 9:12] = np.eye(3)
+    J[10, :2] = [-x[1] / G2, x[0] / G2]
+    covariance: Array = J @ joint @ J.T
+    return covariance
+
+
+def _held_out(
+    readings: PoseReadings, force: Array, torque: Array, x: Array, L: Array, gravity_direction: Array
+) -> Array | None:
+    """Residual (n, 6) of each pose against the paper's estimate from the other poses; None where they are too few."""
+    if len(readings) <= MIN_POSES:
+        return None
+    r = gravity_in_flange(readings.R_base_flange, gravity_direction)
+    without_x = _leave_one_out(force, readings.wrench[:, :3], x)
+    without_L = _leave_one_out(torque, readings.wrench[:, 3:], L)
+    if without_x is None or without_L is None:
+        return None
+    tools = [_tool(xi, Li, gravity_direction) for xi, Li in zip(without_x, without_L, strict=True)]
+    predicted = [free_wrench(wrench_matrix(tool), ri) for tool, ri in zip(tools, r, strict=True)]
+    return readings.wrench - np.array(predicted)
+
+
+def _leave_one_out(A: Array, y: Array, solution: Array) -> Array | None:
+    """The least-squares unknowns (n, 6) without each pose in turn, exactly; None where one is needed."""
+    inverse = np.linalg.inv(np.einsum("nij,nik->jk", A, A))
+    remaining = np.eye(3) - A @ inverse @ A.transpose(0, 2, 1)
+    if float(np.linalg.eigvalsh(remaining)[:, 0].min()) < 1e-9:
+        return None
+    errors = np.linalg.solve(remaining, (y - A @ solution)[..., None])
+    without: Array = solution - (inverse @ A.transpose(0, 2, 1) @ errors)[..., 0]
+    return without

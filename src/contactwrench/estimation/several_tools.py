@@ -1,0 +1,304 @@
+"""Several tools on one sensor: each recording has its tool, and the mounting, the base, or both, are common to all.
+
+Each recording is cleaned on its own. What it then says of the common rotations, its own tool eliminated, goes as a
+message (message.py) to each of the others, where it joins the readings; a prior on the common tilts is counted once, as
+messages carry none. Messages are linearised at the estimate of the recording that knows most, again and again until
+that stays. Its estimate of the common rotations is then everybody's: with the tool given the rotations as that tool's
+readings have it, and the rotations as all readings together have them, each result is the marginal of the joint
+posterior, and the very same matrix stands in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..calibration.calibration import Calibration
+from ..errors import AmbiguityError, InputError, UnobservableError
+from ..geometry.arrays import Array
+from ..geometry.rotations import rotation_log
+from ..geometry.wrench import STANDARD_GRAVITY
+from ..model import (
+    GRAVITY,
+    MOUNT,
+    RigidTool,
+    free_wrench,
+    gravity_in_flange,
+    horizontal_axes,
+    matrix_jacobian,
+    small_change_about,
+    stepped,
+    wrench_matrix,
+)
+from ..samples.samples import Samples
+from ..statistics import SIGNIFICANCE, percent
+from .auto import BASE_TILT_SD, MOUNT_TILT_SD, AutoFit, TiltPriors, tilt_priors
+from .calibrate import NoiseLike, Recorded, assembled, from_recording, question_asked
+from .estimate import Estimate, Question, fitted
+from .given import knowledge_given
+from .initial_guess import linear_fit
+from .least_squares import Fit, PoseReadings
+from .priors import Knowledge
+from .robust import confirmed
+from .shared_rotations import Message, disagreement, message_of
+
+SHAREABLE = {"mount": MOUNT, "gravity": GRAVITY}
+"""What recordings may have in common, with its parameters."""
+
+SHARING_MODELS = ("auto", "mount", "mount+base")
+ROUNDS = 10
+SETTLED = 1e-3
+"""Standard deviations: messages are not linearised anew for less."""
+
+
+def calibrate_shared(
+    recordings: Sequence[Samples],
+    shared: Sequence[str] = tuple(SHAREABLE),
+    model: str = "auto",
+    noise: NoiseLike = None,
+    gravity: ArrayLike | None = None,
+    *,
+    g: float = STANDARD_GRAVITY,
+    mount_tilt_sd: float = MOUNT_TILT_SD,
+    base_tilt_sd: float = BASE_TILT_SD,
+    known: Mapping[str, tuple[Any, Any]] | None = None,
+) -> tuple[Calibration, ...]:
+    """Calibrate several tools on one sensor together: a Calibration for each recording, in their order.
+
+    `shared`: "mount", the mounting R_flange_sensor, and "gravity", its direction in base axes; whichever is named is
+    the same in all results, with the same covariance, and rests on all recordings. `model`: auto, mount or mount+base;
+    `known` may state mount and gravity. All else as for `calibrate`, and said of every recording.
+
+    A warning in each result names the recording whose rotations contradict those of the others (chi-square, 1 %).
+    Raises as `calibrate` does, naming the recording, and `InputError` for what cannot be shared.
+    """
+    require_shareable(len(recordings), shared, model, known or {})
+    question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
+    recorded = [from_recording(samples, question, g) for samples in recordings]
+    apart = knowledge_given({name: pair for name, pair in (known or {}).items() if name not in shared})
+    sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), apart)
+    exchange = _exchanged(recorded, sharing)
+    checked = []
+    for one, found, asked in zip(recorded, exchange.found, exchange.questions, strict=True):
+        with _naming(one.samples.source):
+            checked.append(replace(one, found=confirmed(replace(one.found, found=found), asked)))
+    common = checked[exchange.leader].found.found
+    warnings = _contradictions(exchange, [one.samples.source for one in recorded], sharing)
+    results = []
+    for k, one in enumerate(checked):
+        agreeing = _agreeing(one.found.found, one.found.readings, common, sharing)
+        others = [other.samples.source for j, other in enumerate(checked) if j != k]
+        origin = {"shared": ", ".join(sharing.names), "shared_with": ", ".join(others)}
+        agreed = replace(one, found=replace(one.found, found=agreeing), warnings=(*one.warnings, *warnings))
+        results.append(assembled(agreed, question, origin))
+    return tuple(results)
+
+
+def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
+    """Raise `InputError` for what recordings cannot have in common."""
+    for name in shared:
+        if name not in SHAREABLE:
+            raise InputError(f"found {name!r} to share, expected {' or '.join(SHAREABLE)}, or both")
+    if not shared:
+        raise InputError(f"found nothing to share, expected {' or '.join(SHAREABLE)}, or both")
+    if recordings < 2:
+        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
+    if model not in SHARING_MODELS:
+        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
+    if model == "mount" and "gravity" in shared:
+        raise InputError(
+            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
+        )
+    of_tool = [name for name in known if name not in SHAREABLE]
+    if of_tool:
+        raise InputError(
+            f"known {of_tool[0]} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Sharing:
+    """The question, the `names` of what is common, and what is known of that which each has `apart`."""
+
+    question: Question
+    names: tuple[str, ...]
+    apart: tuple[Knowledge, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(parameter for name in self.names for parameter in SHAREABLE[name])
+
+    def known_apart(self, found: Estimate) -> tuple[Knowledge, ...]:
+        """What is known of a recording's rotations that are its own: stated, or a prior that `auto` kept."""
+        if found.auto is None:
+            return self.apart
+        kept = replace(
+            found.auto.assumption,
+            nominal_mounting=found.auto.assumption.nominal_mounting and "mount" not in self.names,
+            nominal_base=found.auto.assumption.nominal_base and "gravity" not in self.names,
+        )
+        tilts = tilt_priors(kept, self.question.gravity_direction, self.question.priors)
+        return (*self.apart, *(tilt for tilt, _ in tilts))
+
+
+@dataclass(frozen=True, eq=False)
+class _Exchange:
+    """The estimates once all recordings know what the others say: the `questions` put to each, the `messages`, and the
+    `leader`, the recording that knows most of what is common.
+    """
+
+    found: list[Estimate]
+    questions: list[Question]
+    messages: list[Message]
+    leader: int
+
+
+def _exchanged(recorded: list[Recorded], sharing: _Sharing) -> _Exchange:
+    alone = [one.found.found for one in recorded]
+    readings = [one.found.readings for one in recorded]
+
+    def say(found: list[Estimate], point: RigidTool | None) -> list[Message]:
+        return [_message(*these, point, sharing) for these in zip(readings, alone, found, strict=True)]
+
+    leader = int(np.argmin([message.uncertainty for message in say(alone, None)]))
+    found, questions, messages = alone, [sharing.question] * len(alone), []
+    for _ in range(ROUNDS):
+        before = _tool(found[leader].fit)
+        messages = say(found, before)
+        questions = [
+            replace(
+                sharing.question,
+                knowledge=(
+                    *sharing.question.knowledge,
+                    *(message.as_knowledge() for j, message in enumerate(messages) if j != k),
+                ),
+            )
+            for k in range(len(found))
+        ]
+        found = [fitted(these, question) for these, question in zip(readings, questions, strict=True)]
+        fit, index = found[leader].fit, _index(found[leader].names, sharing)
+        moved = _turns(before, _tool(fit), sharing)
+        if float(moved @ np.linalg.solve(fit.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
+            break
+    return _Exchange(found, questions, messages, leader)
+
+
+def _message(
+    readings: PoseReadings, alone: Estimate, now: Estimate, point: RigidTool | None, sharing: _Sharing
+) -> Message:
+    """What a recording says at the common `point` (None: at its own), with the noise that it has `alone`."""
+    tool = _tool(now.fit)
+    common = tool if point is None else point
+    R = common.R_flange_sensor if "mount" in sharing.names else tool.R_flange_sensor
+    d = common.gravity_direction if "gravity" in sharing.names else tool.gravity_direction
+    return message_of(
+        readings,
+        alone.fit.noise,
+        linear_fit(readings.R_base_flange, readings.wrench, R, d),
+        now.names,
+        sharing.parameters,
+        sharing.known_apart(now),
+        float(alone.fit.dof.min()),
+    )
+
+
+def _agreeing(found: Estimate, readings: PoseReadings, common: Estimate, sharing: _Sharing) -> Estimate:
+    """The estimate with the rotations, and their covariance, that all have in common; the rest follows them as its
+    covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
+    """
+    fit, names, index = found.fit, found.names, _index(found.names, sharing)
+    tool, agreed = _tool(fit), _tool(common.fit)
+    follow = np.linalg.solve(fit.covariance[np.ix_(index, index)], fit.covariance[index]).T
+    moved = stepped(tool, follow @ _turns(tool, agreed, sharing), names)
+    if "mount" in sharing.names:
+        moved = replace(moved, R_flange_sensor=agreed.R_flange_sensor)
+    if "gravity" in sharing.names:
+        moved = replace(moved, gravity_direction=agreed.gravity_direction)
+    axes = small_change_about(tool, moved, names)
+    before, follow = axes @ fit.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
+    of_all = common.fit.covariance[np.ix_(index, index)]
+    covariance = before + follow @ (of_all - before[np.ix_(index, index)]) @ follow.T
+    dof = fit.dof.copy()
+    dof[index] = common.fit.dof[index]
+    r = gravity_in_flange(readings.R_base_flange, moved.gravity_direction)
+    from_parameters = matrix_jacobian(moved, names)
+    fit = replace(
+        fit,
+        tool=moved,
+        gravity_direction=moved.gravity_direction,
+        B=wrench_matrix(moved),
+        covariance=0.5 * (covariance + covariance.T),
+        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        residuals=readings.wrench - free_wrench(wrench_matrix(moved), r),
+        dof=dof,
+    )
+    return replace(found, fit=fit, auto=_auto_agreeing(found.auto, fit, common.auto, sharing))
+
+
+def _auto_agreeing(auto: AutoFit | None, fit: Fit, common: AutoFit | None, sharing: _Sharing) -> AutoFit | None:
+    """What `auto` assumed, with the probabilities that all have in common."""
+    if auto is None or common is None:
+        return None
+    if len(sharing.names) == len(SHAREABLE):
+        return replace(common, fit=fit)
+    if "mount" in sharing.names:
+        return replace(auto, fit=fit, mounting_exact=common.mounting_exact)
+    return replace(auto, fit=fit, base_exact=common.base_exact)
+
+
+def _contradictions(exchange: _Exchange, sources: list[str], sharing: _Sharing) -> tuple[str, ...]:
+    """A warning that names the recording whose rotations differ from those of the others by more than chance."""
+    messages = exchange.messages
+    judged = [disagreement(message, [other for other in messages if other is not message]) for message in messages]
+    two = len(messages) == 2
+    suspect = 1 - exchange.leader if two else int(np.argmin([one.test.probability for one in judged]))
+    odd = judged[suspect]
+    # of two, either differs as much from the other: one test; of more, one test each
+    chance = min(1.0, odd.test.probability * (1 if two else len(messages)))
+    if chance >= SIGNIFICANCE:
+        return ()
+    differ = {
+        "mount": "the mounting by {:.2g} +- {:.2g} deg",
+        "gravity": "gravity by {:.2g} +- {:.2g} deg",
+    }
+    parts = [differ[name].format(*odd.angle(SHAREABLE[name])) for name in sharing.names]
+    return (
+        f"weak: {sources[suspect]} contradicts the other recording{'' if two else 's'}, {' and '.join(parts)} (chance "
+        f"{percent(chance)}): the sensor or the base moved in between, or the tool touched something: calibrate it "
+        "apart",
+    )
+
+
+def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
+    """The small turns of what is shared that lead from one tool to another, in the axes of the first."""
+    turns = []
+    if "mount" in sharing.names:
+        turns.append(rotation_log(before.R_flange_sensor.T @ after.R_flange_sensor))
+    if "gravity" in sharing.names:
+        axis = np.cross(before.gravity_direction, after.gravity_direction)
+        turns.append(np.stack(horizontal_axes(before.gravity_direction)) @ axis)
+    return np.concatenate(turns)
+
+
+def _index(names: tuple[str, ...], sharing: _Sharing) -> list[int]:
+    return [names.index(parameter) for parameter in sharing.parameters]
+
+
+def _tool(fit: Fit) -> RigidTool:
+    if fit.tool is None:
+        raise TypeError("a rigid fit has a tool")
+    return fit.tool
+
+
+@contextmanager
+def _naming(source: str) -> Iterator[None]:
+    """Errors that say of which recording they are."""
+    try:
+        yield
+    except (UnobservableError, AmbiguityError) as error:
+        raise type(error)(f"{source}: {error}") from None

@@ -1,0 +1,1 @@
+"""Orientations, rotations and wrenches: the geometry that every layer shares."""

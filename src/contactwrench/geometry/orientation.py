@@ -1,0 +1,239 @@
+"""How each robot brand writes an orientation, turned into rotation matrices.
+
+A convention is a name, the columns that a file usually gives it, and a function from those columns (angles
+already in radians) to rotation matrices. Everything downstream sees `R_base_flange`, (n, 3, 3), and nothing else.
+In scipy's letters, capitals are intrinsic rotations (about the turned axes), small letters fixed ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .arrays import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+OrientationLike: TypeAlias = "ArrayLike | Rotation"
+
+ROTATION_TOLERANCE = 0.01
+"""A quaternion's length, or a matrix's axes, may be off by this much (rounded figures in a table) and no more."""
+
+LONGEST_ROTATION_VECTOR = 2.0 * np.pi * (1.0 + ROTATION_TOLERANCE)
+
+
+@dataclass(frozen=True)
+class Convention:
+    """One way to write an orientation.
+
+    `columns` are the default column names; `angle_unit` is the unit of columns that carry no suffix, None where
+    the columns are no angles; `to_matrices` maps (n, k) columns, angles in radians, to (n, 3, 3).
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    angle_unit: str | None
+    to_matrices: Callable[[Array], Array]
+    meaning: str
+
+
+def from_quat_xyzw(quat_xyzw: Array) -> Array:
+    """Rotation matrices (n, 3, 3) of quaternions (n, 4), scalar last.
+
+    Raises `InputError` naming the first row whose length is off 1 by more than 1 %.
+    """
+    from scipy.spatial.transform import Rotation
+
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(quat_xyzw, axis=1)
+    wrong = ~(np.abs(length - 1.0) <= ROTATION_TOLERANCE)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise InputError(
+            f"orientation {row} is a quaternion of length {length[row]:.6g}, expected 1 within 1 %: check the order of "
+            "its parts and that none is cut off",
+            row,
+        )
+    matrices: Array = Rotation.from_quat(quat_xyzw).as_matrix()
+    return matrices
+
+
+def nearest_rotations(matrices: Array) -> Array:
+    """The rotations nearest to (n, 3, 3) matrices whose axes are unit and square within 1 %.
+
+    Raises `InputError` naming the first matrix that is no rotation (a mirrored one included).
+    """
+    x, y, z = (matrices[:, :, k] for k in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.max(
+            [
+                np.abs(np.einsum("ni,ni->n", a, b) - unit)
+                for a, b, unit in [(x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0)]
+            ],
+            axis=0,
+        )
+        handedness = np.einsum("ni,ni->n", np.cross(x, y), z)
+    wrong = ~((deviation <= 2.0 * ROTATION_TOLERANCE) & (handedness > 0.0))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise InputError(
+            f"orientation {row} is a matrix that is no rotation (columns off orthonormal by {deviation[row]:.3g}, "
+            f"determinant {handedness[row]:.3g}), expected orthonormal within 1 % and determinant 1: check the order "
+            "of its entries",
+            row,
+        )
+    if deviation.size and deviation.max() > 1e-12:
+        U, _, Vt = np.linalg.svd(matrices)
+        matrices = U @ Vt
+    return matrices
+
+
+def rotation_matrices(orientation: OrientationLike) -> tuple[Array, bool]:
+    """`R_base_flange` as (n, 3, 3), and whether a single orientation was given.
+
+    `orientation`: rotation matrices (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy Rotation; one of them
+    without the leading n is accepted. Raises `InputError` on any other shape and on what is no rotation.
+    """
+    if hasattr(orientation, "as_matrix"):
+        matrices = np.asarray(orientation.as_matrix(), dtype=np.float64)
+        return (matrices[None], True) if matrices.ndim == 2 else (matrices, False)
+    values = np.asarray(orientation, dtype=np.float64)
+    if values.shape == (4,):
+        return from_quat_xyzw(values[None]), True
+    if values.shape == (3, 3):
+        return nearest_rotations(values[None]), True
+    if values.ndim == 2 and values.shape[1] == 4:
+        return from_quat_xyzw(values), False
+    if values.ndim == 3 and values.shape[1:] == (3, 3):
+        return nearest_rotations(values), False
+    raise InputError(
+        f"orientation has shape {values.shape}, expected (n, 3, 3) rotation matrices, (n, 4) quaternions x, y, z, w "
+        "or a scipy Rotation"
+    )
+
+
+def _euler(letters: str) -> Callable[[Array], Array]:
+    def to_matrices(angles: Array) -> Array:
+        from scipy.spatial.transform import Rotation
+
+        matrices: Array = Rotation.from_euler(letters, angles).as_matrix()
+        return matrices
+
+    return to_matrices
+
+
+def _from_rotation_vector(vectors: Array) -> Array:
+    """Rotations by |v| rad about v. More than a whole turn is refused: such columns hold angles in degrees."""
+    from scipy.spatial.transform import Rotation
+
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    wrong = ~(length <= LONGEST_ROTATION_VECTOR)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise InputError(
+            f"orientation {row} is a rotation vector of {length[row]:.6g} rad, expected at most a whole turn: if these "
+            "are angles in degrees, say whose (--orientation yaskawa or staubli)",
+            row,
+        )
+    matrices: Array = Rotation.from_rotvec(vectors).as_matrix()
+    return matrices
+
+
+def _from_quat_wxyz(quat_wxyz: Array) -> Array:
+    return from_quat_xyzw(quat_wxyz[:, [1, 2, 3, 0]])
+
+
+def _from_row_major(entries: Array) -> Array:
+    return nearest_rotations(entries.reshape(-1, 3, 3))
+
+
+def _from_column_major_pose(entries: Array) -> Array:
+    """The rotations of 4 x 4 poses. A pose written row by row is refused: read by columns it would be the inverse."""
+    poses = entries.reshape(-1, 4, 4).transpose(0, 2, 1)
+    wrong = np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROTATION_TOLERANCE
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        last = ", ".join(f"{entry:g}" for entry in poses[row, 3])
+        raise InputError(
+            f"orientation {row} is a pose with the last row {last}, expected 0, 0, 0, 1: check that its entries come "
+            "column by column",
+            row,
+        )
+    return nearest_rotations(poses[:, :3, :3])
+
+
+_MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+
+CONVENTIONS: dict[str, Convention] = {
+    c.name: c
+    for c in (
+        Convention("quat_xyzw", ("qx", "qy", "qz", "qw"), None, from_quat_xyzw, "quaternion, scalar last (ROS)"),
+        Convention("quat_wxyz", ("qw", "qx", "qy", "qz"), None, _from_quat_wxyz, "quaternion, scalar first"),
+        Convention("kuka_abc", ("a", "b", "c"), "deg", _euler("ZYX"), "KUKA: Rz(A) Ry(B) Rx(C)"),
+        Convention("fanuc_wpr", ("w", "p", "r"), "deg", _euler("xyz"), "FANUC: Rz(R) Ry(P) Rx(W)"),
+        Convention("yaskawa", ("rx", "ry", "rz"), "deg", _euler("xyz"), "Yaskawa: Rz(Rz) Ry(Ry) Rx(Rx)"),
+        Convention("staubli", ("rx", "ry", "rz"), "deg", _euler("XYZ"), "Staubli: Rx(Rx) Ry(Ry) Rz(Rz)"),
+        Convention("kawasaki_oat", ("o", "a", "t"), "deg", _euler("ZYZ"), "Kawasaki: Rz(O) Ry(A) Rz(T)"),
+        Convention("nachi", ("r", "p", "y"), "deg", _euler("ZYX"), "Nachi: Rz(r) Ry(p) Rx(y)"),
+        Convention("ur_rotvec", ("rx", "ry", "rz"), "rad", _from_rotation_vector, "UR: rotation vector"),
+        Convention("abb_quat", ("q1", "q2", "q3", "q4"), None, _from_quat_wxyz, "ABB: quaternion, q1 the scalar"),
+        Convention("matrix", _MATRIX_COLUMNS, None, _from_row_major, "rotation matrix, row by row"),
+        Convention(
+            "franka_matrix",
+            tuple(f"o_t_ee_{k}" for k in range(16)),
+            None,
+            _from_column_major_pose,
+            "Franka: 4 x 4 pose, column by column",
+        ),
+        Convention("rpy", ("roll", "pitch", "yaw"), "deg", _euler("xyz"), "Rz(yaw) Ry(pitch) Rx(roll)"),
+    )
+}
+
+RECOGNISED_BY_NAME = ("quat_xyzw", "matrix", "kuka_abc", "fanuc_wpr", "ur_rotvec")
+"""The conventions that a file's column names tell by themselves, without a flag."""
+
+_EULER_COLUMNS = ("e1", "e2", "e3")
+
+
+def convention(text: str) -> Convention:
+    """The convention that `NAME[:COLUMNS]` asks for, e.g. `quat_wxyz:q0,q1,q2,q3` or `euler:ZYX:deg:a,b,c`.
+
+    Raises `InputError` for an unknown name, Euler letters that scipy does not know, or a wrong number of columns.
+    """
+    name, _, columns = text.partition(":")
+    if name == "euler":
+        letters, _, rest = columns.partition(":")
+        unit, _, columns = rest.partition(":")
+        same_case = letters.isupper() or letters.islower()
+        if len(letters) != 3 or not same_case or set(letters.upper()) - set("XYZ") or _repeats(letters):
+            raise InputError(
+                f"orientation {text!r}: found Euler letters {letters!r}, expected three such as ZYX (turned axes) "
+                "or xyz (fixed axes)"
+            )
+        if unit not in ("deg", "rad"):
+            raise InputError(f"orientation {text!r}: found unit {unit!r}, expected deg or rad, as in euler:ZYX:deg")
+        chosen = Convention("euler", _EULER_COLUMNS, unit, _euler(letters), f"Euler {letters}")
+    elif name in CONVENTIONS:
+        chosen = CONVENTIONS[name]
+    else:
+        known = ", ".join([*CONVENTIONS, "euler:ZYX:deg"])
+        raise InputError(f"orientation {text!r} is not known, expected one of {known}, or auto")
+    if not columns:
+        return chosen
+    names = tuple(c.strip().lower() for c in columns.split(","))
+    if len(names) != len(chosen.columns) or not all(names) or len(set(names)) != len(names):
+        raise InputError(
+            f"orientation {text!r}: found columns {columns!r}, expected {len(chosen.columns)} different names"
+        )
+    return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.meaning)
+
+
+def _repeats(letters: str) -> bool:
+    return letters[0] == letters[1] or letters[1] == letters[2]

@@ -1,0 +1,61 @@
+"""Move a wrench between frames and points; the gravity of a payload.
+
+A wrench is `[fx fy fz tx ty tz]`, N and N m, what tool and environment exert ON the sensor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from .arrays import Array
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, by definition (3rd CGPM, 1901)."""
+
+
+def cross_matrix(v: ArrayLike) -> Array:
+    """`[v]x`, (..., 3, 3), with `[v]x @ a = v x a`."""
+    v = np.asarray(v, dtype=np.float64)
+    matrix = np.zeros((*v.shape[:-1], 3, 3))
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
+    matrix[..., 1, 0], matrix[..., 1, 2] = z, -x
+    matrix[..., 2, 0], matrix[..., 2, 1] = -y, x
+    return matrix
+
+
+def wrench_transform(R_new_old: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """The (..., 6, 6) matrix that gives a wrench in other axes and about another point.
+
+    `R_new_old` (..., 3, 3); `point` (3,) m, in the old axes from the old point. Force turns; the torque about
+    the new point is `T - point x F`, then turns.
+    """
+    R = np.asarray(R_new_old, dtype=np.float64)
+    transform = np.zeros((*R.shape[:-2], 6, 6))
+    transform[..., :3, :3] = R
+    transform[..., 3:, 3:] = R
+    transform[..., 3:, :3] = -R @ cross_matrix(point)
+    return transform
+
+
+def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
+    """`direction` (3,) scaled to length 1. Raises `InputError` unless it is three finite numbers, not all zero."""
+    vector = np.asarray(direction, dtype=np.float64)
+    largest = float(np.abs(vector).max(initial=0.0))
+    if vector.shape != (3,) or not 0.0 < largest < np.inf:
+        found = ",".join(f"{part:g}" for part in vector.ravel()[:6])
+        raise InputError(f"{name} is {found}, expected three finite numbers X,Y,Z that are not all zero")
+    scaled: Array = vector / largest
+    return scaled / np.linalg.norm(scaled)
+
+
+def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+    """`wrench` as (n, 6) float64, and whether a single (6,) one was given. Raises `InputError` otherwise."""
+    rows = np.asarray(wrench, dtype=np.float64)
+    if rows.shape == (6,):
+        return rows[None], True
+    if rows.ndim != 2 or rows.shape[1] != 6:
+        raise InputError(f"wrench has shape {rows.shape}, expected (n, 6) or (6,): fx fy fz tx ty tz")
+    return rows, False

@@ -1,0 +1,197 @@
+"""What messages of a bag say: stamps, wrenches, poses, transforms and joint angles, many at once.
+
+A message's time is the stamp in its header; where it has no header, or a stamp of zero, the time at which it was put
+into the bag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import FileFormatError, InputError
+from ...geometry.arrays import Array
+from ...geometry.orientation import from_quat_xyzw
+from .chunks import Logged, joined
+from .message_layout import MessageLayout, Raw, alike, layout_of_message
+from .open import Bag, Topic, definitions, seconds, written
+
+WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
+"""Types that hold a wrench, and where in them it is."""
+
+POSES = {
+    "geometry_msgs/msg/PoseStamped": ("pose.orientation", "pose.position"),
+    "geometry_msgs/msg/TransformStamped": ("transform.rotation", "transform.translation"),
+    "nav_msgs/msg/Odometry": ("pose.pose.orientation", "pose.pose.position"),
+}
+"""Types that hold the pose of one frame in another, and where in them its orientation and position are."""
+
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+JOINT_STATE = "sensor_msgs/msg/JointState"
+
+STAMP_ENDS = 12
+"""Bytes of a message up to the end of its header's stamp."""
+
+FORCE_TORQUE = tuple(f"{part}.{axis}" for part in ("force", "torque") for axis in "xyz")
+XYZW, XYZ = tuple("xyzw"), tuple("xyz")
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Placements of one frame in another at times `t` (n,) s: `quat_xyzw` (n, 4) as written, `position` (n, 3) m."""
+
+    t: Array
+    quat_xyzw: Array
+    position: Array
+
+    def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Placements:
+        return Placements(self.t[rows], self.quat_xyzw[rows], self.position[rows])
+
+
+def joined_placements(parts: Iterable[Placements]) -> Placements:
+    """One after the other."""
+    some = list(parts)
+    return Placements(*(np.concatenate([getattr(p, name) for p in some]) for name in ("t", "quat_xyzw", "position")))
+
+
+def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
+    """The messages by layout: rows, the layout and the messages. Raises `FileFormatError` naming topic and time."""
+    types = definitions(bag, topic.type)
+
+    def layout_of(message: bytes) -> MessageLayout:
+        return layout_of_message(message, topic.type, types, not bag.ros1)
+
+    try:
+        for rows, layout in alike(logged.raw, layout_of):
+            yield rows, layout, logged.raw[rows]
+    except InputError as error:
+        row = next(k for k in range(len(logged)) if not _is_one(logged.raw.message(k), topic.type, bag))
+        raise FileFormatError(f"{place(bag, topic, float(seconds(logged.stamp[row])))}: {error}") from None
+
+
+def _is_one(message: bytes, msgtype: str, bag: Bag) -> bool:
+    try:
+        layout_of_message(message, msgtype, definitions(bag, msgtype), not bag.ros1)
+    except InputError:
+        return False
+    return True
+
+
+def place(bag: Bag, topic: Topic, t: float) -> str:
+    """File, topic and time, for a message."""
+    return f"{bag.path}: topic {topic.name}, at {t - bag.start:.3f} s"
+
+
+def stamps(logged: Logged, rows: NDArray[np.intp], layout: MessageLayout, raw: Raw, header: str = "header") -> Array:
+    """The times (k,) s of messages of one layout: of the header, else of the bag."""
+    of_bag = seconds(logged.stamp[rows])
+    path = f"{header}.stamp"
+    if f"{path}.sec" not in layout.numbers:
+        return of_bag
+    of_header: Array = (raw.values(layout, f"{path}.sec") + 1e-9 * raw.values(layout, f"{path}.nanosec"))[:, 0]
+    t: Array = np.where(of_header == 0.0, of_bag, of_header)
+    return t
+
+
+def header_stamps(logged: Logged, cdr: bool) -> Array:
+    """The times (n,) s of messages that begin with a header, whatever follows: the stamp is at bytes 4 to 12, in ROS 1
+    behind the header's number, in CDR behind the bytes that state the order.
+    """
+    t = seconds(logged.stamp)
+    for big_endian in (False, True):
+        rows = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
+        first_bytes = logged.raw[rows].bytes_at(0, 2)
+        rows = rows[(first_bytes[:, 1] == 0) == big_endian if cdr else np.full(len(rows), not big_endian)]
+        if len(rows):
+            sec, ns = logged.raw[rows].bytes_at(4, 8).view(">u4" if big_endian else "<u4").T.astype(np.float64)
+            t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
+    return t
+
+
+def numbers(
+    bag: Bag, topic: Topic, logged: Logged, paths: tuple[str, ...]
+) -> tuple[Array, Array, list[dict[str, str]]]:
+    """Times (n,) s, the numbers at `paths` (n, k), and the different texts that go with them.
+
+    Raises `FileFormatError` where the type has no such number.
+    """
+    t, values, texts = np.empty(len(logged)), np.empty((len(logged), len(paths))), []
+    for rows, layout, raw in by_layout(bag, topic, logged):
+        missing = [path for path in paths if path not in layout.numbers]
+        if missing:
+            raise FileFormatError(
+                f"{bag.path}: topic {topic.name}: found {written(topic.type)} without {missing[0]}, expected the type "
+                "of that name in ROS"
+            )
+        t[rows] = stamps(logged, rows, layout, raw)
+        values[rows] = raw.columns(layout, paths)
+        texts.append(layout.texts)
+    return t, values, texts
+
+
+def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
+    """Times (n,) s and wrenches (n, 6) N and N m, as they are written."""
+    t, values, _ = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
+    return t, values
+
+
+def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[str]]:
+    """The poses of a topic of one of the types `POSES`, and which frames they are of, in words."""
+    orientation, position = POSES[topic.type]
+    paths = (*(f"{position}.{part}" for part in XYZ), *(f"{orientation}.{part}" for part in XYZW))
+    t, values, texts = numbers(bag, topic, logged, paths)
+    frames = [f"{text['child_frame_id']} in " if "child_frame_id" in text else "a frame in " for text in texts]
+    parents = [text.get("header.frame_id", "") or "no frame" for text in texts]
+    return Placements(t, values[:, 3:], values[:, :3]), [f + p for f, p in zip(frames, parents, strict=True)]
+
+
+def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], Placements]:
+    """The transforms of a topic: the placement of each child in its parent, by (parent, child), in their order."""
+    found: dict[tuple[str, str], list[tuple[NDArray[np.intp], Placements]]] = {}
+    for rows, layout, raw in by_layout(bag, topic, logged):
+        for at in _transforms_in(layout):
+            edge = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
+            t = stamps(logged, rows, layout, raw, f"{at}header")
+            quat = raw.columns(layout, [f"{at}transform.rotation.{part}" for part in XYZW])
+            position = raw.columns(layout, [f"{at}transform.translation.{part}" for part in XYZ])
+            found.setdefault(edge, []).append((rows, Placements(t, quat, position)))
+    in_order = {}
+    for edge, parts in found.items():
+        together = joined_placements(part for _, part in parts)
+        in_order[edge] = together[np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")]
+    return in_order
+
+
+def _transforms_in(layout: MessageLayout) -> list[str]:
+    """What comes before the names of each transform's fields."""
+    ends = [path.removesuffix("child_frame_id") for path in layout.texts if path.endswith("child_frame_id")]
+    return [at for at in ends if f"{at}header.frame_id" in layout.texts]
+
+
+def _frame(name: str) -> str:
+    """A frame without the slash that ROS 1's first tf put before it."""
+    return name.removeprefix("/")
+
+
+def joint_states(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], Array, list[str], Array]]:
+    """Rows, times (k,) s, joint names and positions (k, j), for messages that name the same joints."""
+    for rows, layout, raw in by_layout(bag, topic, logged):
+        names = [text for path, text in layout.texts.items() if path.startswith("name.")]
+        yield rows, stamps(logged, rows, layout, raw), names, raw.values(layout, "position")
+
+
+def rotations(bag: Bag, what: str, placements: Placements) -> Array:
+    """Rotations (n, 3, 3). Raises `FileFormatError` naming `what` and the time of the first quaternion that is none."""
+    try:
+        return from_quat_xyzw(placements.quat_xyzw)
+    except InputError as error:
+        row = error.row or 0
+        found = str(error).removeprefix(f"orientation {row} is ")
+        raise FileFormatError(f"{bag.path}: {what}, at {placements.t[row] - bag.start:.3f} s: found {found}") from None
+
+
+NO_PLACEMENTS = Placements(np.empty(0), np.empty((0, 4)), np.empty((0, 3)))
+NO_MESSAGES = Logged(np.empty(0, np.int64), joined([]))

@@ -1,0 +1,113 @@
+"""Which topics of a bag give the wrench and the pose: those of the right type, if there is one of each."""
+
+from __future__ import annotations
+
+from ...assess.robot_arms import Arm
+from ...errors import FileFormatError, InputError
+from .messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES
+from .open import Bag, Topic, written
+from .transforms import STATIC, shortened, tree
+
+WRENCH_FLAG, POSE_FLAG, FRAMES_FLAG, ROBOT_FLAG = "--wrench-topic", "--pose-topic", "--frames", "--robot"
+
+
+def wrench_topic(bag: Bag, name: str | None) -> Topic:
+    """The topic of that name, or the only one with a wrench. Raises `FileFormatError` naming those there are."""
+    if name is not None:
+        return _named(bag, name, tuple(WRENCHES), WRENCH_FLAG)
+    return _only(bag, "a wrench", tuple(WRENCHES), WRENCH_FLAG, "the sensor's readings")
+
+
+def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm: Arm | None) -> tuple[Topic, ...]:
+    """The topic of that name, or the only one with poses: with `frames` all that hold transforms, with `arm` the joint
+    states, else one with poses. Raises `InputError` where `name`, `frames` and `arm` do not go together, and
+    `FileFormatError` naming the topics there are.
+    """
+    if frames is not None and arm is not None:
+        raise InputError(f"found {FRAMES_FLAG} and {ROBOT_FLAG}, expected one of them: the pose has one source")
+    if frames is not None:
+        return _transform_topics(bag, name)
+    if arm is not None:
+        if name is not None:
+            return (_named(bag, name, (JOINT_STATE,), POSE_FLAG),)
+        return (_only(bag, "joint states", (JOINT_STATE,), POSE_FLAG, "the arm's joints"),)
+    if name is not None:
+        topic = _named(bag, name, (*POSES, JOINT_STATE, *TRANSFORMS), POSE_FLAG)
+        if topic.type not in POSES:
+            raise _flag_is_missing(bag, (topic,))
+        return (topic,)
+    if not _with_messages(bag, tuple(POSES)) and (others := _with_messages(bag, (JOINT_STATE, *TRANSFORMS))):
+        raise _flag_is_missing(bag, others)
+    return (_only(bag, "poses", tuple(POSES), POSE_FLAG, "the arm's pose"),)
+
+
+def _transform_topics(bag: Bag, name: str | None) -> tuple[Topic, ...]:
+    found = _with_messages(bag, TRANSFORMS)
+    if name is not None:
+        asked = _named(bag, name, (*TRANSFORMS, "geometry_msgs/msg/TransformStamped"), POSE_FLAG)
+        return (asked, *(topic for topic in found if topic.name.endswith(STATIC) and topic != asked))
+    if not found:
+        raise FileFormatError(
+            f"{bag.path}: found no topic of type {_types(TRANSFORMS[:1])} with messages, expected one for "
+            f"{FRAMES_FLAG} (found {_listed(bag)})"
+        )
+    return found
+
+
+def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
+    same_name = [topic for topic in bag.counts if topic.name in (name, f"/{name}")]
+    if not same_name:
+        raise FileFormatError(f"{bag.path}: found no topic {name}, expected one of {_listed(bag)}: {flag}")
+    right = [topic for topic in same_name if topic.type in types]
+    if not right:
+        raise FileFormatError(
+            f"{bag.path}: topic {name} is {written(same_name[0].type)}, expected {_types(types)}: name another with "
+            f"{flag}"
+        )
+    if not bag.counts[right[0]]:
+        raise FileFormatError(f"{bag.path}: topic {name} has no messages, expected some: name another with {flag}")
+    return right[0]
+
+
+def _only(bag: Bag, what: str, types: tuple[str, ...], flag: str, meaning: str) -> Topic:
+    found = _with_messages(bag, types)
+    if not found:
+        raise FileFormatError(
+            f"{bag.path}: found no topic of type {_types(types)} with messages, expected one with {meaning} "
+            f"(found {_listed(bag)})"
+        )
+    if len(found) > 1:
+        listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in found)
+        raise FileFormatError(
+            f"{bag.path}: found {len(found)} topics with {what}: {listed}, expected one: choose with {flag} "
+            f"{found[0].name}"
+        )
+    return found[0]
+
+
+def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
+    """The error for a pose that can be had from `topics`, with a flag that was not given."""
+    advice = []
+    if any(topic.type == JOINT_STATE for topic in topics):
+        advice.append(f"name the arm of the joint states with {ROBOT_FLAG} NAME or ARM.urdf")
+    if any(topic.type in TRANSFORMS for topic in topics):
+        links = tree(bag, _with_messages(bag, TRANSFORMS))
+        frames = shortened(sorted({frame for link in links for frame in link}))
+        advice.append(f"name two frames of the transforms with {FRAMES_FLAG} BASE,FLANGE (found {frames})")
+    return FileFormatError(
+        f"{bag.path}: found {' and '.join(str(topic) for topic in topics)}, expected to be told how the pose follows: "
+        f"{', or '.join(advice)}"
+    )
+
+
+def _with_messages(bag: Bag, types: tuple[str, ...]) -> tuple[Topic, ...]:
+    return tuple(topic for topic, count in bag.counts.items() if topic.type in types and count)
+
+
+def _types(types: tuple[str, ...]) -> str:
+    names = [written(one) for one in types if one != TRANSFORMS[1]]
+    return " or ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+
+
+def _listed(bag: Bag) -> str:
+    return shortened(str(topic) for topic in bag.counts) or "no topic"

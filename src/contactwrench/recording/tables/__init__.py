@@ -1,0 +1,1 @@
+"""Tables: named columns of numbers in CSV and Parquet files."""

@@ -1,0 +1,201 @@
+"""Contact wrenches as files, batch by batch: CSV, or Parquet beside the columns of the recording.
+
+Columns: `t` where there are times, fx..tz the contact wrench, fx_std..tz_std; where they were judged sample by sample
+also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `reason`, in words, where `valid` is 0.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...files import write_bytes, write_text
+from ...geometry.arrays import Array
+from .column_names import WRENCH_COLUMNS
+from .digits import Letters, nine_digits
+from .parquet import SUFFIXES, import_parquet, is_parquet, rows_as_stored
+
+NAMES = (*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS))
+JUDGEMENT = ("valid", "contact", "reason")
+PREFIX = "contact_"
+"""Of the new columns' names in a Parquet file, where the recording's columns have one of their names."""
+
+LINES = 2000
+"""Formatted at once: their letters stay in the cache."""
+
+
+class ContactRows(Protocol):
+    """Contact wrenches in a row."""
+
+    @property
+    def wrench(self) -> Array:
+        """(n, 6) N and N m."""
+
+    @property
+    def std(self) -> Array:
+        """(n, 6) of the wrench."""
+
+    @property
+    def t(self) -> Array | None:
+        """(n,) s."""
+
+
+@runtime_checkable
+class Judged(Protocol):
+    """A judgement of each."""
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """(n,) whether nothing is wrong with the sample."""
+
+    @property
+    def contact(self) -> NDArray[np.int8]:
+        """(n,) 1 where something touches, 0 where nothing does, -1 where that cannot be judged."""
+
+    @property
+    def reason(self) -> Sequence[str | None]:
+        """(n) what is wrong, where something is."""
+
+
+def write_contact_wrenches(
+    path: str | Path, batches: Iterable[ContactRows], recording: str | Path | None = None
+) -> None:
+    """Write one row per sample, in order; `-` is CSV on stdout. Memory for one batch.
+
+    Parquet by the suffix of `path`. If `recording`, the one that was compensated, is Parquet too, its columns are kept,
+    and the new ones, named contact_fx and so on where the recording has one of their names, stand beside them: null in
+    rows without a wrench. Raises `FileAccessError`, and `InputError` where the recording has other rows.
+    """
+    if Path(path).suffix.lower() not in SUFFIXES:
+        write_text(path, _csv(iter(batches)))
+    elif recording is not None and is_parquet(recording):
+        write_bytes(Path(path), _parquet(_beside(recording, iter(batches))))
+    else:
+        write_bytes(Path(path), _parquet(map(_columns, batches)))
+
+
+def _csv(batches: Iterator[ContactRows]) -> Iterator[str]:
+    first = next(batches, None)
+    if first is None:
+        return
+    names = [*(["t"] if first.t is not None else []), *NAMES, *(JUDGEMENT if isinstance(first, Judged) else [])]
+    yield ",".join(names) + "\n"
+    for batch in chain([first], batches):
+        for start in range(0, len(batch.wrench), LINES):
+            some = slice(start, start + LINES)
+            cells = [nine_digits(column) for part in (batch.wrench, batch.std) for column in part[some].T]
+            if batch.t is not None:
+                cells.insert(0, _letters([repr(t).encode() for t in batch.t[some].tolist()]))
+            if isinstance(batch, Judged):
+                cells.append(_letters(_judgements(batch, some)))
+            yield _lines(cells)
+
+
+def _lines(cells: list[Letters]) -> str:
+    """The lines of cells (n, width), which hold zeros beside their letters."""
+    comma, end = (np.full((len(cells[0]), 1), ord(letter), np.uint8) for letter in ",\n")
+    between = [letters for cell in cells for letters in (cell, comma)][:-1]
+    return np.hstack([*between, end]).tobytes().translate(None, b"\0").decode()
+
+
+def _letters(texts: list[bytes]) -> Letters:
+    padded = np.array(texts, dtype=np.bytes_)
+    return padded.view(np.uint8).reshape(len(texts), padded.itemsize)
+
+
+def _judgements(batch: Judged, some: slice) -> list[bytes]:
+    """The cells of the judgements, of each sample in one."""
+    contact = ("0", "1", "")  # the last also stands at place -1
+    of_each = zip(batch.valid[some].tolist(), batch.contact[some].tolist(), batch.reason[some], strict=True)
+    return [f"{valid:d},{contact[touches]},{_quoted(reason)}".encode() for valid, touches, reason in of_each]
+
+
+def _quoted(reason: str | None) -> str:
+    if reason is None:
+        return ""
+    return '"' + reason.replace('"', '""') + '"' if any(letter in reason for letter in ',"\n') else reason
+
+
+def _columns(batch: ContactRows) -> dict[str, Any]:
+    """The columns by their names, as pyarrow takes them."""
+    values = np.hstack([batch.wrench, batch.std])
+    columns: dict[str, Any] = {} if batch.t is None else {"t": batch.t}
+    columns |= {name: values[:, k] for k, name in enumerate(NAMES)}
+    if isinstance(batch, Judged):
+        import pyarrow as pa
+
+        columns["valid"] = batch.valid
+        columns["contact"] = pa.array(batch.contact == 1, mask=batch.contact < 0)
+        columns["reason"] = pa.array(batch.reason, pa.string())
+    return columns
+
+
+def _beside(recording: str | Path, batches: Iterator[ContactRows]) -> Iterator[dict[str, Any]]:
+    """The recording's columns and, in the rows that have a wrench, the new ones."""
+    import pyarrow as pa
+
+    waiting, prefix = None, ""
+    for record, has_wrench in rows_as_stored(recording):
+        parts: list[Any] = [] if waiting is None else [waiting]
+        wanted = int(has_wrench.sum())
+        while sum(len(part) for part in parts) < wanted or not parts:
+            batch = next(batches, None)
+            if batch is None:
+                raise InputError(f"{recording}: found more rows than were compensated: write to another format")
+            parts.append(pa.table(_columns(batch)))
+        known = pa.concat_tables(parts)
+        new, waiting = known.slice(0, wanted), known.slice(wanted)
+        if not has_wrench.all():
+            at = np.cumsum(has_wrench) - 1
+            new = new.take(pa.array(at, mask=~has_wrench))
+        kept = {name: record.column(k) for k, name in enumerate(record.schema.names)}
+        names = [name for name in new.column_names if name != "t"]
+        prefix = PREFIX if any(name in kept for name in names) else ""
+        yield kept | {prefix + name: new.column(name) for name in names}
+    if (waiting is not None and len(waiting)) or any(len(batch.wrench) for batch in batches):
+        raise InputError(f"{recording}: found fewer rows than were compensated: write to another format")
+
+
+def _parquet(batches: Iterable[dict[str, Any]]) -> Iterator[bytes]:
+    """The bytes of a Parquet file with a row group for each batch, as they come."""
+    pq = import_parquet()
+    import pyarrow as pa
+
+    sink = _Sink()
+    writer = None
+    for columns in batches:
+        table = pa.table(columns)
+        if writer is None:
+            writer = pq.ParquetWriter(sink, table.schema)
+        writer.write_table(table)
+        yield sink.taken()
+    if writer is not None:
+        writer.close()
+        yield sink.taken()
+
+
+class _Sink(io.RawIOBase):
+    """Keeps what is written to it until it is taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._pieces: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, piece: Any) -> int:
+        self._pieces.append(bytes(piece))
+        return len(piece)
+
+    def taken(self) -> bytes:
+        """What was written since the last time."""
+        pieces, self._pieces = self._pieces, []
+        return b"".join(pieces)

@@ -1,0 +1,248 @@
+"""How much later than the orientation the wrench is stamped: the delay that lets a rigid tool explain the most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..geometry.arrays import Array
+from ..geometry.wrench import unit_direction
+from .buffer import knots_of, nothing_pending, with_batch
+from .delay_fit import GRID, Fit, Means, Scan, fitted, scan, standard_deviation, thinned
+from .motion import CELL, Turning, turning
+from .samples import Samples
+from .streams import OrientationStream, Streams, WrenchStream
+from .synchronize import default_gap, synchronize
+from .timestamps import require_common_span, require_times
+
+DOWN = (0.0, 0.0, -1.0)
+SIGNIFICANT = 3.0
+"""Standard deviations from zero."""
+LEAST_TURN = np.deg2rad(2.0)
+"""Between the orientations that differ most: less does not show when the wrench follows."""
+LEAST_MEANS = 60
+LONG = 300.0
+"""s: what goes on for longer is averaged over twice the time."""
+ANOTHER_BASE = 0.5
+"""Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
+TOLD = 0.3
+"""Of the std that noise alone would feign: with a tenth of the information that there is, it does no harm."""
+ASTRAY = 0.1
+"""s from the best of the search to the fit: further it finds another answer, or none."""
+BEYOND = "no delay within"
+WIDE = 10.0
+"""s: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
+AS_GOOD = 0.02
+"""Of the range of misfits: a second minimum as close to the best is another answer."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """`value` s: the wrench is stamped so much later than the orientation; `std` s, from residuals as they are,
+    correlated in time; `bound` s: the least std that this motion allows, were the residuals independent. `reason`: why
+    the motion cannot tell, or None; then the std is at least the range that was searched.
+
+    A sensor's own low-pass filter is part of it: one of first order at f Hz adds 1 / (2 pi f).
+    """
+
+    value: float
+    std: float
+    bound: float
+    reason: str | None = None
+
+    @property
+    def significant(self) -> bool:
+        """Whether the motion tells the delay from zero: only then it is applied."""
+        return is_significant(self.value, self.std)
+
+
+def is_significant(delay: float, std: float) -> bool:
+    """Whether a delay is told from zero: three standard deviations off, or more."""
+    return bool(np.isfinite(std) and abs(delay) > SIGNIFICANT * std)
+
+
+def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 1.0) -> Delay:
+    """The delay of the wrench behind the orientation, from a recording in which the arm turns a tool in free air.
+
+    `gravity` (3,): down in base axes, as far as it is known; `within` s: the range to search to each side, at most a
+    quarter of the recording. Tool, mounting and cross-talk need not be known: gravity's effect on each of six axes is
+    free (24 numbers), and so is that of accelerations; those of the flange are known where positions are recorded, and
+    without them whole-arm motions tell the delay badly, for which the std is widened. Contacts count little.
+
+    Raises `InputError` for stamps that cannot be put in order, and streams without a common span.
+    """
+    stated = unit_direction(gravity)
+    if not 0.0 < within < np.inf:
+        raise InputError(f"within is {within!r}, expected s above 0")
+    pending = with_batch(nothing_pending(streams), streams)
+    for stamps in (pending.wrench_stamps, pending.orientation_stamps):
+        require_times(stamps)
+    require_common_span(pending.wrench_stamps, pending.orientation_stamps, 0.0)
+    gap = default_gap(pending.at)
+    knots = knots_of(pending, gap, True)
+    if len(knots.t) < 3:
+        return _untold("found fewer than 3 orientations")
+    motion = turning(pending, knots, gap)
+    means = _means(pending.t, pending.wrench)
+    span = min(means.t[-1], motion.t[-1]) - max(means.t[0], motion.t[0]) if len(means.t) else 0.0
+    reach = min(within, 0.25 * span)
+    steps = max(int(np.ceil(reach / GRID)), 1)
+    delays = np.linspace(-reach, reach, 2 * steps + 1)
+    scanned = _known(motion, means, -reach, reach)
+    if len(scanned.t) < LEAST_MEANS:
+        return _untold(f"found {len(scanned.t)} readings with orientations around them, expected {LEAST_MEANS} or more")
+    if _turned(motion, scanned) < LEAST_TURN:
+        return _untold("the arm turns by less than 2 deg")
+    scans = [scan(motion, scanned, delays, down) for down in (stated, None)]
+    fit, used, found = _settled(motion, means, scans)
+    best = int(found.misfit.argmin())
+    if best in (0, len(delays) - 1):
+        return _untold(f"{BEYOND} {1e3 * reach:.0f} ms explains the wrench better than those beyond")
+    std = standard_deviation(motion, used, fit)
+    doubt = _doubt(fit, std, delays, found)
+    return Delay(fit.delay, std if doubt is None else max(std, float(reach)), fit.bound, doubt)
+
+
+def _untold(reason: str) -> Delay:
+    return Delay(0.0, np.inf, np.inf, reason)
+
+
+def _means(t: Array, wrench: Array) -> Means:
+    """Means of consecutive readings over about `CELL`; those that say nothing left out, as are means across a gap."""
+    there = np.isfinite(wrench).all(axis=1)
+    t, wrench = t[there], wrench[there]
+    if len(t) < 2:
+        return Means(t, wrench)
+    spacing = max(float(np.median(np.diff(t))), 1e-9)
+    longer = CELL if len(t) * spacing < LONG else 2.0 * CELL
+    each = max(round(longer / spacing), 1)
+    n = len(t) // each
+    of_cell, in_cell = t[: n * each].reshape(n, each), wrench[: n * each].reshape(n, each, 6)
+    whole = of_cell[:, -1] - of_cell[:, 0] <= 2.0 * each * spacing
+    return Means(of_cell.mean(axis=1)[whole], in_cell.mean(axis=1)[whole])
+
+
+def _known(motion: Turning, means: Means, least: float, most: float) -> Means:
+    """The means whose orientation is known at every delay from `least` to `most` s."""
+    known = motion.is_known(means.t - most, means.t - least)
+    return Means(means.t[known], means.wrench[known])
+
+
+def _turned(motion: Turning, means: Means) -> float:
+    """The largest angle, rad, by which the arm is turned from where it was at first."""
+    axes = motion.axes_at(means.t)
+    cosine = 0.5 * (np.einsum("nij,ij->n", axes, axes[0]) - 1.0)
+    return float(np.arccos(np.clip(cosine.min(), -1.0, 1.0)))
+
+
+def _settled(motion: Turning, means: Means, scans: list[Scan]) -> tuple[Fit, Means, Scan]:
+    """The fit from the first scan, or from another if it is far better, and the means that it is of: all that are known
+    at its delay and near it; and the scan.
+    """
+    reach = max(abs(found.best) for found in scans) + 2.0 * GRID
+    some = thinned(_known(motion, means, -reach, reach))
+    near, found = fitted(motion, some, scans[0].best, scans[0].down), scans[0]
+    for other in scans[1:]:
+        fit = fitted(motion, some, other.best, other.down)
+        if fit.misfit < near.misfit - ANOTHER_BASE:
+            near, found = fit, other
+    used = _known(motion, means, near.delay - GRID, near.delay + GRID)
+    fit = fitted(motion, used, near.delay, near.down)
+    used = _known(motion, means, fit.delay - GRID, fit.delay + GRID)
+    return fitted(motion, used, fit.delay, fit.down), used, found
+
+
+def _doubt(fit: Fit, std: float, delays: Array, found: Scan) -> str | None:
+    """Why the motion does not tell the delay, or None."""
+    if not np.isfinite(std):
+        return "gravity does not turn in the flange's axes while the arm moves"
+    if std > TOLD * fit.feigned or abs(fit.delay - found.best) > ASTRAY:
+        return (
+            "gravity's turning shows too little in the wrench, beside accelerations and noise: tilt the tool further, "
+            "about more than one axis"
+        )
+    misfit = found.misfit
+    inner = misfit[1:-1]
+    minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
+    best = int(misfit.argmin())
+    others = minima[np.abs(minima - best) > 1]
+    rivals = others[misfit[others] - misfit[best] < AS_GOOD * (misfit.max() - misfit[best])]
+    if len(rivals):
+        return (
+            f"the motion repeats itself: delays of {1e3 * delays[best]:.0f} and {1e3 * delays[rivals[0]]:.0f} ms "
+            "explain the wrench equally well; vary it"
+        )
+    return None
+
+
+def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
+    """The samples of a recording and what there is to say of it; the delay is estimated, and applied if significant.
+
+    The samples carry the delay and its std where the motion gives any, applied or not. Raises as `estimate_delay` and
+    `synchronize`.
+    """
+    delay = delay_of_free_readings(streams)
+    paired = synchronize(streams, delay.value if delay.significant else 0.0)
+    load, saturated = streams.wrench.load_mass, streams.wrench.saturated
+    samples = replace(
+        with_delay(paired.samples, delay),
+        load_mass=None if load is None else load[paired.rows],
+        saturated=None if saturated is None else saturated[paired.rows],
+    )
+    return samples, (delay_in_words(delay), *paired.notes)
+
+
+def delay_of_free_readings(streams: Streams) -> Delay:
+    """`estimate_delay` from the readings without a load on the tool and without a saturated channel."""
+    wrench = streams.wrench
+    free = np.ones(len(wrench), dtype=np.bool_)
+    if wrench.load_mass is not None:
+        free &= wrench.load_mass == 0.0
+    if wrench.saturated is not None:
+        free &= ~wrench.saturated
+    if not free.all():
+        streams = Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
+    found = estimate_delay(streams)
+    if found.reason is None or not found.reason.startswith(BEYOND):
+        return found
+    return estimate_delay(streams, within=WIDE)
+
+
+def with_delay_of_rows(samples: Samples) -> Samples:
+    """Samples of a motion whose rows each came with an orientation, with the delay of their wrench behind it: the rows
+    stay as they are. Where their stamps are none of one clock, nothing is known of it.
+    """
+    if samples.t is None or samples.delay is not None:
+        return samples
+    wrench = WrenchStream(samples.t, samples.wrench, samples.source, samples.load_mass, samples.saturated)
+    orientation = OrientationStream(samples.t, samples.R_base_flange, samples.position, samples.source)
+    try:
+        return with_delay(samples, delay_of_free_readings(Streams(wrench, orientation)))
+    except InputError:
+        return samples
+
+
+def with_delay(samples: Samples, delay: Delay) -> Samples:
+    """The samples with the delay and its std, where the motion gives any."""
+    return replace(samples, delay=delay.value, delay_std=delay.std) if np.isfinite(delay.std) else samples
+
+
+def delay_in_words(delay: Delay) -> str:
+    """The estimate, and whether it is applied."""
+    if delay.reason is not None:
+        return f"delay between wrench and orientation not applied: {delay.reason}"
+    late = "later" if delay.value >= 0.0 else "earlier"
+    found = (
+        f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
+    )
+    return f"{found}: {applied_or_not(delay.value, delay.std)}"
+
+
+def applied_or_not(delay: float, std: float) -> str:
+    """Whether a delay of that std is applied, in words."""
+    if is_significant(delay, std):
+        return "applied"
+    return f"not applied: less than {SIGNIFICANT:g} standard deviations from zero"

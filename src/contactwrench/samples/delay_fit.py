@@ -1,0 +1,321 @@
+"""The delay that lets a rigid tool explain the most of a moving recording, and how far off it may be.
+
+At a given delay the wrench is linear: bias, gravity in flange axes, accelerations, with free coefficients for each of
+the six axes (variable projection: Golub and Pereyra, 1973). Left are the delay and the two angles of a base that does
+not stand as stated, found by Gauss-Newton steps. The noise of the axes comes from the residuals, and readings far
+outside it (contacts) count less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.arrays import Array
+from .motion import Turning
+
+GRID = 0.04
+"""s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
+FINE, FINEST = 0.01, 0.001
+SCANNED = 2000
+"""Means that the search over the whole range looks at."""
+REWEIGHTED = 4
+"""Times that contacts are told from the rest before it."""
+SAME = 1e-10
+"""Of the largest eigenvalue: columns that a motion does not tell apart have less."""
+TILT_SD = 0.1
+"""rad: how far the base may stand from its start, where the motion does not tell."""
+CONTACT = 4.1
+"""Standard deviations, of six axes at once: 1 % of free readings lie beyond (chi-square)."""
+MOST_STEPS, CLOSE = 40, 1e-8
+"""The last step's size, s."""
+SLOWEST = 0.95
+"""Of a step's size to that of the one before, to reckon with in how far the rest of them goes (Aitken)."""
+ROUNDING = 1e-12
+"""Of an axis' variance: numbers in a file are no closer."""
+SMOOTHED, LEAST_BINS = 0.3, 4
+"""Hz to each side, and at least so many frequencies of the recording, over which a spectrum is averaged."""
+LEAST_THERE = 0.1
+"""Of the noise at a frequency, whatever the free coefficients took out of it."""
+STRUCTURED, UNKNOWN_ACCELERATIONS = 1.5, 3.0
+"""Where positions are not known, and so much more is left than noise: the flange's accelerations move with the arm, so
+that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
+"""
+LEAST_PART = 30
+PARTS = {2: 5.02, 3: 7.38}
+"""Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Means:
+    """Readings averaged over cells of time: `t` (n,) s and `wrench` (n, 6)."""
+
+    t: Array
+    wrench: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
+    `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
+    weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and `feigned`
+    s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum of the
+    logarithms of the variances.
+    """
+
+    delay: float
+    down: Array
+    influence: Array
+    left: Array
+    basis: Array
+    weight: Array
+    variance: Array
+    bound: float
+    feigned: float
+    misfit: float
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """`misfit` (k,) at each delay, the `best` delay s, and `down` (3,) there."""
+
+    misfit: Array
+    best: float
+    down: Array
+
+
+def thinned(means: Means) -> Means:
+    """At most `SCANNED` of the means, evenly."""
+    pick = slice(None, None, -(-len(means.t) // SCANNED))
+    return Means(means.t[pick], means.wrench[pick])
+
+
+def scan(motion: Turning, means: Means, delays: Array, down: Array | None) -> Scan:
+    """The misfit of a tool at each of `delays` (k,), and the best of them, to 1 ms; under gravity along `down` (3,).
+
+    The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
+    and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
+    rest at no delay first, then at the best of some.
+    """
+    some = thinned(means)
+    weight = np.ones(len(some.t))
+
+    def told_apart(delay: float, weight: Array) -> Array:
+        for _ in range(REWEIGHTED):
+            left, _ = _explained(motion, some, delay, down, weight)
+            weight = _weight(left, _variance(left, weight, some) if weight.min() < 1.0 else _robust(left, some))
+        return weight
+
+    def misfits(delays: Array) -> Array:
+        left = (_explained(motion, some, float(delay), down, weight)[0] for delay in delays)
+        return np.array([_misfit(_variance(one, weight, some)) for one in left])
+
+    weight = told_apart(0.0, weight)
+    weight = told_apart(float(delays[misfits(delays).argmin()]), weight)
+    misfit = misfits(delays)
+    best = float(delays[misfit.argmin()])
+    for reach, step in ((GRID, FINE), (FINE, FINEST)):
+        near = best + np.linspace(-reach, reach, 2 * round(reach / step) + 1)
+        best = float(near[misfits(near).argmin()])
+    if down is None:
+        of_axes = _explained(motion, some, best, None, weight)[1][1:10].reshape(3, 3, 6)
+        noise = np.maximum(some.wrench.std(axis=0), 1e-300)
+        down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
+    return Scan(misfit, best, down)
+
+
+def _explained(motion: Turning, means: Means, delay: float, down: Array | None, weight: Array) -> tuple[Array, Array]:
+    """Residuals (n, 6) with these weights (n,), and the coefficients (p, 6) of the columns."""
+    columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
+    basis, unit = _orthonormal(columns * root)
+    coefficients = unit @ (basis.T @ (root * means.wrench))
+    return means.wrench - columns @ coefficients, coefficients
+
+
+def _robust(residual: Array, means: Means) -> Array:
+    """Variances (6,) by the median, which half of the readings cannot move."""
+    variance: Array = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
+    return variance
+
+
+def _variance(residual: Array, weight: Array, means: Means) -> Array:
+    variance: Array = weight @ residual**2 / weight.sum() + _floor(means.wrench)
+    return variance
+
+
+def _weight(residual: Array, variance: Array) -> Array:
+    """Of each row: 1, and for one far outside the noise the less the further."""
+    distance = np.sqrt(np.maximum((residual**2 / variance).sum(axis=1), 1e-300))
+    weight: Array = np.minimum(1.0, CONTACT / distance) ** 2
+    return weight
+
+
+def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
+    """The best fit near `delay` and `down` (3,)."""
+    start, weight, before = down, np.ones(len(means.t)), np.inf
+    variance: Array | None = None
+    for k in range(MOST_STEPS):
+        step, residual, fit = _step(motion, means, delay, down, start, weight, variance)
+        weight = _weight(residual, fit.variance)
+        variance = _variance(residual, weight, means)
+        if not np.isfinite(fit.bound) or abs(step[0]) < CLOSE:
+            break
+        ratio = float(step[0]) / before
+        share = 1.0 / (1.0 - ratio) if k % 3 == 2 and abs(ratio) < SLOWEST else 1.0
+        before = float(step[0])
+        delay += share * float(np.clip(step[0], -FINE, FINE))
+        down = down + share * step[1:]
+        down = down / np.linalg.norm(down)
+    return fit
+
+
+def _step(
+    motion: Turning, means: Means, delay: float, down: Array, start: Array, weight: Array, variance: Array | None
+) -> tuple[Array, Array, Fit]:
+    """How far (4,) the delay and down are from the best for these weights (n,) and variances (6,) (None: robust ones);
+    the residuals (n, 6) here, and the fit.
+    """
+    tau, root = means.t - delay, np.sqrt(weight)[:, None]
+    columns = _columns(motion, tau, down)
+    basis, unit = _orthonormal(columns * root)
+    coefficients = unit @ (basis.T @ (root * means.wrench))
+    residual = means.wrench - columns @ coefficients
+    if variance is None:
+        variance = _robust(residual, means)
+    scale, gravity = root / np.sqrt(variance), coefficients[1:4]
+    across = np.linalg.svd(down[None])[2][1:]
+    change = -np.einsum("nji,j->ni", motion.change_at(tau), down)
+    slopes = [scale * (change @ gravity)]
+    slopes += [scale * (np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity) for turn in across]
+    free = np.array([slope - basis @ (basis.T @ slope) for slope in slopes])
+    left = scale * residual
+    H = np.einsum("ani,bni->ab", free, free)
+    gradient = np.einsum("ani,ni->a", free, left)
+    H[1:, 1:] += np.eye(2) / TILT_SD**2
+    gradient[1:] -= across @ (down - start) / TILT_SD**2
+    misfit = _misfit(variance)
+    if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
+        return (
+            np.zeros(4),
+            residual,
+            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit),
+        )
+    inverse = np.linalg.inv(H)
+    step = inverse @ gradient
+    influence = np.einsum("a,ani->ni", inverse[0], free)
+    bound = float(np.sqrt(inverse[0, 0]))
+    noisy = root * change
+    noisy = (noisy - basis @ (basis.T @ noisy)) @ unit[1:4]
+    feigned = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
+    moved: Array = np.r_[step[0], step[1:] @ across]
+    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, feigned, misfit)
+
+
+def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
+    """What explains a wrench at tau (n,): 1, gravity (3) or the base's axes (9), accelerations (9 or 12)."""
+    axes = motion.axes_at(tau)
+    gravity = axes.reshape(-1, 9) if down is None else np.einsum("nji,j->ni", axes, down)
+    return np.column_stack([np.ones(len(tau)), gravity, motion.accelerations_at(tau)])
+
+
+def _orthonormal(columns: Array) -> tuple[Array, Array]:
+    """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns
+    (p, k), the smallest where columns say the same.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    size = np.where(size > SAME * size[0], size, np.inf)
+    values, vectors = np.linalg.eigh((columns / size).T @ (columns / size))
+    kept = values > SAME * values[-1]
+    unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
+    return columns @ unit, unit
+
+
+def _floor(wrench: Array) -> Array:
+    floor: Array = ROUNDING * wrench.var(axis=0) + 1e-24
+    return floor
+
+
+def _misfit(variance: Array) -> float:
+    return float(np.log(variance).sum())
+
+
+def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
+    """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
+    recording disagree by more than theirs (Birge, 1932), and no less than the bound.
+
+    The arm turns as far in each part, which has coefficients of its own. Parts disagree where the model is wrong: the
+    arm accelerates and its positions were not recorded, or a clock drifts.
+    """
+    if not np.isfinite(fit.bound):
+        return np.inf
+    way = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
+    factor = 1.0
+    for count, limit in PARTS.items():
+        cut = np.searchsorted(way, way[-1] * np.arange(1, count) / count)
+        found = []
+        for rows in np.split(np.arange(len(means.t)), cut):
+            if len(rows) < LEAST_PART:
+                continue
+            part = Means(means.t[rows], means.wrench[rows])
+            step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
+            if np.isfinite(of_part.bound):
+                found.append((step[0], max(_spectral_std(of_part, _spacing(part)), of_part.bound)))
+        if len(found) < 2:
+            continue
+        offs, stds = np.array(found).T
+        mean = np.average(offs, weights=stds**-2.0)
+        chi2 = float(np.sum(((offs - mean) / stds) ** 2))
+        if chi2 > limit:
+            factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
+    if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
+        factor *= UNKNOWN_ACCELERATIONS
+    return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
+
+
+def _structure(left: Array) -> float:
+    """The variance of residuals (n, 6) over that of white noise which changes as much from one to the next, in the axis
+    where this is largest.
+    """
+    fresh = 0.5 * np.mean(np.diff(left, axis=0) ** 2, axis=0)
+    return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
+
+
+def _spacing(means: Means) -> float:
+    return float(np.median(np.diff(means.t)))
+
+
+def _spectral_std(fit: Fit, spacing: float) -> float:
+    """The standard deviation, s, with residuals that are correlated in time; means come every `spacing` s.
+
+    The noise's spectrum is that of the residuals, averaged over neighbouring frequencies; what the free coefficients
+    took out of it is counted as missing. With the influence's spectrum it gives the variance (Parseval).
+    """
+    n = len(fit.left)
+    left = np.fft.rfft(fit.left, axis=0, norm="ortho")
+    influence = np.fft.rfft(fit.influence, axis=0, norm="ortho")
+    basis = np.fft.rfft(fit.basis, axis=0, norm="ortho")
+    taken = (np.abs(basis) ** 2).sum(axis=1)
+    reach = max(LEAST_BINS, round(SMOOTHED * n * spacing))
+    there = np.maximum(_smoothed(1.0 - taken, reach), LEAST_THERE)
+    power = np.zeros(len(left))
+    for i in range(6):
+        for j in range(6):
+            noise = left[:, i] * left[:, j].conj()
+            cross = _smoothed(noise.real, reach) + 1j * _smoothed(noise.imag, reach)
+            power += (influence[:, i].conj() * cross * influence[:, j]).real
+    twice = np.full(len(left), 2.0)
+    twice[0] = 1.0
+    if n % 2 == 0:
+        twice[-1] = 1.0
+    return float(np.sqrt(max(np.sum(twice * power / there), 0.0)))
+
+
+def _smoothed(values: Array, reach: int) -> Array:
+    """Means over `reach` neighbours to each side, as far as there are."""
+    total = np.concatenate([np.zeros(1), np.cumsum(values)])
+    place = np.arange(len(values))
+    low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
+    mean: Array = (total[high] - total[low]) / (high - low)
+    return mean

@@ -1,0 +1,154 @@
+"""Time stamps as recorders write them: what is refused, what is put right, and the words for both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.arrays import Array
+
+SORTED_WITHIN = 0.1
+"""s: messages are delivered late by less, and are sorted. Clocks are set back by more: those that follow a server step
+only where they are further off (ntpd: 0.128 s), and are slowed down until then.
+"""
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """The stamps of a stream up to some row: how many `rows`, the `first` and the `latest` stamp and the latest one's
+    row, the stamp of the `last` row; how many rows were stamped earlier than a row before them and by how much at the
+    most, and how many repeat the stamp before.
+    """
+
+    stream: str
+    source: str
+    rows: int = 0
+    first: float = np.inf
+    latest: float = -np.inf
+    latest_row: int = 0
+    last: float = np.nan
+    out_of_order: int = 0
+    furthest_back: float = 0.0
+    repeated: int = 0
+
+
+def stamps_after(before: Stamps, t: Array, origin: float) -> Stamps:
+    """The stamps after rows at `t` (n,), s. `origin`: the recording's first stamp, from which people count.
+
+    Raises `InputError` for a stamp that is no finite number, and for one that lies `SORTED_WITHIN` or more before an
+    earlier row's: a clock that was set back, or two recordings in one.
+    """
+    if not len(t):
+        return before
+    if not np.isfinite(t).all():
+        bad = int(np.argmin(np.isfinite(t)))
+        raise InputError(
+            f"{before.source}: row {before.rows + bad + 1} of the {before.stream} is stamped {t[bad]}, expected "
+            "seconds: leave such rows out",
+            before.rows + bad,
+        )
+    latest = np.maximum.accumulate(np.r_[before.latest, t])
+    back = latest[:-1] - t
+    if back.max() >= SORTED_WITHIN:
+        _refuse_jump(before, t, int(np.argmax(back >= SORTED_WITHIN)), origin)
+    late = back > 0.0
+    return replace(
+        before,
+        rows=before.rows + len(t),
+        first=min(before.first, float(t.min())),
+        latest=float(latest[-1]),
+        latest_row=before.rows + int(t.argmax()) if latest[-1] > before.latest else before.latest_row,
+        last=float(t[-1]),
+        out_of_order=before.out_of_order + int(late.sum()),
+        furthest_back=max(before.furthest_back, float(back[late].max(initial=0.0))),
+        repeated=before.repeated + int(np.sum(np.diff(np.r_[before.last, t]) == 0.0)),
+    )
+
+
+def _refuse_jump(before: Stamps, t: Array, row: int, origin: float) -> None:
+    earlier = t[:row]
+    ahead = len(earlier) > 0 and earlier.max() > before.latest
+    latest = float(earlier.max()) if ahead else before.latest
+    latest_row = before.rows + int(earlier.argmax()) if ahead else before.latest_row
+    raise InputError(
+        f"{before.source}: row {before.rows + row + 1} of the {before.stream} is stamped {latest - t[row]:.3g} s "
+        f"before row {latest_row + 1}, which is at {latest - origin:.3f} s of the recording; expected stamps in order "
+        f"within {SORTED_WITHIN:g} s: cut the recording there, the clock was set back or it was started again",
+        before.rows + row,
+    )
+
+
+def require_times(stamps: Stamps) -> None:
+    """Raise `InputError` where a stream has no rows, or one stamp for all of them."""
+    expected = {"wrench": "readings", "orientation": "orientations"}[stamps.stream]
+    if stamps.rows == 0:
+        raise InputError(f"{stamps.source}: found no {expected}, expected a stream of them: add it")
+    if stamps.rows > 1 and stamps.latest == stamps.first:
+        raise InputError(
+            f"{stamps.source}: all {stamps.rows} rows of the {stamps.stream} are stamped {stamps.first:g} s, expected "
+            "the time of each: take the times at which they were recorded"
+        )
+
+
+def notes_of(stamps: Stamps) -> tuple[str, ...]:
+    """What was put right, in words."""
+    notes = []
+    if stamps.out_of_order:
+        notes.append(
+            f"{_rows(stamps.out_of_order)} of the {stamps.stream} came out of order, by up to "
+            f"{1e3 * stamps.furthest_back:.3g} ms: sorted by their stamps"
+        )
+    if stamps.repeated:
+        which = "the last of each stamp counts" if stamps.stream == "orientation" else "all of them count"
+        repeat = "repeats" if stamps.repeated == 1 else "repeat"
+        notes.append(f"{_rows(stamps.repeated)} of the {stamps.stream} {repeat} the stamp before: {which}")
+    return tuple(notes)
+
+
+def require_common_span(wrench: Stamps, orientation: Stamps, delay: float) -> None:
+    """Raise `InputError` unless the streams have some time in common: two clocks, or two units, as a rule."""
+    start = max(wrench.first - delay, orientation.first)
+    end = min(wrench.latest - delay, orientation.latest)
+    shorter = min(wrench.latest - wrench.first, orientation.latest - orientation.first)
+    if end - start >= LEAST_COMMON * shorter and end >= start:
+        return
+    common = "nothing" if end < start else f"only {end - start:.3g} s"
+    behind = f", with a delay of {1e3 * delay:.3g} ms," if delay else ""
+    raise InputError(
+        f"{wrench.source}: the wrench goes from {_moment(wrench.first)} to {_moment(wrench.latest)}, the orientation "
+        f"from {_moment(orientation.first)} to {_moment(orientation.latest)}{behind} and they have {common} in common: "
+        f"{_remedy(wrench, orientation)}"
+    )
+
+
+LEAST_COMMON = 0.1
+"""Of the shorter stream's time: with less the two do not belong together as they are stamped."""
+
+UNIX = 1e9
+"""s: a clock that shows more counts from 1970 (this is 2001)."""
+UNITS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
+
+
+def _moment(t: float) -> str:
+    if t < UNIX:
+        return f"{t:.10g} s"
+    days = t / 86400.0
+    return f"{t:.10g} s (Unix time, {np.datetime64(int(days), 'D')})" if days < 1e6 else f"{t:.10g} s"
+
+
+def _remedy(wrench: Stamps, orientation: Stamps) -> str:
+    spans = {stamps.stream: stamps.latest - stamps.first for stamps in (wrench, orientation)}
+    longer, shorter = sorted(spans, key=lambda stream: -spans[stream])
+    if spans[shorter] > 0.0:
+        for factor, unit in UNITS.items():
+            if 0.8 < spans[longer] / (factor * spans[shorter]) < 1.25:
+                return f"the {longer}'s stamps look like {unit}, give them in s"
+    if (wrench.first > UNIX) != (orientation.first > UNIX):
+        return "one clock counts from 1970 and one from the start, record both with one"
+    return "record both with one clock, or correct the stamps of one"
+
+
+def _rows(n: int) -> str:
+    return "1 row" if n == 1 else f"{n} rows"

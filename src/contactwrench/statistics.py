@@ -1,0 +1,89 @@
+"""Is a misfit what chance explains? Chi-square, or F where the noise itself was estimated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .geometry.arrays import Array
+
+SIGNIFICANCE = 0.01
+"""Less probable than this, a misfit is not put down to chance."""
+
+LENIENT_DOF = 10.0
+LEAST_EIGENVALUE = 1e-12
+"""Of a correlation matrix: below, a direction is one that rounding made."""
+
+
+@dataclass(frozen=True)
+class MisfitTest:
+    """A misfit of so many readings against a noise that was estimated with `dof` degrees of freedom (0: known)."""
+
+    misfit: float
+    readings: int
+    dof: float
+
+    @property
+    def chi2(self) -> float:
+        """Misfit per reading, 1 expected."""
+        return self.misfit / self.readings
+
+    @property
+    def probability(self) -> float:
+        """Probability of a misfit this large or larger: chi-square, or F where the noise was estimated."""
+        from scipy.special import chdtrc, fdtrc
+
+        return float(
+            fdtrc(self.readings, self.dof, self.chi2) if self.dof > 0.0 else chdtrc(self.readings, self.misfit)
+        )
+
+    @property
+    def caution(self) -> str:
+        """In words, that few degrees of freedom behind the noise make the test lenient."""
+        few = 0.0 < self.dof < LENIENT_DOF
+        return f"; a lenient test, the noise rests on {self.dof:.2g} degrees of freedom" if few else ""
+
+
+def misfit_of_readings(errors: Array, noise: Array, J: Array, covariance: Array) -> float:
+    """`e^T C^-1 e` for errors (m,) with independent noise variances (m,) and the parameters' covariance (p, p) in
+    common, C = diag(noise) + J covariance J^T, by the inversion lemma: nothing of size (m, m) is built.
+    """
+    std = np.sqrt(np.maximum(noise, 1e-300))
+    A = (J / std[:, None]) @ square_root(covariance)
+    z = errors / std
+    along = A.T @ z
+    return float(z @ z - along @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along))
+
+
+def misfit_of_parameters(change: Array, covariance: Array) -> float:
+    """`d^T C^-1 d` for a change (k,) with covariance (k, k), in units in which every variance is 1. What has no
+    variance at all counts only where it changed, and then without bound.
+    """
+    std = np.sqrt(np.diag(covariance))
+    exact = std == 0.0
+    if change[exact].any():
+        return np.inf
+    z = change[~exact] / std[~exact]
+    values, vectors = np.linalg.eigh(covariance[np.ix_(~exact, ~exact)] / np.outer(std[~exact], std[~exact]))
+    return float(np.sum((vectors.T @ z) ** 2 / np.maximum(values, LEAST_EIGENVALUE)))
+
+
+def in_standard_deviations(change: Array, std: Array) -> Array:
+    """`change / std`, elementwise; 0 where nothing changed."""
+    exact = np.where(change == 0.0, 0.0, np.copysign(np.inf, change))
+    return np.divide(change, std, out=exact, where=std > 0.0)
+
+
+def square_root(covariance: Array) -> Array:
+    """L (p, p) with `L @ L.T` the covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
+
+
+def percent(probability: float) -> str:
+    """A probability in words, two digits."""
+    if probability < 1e-4:
+        return "under 0.01 %"
+    return f"{100.0 * probability:.0f} %" if probability >= 0.1 else f"{100.0 * probability:.2g} %"

@@ -1,1 +1,0 @@
-"""Still stretches of a recording, and the poses that they are."""

@@ -1,0 +1,337 @@
+"""Diagnosis: each way to read a file wrongly is found, a file that is read rightly is left alone.
+
+What judges a diagnosis is what `calibrate`
+makes of the file with the flags that it names.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+import contactwrench as cw
+from contactwrench.assess.diagnose import PUSH, SEE_BASE, SEE_COM, Diagnosis, diagnose
+from contactwrench.assess.interpretations import as_read
+from contactwrench.assess.screening import Orientations, screen
+from contactwrench.recording.interpretations import readings
+from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, csv_text, run, written
+from tests.support.rigs import NOISE, example, seeds
+from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
+from tests.support.written import QUAT, Written, euler, in_base_axes, quat, rotvec
+
+RIGHT = Written(QUAT, quat)
+
+BY_FLAGS = {
+    "fanuc as kuka": (Written(("a", "b", "c"), euler("xyz")), "--orientation fanuc_wpr:a,b,c"),
+    "staubli as ur": (Written(("rx", "ry", "rz"), euler("XYZ")), "--orientation staubli"),
+    "yaskawa as ur": (Written(("rx", "ry", "rz"), euler("xyz")), "--orientation yaskawa"),
+    "ur as kuka": (Written(("a", "b", "c"), rotvec), "--orientation ur_rotvec:a,b,c"),
+    "kawasaki as fanuc": (Written(("w", "p", "r"), euler("ZYZ")), "--orientation kawasaki_oat:w,p,r"),
+    "an order that no brand uses": (Written(("a", "b", "c"), euler("XZX")), "--orientation euler:XZX:deg:a,b,c"),
+    "kuka in rad": (Written(("a", "b", "c"), euler("ZYX", degrees=False)), "--orientation euler:ZYX:rad:a,b,c"),
+    "scalar first": (Written(QUAT, lambda R: quat(R)[:, [3, 0, 1, 2]]), "--orientation quat_wxyz:qx,qy,qz,qw"),
+    "scalar last under a header that puts it first": (
+        Written(("qw", "qx", "qy", "qz"), quat),
+        "--orientation quat_xyzw:qw,qx,qy,qz",
+    ),
+    "inverse": (Written(MATRIX, lambda R: R.transpose(0, 2, 1).reshape(-1, 9)), "--inverse-orientation"),
+    "reaction": (replace(RIGHT, wrench=lambda R, wrench: -wrench), "--sign reaction"),
+    "base axes": (replace(RIGHT, wrench=in_base_axes), "--wrench-frame base"),
+    "order, inverse, sign and frame": (
+        Written(
+            ("a", "b", "c"),
+            lambda R: euler("xyz")(R.transpose(0, 2, 1)),
+            lambda R, wrench: -in_base_axes(R, wrench),
+        ),
+        "--orientation fanuc_wpr:a,b,c --inverse-orientation --wrench-frame base --sign reaction",
+    ),
+}
+
+
+def found_in(folder: Path, content: str, **stated: object) -> Diagnosis:
+    return diagnose(readings(written(folder, content), **stated))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mistake", BY_FLAGS)
+def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Any tool, any mounting: with the flags of the verdict, `calibrate` finds the tool."""
+    wrong, flags = BY_FLAGS[mistake]
+    rig, R, rng = example(list(BY_FLAGS).index(mistake), poses=15)
+    path = written(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
+    done = run(capsys, "diagnose", path)
+    assert done.status == 0
+    verdict = done.out.splitlines()[0]
+    assert verdict.startswith("as given: ")
+    assert f"; with `{flags}`: 0." in verdict
+    calibration = json.loads(run(capsys, "calibrate", path, "--model", "mount", "--json", *shlex.split(flags)).out)
+    assert calibration["weight"] == pytest.approx(rig.weight, abs=0.1)
+    left = float(verdict.rpartition(": ")[2].split()[0])
+    assert left == pytest.approx(np.sqrt(3.0) * NOISE[0], rel=0.35)
+
+
+SHIFTED = "each orientation belonging to the {} row's wrench"
+
+
+def exchanged(*order: int) -> Callable[[Array, Array], Array]:
+    return lambda R, wrench: wrench[:, order]
+
+
+IN_WORDS = {
+    "in N mm": (
+        lambda R, wrench: wrench * np.repeat([1.0, 1e3], 3),
+        "the torque in N mm (rename tx, ty, tz to tx_nmm, ty_nmm, tz_nmm)",
+    ),
+    "fy, fz": (exchanged(0, 2, 1, 3, 4, 5), "fy and fz exchanged"),
+    "tx, ty": (exchanged(0, 1, 2, 4, 3, 5), "tx and ty exchanged"),
+    "force, torque": (exchanged(3, 4, 5, 0, 1, 2), "force and torque exchanged"),
+    "force axes": (exchanged(1, 2, 0, 3, 4, 5), "fx, fy, fz written as fy, fz, fx"),
+}
+
+
+@pytest.mark.parametrize("mistake", IN_WORDS)
+def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> None:
+    spoil, words = IN_WORDS[mistake]
+    rig, R, rng = example(5)
+    diagnosis = found_in(tmp_path, replace(RIGHT, wrench=spoil).text(R, noisy_readings(rig, R, NOISE, rng)))
+    assert not diagnosis.read_rightly
+    assert (diagnosis.best.reading.flags, diagnosis.best.reading.mends) == ((), (words,))
+    assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
+    assert diagnosis.best.explained
+
+
+@pytest.mark.parametrize(("shift", "whose"), [(1, "next"), (-1, "previous")])
+@pytest.mark.parametrize("rows", [1, 40], ids=["a row a pose", "many rows a pose"])
+def test_orientations_shifted_by_a_pose_are_found(shift: int, whose: str, rows: int, tmp_path: Path) -> None:
+    """`next`: the orientation in a row is that of the next pose's wrench."""
+    rig, R, rng = example(6)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    late = np.roll(wrench, shift, axis=0)[1:-1]
+    content = RIGHT.text(np.repeat(R[1:-1], rows, axis=0), np.repeat(late, rows, axis=0))
+    diagnosis = found_in(tmp_path, content)
+    assert diagnosis.n == 22
+    assert diagnosis.best.reading.mends == (SHIFTED.format(whose),)
+    assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
+
+
+def test_angles_under_a_wrong_unit_are_renamed(tmp_path: Path) -> None:
+    rig, R, rng = example(7)
+    wrong = Written(("a_deg", "b_deg", "c_deg"), euler("ZYX", degrees=False))
+    diagnosis = found_in(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
+    assert diagnosis.best.reading.flags == ("--orientation kuka_abc",)
+    assert diagnosis.best.reading.mends == ("the angles in rad (rename a_deg, b_deg, c_deg to a_rad, b_rad, c_rad)",)
+
+
+def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
+    rig, R, rng = example(8)
+    text = RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)).replace("tx,ty,tz", "tx_nmm,ty_nmm,tz_nmm", 1)
+    diagnosis = found_in(tmp_path, text)
+    words = "the torque in N m (rename tx_nmm, ty_nmm, tz_nmm to tx, ty, tz)"
+    assert diagnosis.best.reading.mends == (words,)
+    assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
+
+
+# Files without a mistake
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=seeds)
+def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) -> None:
+    """Five poses or more, a tool that weighs next to nothing, a base that leans a little, a pose in contact."""
+    rng = np.random.default_rng(seed)
+    rig = random_rig(rng)
+    trouble = rng.integers(4)
+    R = random_rotations(int(rng.integers(5, 25)), rng)
+    if trouble == 1:
+        rig = replace(rig, weight=0.3)
+    if trouble == 2:
+        rig = replace(rig, down=tilted_down(np.deg2rad(2.0), rng))
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    if trouble == 3:
+        wrench[0] += rng.normal(size=6) * np.repeat([3.0, 0.3], 3)
+    kuka = Written(("a", "b", "c"), euler("ZYX"))
+    diagnosis = found_in(tmp_path, (kuka if rng.random() < 0.5 else RIGHT).text(R, wrench))
+    best = diagnosis.best.reading
+    assert not best.mends
+    assert best.flags in ((), ("--model mount+base",))
+
+
+@pytest.mark.parametrize("path", [PANDA, PAPER], ids=["panda", "paper"])
+def test_measured_sets_are_left_alone(path: Path) -> None:
+    assert diagnose(readings(path)).read_rightly
+
+
+def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
+    rig, R, rng = example(9)
+    ceiling = replace(rig, down=np.array([0.0, 0.0, 1.0]))
+    wrench = noisy_readings(ceiling, R, NOISE, rng)
+    content = replace(RIGHT, wrench=lambda R, wrench: -in_base_axes(R, wrench)).text(R, wrench)
+    stated = {"sign": "reaction", "wrench_frame": "base", "gravity": ceiling.down}
+    diagnosis = found_in(tmp_path, content, **stated)
+    assert diagnosis.read_rightly
+    assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
+    assert diagnosis.best.reading.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
+
+
+# What free air cannot tell
+
+
+def _names(diagnosis: Diagnosis) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
+    return [(reading.flags, reading.mends) for reading in diagnosis.alike]
+
+
+def test_a_ceiling_a_reaction_and_a_mirror_are_one_class(tmp_path: Path) -> None:
+    rig, R, rng = example(10)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    diagnosis = found_in(tmp_path, replace(RIGHT, wrench=lambda R, wrench: -wrench).text(R, wrench))
+    likely = _names(diagnosis)[: diagnosis.likely]
+    assert (("--gravity 0,0,1",), ()) in likely
+    assert ((), ("fz reversed", "tz reversed")) in likely
+    assert ((), ("fx and fy exchanged", "tx and ty exchanged")) in likely
+    assert diagnosis.observations == (PUSH, SEE_COM, SEE_BASE)
+    for reading in diagnosis.alike[: diagnosis.likely]:
+        R_read, wrench_read = as_read(readings(tmp_path / "poses.csv"), reading)
+        down = [0.0, 0.0, 1.0] if reading.reversed_gravity else [0.0, 0.0, -1.0]
+        calibration = cw.calibrate(cw.Samples(wrench_read, R_read), "mount", gravity=down)
+        assert calibration.residual_rms == pytest.approx(NOISE, rel=0.6)
+
+
+def test_a_reversed_torque_is_a_mirrored_com_and_left_alone(tmp_path: Path) -> None:
+    rig, R, rng = example(11)
+    wrench = noisy_readings(rig, R, NOISE, rng) * np.repeat([1.0, -1.0], 3)
+    diagnosis = found_in(tmp_path, RIGHT.text(R, wrench))
+    assert diagnosis.read_rightly
+    assert ((), ("tx, ty and tz reversed",)) in _names(diagnosis)
+    assert diagnosis.best.com == pytest.approx(-rig.com, abs=2e-3)
+
+
+@pytest.mark.parametrize("down", [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], ids=["+x", "-x", "+y"])
+@pytest.mark.parametrize("way", [Written(("a", "b", "c"), euler("ZYX")), RIGHT], ids=["kuka", "quaternion"])
+def test_a_robot_on_a_wall_looks_like_two_wrong_flags(way: Written, down: list[float], tmp_path: Path) -> None:
+    """Whichever is put first, the wall is named, and the observation that decides."""
+    rig, R, rng = example(12)
+    rig = replace(rig, down=np.array(down))
+    diagnosis = found_in(tmp_path, way.text(R, noisy_readings(rig, R, NOISE, rng)))
+    on_wall = next(fit for fit in diagnosis.ranked if fit.reading.flags == ("--model mount+base",))
+    assert np.rad2deg(on_wall.lean) == pytest.approx(90.0, abs=1.5)
+    assert on_wall.weight == pytest.approx(rig.weight, abs=0.1)
+    assert on_wall is diagnosis.best or on_wall.reading in diagnosis.alike[: diagnosis.likely]
+    assert SEE_BASE in diagnosis.observations
+
+
+def test_a_base_that_leans_is_found(tmp_path: Path) -> None:
+    rig, R, rng = example(12)
+    rig = replace(rig, weight=20.0, down=tilted_down(np.deg2rad(20.0), rng))
+    diagnosis = found_in(tmp_path, RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
+    assert diagnosis.best.reading.flags == ("--model mount+base",)
+    assert np.rad2deg(diagnosis.best.lean) == pytest.approx(20.0, abs=0.5)
+
+
+def test_screening_is_exact_without_noise() -> None:
+    """The right reading leaves nothing, the negated one leaves the forces that no weight above zero can make."""
+    rig, R, rng = example(13)
+    wrench = noisy_readings(rig, R, np.zeros(6), rng)
+    negative = -1.0 * np.eye(6)
+    left = screen(
+        [Orientations(R, slice(None))], wrench, np.array([np.eye(6), negative]), np.array([False, False]), rig.down
+    )
+    assert np.sqrt(left.force[0, :, :]) == pytest.approx(np.sqrt(left.force[0, ::-1, ::-1]))
+    assert np.sqrt(left.force[0, 0, 0]) < 1e-5 * rig.weight
+    assert np.sqrt(left.torque[0, 0, 0]) < 1e-5
+    assert np.sqrt(left.force[0, 0, 1]) > 0.2 * rig.weight
+
+
+# The program
+
+
+def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
+    right = run(capsys, "diagnose", PANDA)
+    assert right.status == 0
+    assert right.out.splitlines()[:5] == [
+        "as given: 0.31 N left; no other reading explains it better: the file is read rightly",
+        "",
+        f"17 poses, 1872 readings tried, {PANDA}",
+        "",
+        "    N left  mN m left  weight N          com mm          reading",
+    ]
+    assert "Free air" not in right.out
+    for flags, verdict in {
+        "--sign reaction": "as given: 8 N left; without `--sign reaction`: 0.31 N left",
+        "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.1 N left; with `--orientation quat_xyzw`: 0.31 N left",
+        "--gravity 0,0,1": "as given: 8 N left; with `--sign reaction --gravity 0,0,1`: 0.31 N left",
+    }.items():
+        assert run(capsys, "diagnose", PANDA, *flags.split()).out.splitlines()[0] == verdict
+
+
+def test_a_file_that_nothing_explains_well(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = run(capsys, "diagnose", PAPER).out.splitlines()
+    assert lines[0] == (
+        "as given: 0.73 N left, 12 % of the weight; no other reading explains it better, and none explains it well"
+    )
+    assert (
+        "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the "
+        "recording, an arm that still moved, a cable that pulls, or a tool too light for the sensor."
+    ) in " ".join(lines)
+
+
+def test_numbers_that_are_no_orientation_as_stated_are_diagnosed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig, R, rng = example(15, poses=12)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    path = written(tmp_path, Written(("rx", "ry", "rz"), euler("xyz")).text(R, wrench))
+    lines = run(capsys, "diagnose", path).out.splitlines()
+    assert lines[0].startswith("as given: cannot be read; with `--orientation yaskawa`: 0.")
+    assert lines[2].startswith(f"As given: {path}: row ")
+    assert lines[2].endswith("if these are angles in degrees, say whose (--orientation yaskawa or staubli)")
+
+
+def test_columns_that_auto_does_not_know_are_diagnosed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig, R, rng = example(16, poses=12)
+    path = written(tmp_path, Written(("o", "a", "t"), euler("ZYZ")).text(R, noisy_readings(rig, R, NOISE, rng)))
+    first = run(capsys, "diagnose", path).out.splitlines()[0]
+    assert first.startswith("as given: cannot be read; with `--orientation kawasaki_oat`: 0.")
+
+
+def test_json(capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads(run(capsys, "diagnose", PANDA, "--inverse-orientation", "--json").out)
+    assert found["verdict"] == "as given: 7.5 N left; without `--inverse-orientation`: 0.31 N left"
+    assert found["given"]["flags"] == ["--inverse-orientation"]
+    assert found["best"]["flags"] == []
+    assert found["best"]["weight"] == pytest.approx(7.73, abs=0.01)
+    assert found["ranked"][0] == found["best"]
+    assert found["read_rightly"] is False
+    assert found["explained"] is True
+
+
+NO_ORIENTATION = "fx,fy,fz,tx,ty,tz\n1,2,3,4,5,6\n"
+
+
+def test_what_cannot_be_diagnosed_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, NO_ORIENTATION)
+    assert run(capsys, "diagnose", path).complaint == run(capsys, "calibrate", path).complaint
+    rig, R, rng = example(17, poses=4)
+    path = written(tmp_path, RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
+    assert run(capsys, "diagnose", path).complaint == (
+        f"{path}: found 4 distinct orientations, expected 5 or more to tell one reading from another: record six or "
+        "more that tilt the tool about two axes"
+    )
+    path = written(tmp_path, Written(QUAT, lambda R: 0.5 * quat(R)).text(random_rotations(6, rng), np.ones((6, 6))))
+    assert run(capsys, "diagnose", path).complaint == (
+        f"{path}: row 2, columns qx,qy,qz,qw: found a quaternion of length 0.5, expected 1 within 1 %: check the order "
+        "of its parts and that none is cut off; no other convention makes rotations of these columns either: check "
+        "that they hold an orientation"
+    )
+    path = written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), [[1.0] * 6 + [0.0, 0.0, 0.0, 1.0, 5.0]]))
+    assert run(capsys, "diagnose", path).complaint == (
+        f"{path}: found no contact-free samples, expected poses without a load"
+    )
+    path = written(tmp_path, NO_ORIENTATION, "poses.xls")
+    assert run(capsys, "diagnose", path).complaint == run(capsys, "calibrate", path).complaint
+    assert run(capsys, "diagnose", PANDA, "--sign", "push").complaint == "sign is 'push', expected pull or reaction"

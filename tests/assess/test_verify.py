@@ -1,0 +1,211 @@
+"""Verification: seldom a false alarm, a changed tool found, loads weighed with an honest standard deviation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.assess.verify import Weighing, verify
+from contactwrench.errors import InputError
+from tests.support.rigs import NOISE, example, noisy
+from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
+
+
+def _loaded(rig: Rig, R: Array, mass: float, g: float = 9.80665) -> Array:
+    """Readings (n, 6) with a load hung under the tool: its force points down in the world, its arm is the hook's."""
+    R_base_sensor = R @ rig.R_flange_sensor
+    force = R_base_sensor.transpose(0, 2, 1) @ (mass * g * rig.down)
+    torque = np.cross(np.array([0.0, 0.01, 0.15]), force)
+    loaded: Array = readings(rig, R) + np.hstack([force, torque])
+    return loaded
+
+
+@pytest.mark.parametrize("given_noise", [True, False])
+def test_false_alarms_are_about_one_percent(given_noise: bool) -> None:
+    """An alarm every hundredth time: what no alarm at all would be is seen in the test of changed tools."""
+    rig, R, rng = example(1, poses=12)
+    runs, alarms = 400, 0
+    for _ in range(runs):
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE if given_noise else None)
+        alarms += not verify(calibration, noisy(rig, random_rotations(10, rng), rng)).passed
+    assert alarms / runs <= 0.025  # 1 % and three standard deviations
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"weight": 0.3},
+        {"com": np.array([0.0, 0.004, 0.0])},
+        {"bias": np.array([0.2, 0.0, 0.0, 0.0, 0.0, 0.0])},
+        {"bias": np.array([0.0, 0.0, 0.0, 0.0, 0.01, 0.0])},
+    ],
+    ids=["weight", "com", "force drift", "torque drift"],
+)
+def test_a_changed_tool_or_a_drifted_sensor_is_found(change: dict[str, Array | float]) -> None:
+    rig, R, rng = example(2)
+    rig = replace(rig, weight=10.0)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    changed = replace(rig, **{name: getattr(rig, name) + value for name, value in change.items()})
+    result = verify(calibration, noisy(changed, random_rotations(10, rng), rng))
+    assert not result.passed
+    assert result.probability is not None
+    assert result.probability < 0.01
+    assert "more than the calibration's covariance and noise explain" in result.reason
+
+
+def test_what_is_reported_of_the_residuals() -> None:
+    rig, R, rng = example(3)
+    calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(9, rng)
+    samples = noisy(rig, unseen, rng)
+    result = verify(calibration, samples)
+    left = samples.wrench - calibration.predict(unseen)
+    assert result.residuals == pytest.approx(left)
+    assert result.rms == pytest.approx(np.sqrt(np.mean(left**2, axis=0)))
+    assert result.largest_force == pytest.approx(np.linalg.norm(left[:, :3], axis=1).max())
+    assert result.largest_torque == pytest.approx(np.linalg.norm(left[:, 3:], axis=1).max())
+    assert result.passed
+    assert result.chi2 == pytest.approx(1.0, abs=0.6)
+    assert result.weighings == ()
+
+
+def test_chi_square_is_the_textbook_one() -> None:
+    """Against the full covariance of all residuals, built and inverted."""
+    rig, R, rng = example(4)
+    calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(7, rng)
+    samples = noisy(rig, unseen, rng)
+    J = calibration.free_wrench_jacobian(unseen).reshape(42, -1)
+    C = np.diag(np.tile(calibration.noise**2, 7)) + J @ calibration.covariance @ J.T
+    e = (samples.wrench - calibration.predict(unseen)).ravel()
+    assert verify(calibration, samples).chi2 == pytest.approx(e @ np.linalg.solve(C, e) / 42)
+
+
+def test_limits() -> None:
+    rig, R, rng = example(5)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    samples = noisy(rig, R, rng)
+    result = verify(calibration, samples)
+    over, under = 1.01, 0.99
+    assert verify(calibration, samples, limit_force=over * result.largest_force).passed
+    assert verify(calibration, samples, limit_torque=over * result.largest_torque).passed
+    failed = verify(calibration, samples, limit_force=under * result.largest_force, limit_torque=1.0)
+    assert not failed.passed
+    assert "force" in failed.reason
+    assert "torque" not in failed.reason
+    failed = verify(calibration, samples, limit_force=1.0, limit_torque=under * result.largest_torque)
+    assert "largest torque" in failed.reason
+
+
+def test_limits_judge_instead_of_the_statistics() -> None:
+    rig, R, rng = example(6)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    heavier = noisy(replace(rig, weight=rig.weight + 0.5), R, rng)
+    assert not verify(calibration, heavier).passed
+    assert verify(calibration, heavier, limit_force=2.0, limit_torque=1.0).passed
+
+
+def test_repeated_rows_count_as_one_pose() -> None:
+    """A hundred rows at each of few orientations, with errors that the rows share, raise no alarm."""
+    rig, R, rng = example(7)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    alarms = 0
+    for _ in range(100):
+        unseen = random_rotations(5, rng)
+        shared = np.repeat(noisy_readings(rig, unseen, NOISE, rng), 50, axis=0)
+        rows = cw.Samples(shared + 0.1 * NOISE * rng.normal(size=shared.shape), np.repeat(unseen, 50, axis=0))
+        alarms += not verify(calibration, rows).passed
+    assert alarms <= 6
+
+
+def test_loads_are_weighed_with_an_honest_std() -> None:
+    rig, R, rng = example(8, poses=8)
+    masses = np.array([0.1, 0.2, 0.5, 1.0])
+    z = []
+    for _ in range(100):
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+        poses, load = random_rotations(4, rng), masses
+        wrench = np.vstack([_loaded(rig, poses[k : k + 1], m) for k, m in enumerate(masses)])
+        wrench += NOISE * rng.normal(size=wrench.shape)
+        result = verify(calibration, cw.Samples(wrench, poses, load_mass=load))
+        assert [w.actual for w in result.weighings] == pytest.approx(masses)
+        z.append([(w.weighed - w.actual) / w.std for w in result.weighings])
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.25)
+
+
+def test_weighing_at_a_gravity_of_ones_own_and_several_poses() -> None:
+    rig, R, rng = example(9)
+    calibration, poses = cw.calibrate(noisy(rig, R, rng), "mount", g=9.7803), random_rotations(6, rng)
+    wrench = _loaded(rig, poses, 0.5, g=9.7803) + NOISE * rng.normal(size=(6, 6))
+    samples = cw.Samples(wrench, poses, load_mass=np.full(6, 0.5))
+    (weighing,) = verify(calibration, samples).weighings
+    assert weighing.n == 6
+    assert abs(weighing.weighed - 0.5) < 4 * weighing.std
+    assert weighing.std < 0.006
+    (elsewhere,) = verify(calibration, samples, g=2.0 * 9.7803).weighings
+    assert elsewhere.weighed == pytest.approx(0.5 * weighing.weighed)
+
+
+def test_free_and_loaded_poses_in_one_recording() -> None:
+    """The free poses are judged, the loaded ones weighed."""
+    rig, R, rng = example(10)
+    calibration, poses = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(8, rng)
+    load = np.repeat([0.0, 0.3], 4)
+    wrench = np.vstack([readings(rig, poses[:4]), _loaded(rig, poses[4:], 0.3)]) + NOISE * rng.normal(size=(8, 6))
+    result = verify(calibration, cw.Samples(wrench, poses, load_mass=load))
+    assert result.residuals.shape == (4, 6)
+    assert result.passed
+    assert [w.n for w in result.weighings] == [4]
+
+
+def test_loads_alone_are_held_against_their_masses() -> None:
+    rig, R, rng = example(11)
+    calibration, poses = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(5, rng)
+    wrench = _loaded(rig, poses, 0.5) + NOISE * rng.normal(size=(5, 6))
+    assert verify(calibration, cw.Samples(wrench, poses, load_mass=np.full(5, 0.5))).passed
+    wrong = verify(calibration, cw.Samples(wrench, poses, load_mass=np.full(5, 0.55)))
+    assert not wrong.passed
+    assert "error of the weighings" in wrong.reason
+
+
+def test_the_error_column_of_the_papers_table_9() -> None:
+    for measured, actual, error in [(94.3, 100, 5.70), (191.5, 200, 4.25), (480.8, 500, 3.84), (971.1, 1000, 2.89)]:
+        weighing = Weighing(actual=actual / 1e3, weighed=measured / 1e3, std=0.001, n=1)
+        assert -100.0 * weighing.error == pytest.approx(error, abs=0.005)
+        assert weighing.error_std == pytest.approx(1.0 / actual)
+
+
+def test_nothing_to_judge_by() -> None:
+    rig, R, rng = example(12)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    with pytest.raises(InputError, match="found no samples, expected contact-free poses"):
+        verify(calibration, cw.Samples(np.empty((0, 6)), np.empty((0, 3, 3))))
+    loaded = cw.Samples(_loaded(rig, R, 0.5), R, load_mass=np.full(24, 0.5))
+    with pytest.raises(InputError, match="found poses with a load only, expected free ones to hold to a limit"):
+        verify(calibration, loaded, limit_force=1.0)
+
+
+def test_a_load_that_is_not_what_its_label_says_fails_beside_good_free_poses() -> None:
+    rig, R, rng = example(12, poses=12)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    at = random_rotations(12, rng)
+    R_base_sensor = at @ rig.R_flange_sensor
+    hung = 1.0 * 9.80665 * (R_base_sensor.transpose(0, 2, 1) @ rig.down)
+    wrench = noisy(rig, at, rng).wrench.copy()
+    wrench[6:, :3] += hung[6:]
+    label = np.repeat([0.0, 1.0], 6)
+    assert verify(calibration, cw.Samples(wrench, at, load_mass=label)).passed
+    wrong = verify(calibration, cw.Samples(wrench, at, load_mass=0.5 * label))
+    assert not wrong.passed
+    assert wrong.reason.startswith("the error of the weighings is more than")
+
+
+def test_one_row_a_pose_is_not_held_to_the_noise_of_an_average() -> None:
+    """Calibrated on averages of 100 rows that scatter by ten times the noise between poses."""
+    rig, R, rng = example(13, poses=10)
+    many = np.repeat(R, 100, axis=0)
+    scatter = np.array([0.5, 0.5, 0.5, 0.02, 0.02, 0.02])
+    calibration = cw.calibrate(noisy(rig, many, rng, scatter), "mount")
+    passed = [verify(calibration, noisy(rig, random_rotations(8, rng), rng, scatter)).passed for _ in range(40)]
+    assert np.mean(passed) > 0.9

@@ -1,0 +1,237 @@
+"""The result: it cannot be changed, says what it knows, and its standard deviations are those of what it predicts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from tests.support.recordings import PANDA
+from tests.support.rigs import NOISE, example, noise_free, noisy
+from tests.support.world import DOWN, Array, cramer_rao, derivatives, random_rotations, readings, tilted_down
+
+MODELS = ("paper", "yaw", "mount", "mount+base", "affine")
+
+
+def _calibration(model: str, seed: int = 1) -> cw.Calibration:
+    rig, R, rng = example(seed)
+    rig = dataclasses.replace(rig, R_flange_sensor=Rotation.from_euler("z", 0.9).as_matrix())
+    return cw.calibrate(noisy(rig, R, rng), model)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_nothing_of_it_can_be_changed(model: str) -> None:
+    calibration = _calibration(model)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        calibration.weight = 1.0  # type: ignore[misc]
+    arrays = [getattr(calibration, field.name) for field in dataclasses.fields(calibration)]
+    arrays += [calibration.observability.singular_values, *calibration.std.values()]
+    for array in arrays:
+        if isinstance(array, np.ndarray):
+            assert array.dtype == np.float64
+            with pytest.raises(ValueError, match="read-only"):
+                array[...] = 0.0
+
+
+def test_it_does_not_follow_the_arrays_that_it_was_made_from() -> None:
+    rig, R, rng = example(2)
+    wrench, orientations = noisy(rig, R, rng).wrench.copy(), R.copy()
+    calibration = cw.calibrate(cw.Samples(wrench, orientations), "mount")
+    before = calibration.poses[0].wrench.copy()
+    wrench[:] = 0.0
+    orientations[:] = 0.0
+    assert np.array_equal(calibration.poses[0].wrench, before)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_predictions_take_every_kind_of_orientation(model: str) -> None:
+    calibration, rng = _calibration(model), np.random.default_rng(3)
+    R = random_rotations(5, rng)
+    rotation = Rotation.from_matrix(R)
+    expected = np.column_stack([np.einsum("nji,j->ni", R, calibration.gravity_direction), np.ones(5)]) @ calibration.B.T
+    for many in (R, rotation.as_quat(), rotation):
+        assert calibration.predict(many) == pytest.approx(expected)
+        assert calibration.wrench_std(many).shape == (5, 6)
+        assert calibration.wrench_covariance(many).shape == (5, 6, 6)
+    for single in (R[2], rotation.as_quat()[2], rotation[2]):
+        assert calibration.predict(single) == pytest.approx(expected[2])
+        assert calibration.wrench_std(single).shape == (6,)
+        assert calibration.wrench_covariance(single).shape == (6, 6)
+
+
+@pytest.mark.parametrize("model", ["yaw", "mount", "mount+base"])
+def test_parameters_stand_in_the_order_of_the_design(model: str) -> None:
+    calibration = _calibration(model)
+    linear = ["weight", "com_x", "com_y", "com_z", *(f"bias_{axis}" for axis in ("fx", "fy", "fz", "tx", "ty", "tz"))]
+    mount, gravity = ["mount_x", "mount_y", "mount_z"], ["gravity_a", "gravity_b"]
+    rest = {"yaw": ["yaw"], "mount": mount, "mount+base": mount + gravity}[model]
+    assert list(calibration.parameter_names) == linear + rest
+    assert calibration.parameters[0] == calibration.weight
+    assert calibration.parameters[1:4] == pytest.approx(calibration.com)
+    assert calibration.parameters[4:10] == pytest.approx(calibration.bias)
+    if model == "yaw":
+        assert calibration.parameters[10] == calibration.yaw
+    else:
+        assert np.all(calibration.parameters[10:] == 0.0)
+
+
+@pytest.mark.parametrize("model", ["yaw", "mount"])
+def test_standard_deviations_are_roots_of_the_covariance(model: str) -> None:
+    calibration = _calibration(model)
+    std = np.sqrt(np.diag(calibration.covariance))
+    assert set(calibration.std) == {"weight", "com", "bias", "yaw", "mount", "gravity"}
+    assert calibration.std["weight"] == pytest.approx(std[0])
+    assert calibration.std["com"] == pytest.approx(std[1:4])
+    assert calibration.std["bias"] == pytest.approx(std[4:10])
+    assert calibration.std["gravity"] is None
+    if model == "yaw":
+        assert calibration.std["mount"] is None
+        assert calibration.std["yaw"] == pytest.approx(std[10])
+    else:
+        assert calibration.std["mount"] == pytest.approx(std[10:])
+        assert calibration.std["yaw"] == pytest.approx(std[12], rel=0.05)  # a small tilt: about z alone
+
+
+@pytest.mark.parametrize("model", ["mount", "mount+base"])
+def test_std_of_the_wrench_is_the_bound_carried_through_the_physics(model: str) -> None:
+    """Where noise is tiny, so that the estimate is the truth: from numerical derivatives of world-frame physics."""
+    rig, R, rng = example(4)
+    rig = dataclasses.replace(rig, down=tilted_down(0.5, rng) if model == "mount+base" else DOWN)
+    noise, unseen = 1e-6 * NOISE, random_rotations(30, rng)
+    calibration = cw.calibrate(noisy(rig, R, rng, noise), model, noise=noise)
+    J, covariance = derivatives(rig, model, unseen), cramer_rao(rig, model, R, noise)
+    scale = (calibration.noise[0] / noise[0]) ** 2
+    expected = scale * J @ covariance @ J.transpose(0, 2, 1)
+    found = calibration.wrench_covariance(unseen)
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-3 * float(np.abs(expected).max()))
+    assert calibration.wrench_std(unseen) == pytest.approx(np.sqrt(np.einsum("nii->ni", found)))
+
+
+@pytest.mark.parametrize("model", ["paper", "yaw", "mount", "affine"])
+def test_covariance_of_b_gives_the_same_std_of_the_wrench(model: str) -> None:
+    calibration, rng = _calibration(model), np.random.default_rng(5)
+    for R in random_rotations(10, rng):
+        D = np.kron(np.eye(6), np.r_[R.T @ calibration.gravity_direction, 1.0])
+        assert D @ calibration.B_covariance @ D.T == pytest.approx(calibration.wrench_covariance(R), abs=1e-12)
+
+
+def test_std_of_the_wrench_covers_the_error_of_the_prediction() -> None:
+    rig, R, rng = example(6, poses=10)
+    unseen, squared = random_rotations(20, rng), []
+    for _ in range(80):
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+        squared.append(((calibration.predict(unseen) - readings(rig, unseen)) / calibration.wrench_std(unseen)) ** 2)
+    assert np.mean(squared) == pytest.approx(1.0, abs=0.2)
+
+
+def test_intervals_are_students() -> None:
+    rig, R, rng = example(7, poses=6)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+    for level in (0.5, 0.95, 0.99):
+        reach = stats.t.ppf(0.5 + level / 2.0, 6 * 6 - 13)
+        assert calibration.t_quantile(level) == pytest.approx(reach)
+        low, high = calibration.interval("com", level)
+        assert high - low == pytest.approx(2.0 * reach * calibration.std["com"])
+        assert (high + low) / 2.0 == pytest.approx(calibration.com)
+    low, high = calibration.interval("yaw")
+    assert (low + high) / 2.0 == pytest.approx(calibration.yaw)
+
+
+def test_yaw_of_a_tilted_and_of_a_flipped_sensor() -> None:
+    rig, R, _ = example(8)
+    tilt = Rotation.from_rotvec([0.4, -0.2, 0.0]).as_matrix()
+    turn = Rotation.from_euler("z", 2.2).as_matrix()
+    for flip, along in ((np.eye(3), True), (np.diag([1.0, -1.0, -1.0]), False)):
+        mounted = dataclasses.replace(rig, R_flange_sensor=tilt @ flip @ turn)
+        calibration = cw.calibrate(noise_free(mounted, R), "mount")
+        assert calibration.yaw == pytest.approx(2.2, abs=1e-7)
+        assert calibration.sensor_z_along_flange is along
+
+
+def test_std_of_yaw_is_that_of_monte_carlo() -> None:
+    rig, R, rng = example(9, poses=10)
+    yaws, stds = [], []
+    for _ in range(150):
+        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+        assert calibration.yaw is not None
+        yaws.append(calibration.yaw)
+        stds.append(calibration.std["yaw"])
+    spread = np.std(np.unwrap(yaws))
+    assert np.mean(stds) == pytest.approx(spread, rel=0.2)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_printed_it_shows_every_parameter_with_its_std(model: str) -> None:
+    calibration = _calibration(model)
+    text = str(calibration)
+    names = ["bias_fx", "bias_fy", "bias_fz", "bias_tx", "bias_ty", "bias_tz"]
+    names += [] if model == "affine" else ["weight", "mass", "com_x", "com_y", "com_z", "yaw"]
+    for name in names:
+        line = next(line for line in text.splitlines() if line.split()[:1] == [name])
+        assert "+-" in line
+    assert f"model {model}" in text
+    in_one_line = " ".join(text.split())
+    assert f"Verdict {calibration.verdict}" in in_one_line
+    for warning in calibration.warnings:
+        assert f"Warning {warning}" in in_one_line
+
+
+def test_printed_sentences_go_on_under_their_first_word() -> None:
+    """Below the first line, which names the file, nothing is wider than a hundred columns."""
+    text = str(cw.calibrate(cw.read(PANDA)))
+    assert max(map(len, text.splitlines()[1:])) <= 100
+    said = text[text.index("Verdict") :].splitlines()
+    assert len(said) > 3
+    assert all(line[:9] in ("Verdict  ", "Warning  ", " " * 9) and line[9] != " " for line in said)
+
+
+def test_verdict_states_the_largest_std() -> None:
+    calibration = _calibration("mount")
+    force, torque = calibration.largest_std
+    assert f"{float(f'{force:.2g}'):g} N" in calibration.verdict
+    assert f"{float(f'{1e3 * torque:.2g}'):g} mN m" in calibration.verdict
+    assert calibration.verdict.startswith("good")
+
+
+def _same_free_wrench(a: cw.Calibration, b: cw.Calibration, R_a: Array, R_b: Array) -> bool:
+    return bool(np.abs(a.predict(R_a) - b.predict(R_b)).max() < 1e-9)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_same_tool_on_a_base_that_stands_otherwise(model: str) -> None:
+    calibration, rng = _calibration(model), np.random.default_rng(10)
+    turn, R = random_rotations(1, rng)[0], random_rotations(6, rng)
+    moved = calibration.with_gravity(5.0 * turn @ calibration.gravity_direction)
+    assert _same_free_wrench(calibration, moved, R, turn @ R)
+    assert np.linalg.norm(moved.gravity_direction) == pytest.approx(1.0)
+    assert moved.wrench_std(turn @ R).shape == (6, 6)
+    if model != "mount+base":
+        assert moved.wrench_std(turn @ R) == pytest.approx(calibration.wrench_std(R))
+    else:
+        assert moved.std["gravity"] is None
+    assert calibration.with_gravity(None) is calibration
+
+
+def test_provenance_says_where_it_comes_from() -> None:
+    rig, R, rng = example(11)
+    samples = noisy(rig, np.repeat(R, 3, axis=0), rng)
+    calibration = cw.calibrate(dataclasses.replace(samples, source="tool.csv"), "mount", g=9.81)
+    assert calibration.provenance["software"] == f"contactwrench {cw.__version__}"
+    assert calibration.provenance["source"] == "tool.csv"
+    assert calibration.provenance["rows"] == 72
+    assert calibration.provenance["g"] == 9.81
+    assert len(calibration.poses) == 24
+
+
+def test_g_is_what_turned_the_weight_into_the_mass() -> None:
+    rig, R, rng = example(5)
+    samples = noisy(rig, R, rng)
+    for model in ("mount", "affine"):
+        assert cw.calibrate(samples, model, g=9.7803).g == 9.7803
+    by_hand = dataclasses.replace(cw.calibrate(samples, "mount", g=9.7803), provenance={})
+    assert by_hand.g == pytest.approx(9.7803, rel=1e-12)
+    assert dataclasses.replace(cw.calibrate(samples, "affine", g=9.7803), provenance={}).g == 9.80665

@@ -1,0 +1,302 @@
+"""What changed between two calibrations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.calibration.difference import Difference
+from tests.support.recordings import rx, ry
+from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle
+from tests.support.world import Array, Rig, random_rotations, readings
+
+
+def _of(difference: object, name: str) -> tuple[float, float]:
+    names = list(difference.names)  # type: ignore[attr-defined]
+    k = names.index(name)
+    return difference.change[k], difference.std[k]  # type: ignore[attr-defined]
+
+
+def _pair(seed: int, **changes: object) -> tuple[Rig, Rig, cw.Calibration, cw.Calibration]:
+    rig, R, _ = example(seed)
+    other = replace(rig, **changes)  # type: ignore[arg-type]
+    return rig, other, cw.calibrate(noise_free(rig, R), "mount"), cw.calibrate(noise_free(other, R), "mount")
+
+
+def test_changes_are_after_less_before() -> None:
+    com = np.array([0.01, -0.02, 0.05])
+    rig, _, a, b = _pair(1, weight=7.5, com=com)
+    change = a.diff(b)
+    assert _of(change, "weight")[0] == pytest.approx(7.5 - rig.weight)
+    for k, axis in enumerate("xyz"):
+        assert _of(change, f"com_{axis}")[0] == pytest.approx(com[k] - rig.com[k], abs=1e-8)
+    for axis in ("fx", "fy", "fz", "tx", "ty", "tz"):
+        assert _of(change, f"bias_{axis}")[0] == pytest.approx(0.0, abs=1e-7)
+    assert dict(zip(change.names, change.units, strict=True))["weight"] == "N"
+
+
+def test_yaw_changes_the_short_way_round() -> None:
+    before, after = (Rotation.from_euler("z", a).as_matrix() for a in (3.1, -3.1))
+    rig, R, _ = example(2)
+    a, b = (cw.calibrate(noise_free(replace(rig, R_flange_sensor=M), R), "yaw") for M in (before, after))
+    assert _of(a.diff(b), "yaw")[0] == pytest.approx(2.0 * np.pi - 6.2, abs=1e-8)
+
+
+@pytest.mark.parametrize("degrees", [0.001, 5.0, 170.0])
+def test_angle_between_two_mountings(degrees: float) -> None:
+    rig, _, rng = example(3)
+    axis = rng.normal(size=3)
+    turn = Rotation.from_rotvec(np.deg2rad(degrees) * axis / np.linalg.norm(axis)).as_matrix()
+    turned = rig.R_flange_sensor @ turn
+    _, _, a, b = _pair(3, R_flange_sensor=turned)
+    assert rotation_angle(rig.R_flange_sensor, turned) == pytest.approx(np.deg2rad(degrees))
+    assert a.diff(b).mounting_angle == pytest.approx(np.deg2rad(degrees), rel=1e-3)
+
+
+def test_the_largest_change_of_the_free_wrench() -> None:
+    rig, other, a, b = _pair(4, weight=9.0)
+    largest = a.diff(b).free_wrench
+    somewhere = random_rotations(20_000, np.random.default_rng(4))
+    reached = np.abs(readings(other, somewhere) - readings(rig, somewhere)).max(axis=0)
+    assert largest == pytest.approx(reached, rel=0.02)
+    assert largest[:3] == pytest.approx(np.full(3, abs(9.0 - rig.weight)), rel=0.02)
+
+
+def test_same_tool_measured_twice_is_not_significant_and_another_is() -> None:
+    rig, R, rng = example(5)
+    a, b = (cw.calibrate(noisy(rig, R, rng), "mount") for _ in range(2))
+    heavier = cw.calibrate(noisy(replace(rig, weight=rig.weight + 1.0), R, rng), "mount")
+    assert "weight" not in a.diff(b).significant
+    assert "weight" in a.diff(heavier).significant
+    assert _of(a.diff(b), "weight")[1] == pytest.approx(np.hypot(a.std["weight"], b.std["weight"]))
+
+
+def test_models_without_a_tool_have_their_bias_in_common() -> None:
+    rig, R, rng = example(6)
+    samples = noisy(rig, R, rng)
+    change = cw.calibrate(samples, "affine").diff(cw.calibrate(samples, "mount"))
+    assert change.names == ("bias_fx", "bias_fy", "bias_fz", "bias_tx", "bias_ty", "bias_tz")
+    assert change.mounting_angle is None
+
+
+def test_a_calibration_does_not_differ_from_itself() -> None:
+    rig, R, rng = example(7)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    change = calibration.diff(calibration)
+    assert not change.change.any()
+    assert not change.free_wrench.any()
+    assert change.significant == ()
+    assert change.mounting_angle == pytest.approx(0.0, abs=1e-7)
+
+
+def test_two_bases_are_compared_each_in_its_own() -> None:
+    """The same tool on an upright robot and on a wall: nothing changes for the tool that points to the ground."""
+    rig, R, rng = example(8)
+    turn = random_rotations(1, rng)[0]
+    a = cw.calibrate(noise_free(rig, R), "mount")
+    b = cw.calibrate(cw.Samples(readings(rig, R), turn @ R), "mount", gravity=turn @ rig.down)
+    assert np.abs(_of(a.diff(b), "weight")[0]) < 1e-8
+
+
+# What a difference means
+
+
+def _measured(
+    rig: Rig, seed: int, model: str = "mount", poses: int = 16, noise: Array | None = None, **changes: Any
+) -> Difference:
+    """The rig calibrated before and after it changed, from noisy readings in poses of each time's own."""
+    rng = np.random.default_rng(seed)
+    before, after = (
+        cw.calibrate(noisy(one, random_rotations(poses, rng), rng), model, noise=noise)
+        for one in (rig, replace(rig, **changes))
+    )
+    return before.diff(after)
+
+
+RIG = Rig(
+    weight=12.0,
+    com=np.array([0.01, -0.02, 0.06]),
+    bias=np.array([3.0, -5.0, 20.0, 0.2, -0.1, 0.05]),
+    R_flange_sensor=Rotation.from_euler("zyx", [75.0, 30.0, -40.0], degrees=True).as_matrix(),
+    down=np.array([0.0, 0.0, -1.0]),
+)
+FLAT = replace(RIG, R_flange_sensor=Rotation.from_euler("z", 0.5).as_matrix())
+DRIFTED = RIG.bias + np.array([0.3, 0.0, 0.0, 0.0, 0.01, 0.0])
+
+
+def _turned(R: Array, degrees: float, axis: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
+    turned: Array = R @ Rotation.from_rotvec(np.deg2rad(degrees) * np.array(axis)).as_matrix()
+    return turned
+
+
+@pytest.mark.parametrize("model", ["mount", "mount+base", "yaw", "affine"])
+def test_nothing_changed(model: str) -> None:
+    for seed in range(5):
+        change = _measured(FLAT, seed, model)
+        assert not [group for group in change.groups if group.significant]
+        (sentence,) = change.meaning
+        assert sentence.startswith("nothing changed beyond the errors of both: chi-square ")
+
+
+def test_false_alarms_of_any_group_are_rare() -> None:
+    alarms = sum(any(group.significant for group in _measured(RIG, seed).groups) for seed in range(150))
+    assert alarms <= 4  # 1 % and more than two standard deviations
+
+
+def test_probabilities_are_those_of_chance() -> None:
+    """With the noise given up to its scale, each group's probability is uniform."""
+    found = [[g.test.probability for g in _measured(RIG, seed, "mount+base", noise=NOISE).groups] for seed in range(60)]
+    assert np.mean(found, axis=0) == pytest.approx(np.full(5, 0.5), abs=0.15)  # four standard deviations
+
+
+CHANGES: list[tuple[str, Rig, str, dict[str, Any], list[str]]] = [
+    ("heavier", RIG, "mount", {"weight": 13.0}, ["the tool changed: weight by +"]),
+    (
+        "another tool",
+        RIG,
+        "mount",
+        {"weight": 9.0, "com": np.array([0.0, 0.0, 0.1])},
+        ["the tool changed: weight by -"],
+    ),
+    (
+        "moved",
+        RIG,
+        "mount",
+        {"com": RIG.com + np.array([0.0, 0.0, 0.004])},
+        ["something moved on the tool: com_z by +"],
+    ),
+    ("drift", RIG, "mount", {"bias": DRIFTED}, ["drift, or a new zero: only the bias changed, bias_fx by +0."]),
+    (
+        "drift, affine",
+        RIG,
+        "affine",
+        {"bias": DRIFTED},
+        ["drift, or a new zero: only the bias changed, bias_fx by +0."],
+    ),
+    (
+        "tool and zero",
+        RIG,
+        "mount",
+        {"weight": 9.0, "bias": DRIFTED},
+        ["the tool changed: weight by -", "the bias changed as well: bias_fx by +0."],
+    ),
+    (
+        "slipped",
+        RIG,
+        "mount",
+        {"R_flange_sensor": _turned(RIG.R_flange_sensor, 3.0, (0.0, 1.0, 0.0))},
+        ["the sensor slipped or was mounted anew: it is turned by "],
+    ),
+    (
+        "slipped about z",
+        FLAT,
+        "yaw",
+        {"R_flange_sensor": _turned(FLAT.R_flange_sensor, -3.0, (0.0, 0.0, 1.0))},
+        ["the sensor slipped or was mounted anew: yaw by -"],
+    ),
+    (
+        "other side",
+        FLAT,
+        "yaw",
+        {"R_flange_sensor": _turned(FLAT.R_flange_sensor, 180.0)},
+        ["the sensor was mounted anew, on its other side: its z points along the flange's in one of the two only"],
+    ),
+    ("stand", RIG, "mount+base", {"down": rx(0.05) @ RIG.down}, ["the base stands otherwise: gravity is "]),
+    ("gain", RIG, "affine", {"weight": 13.0}, ["what gravity does changed (chi-square "]),
+]
+
+
+@pytest.mark.parametrize(
+    ("rig", "model", "changes", "sentences"), [c[1:] for c in CHANGES], ids=[c[0] for c in CHANGES]
+)
+def test_what_changed_and_nothing_else(rig: Rig, model: str, changes: dict[str, Any], sentences: list[str]) -> None:
+    found = _measured(rig, 1, model, **changes).meaning
+    assert len(found) == len(sentences)
+    for sentence, begin in zip(found, sentences, strict=True):
+        assert sentence.startswith(begin)
+
+
+def test_a_tool_change_is_not_read_as_drift_nor_drift_as_a_tool() -> None:
+    for seed in range(25):
+        tool = {g.name for g in _measured(RIG, seed, weight=14.0).groups if g.significant}
+        drift = {g.name for g in _measured(RIG, seed, bias=DRIFTED).groups if g.significant}
+        assert tool == {"tool", "all"}
+        assert drift == {"bias", "all"}
+
+
+def test_the_turn_of_the_mounting_is_in_sensor_axes() -> None:
+    """Small noise: the sentence as a whole."""
+    rng = np.random.default_rng(2)
+    after = replace(RIG, R_flange_sensor=_turned(RIG.R_flange_sensor, 4.0, (0.0, 0.6, 0.8)))
+    a, b = (cw.calibrate(noisy(rig, random_rotations(20, rng), rng, 1e-2 * NOISE), "mount") for rig in (RIG, after))
+    (sentence,) = a.diff(b).meaning
+    head, _, tail = sentence.partition(" (chi-square ")
+    begin = "the sensor slipped or was mounted anew: it is turned by 4 deg about"
+    assert head.replace("-0.00", "0.00") == f"{begin} (0.00, 0.60, 0.80) in sensor axes"
+    assert tail.endswith("probability under 0.01 %)")
+
+
+def test_bases_that_were_stated_apart() -> None:
+    rig, R, rng = example(8)
+    turn = rx(0.5)
+    a = cw.calibrate(noisy(rig, R, rng), "mount")
+    b = cw.calibrate(cw.Samples(noisy(rig, R, rng).wrench, turn @ R), "mount", gravity=turn @ rig.down)
+    assert a.diff(b).meaning[1:] == ("gravity was stated 28.6 deg apart in base axes: another stand, or another flag",)
+    assert len(a.diff(a).meaning) == 1
+
+
+def test_poses_that_cannot_tell_a_tool_from_a_zero() -> None:
+    """All poses within 6 deg of the vertical: a heavier tool and a shifted fz read alike."""
+    rng = np.random.default_rng(3)
+    tilts = np.deg2rad(6.0) * rng.uniform(-1.0, 1.0, size=(20, 2))
+    R = np.array([rx(np.pi + a) @ ry(b) for a, b in tilts])
+    upright = replace(RIG, R_flange_sensor=np.eye(3))
+    heavier = replace(upright, weight=12.15)
+    a, b = (cw.calibrate(noisy(rig, R, rng), "yaw", noise=NOISE) for rig in (upright, heavier))
+    (sentence,) = a.diff(b).meaning
+    assert sentence.startswith("something changed (chi-square ")
+    assert sentence.endswith(
+        "but these calibrations cannot tell what: the tool or the bias alone would explain it; calibrate with poses "
+        "that tilt the tool further"
+    )
+
+
+def test_weight_and_com_that_show_together_only() -> None:
+    change = _measured(RIG, 4, weight=13.0)
+    (tool,) = (group for group in change.groups if group.name == "tool")
+    covariance = np.diag([1.0, 1e-6, 1e-6, 1e-6])
+    covariance[0, 1] = covariance[1, 0] = 0.999e-3
+    together = replace(tool, change=np.array([1.5, -1.5e-3, 0.0, 0.0]), covariance=covariance)
+    changed = replace(change, groups=(together, *change.groups[1:]))
+    assert changed.meaning[0].startswith("the tool changed: weight and centre of mass together (chi-square ")
+
+
+def test_yaw_is_left_out_between_sides() -> None:
+    """Its zero is another one on the other side; the angle between the mountings speaks."""
+    turned = replace(FLAT, R_flange_sensor=_turned(FLAT.R_flange_sensor, 180.0))
+    for model in ("yaw", "mount"):
+        change = _measured(FLAT, 5, model, R_flange_sensor=turned.R_flange_sensor)
+        assert "yaw" not in change.names
+        assert change.mounting_angle == pytest.approx(np.pi, abs=0.02)
+        assert "mounting" in [group.name for group in change.groups if group.significant]
+        assert "yaw" in _measured(FLAT, 5, model).names
+
+
+def test_changes_in_standard_deviations() -> None:
+    rig, R, rng = example(9)
+    a, b = (cw.calibrate(noisy(rig, R, rng), "mount") for _ in range(2))
+    change = a.diff(b)
+    assert change.in_std == pytest.approx(change.change / change.std)
+    assert not a.diff(a).in_std.any()
+
+
+def test_two_ways_to_judge_agree() -> None:
+    """The weight alone, as a group of one, and its column of standard deviations: z^2 is chi-square."""
+    change = _measured(FLAT, 6, "yaw")
+    (mounting,) = (group for group in change.groups if group.name == "mounting")
+    assert mounting.test.misfit == pytest.approx(change.in_std[list(change.names).index("yaw")] ** 2)

@@ -1,0 +1,349 @@
+"""The program as its users run it: every verb, exit statuses 0, 1 and 2, and what goes to stdout, stderr and files."""
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.calibration.file import to_json
+from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, Run, csv_text, matrix_table, run, written
+from tests.support.rigs import example, noisy
+from tests.support.world import random_rotations
+
+Capture = pytest.CaptureFixture[str]
+FULL = Path("/dev/full")
+
+
+@pytest.fixture(scope="module")
+def panda_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("calibration") / "panda.json"
+    cw.calibrate(cw.read(PANDA), "mount").save(path)
+    return path
+
+
+def test_calibrate_prints_the_calibration_and_writes_it(tmp_path: Path, capsys: Capture) -> None:
+    target = tmp_path / "tool.json"
+    done = run(capsys, "calibrate", PANDA, "-o", target, "--model", "mount")
+    loaded = cw.Calibration.load(target)
+    assert (done.status, done.err) == (0, "")
+    assert done.out == f"{loaded}\nWrote the calibration to {target}\n"
+    assert np.array_equal(loaded.parameters, cw.calibrate(cw.read(PANDA), "mount").parameters)
+
+
+def test_calibrate_keeps_how_the_file_was_read(tmp_path: Path, capsys: Capture) -> None:
+    run(capsys, "calibrate", PANDA, "-o", tmp_path / "tool.json", "--orientation", "quat_xyzw")
+    provenance = cw.Calibration.load(tmp_path / "tool.json").provenance
+    assert provenance["source"] == str(PANDA)
+    assert provenance["orientation"] == "quat_xyzw"
+    assert (provenance["wrench_frame"], provenance["sign"]) == ("sensor", "pull")
+    assert provenance["inverse_orientation"] is False
+    assert provenance["rows"] == 17
+
+
+@pytest.mark.parametrize("flags", [["--json"], ["-o", "-"], ["--json", "-o", "-"]])
+def test_the_saved_form_and_nothing_else_goes_to_stdout(tmp_path: Path, capsys: Capture, flags: list[str]) -> None:
+    done = run(capsys, "calibrate", PANDA, *flags)
+    assert (done.status, done.err) == (0, "")
+    assert to_json(cw.Calibration.load(written(tmp_path, done.out, "tool.json"))) == done.out
+
+
+def test_json_beside_a_file_prints_what_the_file_holds(tmp_path: Path, capsys: Capture) -> None:
+    done = run(capsys, "calibrate", PANDA, "--json", "-o", tmp_path / "tool.json")
+    assert done.out == (tmp_path / "tool.json").read_text()
+
+
+def test_calibrate_writes_a_report(tmp_path: Path, capsys: Capture) -> None:
+    done = run(capsys, "calibrate", PANDA, "--report", tmp_path / "report.html")
+    assert done.status == 0
+    assert done.out.endswith(f"\nWrote the report to {tmp_path / 'report.html'}\n")
+    assert (tmp_path / "report.html").read_text().startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize("model", ["auto", "yaw", "mount", "mount+base", "affine"])
+def test_calibrate_fits_the_model_that_is_asked_for(capsys: Capture, model: str) -> None:
+    values = json.loads(run(capsys, "calibrate", PANDA, "--model", model, "--json").out)
+    assert values["requested_model"] == model
+    assert values["model"] == ("mount+base" if model == "auto" else model)
+
+
+@pytest.mark.parametrize(
+    ("flags", "missed"),
+    [
+        (["--require-force", "1", "--require-torque", "1"], ""),
+        (["--require-force", "1e-3"], "force {force:.3g} N over 0.001"),
+        (["--require-torque", "1e-4"], "torque {torque:.3g} N m over 0.0001"),
+        (
+            ["--require-force", "0", "--require-torque", "0"],
+            "force {force:.3g} N over 0 and torque {torque:.3g} N m over 0",
+        ),
+    ],
+)
+def test_a_required_accuracy_that_is_missed_exits_1(
+    tmp_path: Path, capsys: Capture, flags: list[str], missed: str
+) -> None:
+    done = run(capsys, "calibrate", PANDA, "--json", "-o", tmp_path / "tool.json", *flags)
+    force, torque = cw.Calibration.load(tmp_path / "tool.json").largest_std
+    line = f"Required accuracy missed: largest std of the contact {missed.format(force=force, torque=torque)}\n"
+    assert (done.status, done.err) == ((1, line) if missed else (0, ""))
+    assert done.out == (tmp_path / "tool.json").read_text()
+
+
+def test_g_turns_the_weight_into_a_mass(capsys: Capture) -> None:
+    values = json.loads(run(capsys, "calibrate", PANDA, "--json", "--g", "9.81").out)
+    assert values["mass"] == pytest.approx(values["weight"] / 9.81, rel=1e-12)
+
+
+def test_show_prints_what_calibrate_printed(panda_json: Path, capsys: Capture) -> None:
+    loaded = cw.Calibration.load(panda_json)
+    assert run(capsys, "show", panda_json) == Run(0, f"{loaded}\n", "")
+    assert run(capsys, "show", panda_json, "--json") == Run(0, panda_json.read_text(), "")
+
+
+def test_verify_passes_on_the_same_tool_and_fails_on_another(tmp_path: Path, capsys: Capture) -> None:
+    rig, R, rng = example(11)
+    cw.calibrate(noisy(rig, R, rng), "mount").save(tmp_path / "tool.json")
+    again = noisy(rig, random_rotations(10, rng), rng)
+    same = written(tmp_path, matrix_table(again.wrench, again.R_base_flange), "same.csv")
+    moved = written(tmp_path, matrix_table(again.wrench + 1.0, again.R_base_flange), "moved.csv")
+
+    done = run(capsys, "verify", same, "-c", tmp_path / "tool.json")
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines()[-1].startswith("PASSED  the residual is what the calibration's covariance and noise")
+    done = run(capsys, "verify", moved, "-c", tmp_path / "tool.json")
+    assert (done.status, done.err) == (1, "")
+    assert done.out.splitlines()[-1].startswith("FAILED  the residual is more than the calibration's covariance and")
+
+    done = run(capsys, "verify", moved, "-c", tmp_path / "tool.json", "--json")
+    values = json.loads(done.out)
+    assert (done.status, done.err, values["passed"]) == (1, "", False)
+    assert np.array(values["residuals"]) == pytest.approx(np.ones((10, 6)), abs=0.3)
+    assert values["largest_force"] == pytest.approx(np.sqrt(3), abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("flags", "exceeded"),
+    [
+        (["--limit-force", "1", "--limit-torque", "1"], ""),
+        (["--limit-force", "0.1"], "force {force:.3g} N over 0.1"),
+        (["--limit-torque", "0.001"], "torque {torque:.3g} N m over 0.001"),
+        (
+            ["--limit-force", "0", "--limit-torque", "0"],
+            "force {force:.3g} N over 0 and torque {torque:.3g} N m over 0",
+        ),
+    ],
+)
+def test_verify_holds_to_the_limits(panda_json: Path, capsys: Capture, flags: list[str], exceeded: str) -> None:
+    samples = cw.read(PANDA)
+    left = cw.Calibration.load(panda_json).compensate(samples.wrench, samples.R_base_flange)
+    force, torque = np.linalg.norm(left[:, :3], axis=1).max(), np.linalg.norm(left[:, 3:], axis=1).max()
+    done = run(capsys, "verify", PANDA, "-c", panda_json, *flags)
+    assert (done.status, done.err) == (1 if exceeded else 0, "")
+    failed = f"FAILED  largest {exceeded.format(force=force, torque=torque)}"
+    assert done.out.splitlines()[-1] == (failed if exceeded else "PASSED  every pose is within the limits")
+
+
+def test_verify_weighs_hung_loads(tmp_path: Path, capsys: Capture) -> None:
+    rig, R, rng = example(12)
+    cw.calibrate(noisy(rig, R, rng), "mount").save(tmp_path / "tool.json")
+    loads = np.repeat([0.0, 0.2, 0.5], 6)
+    turns = random_rotations(len(loads), rng)
+    samples = noisy(rig, turns, rng)
+    force = np.einsum("nji,j->ni", turns @ rig.R_flange_sensor, rig.down) * (9.80665 * loads)[:, None]
+    wrench = samples.wrench + np.column_stack([force, np.cross([0.0, 0.0, 0.1], force)])
+    table = np.column_stack([wrench, turns.reshape(-1, 9), 1e3 * loads])
+    path = written(tmp_path, csv_text((*WRENCH, *MATRIX, "load_g"), table))
+
+    done = run(capsys, "verify", path, "-c", tmp_path / "tool.json", "--json")
+    values = json.loads(done.out)
+    assert (done.status, len(values["residuals"])) == (0, 6)
+    assert [w["actual"] for w in values["weighings"]] == pytest.approx([0.2, 0.5])
+    for weighing in values["weighings"]:
+        assert weighing["weighed"] == pytest.approx(weighing["actual"], abs=4 * weighing["std"])
+        assert weighing["error"] == pytest.approx(weighing["weighed"] / weighing["actual"] - 1, abs=1e-12)
+    done = run(capsys, "verify", path, "-c", tmp_path / "tool.json")
+    assert "weighed g" in done.out
+
+
+def test_diff_says_what_changed_and_exits_0(tmp_path: Path, panda_json: Path, capsys: Capture) -> None:
+    samples = cw.read(PANDA)
+    shifted = samples.wrench + np.array([0.0, 0.0, 3.0, 0.0, 0.0, 0.0])
+    cw.calibrate(cw.Samples(shifted, samples.R_base_flange), "mount").save(tmp_path / "later.json")
+
+    done = run(capsys, "diff", panda_json, tmp_path / "later.json", "--json")
+    values = json.loads(done.out)
+    assert (done.status, done.err) == (0, "")
+    assert values["significant"] == ["bias_fz"]
+    assert values["change"]["bias_fz"] == pytest.approx(3.0, abs=1e-6)
+    assert values["change"]["weight"] == pytest.approx(0.0, abs=1e-6)
+    done = run(capsys, "diff", panda_json, tmp_path / "later.json")
+    assert done.out.splitlines()[-1] == "* more than 3 standard deviations: bias_fz"
+    assert run(capsys, "diff", panda_json, panda_json).status == 0
+
+
+def test_demo_names_its_folder_and_fills_it(tmp_path: Path, capsys: Capture) -> None:
+    done = run(capsys, "demo", "--out", tmp_path / "new" / "demo")
+    assert (done.status, done.err) == (0, "")
+    assert str(tmp_path / "new" / "demo") in done.out.splitlines()[-1]
+    names = {path.name for path in (tmp_path / "new" / "demo").iterdir()}
+    assert {"panda_mini45.json", "panda_mini45_contact.csv", "paper_six_poses.json", "report.html"} <= names
+
+
+USAGE = [
+    ([], "Missing command: try 'contactwrench --help'"),
+    (["tare"], "No such command 'tare': try 'contactwrench --help'"),
+    (["calibrate"], "Missing argument 'FILE': try 'contactwrench calibrate --help'"),
+    (["calibrate", PANDA, "--zzz"], "No such option: --zzz: try 'contactwrench calibrate --help'"),
+    (
+        ["calibrate", PANDA, "x"],
+        "Invalid value: found 2 files, expected one, or --shared mount,gravity: try 'contactwrench calibrate --help'",
+    ),
+    (["calibrate", PANDA, "--model"], "Option '--model' requires an argument: try 'contactwrench --help'"),
+    (["compensate", PANDA, "-o", "-"], "Missing option '--calibration' / '-c': try 'contactwrench compensate --help'"),
+    (["verify", PANDA], "Missing option '--calibration' / '-c': try 'contactwrench verify --help'"),
+    (
+        ["verify", PANDA, "-c", "x", "--limit-force", "nan"],
+        "Invalid value for '--limit-force': found nan, expected a number of 0 or more: try 'contactwrench verify "
+        "--help'",
+    ),
+    (
+        ["calibrate", PANDA, "--require-torque", "-1"],
+        "Invalid value for '--require-torque': found -1, expected a number of 0 or more: try 'contactwrench calibrate "
+        "--help'",
+    ),
+    (
+        ["calibrate", PANDA, "--g", "0"],
+        "Invalid value for '--g': found 0, expected a number above 0: try 'contactwrench calibrate --help'",
+    ),
+    (
+        ["calibrate", PANDA, "--model", "plane"],
+        "model 'plane' is not known, expected one of auto, paper, yaw, mount, mount+base, affine",
+    ),
+    (["calibrate", PANDA, "--gravity", "0,0"], "--gravity is '0,0', expected three numbers X,Y,Z"),
+    (["calibrate", PANDA, "--gravity", "0,0,nan"], "--gravity is '0,0,nan', expected three numbers X,Y,Z"),
+    (
+        ["calibrate", PANDA, "--gravity", "0,0,0"],
+        "--gravity is 0,0,0, expected three finite numbers X,Y,Z that are not all zero",
+    ),
+    (["calibrate", PANDA, "--sign", "push"], "sign is 'push', expected pull or reaction"),
+    (["calibrate", PANDA, "--wrench-frame", "tool"], "wrench_frame is 'tool', expected sensor or base"),
+    (
+        ["calibrate", "gone.csv"],
+        "gone.csv: there is no such file, expected a readable file: check the path",
+    ),
+    (["show", "gone.json"], "gone.json: there is no such file, expected a readable file: check the path"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), USAGE)
+def test_bad_use_is_one_line_and_status_2(capsys: Capture, arguments: list[str | Path], message: str) -> None:
+    assert run(capsys, *arguments).complaint == message
+
+
+def test_data_that_cannot_give_the_answer_are_one_line_and_status_2(tmp_path: Path, capsys: Capture) -> None:
+    lines = PANDA.read_text().splitlines()
+    two_poses = written(tmp_path, "\n".join(lines[:6]))
+    assert "cannot separate" in run(capsys, "calibrate", two_poses, "-o", tmp_path / "tool.json").complaint
+    assert "--sign reaction" in run(capsys, "calibrate", PANDA, "--sign", "reaction").complaint
+    assert not (tmp_path / "tool.json").exists()
+
+
+@pytest.mark.parametrize("flag", ["--help", "-h", "--version"])
+def test_help_and_version_exit_0(capsys: Capture, flag: str) -> None:
+    done = run(capsys, flag)
+    assert (done.status, done.err) == (0, "")
+    assert (cw.__version__ if flag == "--version" else "calibrate") in done.out
+
+
+def started(*arguments: str | Path, stdout: int = subprocess.PIPE) -> subprocess.CompletedProcess[bytes]:
+    """The program in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "contactwrench", *arguments], stdout=stdout, stderr=subprocess.PIPE, check=False
+    )
+
+
+def test_the_installed_program_runs(tmp_path: Path) -> None:
+    program = Path(sysconfig.get_path("scripts")) / "contactwrench"
+    if not program.exists():
+        pytest.skip("the package is not installed in this environment")
+    name = os.fsdecode(os.fsencode(tmp_path) + b"/K\xf6ln.csv") if os.name == "posix" else str(tmp_path / "Köln.csv")
+    Path(name).write_bytes(PAPER.read_bytes())
+    done = subprocess.run([program, "calibrate", name, "--json"], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert json.loads(done.stdout)["model"] == "mount+base"
+
+
+def test_bad_input_is_no_traceback_in_a_process_of_its_own(tmp_path: Path) -> None:
+    done = started("calibrate", written(tmp_path, "fx,fy\n1,2\n"))
+    assert (done.returncode, done.stdout, done.stderr.count(b"\n")) == (2, b"", 1)
+    assert b"found no column fz" in done.stderr
+
+
+def test_a_reader_that_hangs_up_is_no_failed_check(panda_json: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = started("compensate", PANDA, "-c", panda_json, "-o", "-", stdout=writer)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_closed_stdout_is_no_traceback(panda_json: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "contactwrench", "compensate", str(PANDA), "-c", str(panda_json)]
+    shell = " ".join([*command, "-o", str(tmp_path / "out.csv"), ">&-"])
+    done = subprocess.run(["sh", "-c", shell], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert (tmp_path / "out.csv").exists()
+
+
+def test_what_is_read_is_never_overwritten(tmp_path: Path, panda_json: Path, capsys: Capture) -> None:
+    recording, cal = tmp_path / "run.csv", tmp_path / "cal.json"
+    recording.write_bytes(PANDA.read_bytes())
+    cal.write_bytes(panda_json.read_bytes())
+    other = tmp_path / "x.json"
+    for arguments, what in (
+        (("calibrate", recording, "-o", recording), "recording that is read"),
+        (("calibrate", recording, "--report", recording), "recording that is read"),
+        (("calibrate", recording, "-o", other, "--report", other), "report"),
+        (("compensate", recording, "-c", cal, "-o", recording), "recording that is read"),
+        (("compensate", recording, "-c", cal, "-o", cal), "calibration that is read"),
+    ):
+        done = run(capsys, *arguments)
+        assert done.status == 2
+        assert f"found the {what}, expected another file to write: name one" in done.err
+    assert recording.read_bytes() == PANDA.read_bytes()
+    assert cal.read_bytes() == panda_json.read_bytes()
+    assert not other.exists()
+
+
+def test_a_reading_flag_that_differs_from_the_calibrations_is_noted(panda_json: Path, capsys: Capture) -> None:
+    done = run(capsys, "compensate", PANDA, "-c", panda_json, "-o", "-")
+    assert done.err == ""
+    json = run(capsys, "calibrate", PANDA, "--json").out
+    stored = panda_json.parent / "with_flags.json"
+    stored.write_text(json)
+    done = run(capsys, "verify", PANDA, "-c", stored, "--sign", "reaction")
+    assert done.err == "Note: --sign was pull for the calibration and is reaction for this recording\n"
+    assert run(capsys, "verify", PANDA, "-c", stored).err == ""
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+def test_a_full_disk_behind_stdout_is_one_line(panda_json: Path) -> None:
+    for arguments in (("show", panda_json), ("compensate", PANDA, "-c", panda_json, "-o", "-")):
+        with FULL.open("w") as full:
+            done = started(*map(str, arguments), stdout=full.fileno())
+        assert done.returncode == 2
+        assert done.stderr.decode() == (
+            "contactwrench: standard output cannot be written (No space left on device): check where it goes\n"
+        )
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+def test_a_full_disk_behind_a_file_is_one_line(panda_json: Path, capsys: Capture) -> None:
+    message = "/dev/full: cannot be written (no space left on device): check the space on the disk and the permissions"
+    assert run(capsys, "calibrate", PANDA, "-o", FULL).complaint == message
+    assert run(capsys, "compensate", PANDA, "-c", panda_json, "-o", FULL).complaint == message

@@ -1,0 +1,59 @@
+"""`contactwrench demo` and the examples: what a newcomer runs first."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.cli.demonstration import demonstrate
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("demo") / "deep" / "folder"
+    said: list[str] = []
+    demonstrate(folder, said.append)
+    return folder, " ".join(" ".join(said).split())
+
+
+def test_it_writes_recordings_calibrations_contact_wrenches_and_one_report(demo: tuple[Path, str]) -> None:
+    folder, words = demo
+    names = {path.name for path in folder.iterdir()}
+    for one in ("panda_mini45", "paper_six_poses"):
+        assert {f"{one}.csv", f"{one}.json", f"{one}_contact.csv"} <= names
+        cw.Calibration.load(folder / f"{one}.json")
+    assert {name for name in names if name.endswith(".html")} == {"report.html"}
+    assert str(folder) in words
+
+
+def test_it_says_what_the_results_mean(demo: tuple[Path, str]) -> None:
+    _, words = demo
+    assert "A tool of 0.789 +- 0.003 kg; the set's authors found 0.788 kg" in words
+    assert "mounted flipped and turned by 105 deg" in words
+    assert "shows the tool 7 % lighter than along another" in words
+    assert "Warning no rigid tool explains these readings" in words
+    assert "six poses cannot fix the weight" in words
+    assert "condition number 46" in words
+    assert "weight and bias_fz: correlation -0.999" in words
+    assert "Table V (1.980 N) does not follow" in words
+    assert "demand 9.29 N or more" in words
+
+
+def test_the_panda_set_is_left_with_the_noise_of_its_poses(demo: tuple[Path, str]) -> None:
+    table = np.genfromtxt(demo[0] / "panda_mini45_contact.csv", delimiter=",", names=True)
+    force = np.column_stack([table[name] for name in ("fx", "fy", "fz")])
+    assert np.sqrt(np.mean(np.sum(force**2, axis=1))) == pytest.approx(0.244, rel=0.02)
+    assert np.all(table["fx_std"] > 0.0)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_run(
+    example: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(example), run_name="__main__")
+    assert capsys.readouterr().out

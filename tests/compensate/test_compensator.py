@@ -1,0 +1,397 @@
+"""The Compensator on tools whose readings are known: what comes out, how sure it is, when something touches."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import butter, lfilter, sosfilt, sosfilt_zi
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
+from contactwrench.compensate.contact_wrenches import ContactWrenchBatch
+from contactwrench.compensate.filters import LowPass
+from contactwrench.errors import InputError, MissingExtraError
+from tests.support.live import RATE, calibrated, free, still, swinging, times
+from tests.support.rigs import NOISE, seeds
+from tests.support.world import Array, readings
+
+EVERYTHING: dict[str, Any] = {
+    "rate": RATE,
+    "noise": NOISE,
+    "lowpass": LowPass(60.0, 3),
+    "sensor_filter": 80.0,
+    "delay": 0.0123,
+    "drift": TYPICAL_DRIFT,
+    "temperature_coefficient": np.full(6, 0.01),
+}
+
+
+def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    return cw.Compensator(calibration, noise=NOISE, **({"rate": RATE, "fast": False} | settings))
+
+
+def _same(one: ContactWrenchBatch, other: ContactWrenchBatch) -> None:
+    for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold"):
+        assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True), name
+    assert one.reason == other.reason
+    assert [(c.onset, c.release, c.mean.tolist()) for c in one.contacts] == [
+        (c.onset, c.release, c.mean.tolist()) for c in other.contacts
+    ]
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=seeds)
+def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> None:
+    calibration, rig, rng = calibrated(seed, exact=True)
+    R = swinging(rng, 50)
+    contact = rng.normal(size=(50, 6))
+    compensator = _plain(calibration)
+    batch = compensator.run(readings(rig, R) + contact, Rotation.from_matrix(R).as_quat(), times(50))
+    assert np.abs(batch.wrench - contact).max() < 1e-7
+    assert batch.valid.all()
+
+
+@settings(deadline=None, max_examples=8)
+@given(seed=seeds)
+def test_a_free_tool_is_zero_within_its_std(seed: int) -> None:
+    calibration, rig, rng = calibrated(seed)
+    R = swinging(rng, 400)
+    batch = _plain(calibration).run(free(rig, R, rng), R, times(400))
+    z = batch.wrench / batch.std
+    assert np.abs(z).max() < 6.5
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.7
+
+
+@settings(deadline=None, max_examples=8)
+@given(seed=seeds)
+def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
+    calibration, rig, rng = calibrated(seed)
+    R = swinging(rng, 60)
+    wrench, turn = free(rig, R, rng), Rotation.random(random_state=rng).as_matrix()
+    here = _plain(calibration, drift=TYPICAL_DRIFT).run(wrench, R, times(60))
+    gravity = turn @ calibration.gravity_direction
+    there = _plain(calibration, drift=TYPICAL_DRIFT, gravity=gravity).run(wrench, turn @ R, times(60))
+    assert there.wrench == pytest.approx(here.wrench, abs=1e-9)
+    assert there.std == pytest.approx(here.std, rel=1e-6)
+
+
+def _eventful(seed: int, n: int = 700) -> tuple[cw.Calibration, Array, Array, Array, Array]:
+    """A calibration; readings with a contact, a NaN and a gap; quaternions, stamps and temperatures."""
+    calibration, rig, rng = calibrated(seed)
+    R = swinging(rng, n)
+    wrench, t = free(rig, R, rng), times(n)
+    wrench[150:300, 1] += 2.0
+    wrench[400, 3] = np.nan
+    t[500:] += 0.4
+    return calibration, wrench, Rotation.from_matrix(R).as_quat(), t, np.linspace(20.0, 21.0, n)
+
+
+@settings(deadline=None, max_examples=6)
+@given(seed=seeds, cuts=st.lists(st.integers(0, 700), max_size=4), given_rate=st.booleans())
+def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bool) -> None:
+    calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
+    settings = EVERYTHING | {"fast": False} | ({} if given_rate else {"rate": None})
+    whole = cw.Compensator(calibration, **settings).run(wrench, quat_xyzw, t, heat)
+    parts = cw.Compensator(calibration, **settings)
+    edges = [0, *sorted(cuts), 700]
+    batches = [parts.run(wrench[a:b], quat_xyzw[a:b], t[a:b], heat[a:b]) for a, b in pairwise(edges)]
+    assert np.array_equal(np.concatenate([batch.wrench for batch in batches]), whole.wrench, equal_nan=True)
+    assert sum((batch.reason for batch in batches), ()) == whole.reason
+    assert [c.onset for batch in batches for c in batch.contacts] == [c.onset for c in whole.contacts]
+    single = cw.Compensator(calibration, **settings)
+    for k in range(700):
+        sample = single(wrench[k], quat_xyzw[k], t[k], heat[k])
+        assert np.array_equal(sample.wrench, whole.wrench[k], equal_nan=True)
+        assert np.array_equal(sample.std, whole.std[k], equal_nan=True)
+        assert (sample.t, sample.valid, sample.reason) == (whole.t[k], whole.valid[k], whole.reason[k])
+        assert sample.contact == {1: True, 0: False, -1: None}[int(whole.contact[k])]
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+def test_compiled_is_plain() -> None:
+    for seed in (1, 2):
+        calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
+        R = Rotation.from_quat(quat_xyzw).as_matrix()
+        plain, compiled = (cw.Compensator(calibration, fast=fast, **EVERYTHING) for fast in (False, True))
+        for orientation in (quat_xyzw, R):
+            one, other = (each.run(wrench, orientation, t, heat) for each in (plain, compiled))
+            for name in ("wrench", "std", "statistic"):
+                assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-9, abs=1e-9, nan_ok=True)
+            assert np.array_equal(one.contact, other.contact)
+            assert one.reason == other.reason
+            assert len(one.contacts) == len(other.contacts) >= 1
+            t = t + 10.0
+        single, batch = compiled(wrench[0], R[0], t[0] + 10.0), plain(wrench[0], R[0], t[0] + 10.0)
+        assert single.wrench == pytest.approx(batch.wrench)
+        assert single.contact is batch.contact is None
+        for k in range(1, 14):  # the delay is over
+            single, batch = compiled(wrench[k], R[k], t[k] + 10.0), plain(wrench[k], R[k], t[k] + 10.0)
+        assert single.contact is batch.contact is False
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+def test_nothing_is_compiled_at_the_first_sample() -> None:
+    """A sample of another kind of array than at construction (read-only, transposed) compiles nothing either."""
+    from contactwrench.compensate.step import compiled
+
+    calibration, rig, rng = calibrated(3)
+    compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, fast=True)
+    kernel: Any = compiled()
+    before = len(kernel.signatures)
+    R = swinging(rng, 20)
+    samples = cw.Samples(free(rig, R, rng), R, times(20))
+    compensator.run(samples.wrench, samples.R_base_flange, times(20))
+    compensator(samples.wrench[3], R[3].T.copy().T, 101.0)
+    compensator([0.0] * 6, [0.0, 0.0, 0.0, 1.0], 102)
+    compensator.run(np.asfortranarray(samples.wrench), R.astype(np.float32), times(20) + 10.0)
+    assert len(kernel.signatures) == before
+
+
+def test_the_low_pass_is_scipys_and_starts_at_rest() -> None:
+    calibration, rig, rng = calibrated(4, exact=True)
+    R = swinging(rng, 300)
+    push = rng.normal(size=(300, 6)) + 5.0
+    batch = _plain(calibration, lowpass=LowPass(30.0, 4)).run(readings(rig, R) + push, R, times(300))
+    sections = butter(4, 30.0, fs=RATE, output="sos")
+    start = sosfilt_zi(sections)[:, :, None] * push[0]
+    expected, _ = sosfilt(sections, push, axis=0, zi=start)
+    assert batch.wrench == pytest.approx(expected, abs=1e-6)
+    assert np.abs(batch.wrench[0] - push[0]).max() < 1e-6
+
+
+def test_the_rate_is_taken_from_the_stamps() -> None:
+    """From the 26th sample on the filter is that of the rate that the stamps have."""
+    calibration, rig, rng = calibrated(5, exact=True)
+    R, push = swinging(rng, 400), rng.normal(size=(400, 6))
+    wrench, t = readings(rig, R) + push, times(400, 500.0)
+    found = _plain(calibration, rate=None, lowpass=20.0).run(wrench, R, t)
+    assert found.wrench[:25] == pytest.approx(push[:25], abs=1e-6)
+    told = _plain(calibration, rate=500.0, lowpass=20.0).run(wrench[25:], R[25:], t[25:])
+    assert found.wrench[25:] == pytest.approx(told.wrench, abs=1e-6)
+    assert found.valid.all()
+
+
+def _turn(rig: Any, rng: np.random.Generator, delay: float, cutoff: float | None) -> tuple[Array, Array, Array]:
+    """Readings (n, 6) and orientations of a smooth turn up to 60 deg/s, behind the sensor's filter and a delay."""
+    fine, n = 10, 26_000
+    t = np.arange(n) / (fine * RATE)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    begin = Rotation.random(random_state=rng)
+
+    def course(at: Array) -> Array:
+        angle = 2.0 * np.deg2rad(60.0) / np.pi * (1.0 - np.cos(np.pi * np.clip(at - 0.3, 0.0, 2.0) / 2.0))
+        matrices: Array = (begin * Rotation.from_rotvec(angle[:, None] * axis)).as_matrix()
+        return matrices
+
+    wrench = readings(rig, course(t - delay))
+    if cutoff is not None:
+        kept = np.exp(-2.0 * np.pi * cutoff / (fine * RATE))
+        wrench = wrench[0] + lfilter([1.0 - kept], [1.0, -kept], wrench - wrench[0], axis=0)
+    wrench += 1e-4 * NOISE * rng.normal(size=wrench.shape)
+    return wrench[::fine], course(t)[::fine], t[::fine] + 7.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_behind_the_sensors_filter_no_gravity_is_left_over(seed: int) -> None:
+    calibration, rig, rng = calibrated(seed, exact=True)
+    wrench, R, t = _turn(rig, rng, 0.0, 10.0)
+    without, left = (
+        np.linalg.norm(_plain(calibration, sensor_filter=each).run(wrench, R, t).wrench[:, :3], axis=1).max()
+        for each in (None, 10.0)
+    )
+    assert without > 0.01 * rig.weight
+    assert without > 20.0 * left
+
+
+@pytest.mark.parametrize(("delay", "ratio"), [(0.0273, 100.0), (0.004, 100.0), (-0.015, 10.0)])
+def test_the_delay_is_taken_into_account(delay: float, ratio: float) -> None:
+    calibration, rig, rng = calibrated(11, exact=True)
+    wrench, R, t = _turn(rig, rng, delay, None)
+    without, left = (
+        np.linalg.norm(_plain(calibration, delay=each).run(wrench, R, t).wrench[:, :3], axis=1).max()
+        for each in (0.0, delay)
+    )
+    assert without > ratio * left
+
+
+def test_the_calibrations_delay_counts_where_it_is_significant() -> None:
+    from dataclasses import replace
+
+    calibration, _, _ = calibrated(6)
+    assert _plain(calibration).delay == 0.0
+    assert _plain(replace(calibration, delay=0.01, delay_std=0.001)).delay == 0.01
+    assert _plain(replace(calibration, delay=0.01, delay_std=0.005)).delay == 0.0
+    assert _plain(replace(calibration, delay=0.01, delay_std=0.001), delay=0.0).delay == 0.0
+
+
+def test_the_bias_is_learned_in_free_space_and_kept_in_contact() -> None:
+    calibration, rig, rng = calibrated(7)
+    n = 6000
+    R = still(rng, n)
+    wrench, moved = free(rig, R, rng), np.array([0.1, -0.08, 0.05, 0.004, 0.003, -0.003])
+    wrench += np.minimum(np.arange(n) / 3000.0, 1.0)[:, None] * moved
+    wrench[4000:5500, 2] -= 1.0
+    follows = _plain(calibration, drift=100.0 * TYPICAL_DRIFT)
+    follows.run(wrench[:4000], R[:4000], times(n)[:4000])
+    learned = follows.drift + calibration.predict(R[0]) - readings(rig, R[:1])[0]
+    assert learned == pytest.approx(moved, abs=0.3 * NOISE.max())
+    before = follows.drift
+    batch = follows.run(wrench[4000:5500], R[4000:5500], times(n)[4000:5500])
+    assert np.array_equal(before, follows.drift)
+    assert batch.contact[20:].all()
+    assert batch.std[1400, 0] > batch.std[100, 0]
+    stays = _plain(calibration)
+    stays.run(wrench, R, times(n))
+    assert not stays.drift.any()
+
+
+def test_temperature_moves_the_bias_as_told() -> None:
+    calibration, rig, rng = calibrated(8, exact=True)
+    R, heat = swinging(rng, 200), np.linspace(20.0, 30.0, 200)
+    per_kelvin = np.array([0.1, -0.2, 0.05, 0.001, 0.0, 0.002])
+    wrench = readings(rig, R) + np.outer(heat - 20.0, per_kelvin)
+    batch = _plain(calibration, temperature_coefficient=per_kelvin).run(wrench, R, times(200), heat)
+    assert np.abs(batch.wrench).max() < 1e-6
+    without = _plain(calibration).run(wrench, R, times(200), heat)
+    assert np.abs(without.wrench[-1]).max() == pytest.approx(2.0, abs=1e-3)
+    unknown = _plain(calibration, temperature_coefficient=per_kelvin)(wrench[0], R[0], 1.0)
+    assert np.abs(unknown.wrench).max() < 1e-6
+
+
+def test_std_has_calibration_and_noise() -> None:
+    calibration, rig, rng = calibrated(9)
+    R = still(rng, 500)
+    sample = _plain(calibration)(free(rig, R, rng)[0], R[0], 0.0)
+    assert sample.std == pytest.approx(np.hypot(calibration.wrench_std(R[0]), NOISE), rel=0.3)
+    assert (sample.std >= np.hypot(calibration.wrench_std(R[0]), NOISE) * (1.0 - 1e-9)).all()
+    filtered = _plain(calibration, lowpass=10.0).run(free(rig, R, rng), R, times(500))
+    assert filtered.std[0] == pytest.approx(sample.std)
+    assert (filtered.std[-1] < 0.7 * sample.std).all()
+    assert (filtered.std[-1] >= calibration.wrench_std(R[0])).all()
+
+
+@pytest.mark.parametrize("drift", [None, TYPICAL_DRIFT])
+def test_std_is_honest_after_turns(drift: Array | None) -> None:
+    """Mean readings of random tools, with a Compensator that has seen other orientations before, in stated stds."""
+    z = []
+    for seed in range(20):
+        calibration, rig, rng = calibrated(seed)
+        compensator = _plain(calibration, drift=drift)
+        for k in range(4):
+            R = still(rng, 400)
+            batch = compensator.run(free(rig, R, rng), R, times(400) + 0.4 * k)
+            first = batch.wrench[:50].mean(axis=0)
+            systematic = batch.std[0] ** 2 - NOISE**2
+            z.append(first / np.sqrt(systematic + NOISE**2 / 50.0))
+    rms = np.sqrt(np.mean(np.square(z)))
+    assert 0.8 < rms < 1.15
+    assert np.mean(np.abs(z) > 1.96) < 0.08
+
+
+def test_results_are_read_only() -> None:
+    calibration, rig, rng = calibrated(10)
+    R = still(rng, 3)
+    wrench, compensator = free(rig, R, rng), _plain(calibration)
+    sample, batch = compensator(wrench[0], R[0], 0.0), compensator.run(wrench, R, times(3))
+    for array in (sample.wrench, sample.std, batch.wrench, batch.contact, compensator.drift):
+        assert not array.flags.writeable
+    assert len(batch) == 3
+    kept = sample.wrench.copy()
+    compensator(wrench[1], R[1], 200.0)
+    assert np.array_equal(sample.wrench, kept)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rate": 0.0}, "rate is 0 Hz, expected a positive number"),
+        (
+            {"noise": np.ones(3)},
+            "noise has shape (3,), expected (6,) standard deviations of a sample, or a recording at",
+        ),
+        ({"noise": -np.ones(6)}, "noise is -1 on one axis, expected standard deviations of 0 or more"),
+        ({"delay": 20.0}, "delay is 20 s, expected at most 10 s either way"),
+        ({"delay": np.nan}, "delay is nan s, expected at most 10 s either way"),
+        ({"drift": -np.ones(6)}, "drift is [-1.0, -1.0, -1.0, -1.0, -1.0, -1.0], expected six positive finite numbers"),
+        ({"ranges": np.ones(2)}, "range is [1.0, 1.0], expected six positive finite numbers"),
+        ({"false_alarm_rate": 0.5}, "false-alarm rate is 0.5, expected 1e-9 to 0.01 per sample"),
+        ({"minimum_duration": -1.0}, "minimum duration is -1 s, expected a positive number"),
+        ({"lowpass": 600.0}, "cut-off of a low-pass is 600 Hz at 1000 Hz, expected less than half the rate"),
+        ({"gravity": np.zeros(3)}, "gravity is 0,0,0, expected three finite numbers"),
+    ],
+)
+def test_settings_that_cannot_be_meant(settings: dict[str, Any], message: str) -> None:
+    calibration, _, _ = calibrated(1)
+    with pytest.raises(InputError) as caught:
+        cw.Compensator(calibration, **({"rate": RATE, "fast": False} | settings))
+    assert str(caught.value).startswith(message)
+
+
+def test_shapes_are_refused() -> None:
+    calibration, _, _ = calibrated(1)
+    compensator = _plain(calibration)
+    with pytest.raises(InputError) as caught:
+        compensator(np.zeros(5), np.eye(3), 0.0)
+    assert str(caught.value) == ("wrench and orientation have shapes (5,) and (3, 3), expected (6,) and (3, 3) or (4,)")
+    with pytest.raises(InputError) as caught:
+        compensator.run(np.zeros((5, 6)), np.zeros((4, 4)), np.zeros(5))
+    assert str(caught.value) == (
+        "orientation, t and temperature have shapes (4, 4), (5,) and (5,), expected (5, 3, 3) or (5, 4), (5,) and (5,) "
+        "for 5 readings"
+    )
+    assert len(compensator.run(np.zeros((0, 6)), np.zeros((0, 4)), np.zeros(0))) == 0
+
+
+def test_memory_does_not_grow() -> None:
+    calibration, rig, rng = calibrated(2)
+    R = swinging(rng, 1000)
+    wrench = free(rig, R, rng)
+    compensator = cw.Compensator(calibration, **(EVERYTHING | {"fast": False}))
+    import tracemalloc
+
+    def thousand(start: float) -> None:
+        for k in range(1000):
+            compensator(wrench[k], R[k], start + k / RATE)
+
+    thousand(0.0)
+    tracemalloc.start()
+    thousand(1.0)
+    before = tracemalloc.get_traced_memory()[0]
+    thousand(2.0)
+    thousand(3.0)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 2000
+
+
+def test_a_compiled_step_without_numba_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    from contactwrench.compensate.step import compiled
+
+    calibration, _, _ = calibrated(1)
+    compiled.cache_clear()
+    monkeypatch.setitem(sys.modules, "numba", None)
+    with pytest.raises(MissingExtraError) as caught:
+        cw.Compensator(calibration, fast=True)
+    assert str(caught.value) == (
+        "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
+    )
+    compiled.cache_clear()
+
+
+def test_import_stays_light() -> None:
+    script = (
+        "import sys, contactwrench as cw\n"
+        "print(sorted({name.partition('.')[0] for name in sys.modules} & {'scipy', 'numba'}), cw.Compensator.__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[] Compensator\n"

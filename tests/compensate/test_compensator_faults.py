@@ -1,0 +1,307 @@
+"""What can be wrong with a sample: flagged where it is, not flagged where it only looks like it, and overcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.compensate.contact_wrenches import ContactWrenchBatch
+from tests.support.live import RATE, calibrated, free, still, swinging, times
+from tests.support.rigs import NOISE
+from tests.support.world import Array, readings
+
+N = 3000
+
+
+def _run(R: Array, change: Callable[[Array], object] | None = None, **settings: Any) -> ContactWrenchBatch:
+    """A free tool at orientations (n, 3, 3), its readings changed."""
+    calibration, rig, rng = calibrated(1)
+    wrench = free(rig, R, rng)
+    if change is not None:
+        change(wrench)
+    return _compensator(calibration, **settings).run(wrench, R, times(len(R)))
+
+
+def _compensator(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    usual: dict[str, Any] = {"rate": RATE, "noise": NOISE, "lowpass": 50.0, "fast": False}
+    return cw.Compensator(calibration, **(usual | settings))
+
+
+def _words(batch: ContactWrenchBatch) -> set[str]:
+    return {reason.partition(":")[0] for reason in batch.reason if reason}
+
+
+def _swing(n: int = N, speed: float = 0.5) -> Array:
+    return swinging(np.random.default_rng(2), n, speed)
+
+
+def test_a_good_recording_has_nothing_to_flag() -> None:
+    for R in (_swing(), still(np.random.default_rng(3), N)):
+        batch = _run(R)
+        assert batch.valid.all()
+        assert set(batch.reason) == {None}
+
+
+@pytest.mark.parametrize(
+    ("break_it", "reason"),
+    [
+        (lambda w, q, t: w.__setitem__((1000, 4), np.nan), "reading: ty is nan"),
+        (lambda w, q, t: w.__setitem__((1000, 0), -np.inf), "reading: fx is -inf"),
+        (lambda w, q, t: q.__setitem__((1000, 1), np.nan), "orientation: not a number"),
+        (
+            lambda w, q, t: q.__setitem__(1000, 1.1 * q[1000]),
+            "orientation: its squared length is 1.21, expected 1 within",
+        ),
+        (lambda w, q, t: t.__setitem__(1000, np.nan), "time: nan is no time"),
+        (lambda w, q, t: t.__setitem__(1000, t[999]), "time: 100.999000 s again"),
+    ],
+)
+def test_what_cannot_be_computed_is_nan_and_the_next_sample_is_as_if_it_had_not_been(
+    break_it: Callable[[Array, Array, Array], None], reason: str
+) -> None:
+    calibration, rig, rng = calibrated(4)
+    R = _swing()
+    wrench, quat_xyzw, t = free(rig, R, rng), Rotation.from_matrix(R).as_quat(), times(N)
+    left_out = [np.delete(each, 1000, axis=0) for each in (wrench, quat_xyzw, t)]
+    break_it(wrench, quat_xyzw, t)
+    batch = _compensator(calibration).run(wrench, quat_xyzw, t)
+    assert str(batch.reason[1000]).startswith(reason)
+    assert np.isnan(batch.wrench[1000]).all()
+    assert np.isnan(batch.std[1000]).all()
+    assert batch.contact[1000] == -1
+    assert np.flatnonzero(~batch.valid).tolist() == [1000]
+    without = _compensator(calibration).run(*left_out)
+    assert np.array_equal(np.delete(batch.wrench, 1000, axis=0), without.wrench)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [np.diag([1.0, 1.0, -1.0]), np.zeros((3, 3)), 1.2 * np.eye(3), np.eye(3) + 0.2 * np.eye(3, k=1), np.ones((3, 3))],
+)
+def test_a_matrix_that_is_no_rotation(matrix: Array) -> None:
+    calibration, _, _ = calibrated(5)
+    sample = _compensator(calibration)(np.zeros(6), matrix, 1.0)
+    assert not sample.valid
+    assert str(sample.reason).startswith("orientation: its squared length is")
+    rounded = Rotation.from_rotvec([0.3, -0.2, 0.9]).as_matrix().round(3)
+    assert _compensator(calibration)(np.zeros(6), rounded, 1.0).valid
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+@pytest.mark.parametrize("element", range(9))
+def test_an_element_of_a_matrix_that_is_no_number_spoils_its_sample_alone(element: int, broken: float) -> None:
+    calibration, rig, rng = calibrated(5)
+    R = still(rng, 50)
+    wrench, t = free(rig, R, rng), times(50)
+    R[20].reshape(9)[element] = broken
+    batch = _compensator(calibration, sensor_filter=10.0).run(wrench, R, t)
+    assert np.flatnonzero(~batch.valid).tolist() == [20]
+    assert batch.reason[20] == "orientation: not a number"
+    assert np.flatnonzero(np.isnan(batch.wrench).any(axis=1)).tolist() == [20]
+
+
+def test_a_missing_second() -> None:
+    """One flagged sample; after it the filter starts at the reading, and the contact that was on is over."""
+    calibration, rig, rng = calibrated(6)
+    R = still(rng, N)
+    wrench, t = free(rig, R, rng), times(N)
+    wrench[900:1000, 2] += 3.0
+    t[1000:] += 1.0
+    batch = _compensator(calibration).run(wrench, R, t)
+    assert batch.reason[1000] == "gap: nothing for 1.001 s, filters start anew"
+    assert np.flatnonzero(~batch.valid).tolist() == [1000]
+    assert np.abs(batch.wrench[1000:1010, 2]).max() < 5.0 * batch.std[1000, 2]
+    assert [contact.release for contact in batch.contacts] == [t[999]]
+    assert batch.contact[1001] == 0
+    short = times(N)
+    short[1000:] += 0.05
+    assert _compensator(calibration).run(wrench, R, short).valid.all()
+
+
+@pytest.mark.parametrize(("delay", "back"), [(0.05, 50), (-0.05, 50), (-0.004, 20), (0.0, 0)])
+@pytest.mark.parametrize("fast", [False, None])
+def test_what_the_delay_asks_for_is_not_known_at_first(delay: float, back: int, fast: bool | None) -> None:
+    """An arm that turns at 60 deg/s from the start and through a gap: what is left with an orientation that is not the
+    wrench's is flagged, and taken for no contact.
+    """
+    calibration, rig, _ = calibrated(2, exact=True)
+    t = times(N)
+    t[1000:] += 1.0
+
+    def turn(at: Array) -> Array:
+        axis = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+        matrices: Array = (
+            Rotation.random(random_state=3) * Rotation.from_rotvec(np.outer((at - 100.0) * 1.05, axis))
+        ).as_matrix()
+        return matrices
+
+    compensator = _compensator(calibration, delay=delay, lowpass=None, fast=fast)
+    batch = compensator.run(readings(rig, turn(t - delay)), turn(t), t)
+    not_known = np.r_[0:back, 1001 : 1000 + back] if back else np.empty(0, int)
+    assert batch.valid[np.r_[back + 1 : 1000, 1001 + back : N]].all()
+    assert not batch.valid[not_known].any()
+    assert {str(batch.reason[k]) for k in not_known.tolist()} == (
+        {f"orientation: that of {0.001 * back:.3g} s before, which the delay asks for, is not known yet"}
+        if back
+        else set()
+    )
+    assert not (batch.contact == 1).any()
+    assert np.abs(batch.wrench[batch.valid, :3]).max() < 0.02
+
+
+def test_one_glitch_before_a_fault_and_one_after_it_are_no_contact() -> None:
+    calibration, rig, rng = calibrated(1)
+    R, t = still(rng, N), times(N)
+    wrench = free(rig, R, rng)
+    stuck = slice(1000, 1900)
+    wrench[stuck, 4] = wrench[1000, 4]
+    flagged = np.flatnonzero(~_compensator(calibration, lowpass=None).run(wrench, R, t).valid)
+    assert 1000 < flagged[0] < flagged[-1] == 1899
+    wrench[[flagged[0] - 1, 1901, 1902], 0] += 5.0
+    batch = _compensator(calibration, lowpass=None).run(wrench, R, t)
+    assert (batch.statistic > batch.threshold)[[flagged[0] - 1, 1901, 1902]].all()
+    assert not batch.contacts
+
+
+def test_a_clock_that_jumps_back() -> None:
+    calibration, rig, rng = calibrated(7)
+    R = still(rng, N)
+    t = times(N)
+    t[1000:] -= 50.0
+    batch = _compensator(calibration, drift=0.1 * NOISE).run(free(rig, R, rng), R, t)
+    assert batch.reason[1000] == "time: jumped back by 49.999 s"
+    assert np.flatnonzero(~batch.valid).tolist() == [1000]
+    assert not batch.contacts
+
+
+def _stick(channel: int, begin: int, end: int) -> Callable[[Array], None]:
+    def change(wrench: Array) -> None:
+        wrench[begin:end, channel] = wrench[begin, channel]
+
+    return change
+
+
+def test_a_stuck_channel() -> None:
+    batch = _run(_swing(), _stick(4, 1000, 2000))
+    assert _words(batch) == {"stuck"}
+    flagged = np.flatnonzero(~batch.valid)
+    assert flagged[0] <= 1000 + 150
+    assert flagged.tolist() == list(range(flagged[0], 2000))
+    assert batch.reason[1500] == "stuck: ty has not moved for 500 readings while others did"
+    assert (batch.contact[flagged] == -1).all()
+    assert np.abs(batch.wrench[2000:] / batch.std[2000:]).max() < 6.5
+
+
+def test_a_short_repeat_and_a_coarse_sensor_are_not_stuck() -> None:
+    assert _run(_swing(), _stick(4, 1000, 1030)).valid.all()
+
+    def coarse(wrench: Array) -> None:
+        step = 2.0 * NOISE
+        wrench[:] = np.round(wrench / step) * step
+
+    for R in (_swing(), still(np.random.default_rng(3), N)):
+        assert _run(R, coarse).valid.all()
+
+
+def test_a_driver_that_repeats_each_reading_of_a_slower_sensor() -> None:
+    def repeat(wrench: Array) -> None:
+        wrench[:] = np.repeat(wrench[::20], 20, axis=0)[: len(wrench)]
+
+    batch = _run(_swing(), repeat)
+    assert batch.valid.all()
+    assert not batch.contacts
+    assert np.sqrt(np.mean((batch.wrench / batch.std)[1000:] ** 2)) == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_reading_that_stops_altogether() -> None:
+    def stop(wrench: Array) -> None:
+        wrench[1500:2500] = wrench[1500]
+
+    batch = _run(_swing(), stop)
+    flagged = np.flatnonzero(~batch.valid)
+    assert 1500 + 200 <= flagged[0] < 1500 + 300
+    assert flagged[-1] == 2499
+    assert str(batch.reason[2400]) == "stuck: the whole reading has not moved for 0.9 s"
+
+
+@pytest.mark.parametrize("lost", ["overload", "saturated"])
+def test_a_saturated_channel(lost: str) -> None:
+    """With the ranges told at once, naming the channel; without, once it has not moved for too long."""
+    calibration, rig, rng = calibrated(8)
+    R = still(rng, 1500)
+    wrench = free(rig, R, rng)
+    sign, limit = np.sign(wrench[0, 2]), abs(wrench[0, 2]) + 20.0
+    wrench[1000:, 2] = np.clip(wrench[1000:, 2] + 30.0 * sign, -limit, limit)
+    ranges = np.full(6, 1e3)
+    ranges[2] = limit
+    batch = _compensator(calibration, **({"ranges": ranges} if lost == "overload" else {})).run(wrench, R, times(1500))
+    assert batch.valid[:1000].all()
+    if lost == "overload":
+        assert batch.reason[1000] == f"overload: fz reads {sign * limit:.6g} N, at or beyond its range"
+        assert batch.contact[1050] == 1
+    assert str(batch.reason[1200]).startswith(("overload", "stuck: fz"))
+
+
+def _held(R: Array, every: int) -> Array:
+    """Poses that come once in `every` samples."""
+    return np.repeat(R[::every], every, axis=0)[: len(R)]
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_a_frozen_orientation_of_an_arm_that_was_turning(every: int) -> None:
+    calibration, rig, rng = calibrated(9)
+    R = _swing(N, speed=1.5)
+    told = _held(R, every)
+    told[600:1200] = told[600]
+    batch = _compensator(calibration).run(free(rig, R, rng), told, times(N))
+    flagged = np.flatnonzero([reason is not None and reason.startswith("frozen") for reason in batch.reason])
+    assert 600 < flagged[0] <= 600 + 8 * every + 20
+    assert flagged.tolist() == list(range(flagged[0], 1200))
+    assert str(batch.reason[1150]).startswith("frozen: the orientation has not moved for 0.5")
+    assert (batch.contact[flagged] == -1).all()
+    assert batch.valid[1200:].all()
+    assert np.abs(batch.wrench[1300:2000, 2]).max() < (6.0 if every == 1 else 1e9) * batch.std[1300, 2]
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_an_arm_that_stops_and_is_quite_still_is_not_frozen(every: int) -> None:
+    """At 5 rad/s^2, poses at 1 kHz or 100 Hz; while it rests its pose repeats exactly."""
+    calibration, rig, rng = calibrated(10)
+    t = np.arange(N) / RATE
+    speed = np.clip(1.5 - 5.0 * np.maximum(t - 1.0, 0.0), 0.0, None)
+    angle = np.cumsum(speed) / RATE
+    R = (Rotation.random(random_state=rng) * Rotation.from_rotvec(np.outer(angle, [0.6, 0.0, 0.8]))).as_matrix()
+    batch = _compensator(calibration).run(free(rig, R, rng), _held(R, every), times(N))
+    assert batch.valid.all()
+
+
+def test_an_orientation_that_always_jittered_and_now_repeats() -> None:
+    calibration, rig, rng = calibrated(11)
+    R = still(rng, N)
+    jitter = Rotation.from_rotvec(1e-6 * rng.normal(size=(N, 3))).as_matrix()
+    told = jitter @ R
+    told[2000:] = told[2000]
+    wrench = free(rig, R, rng)
+    batch = _compensator(calibration).run(wrench, told, times(N))
+    assert batch.valid[:2200].all()
+    assert not batch.valid[2300:].any()
+    assert _words(batch) == {"frozen"}
+    quantised = np.round(jitter @ R, 6)
+    assert _compensator(calibration).run(wrench, R, times(N)).valid.all()
+    assert _compensator(calibration).run(wrench, quantised, times(N)).valid[:2000].all()
+
+
+def test_after_every_fault_the_filter_is_at_the_reading_again() -> None:
+    """Through a low-pass of 2 Hz nothing of what went on during the fault is left."""
+    calibration, rig, rng = calibrated(12, exact=True)
+    R = _swing()
+    wrench = readings(rig, R) + 1e-3 * NOISE * rng.normal(size=(N, 6))
+    wrench[1000:1600, 1] = 500.0
+    batch = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=2.0, fast=False).run(wrench, R, times(N))
+    assert _words(batch) == {"stuck"}
+    assert np.abs(batch.wrench[1600:, 1]).max() < 0.01

@@ -1,0 +1,252 @@
+"""The test for contact against scipy's distributions and drawn noise; contacts, their times, and new zeros."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2, f
+
+import contactwrench as cw
+from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
+from contactwrench.compensate.contact_detection import satterthwaite, thresholds, whitening
+from contactwrench.compensate.contact_wrenches import Contact, ContactWrenchBatch
+from contactwrench.compensate.filters import LowPass
+from contactwrench.compensate.noise import noise_of_sample
+from contactwrench.errors import InputError
+from tests.support.live import RATE, calibrated, free, still, swinging, times
+from tests.support.rigs import NOISE, example
+from tests.support.world import Array, noisy_readings, random_rotations, readings
+
+
+def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    usual: dict[str, Any] = {"rate": RATE, "noise": NOISE, "fast": False}
+    return cw.Compensator(calibration, **(usual | settings))
+
+
+@pytest.mark.parametrize("rate", [1e-6, 1e-4, 0.01])
+def test_thresholds_are_chi_square_or_f(rate: float) -> None:
+    found = thresholds(rate)
+    assert found.at(0.0) == pytest.approx((chi2.isf(rate, 6), chi2.isf(0.01, 6)), rel=1e-4)
+    assert found.at(30.0) == pytest.approx((6.0 * f.isf(rate, 6, 30), 6.0 * f.isf(0.01, 6, 30)), rel=1e-2)
+
+
+def test_whitening_and_the_share_that_was_estimated() -> None:
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(6, 6))
+    S = A @ A.T + np.eye(6)
+    W = whitening(S)
+    assert pytest.approx(np.eye(6)) == W @ S @ W.T
+    assert satterthwaite(W, S, 20.0) == pytest.approx(20.0)
+    assert satterthwaite(W, 0.5 * S, 20.0) == pytest.approx(80.0)
+    assert satterthwaite(W, S, 0.0) == 0.0
+
+
+def test_noise_of_a_sample() -> None:
+    rig, R, rng = example(2, poses=10)
+    each = noisy_readings(rig, np.repeat(R, 200, axis=0), NOISE, rng).reshape(10, 200, 6)
+    each += (2.0 * NOISE * rng.normal(size=(10, 6)))[:, None]
+    repeated = cw.calibrate(cw.Samples(each.reshape(-1, 6), np.repeat(R, 200, axis=0)), "mount")
+    found = noise_of_sample(repeated, None)
+    assert np.sqrt(found.of_sample) == pytest.approx(NOISE, rel=0.1)
+    assert np.sqrt(found.between) == pytest.approx(2.0 * NOISE, rel=0.6)
+    assert np.sqrt(noise_of_sample(repeated, each[0]).of_sample) == pytest.approx(NOISE, rel=0.2)
+    single = cw.calibrate(cw.Samples(noisy_readings(rig, R, NOISE, rng), R), "mount", noise=NOISE)
+    found = noise_of_sample(single, None)
+    assert found.of_sample == pytest.approx(single.noise**2)
+    assert found.between == pytest.approx(single.noise**2)
+    assert noise_of_sample(single, single.noise).between == pytest.approx(np.zeros(6))
+    with pytest.raises(InputError):
+        noise_of_sample(single, np.full(6, np.nan))
+
+
+def _slow(rng: np.random.Generator, n: int) -> Array:
+    """Noise (n, 6) of an arm that shakes at some 15 Hz: far from white."""
+    found: Array = NOISE * lfilter([0.44], [1.0, -0.9], rng.normal(size=(n + 200, 6)), axis=0)[200:]
+    return found
+
+
+def test_a_recording_tells_noise_that_is_not_white() -> None:
+    """The std behind a low-pass, and contacts that are none, where the noise is given by its size or by a recording."""
+    calibration, rig, rng = calibrated(10)
+    R = swinging(rng, 4000)
+    wrench = readings(rig, R) + _slow(rng, 4000)
+    recording = _slow(rng, 4000)
+    for noise, honest in ((recording.std(axis=0), False), (recording, True)):
+        batch = _plain(calibration, noise=noise, lowpass=20.0, drift=TYPICAL_DRIFT).run(wrench, R, times(4000))
+        size = np.sqrt(np.mean((batch.wrench / batch.std)[500:] ** 2))
+        assert bool(0.6 < size < 1.2) is honest
+        assert (not batch.contacts) is honest
+    white = noise_of_sample(calibration, NOISE * rng.normal(size=(4000, 6)))
+    assert white.slowness(100) == pytest.approx(np.ones(6), abs=1.0)
+    expected = LowPass(20.0).noise_gain(RATE)[-1] * white.of_sample
+    assert white.behind(LowPass(20.0), RATE)[-1] == pytest.approx(expected, rel=0.5)
+
+
+@pytest.mark.parametrize("settings", [{}, {"lowpass": 100.0}, {"drift": TYPICAL_DRIFT}])
+def test_false_alarms_are_as_many_as_stated(settings: dict[str, Any]) -> None:
+    """At 1 % a sample, 30 calibrations of 500 samples: 150 expected, clustered as calibrations err."""
+    fired = 0
+    for seed in range(30):
+        calibration, rig, rng = calibrated(seed)
+        R = swinging(rng, 600)
+        batch = _plain(calibration, false_alarm_rate=0.01, **settings).run(free(rig, R, rng), R, times(600))
+        fired += int(np.sum((batch.statistic > batch.threshold)[100:]))
+    assert 75 <= fired <= 300
+
+
+def _pushed(
+    seed: int, push: Array, begin: int = 500, end: int = 900, **settings: Any
+) -> tuple[ContactWrenchBatch, Contact | None]:
+    calibration, rig, rng = calibrated(seed)
+    R = swinging(rng, 1500)
+    wrench = free(rig, R, rng)
+    wrench[begin:end] += push
+    compensator = _plain(calibration, **settings)
+    return compensator.run(wrench, R, times(1500)), compensator.last_contact
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_contact_of_1_newton_is_found_and_timed(seed: int) -> None:
+    force = np.random.default_rng(seed).normal(size=3)
+    push = np.r_[force / np.linalg.norm(force), 0.0, 0.0, 0.0]
+    batch, last = _pushed(seed, push)
+    assert batch.contact[510:900].all()
+    assert not batch.contact[:500].any()
+    assert not batch.contact[910:].any()
+    (contact,) = batch.contacts
+    assert contact is last
+    assert contact.onset == pytest.approx(100.5, abs=0.002)
+    assert contact.release == pytest.approx(100.9, abs=0.008)
+    assert contact.onset_seen
+    assert np.abs((contact.mean - push) / np.sqrt(np.diag(contact.covariance))).max() < 5.0
+    assert np.linalg.norm(contact.peak[:3]) > 1.0
+
+
+def test_hysteresis_holds_what_would_flicker() -> None:
+    """A push of 4.5 standard deviations: above and below the threshold sample by sample, one contact all the same."""
+    batch, _ = _pushed(1, np.r_[5.5 * 0.05, np.zeros(5)])
+    fired = (batch.statistic > batch.threshold)[520:900]
+    assert 0.2 < fired.mean() < 0.9
+    assert len(batch.contacts) <= 2
+    assert batch.contact[600:900].mean() > 0.9
+
+
+def test_a_contact_shorter_than_the_minimum_is_none() -> None:
+    push = np.r_[2.0, np.zeros(5)]
+    assert not _pushed(2, push, 500, 504)[0].contacts
+    assert len(_pushed(2, push, 500, 510)[0].contacts) == 1
+    assert not _pushed(2, push, 500, 530, minimum_duration=0.05)[0].contacts
+
+
+def test_a_contact_that_lasts_is_the_last_contact() -> None:
+    batch, last = _pushed(3, np.r_[np.zeros(3), 0.05, 0.0, 0.0], 1000, 1500)
+    assert not batch.contacts
+    assert last is not None
+    assert last.release is None
+    assert last.onset == pytest.approx(101.0, abs=0.002)
+    assert last.line.reason is not None
+
+
+def test_the_line_of_a_contact() -> None:
+    point, force = np.array([0.02, -0.05, 0.12]), np.array([4.0, -3.0, 1.0])
+    batch, _ = _pushed(4, np.r_[force, np.cross(point, force)])
+    line = batch.contacts[0].line
+    expected = np.cross(force, np.cross(point, force)) / (force @ force)
+    off = line.point - expected
+    assert off @ np.linalg.pinv(line.point_covariance, rcond=1e-6) @ off < 25.0
+    assert np.sqrt(np.trace(line.point_covariance)) < 0.005
+
+
+def test_a_new_zero_in_another_orientation() -> None:
+    """The bias has moved by newtons; zeroed in one pose, the tool is free in all others, within its std."""
+    calibration, rig, rng = calibrated(5)
+    moved = np.array([2.0, -3.0, 5.0, 0.1, -0.2, 0.05])
+    for drift in (None, TYPICAL_DRIFT):
+        compensator = _plain(calibration, drift=drift)
+        R = still(rng, 300)
+        assert compensator.run(free(rig, R, rng) + moved, R, times(300)).contact[20:].all()
+        zero = compensator.zero(cw.Samples(free(rig, R, rng) + moved, R))
+        assert np.abs((zero.shift - moved) / zero.std).max() < 4.5
+        for k in range(3):
+            R = still(rng, 300)
+            batch = compensator.run(free(rig, R, rng) + moved, R, times(300) + 1.0 + k)
+            assert np.abs(batch.wrench / batch.std).max() < 6.0
+            assert not (batch.contact == 1).any()
+            assert not batch.contacts
+    fresh = _plain(calibration)
+    fresh.zero(cw.Samples(free(rig, R, rng) + moved, R))
+    assert np.abs(fresh(readings(rig, R[:1])[0] + moved, R[0], 5.0).wrench).max() < 0.05
+    fresh.reset()
+    assert not fresh.drift.any()
+
+
+def test_no_new_zero_in_contact_whose_beginning_was_seen() -> None:
+    calibration, rig, rng = calibrated(6)
+    R = still(rng, 1000)
+    wrench = free(rig, R, rng)
+    wrench[500:, 0] += 2.0
+    compensator = _plain(calibration)
+    compensator.run(wrench, R, times(1000))
+    held = cw.Samples(wrench[600:], R[600:])
+    with pytest.raises(InputError) as caught:
+        compensator.zero(held)
+    assert str(caught.value) == (
+        "no new zero: in contact since t = 100.5 s, expected a free tool; let go of it, or, if nothing touches it, "
+        "reset() first"
+    )
+    compensator.reset()
+    assert compensator.zero(held).shift[0] == pytest.approx(2.0, abs=0.2)
+
+
+def test_no_new_zero_while_moving_scattering_or_with_too_few_samples() -> None:
+    calibration, rig, rng = calibrated(7)
+    compensator = _plain(calibration)
+    R = still(rng, 400)
+    good = free(rig, R, rng)
+
+    def refusal(samples: cw.Samples) -> str:
+        with pytest.raises(InputError) as caught:
+            compensator.zero(samples)
+        assert not compensator.drift.any()
+        return str(caught.value)
+
+    turning = swinging(rng, 400)
+    assert refusal(cw.Samples(free(rig, turning, rng), turning)).startswith("no new zero: the arm turns by ")
+    shaken = good.copy()
+    shaken[:, 3] += 0.02 * np.sin(np.arange(400))
+    found = refusal(cw.Samples(shaken, R))
+    assert found.startswith("no new zero: tx scatters 7.")
+    assert found.endswith(
+        " times its noise, expected at most 2.2; keep everything away from the tool, and the arm still"
+    )
+    touched = good.copy()
+    touched[200:, 2] += 0.06
+    assert refusal(cw.Samples(touched, R)).startswith("no new zero: fz moves by 1")
+    assert refusal(cw.Samples(good[:9], R[:9])) == ("no new zero: found 9 samples, expected at least 10 at rest")
+    compensator.zero(cw.Samples(good, R))
+
+
+def test_a_contact_that_grows_slowly_is_learned_as_drift_and_one_that_comes_quickly_is_not() -> None:
+    """What the page says that cannot be told."""
+    calibration, rig, rng = calibrated(8)
+    n = 30_000
+    R = still(rng, n)
+    for seconds, learned in ((25.0, True), (0.02, False)):
+        wrench = free(rig, R, rng)
+        wrench[1000:, 2] += np.minimum(np.arange(n - 1000) / (seconds * RATE), 1.0)
+        compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, drift=40.0 * TYPICAL_DRIFT)
+        batch = compensator.run(wrench, R, times(n))
+        assert bool(batch.contact[-1] == 0) is learned
+        assert bool(abs(compensator.drift[2]) > 0.8) is learned
+
+
+def test_random_orientations_of_a_batch_are_taken_as_they_are() -> None:
+    """Jumps from one orientation to another, as in a table of poses, are refused nowhere and compensated right."""
+    calibration, rig, rng = calibrated(9, exact=True)
+    R = random_rotations(50, rng)
+    batch = _plain(calibration, rate=None).run(readings(rig, R), R, np.arange(50.0) * 0.1)
+    assert np.abs(batch.wrench).max() < 1e-6
+    assert batch.valid.all()

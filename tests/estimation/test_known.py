@@ -1,0 +1,319 @@
+"""What is known beside the readings: a weight from a scale, a com from a drawing, an earlier calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.errors import InputError
+from contactwrench.estimation.given import earlier_tool
+from contactwrench.estimation.priors import known_com, known_gravity, known_mounting, known_weight, nominal_mounting
+from contactwrench.model import PARAMETERS, stepped
+from tests.support.poses import POSE_SETS
+from tests.support.recordings import PANDA, Run, csv_text, run, written
+from tests.support.rigs import NOISE, example, noisy, rotation_angle
+from tests.support.world import noisy_readings, random_rotations, tilted_down
+
+Capture = pytest.CaptureFixture[str]
+PAPER_POSES = POSE_SETS["paper's 6"]
+
+
+@pytest.mark.parametrize("model", ["auto", "yaw", "mount", "mount+base"])
+def test_a_known_weight_joins_the_readings(model: str) -> None:
+    """Six poses near the vertical cannot tell the weight from the bias; a scale can."""
+    rig, _, rng = example(1)
+    rig = replace(rig, weight=10.0, R_flange_sensor=Rotation.from_euler("z", 0.7).as_matrix())
+    samples = noisy(rig, PAPER_POSES, rng, 4.0 * NOISE)
+    alone = cw.calibrate(samples, model)
+    known = cw.calibrate(samples, model, known={"weight": (10.0, 0.02)})
+    assert alone.std["weight"] > 0.05
+    assert known.std["weight"] < 0.02
+    assert known.weight == pytest.approx(10.0, abs=0.07)
+    assert known.std["bias"][2] < alone.std["bias"][2]
+
+
+def test_what_is_known_with_a_std_is_weighed_against_the_readings() -> None:
+    """As two measurements of one weight: the mean by their inverse variances."""
+    rig, R, rng = example(2)
+    samples = noisy(rig, R, rng)
+    alone = cw.calibrate(samples, "mount")
+    assert alone.weight is not None
+    std = alone.std["weight"]
+    known = cw.calibrate(samples, "mount", known={"weight": (alone.weight + 2.0 * std, std)})
+    assert known.weight == pytest.approx(alone.weight + std, abs=0.2 * std)
+    assert known.std["weight"] == pytest.approx(std / np.sqrt(2.0), rel=0.05)
+
+
+def test_known_com_mounting_and_gravity() -> None:
+    rig, R, rng = example(3, poses=8)
+    rig = replace(rig, down=tilted_down(np.deg2rad(40.0), rng))
+    samples = noisy(rig, R, rng, 20.0 * NOISE)
+    exact = {
+        "com": (rig.com, 1e-5),
+        "mount": (rig.R_flange_sensor, (1e-5, 1e-5, 1e-5)),
+        "gravity": (7.0 * rig.down, 1e-5),
+    }
+    calibration = cw.calibrate(samples, "mount+base", known=exact)
+    assert calibration.com == pytest.approx(rig.com, abs=1e-4)
+    assert calibration.R_flange_sensor is not None
+    assert rotation_angle(calibration.R_flange_sensor, rig.R_flange_sensor) < 1e-4
+    assert calibration.gravity_direction == pytest.approx(rig.down, abs=1e-4)
+    assert max(calibration.std["mount"]) < 2e-5
+    assert max(calibration.std["gravity"]) < 2e-5
+
+
+def test_known_things_can_stand_in_for_poses() -> None:
+    """Two poses cannot tell everything; with com and mounting known they can."""
+    rig, R, rng = example(4, poses=2)
+    known = {"com": (rig.com, 1e-4), "mount": (rig.R_flange_sensor, 1e-4)}
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE, known=known)
+    assert calibration.weight == pytest.approx(rig.weight, abs=6.0 * calibration.std["weight"])
+    with pytest.raises(cw.ContactWrenchError, match="cannot separate"):
+        cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+
+
+@pytest.mark.parametrize("model", ["auto", "yaw", "mount", "mount+base"])
+def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
+    rig, R, rng = example(5)
+    if model == "yaw":
+        rig = replace(rig, R_flange_sensor=Rotation.from_euler("z", 2.0).as_matrix())
+    earlier = cw.calibrate(noisy(rig, R, rng), model)
+    moved = replace(rig, bias=rig.bias + np.array([1.0, -2.0, 3.0, 0.1, 0.0, -0.1]))
+    one = random_rotations(1, rng)
+    calibration = cw.calibrate(cw.Samples(noisy_readings(moved, one, NOISE, rng), one), prior=earlier)
+    assert np.abs((calibration.bias - moved.bias) / calibration.std["bias"]).max() < 4.5
+    assert (calibration.std["bias"] > 0.7 * earlier.noise).all()
+    assert calibration.weight == pytest.approx(earlier.weight, rel=1e-6)
+    assert calibration.std["weight"] == pytest.approx(earlier.std["weight"], rel=1e-3)
+    assert calibration.dof == pytest.approx(earlier.dof)
+
+
+def test_one_row_is_noisier_than_the_mean_of_many() -> None:
+    """The earlier poses averaged 400 rows each; a single row scatters 20 times as much."""
+    rig, R, rng = example(12, poses=8)
+    noise = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    many = np.repeat(R, 400, axis=0)
+    earlier = cw.calibrate(cw.Samples(noisy_readings(rig, many, noise, rng), many), "mount")
+    off = []
+    for _ in range(30):
+        one = random_rotations(1, rng)
+        now = cw.calibrate(cw.Samples(noisy_readings(rig, one, noise, rng), one), prior=earlier)
+        off.append((now.bias - rig.bias) / now.std["bias"])
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=0.4)
+
+
+def test_what_is_known_takes_the_place_of_the_prior() -> None:
+    """A base 3 deg off level, known to within 5: the prior of 0.71 deg has no say in it."""
+    rig, R, rng = example(13, poses=12)
+    rig = replace(rig, weight=20.0, down=tilted_down(np.deg2rad(3.0), rng))
+    calibration = cw.calibrate(noisy(rig, R, rng), known={"gravity": ((0, 0, -1), np.deg2rad(5.0))})
+    assert calibration.gravity_direction == pytest.approx(rig.down, abs=0.01)
+    assert calibration.assumptions[1].startswith("base: as known; gravity is found 2.9") or calibration.assumptions[
+        1
+    ].startswith("base: as known; gravity is found 3.0")
+    mounted = cw.calibrate(noisy(rig, R, rng), known={"mount": (rig.R_flange_sensor, 0.01)})
+    assert mounted.assumptions[0].startswith("mounting: as known; sensor's z is found ")
+
+
+def test_more_poses_sharpen_what_was_known() -> None:
+    rig, R, rng = example(6, poses=8)
+    earlier = cw.calibrate(noisy(rig, R, rng), "mount")
+    more = random_rotations(24, rng)
+    calibration = cw.calibrate(noisy(rig, more, rng), prior=earlier)
+    assert calibration.std["weight"] < 0.7 * earlier.std["weight"]
+    assert abs(calibration.weight - rig.weight) < 4.5 * calibration.std["weight"]  # type: ignore[operator]
+    assert not [text for text in calibration.warnings if "earlier" in text]
+
+
+def test_poses_that_contradict_the_earlier_calibration_are_said() -> None:
+    rig, R, rng = example(7, poses=12)
+    rig = replace(rig, weight=10.0)
+    earlier = cw.calibrate(noisy(rig, R, rng), "mount")
+    other = replace(rig, weight=12.0, com=rig.com + np.array([0.02, 0.0, 0.0]))
+    calibration = cw.calibrate(noisy(other, R, rng), prior=earlier)
+    (warning,) = (text for text in calibration.warnings if "earlier calibration" in text)
+    assert warning == (
+        "weak: the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches "
+        "something; calibrate anew, without --prior"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"known": {"mass": (1.0, 0.1)}},
+            "known 'mass' is not an unknown of the tool, expected one of weight, com, mount, gravity",
+        ),
+        ({"known": {"weight": 3.0}}, "known weight is 3.0, expected a pair: the value and its std"),
+        ({"known": {"weight": (3.0, 0.0)}}, "std of known weight is 0, 0, 0, expected numbers above 0"),
+        ({"known": {"weight": (3.0, (1, 2, 3))}}, "std of known weight is (1, 2, 3), expected a number, finite"),
+        ({"known": [1]}, "known is list, expected a mapping, as in {'weight': (12.3, 0.1)}"),
+        ({"prior": 3}, "prior is int, expected a Calibration: cw.Calibration.load(path)"),
+        ({"known": {"weight": (-3.0, 0.1)}}, "known weight is -3, expected N above 0"),
+        ({"known": {"weight": (np.nan, 0.1)}}, "known weight is nan, expected a number, finite"),
+        ({"known": {"com": ([1.0], 0.1)}}, "known com is [1.0], expected (3,), finite"),
+        (
+            {"known": {"weight": (3.0, 0.1)}, "model": "affine"},
+            "model affine takes nothing as known: leave known out, or choose another model",
+        ),
+        (
+            {"known": {"gravity": ((0, 0, -1), 0.1)}, "model": "mount"},
+            "model mount holds gravity, and gravity is given as known with a std: choose auto or mount+base",
+        ),
+        (
+            {"known": {"gravity": ((0, 0, -1), 0.1)}, "gravity": (0, 0, -1)},
+            "gravity is stated and given as known too: leave one of them out",
+        ),
+    ],
+)
+def test_what_cannot_be_known_is_refused(arguments: dict[str, object], message: str) -> None:
+    rig, R, rng = example(8)
+    with pytest.raises(InputError) as refusal:
+        cw.calibrate(noisy(rig, R, rng), **arguments)  # type: ignore[arg-type]
+    assert str(refusal.value) == message
+
+
+def test_an_earlier_calibration_brings_model_and_gravity() -> None:
+    rig, R, rng = example(9)
+    samples = noisy(rig, R, rng)
+    earlier = cw.calibrate(samples, "mount")
+    with pytest.raises(
+        InputError, match=r"^an earlier calibration brings its model, and model mount is asked for: leave"
+    ):
+        cw.calibrate(samples, "mount", prior=earlier)
+    with pytest.raises(
+        InputError, match=r"^an earlier calibration brings its gravity, and gravity is stated too: leave"
+    ):
+        cw.calibrate(samples, gravity=(0, 0, -1), prior=earlier)
+    with pytest.raises(InputError, match=r"^the prior is a calibration of model affine, expected a rigid tool: "):
+        cw.calibrate(samples, prior=cw.calibrate(samples, "affine"))
+
+
+def _calibrate(capsys: Capture, *flags: str | Path) -> Run:
+    return run(capsys, "calibrate", PANDA, *flags)
+
+
+def test_the_flag_known_speaks_of_every_quantity(tmp_path: Path, capsys: Capture) -> None:
+    rig, R, rng = example(10, poses=12)
+    quats = Rotation.from_matrix(R).as_quat()
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    path = written(
+        tmp_path,
+        csv_text(["fx", "fy", "fz", "tx", "ty", "tz", "qx", "qy", "qz", "qw"], np.column_stack([wrench, quats])),
+    )
+    yaw_pitch_roll = Rotation.from_matrix(rig.R_flange_sensor).as_euler("ZYX", degrees=True)
+    flags: dict[str, Callable[[cw.Calibration], bool]] = {
+        f"mass={rig.weight / 9.80665!r}+-1e-6": lambda c: c.weight == pytest.approx(rig.weight, abs=1e-4),
+        f"weight={rig.weight!r}+-1e-5": lambda c: c.weight == pytest.approx(rig.weight, abs=1e-4),
+        f"com={','.join(map(repr, rig.com.tolist()))}+-1e-6": lambda c: c.com == pytest.approx(rig.com, abs=1e-5),
+        f"com_mm={','.join(map(repr, (1e3 * rig.com).tolist()))}+-1e-3,1e-3,1e-3": lambda c: (
+            c.com == pytest.approx(rig.com, abs=1e-5)
+        ),
+        f"mount={','.join(map(repr, yaw_pitch_roll.tolist()))}+-1e-4": lambda c: (
+            rotation_angle(np.asarray(c.R_flange_sensor), rig.R_flange_sensor) < 1e-4
+        ),
+        f"mount={','.join(map(repr, rig.R_flange_sensor.ravel().tolist()))}+-1e-4": lambda c: (
+            rotation_angle(np.asarray(c.R_flange_sensor), rig.R_flange_sensor) < 1e-4
+        ),
+        "gravity=0,0,-2+-1e-4": lambda c: c.gravity_direction == pytest.approx([0.0, 0.0, -1.0], abs=1e-5),
+    }
+    for flag, holds in flags.items():
+        done = run(capsys, "calibrate", path, "--known", flag, "-o", tmp_path / "tool.json")
+        assert done.status == 0, done.err
+        assert holds(cw.Calibration.load(tmp_path / "tool.json")), flag
+
+
+def test_the_flag_prior_re_zeroes_with_one_pose(tmp_path: Path, capsys: Capture) -> None:
+    assert _calibrate(capsys, "-o", tmp_path / "tool.json").status == 0
+    lines = [line for line in PANDA.read_text().splitlines() if line and not line.startswith("#")]
+    one = written(tmp_path, "\n".join(lines[:2]))
+    done = run(capsys, "calibrate", one, "--prior", tmp_path / "tool.json", "-o", tmp_path / "now.json")
+    assert done.status == 0
+    before, now = cw.Calibration.load(tmp_path / "tool.json"), cw.Calibration.load(tmp_path / "now.json")
+    assert now.weight == pytest.approx(before.weight, rel=1e-6)
+    assert now.provenance["prior"] == str(PANDA)
+    assert now.compensate(cw.read(one).wrench, cw.read(one).R_base_flange) == pytest.approx(np.zeros((1, 6)), abs=1e-9)
+
+
+def test_derivatives_of_what_is_known_are_those_of_finite_differences() -> None:
+    rig, R, rng = example(11, poses=10)
+    names = PARAMETERS["mount+base"]
+    earlier, of_earlier, _ = earlier_tool(cw.calibrate(noisy(rig, R, rng), "mount+base"), rows=1)
+    pieces = (
+        of_earlier,
+        known_weight(3.0, 0.1),
+        known_com(rig.com, np.array([0.1, 0.2, 0.3])),
+        known_mounting(rig.R_flange_sensor, np.array([0.1, 0.2, 0.3])),
+        known_gravity(rig.down, 0.1),
+        nominal_mounting(0.1),
+    )
+    tool = stepped(earlier, 0.2 * rng.normal(size=len(names)), names)
+    for piece in pieces:
+        for k in range(len(names)):
+            step = np.zeros(len(names))
+            step[k] = 1e-6
+            ahead, behind = (piece(stepped(tool, s, names), names).residuals for s in (step, -step))
+            scale = float(np.abs(piece(tool, names).jacobian).max())
+            assert (behind - ahead) / 2e-6 == pytest.approx(piece(tool, names).jacobian[:, k], abs=1e-7 * scale)
+
+
+EXPECTED = (
+    "expected NAME=VALUE+-STD with a std above 0, as in weight=12.3+-0.1 or com_mm=0,0,50+-2; names: weight, mass, "
+    "com, com_mm, mount, gravity: try 'contactwrench calibrate --help'"
+)
+
+
+@pytest.mark.parametrize(
+    "flag", ["weight", "weight=3", "weight=3+-0", "weight=x+-1", "weight=1,2+-1", "size=3+-1", "com=1,2,inf+-1", ""]
+)
+def test_a_known_that_cannot_be_read_is_refused(capsys: Capture, flag: str) -> None:
+    assert _calibrate(capsys, "--known", flag).complaint == f"Invalid value: found --known {flag!r}, {EXPECTED}"
+
+
+@pytest.mark.parametrize(
+    ("flags", "found"),
+    [
+        (
+            ["--mount-tilt-sd", "1", "--model", "mount"],
+            "--mount-tilt-sd is for model auto, found --model mount: leave one of them out",
+        ),
+        (
+            ["--base-tilt-sd", "1", "--model", "yaw"],
+            "--base-tilt-sd is for model auto, found --model yaw: leave one of them out",
+        ),
+        (["--known", "weight=3+-1", "--known", "mass=1+-1"], "--known says weight twice, expected once: leave one out"),
+        (
+            ["--known", "weight=3+-1", "--model", "paper"],
+            "model paper takes nothing as known, found --known: leave one of them out",
+        ),
+        (
+            ["--known", "gravity=0,0,-1+-1", "--gravity", "0,0,-1"],
+            "--gravity and --known gravity both state it: leave one of them out",
+        ),
+        (
+            ["--known", "gravity=0,0,-1+-1", "--model", "mount"],
+            "model mount holds gravity, found --known gravity: take --model auto or mount+base",
+        ),
+        (
+            ["--prior", "x.json", "--model", "mount"],
+            "--prior brings its model, found --model mount: leave one of them out",
+        ),
+        (
+            ["--prior", "x.json", "--gravity", "0,0,-1"],
+            "--prior brings its gravity, found another one: leave one of them out",
+        ),
+        (
+            ["--prior", "x.json", "--base-tilt-sd", "1"],
+            "--prior brings its own mounting and base, found --base-tilt-sd too: leave one of them out",
+        ),
+    ],
+)
+def test_flags_that_contradict_each_other_are_refused_by_name(capsys: Capture, flags: list[str], found: str) -> None:
+    assert _calibrate(capsys, *flags).complaint == f"Invalid value: {found}: try 'contactwrench calibrate --help'"

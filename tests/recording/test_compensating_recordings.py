@@ -1,0 +1,92 @@
+"""`compensate` on recordings: whatever they are written in, and what the flags ask for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from contactwrench.recording.bags.write import write_streams_bag
+from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from tests.support.live import RATE, calibrated, free, still, swinging, times
+from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
+from tests.support.world import Array
+
+Capture = pytest.CaptureFixture[str]
+N = 2000
+
+
+def table(folder: Path, t: Array, wrench: Array, R: Array, name: str = "run.csv") -> Path:
+    rows = np.column_stack([t, wrench, R.reshape(len(t), 9)])
+    return written(folder, csv_text(("t", *WRENCH, *MATRIX), rows), name)
+
+
+def tool(folder: Path) -> Path:
+    calibrated(3)[0].save(folder / "tool.json")
+    return folder / "tool.json"
+
+
+def test_a_folder_goes_to_stdout(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    monkeypatch.chdir(tmp_path)
+    _, rig, rng = calibrated(3)
+    t, R = times(N), swinging(rng, N)
+    write_streams_bag(tmp_path / "bag", Streams(WrenchStream(t, free(rig, R, rng)), OrientationStream(t, R)))
+    done = run(capsys, "compensate", "bag", "-c", tool(tmp_path), "-o", "-")
+    assert done.status == 0
+    assert len(done.out.splitlines()) == 1 + N
+    assert not (tmp_path / "-").exists()
+
+
+def test_a_delay_that_is_stated_counts_wherever_the_motion_begins(tmp_path: Path, capsys: Capture) -> None:
+    """The arm stands still for longer than what is read at once."""
+    _, rig, rng = calibrated(3)
+    rest, turn = 34_000, np.deg2rad(60.0) * np.arange(1000) / RATE
+    about_y = Rotation.from_rotvec(np.outer(np.r_[np.zeros(rest), turn], [0, 1, 0]))
+    way = Rotation.from_matrix(still(rng, 1)[0]) * about_y
+    R = way.as_matrix()
+    lag = np.maximum(np.arange(len(R)) - 50, 0)
+    path = table(tmp_path, times(len(R)), free(rig, R[lag], rng, 0.01), R)
+    assert (
+        run(capsys, "compensate", path, "-c", tool(tmp_path), "-o", tmp_path / "o.csv", "--delay", "0.05").status == 0
+    )
+    left = np.genfromtxt(tmp_path / "o.csv", delimiter=",", skip_header=1, usecols=range(1, 7))
+    assert len(left) == len(R)
+    moving = np.ptp(left[rest + 100 :, :3], axis=0).max()
+    without = np.ptp(calibrated(3)[0].compensate(free(rig, R[lag], rng, 0.01), R)[rest + 100 :, :3], axis=0).max()
+    assert moving < 0.3 * without
+
+
+def test_noise_from_a_table_beside_two_files(tmp_path: Path, capsys: Capture) -> None:
+    _, rig, rng = calibrated(3)
+    t, R = times(N), swinging(rng, N)
+    wrench = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([t, free(rig, R, rng)])), "w.csv")
+    pose = written(tmp_path, csv_text(("t", *MATRIX), np.column_stack([t, R.reshape(N, 9)])), "p.csv")
+    quiet = table(tmp_path, t + 5000.0, free(rig, R, rng), R, "free.csv")
+    done = run(
+        capsys,
+        *("compensate", "--wrench", wrench, "--pose", pose, "-c", tool(tmp_path)),
+        *("-o", tmp_path / "o.csv", "--contact", "--noise", quiet),
+    )
+    assert done.status == 0, done.err
+
+
+def test_a_contact_that_lasts_to_the_end_goes_to_parquet(tmp_path: Path, capsys: Capture) -> None:
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    _, rig, rng = calibrated(3)
+    t, R = times(N), swinging(rng, N)
+    wrench = free(rig, R, rng)
+    wrench[-200:, 0] += 3.0
+    columns = np.column_stack([t, wrench, R.reshape(N, 9)])
+    names = ("t", *WRENCH, *MATRIX)
+    pq.write_table(pa.table({name: columns[:, k] for k, name in enumerate(names)}), tmp_path / "run.parquet")
+    done = run(
+        capsys,
+        *("compensate", tmp_path / "run.parquet", "-c", tool(tmp_path), "-o", tmp_path / "o.parquet"),
+        *("--contact", "--noise", "0.06"),
+    )
+    assert done.status == 0, done.err
+    touching = pq.read_table(tmp_path / "o.parquet")["contact_contact"].to_pylist()
+    assert touching == [False] * (N - 195) + [True] * 195  # after 5 ms it is a contact

@@ -1,0 +1,72 @@
+"""All ways to read a file: the flags that are named make the reading that they stand for; which rows are taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.assess.diagnose import diagnose
+from contactwrench.recording.interpretations import readings
+from tests.support.recordings import MATRIX, WRENCH, csv_text, written
+from tests.support.rigs import NOISE, example
+from tests.support.world import noisy_readings, random_rotations
+from tests.support.written import QUAT, Written, column_by_column, euler, quat
+
+
+def _stated(flags: tuple[str, ...]) -> dict[str, object]:
+    stated: dict[str, object] = {}
+    for flag in flags:
+        name, _, value = flag.partition(" ")
+        stated[name.removeprefix("--").replace("-", "_")] = value or True
+    return stated
+
+
+HEADERS = {
+    "angles": (("rx", "ry", "rz"), euler("ZYX")),
+    "angles in rad": (("rx", "ry", "rz"), euler("ZYX", degrees=False)),
+    "angles with their unit": (("a_deg", "b_deg", "c_deg"), euler("ZYX")),
+    "quaternion": (QUAT, quat),
+    "matrix": (MATRIX, lambda R: R.reshape(-1, 9)),
+    "pose": (tuple(f"o_t_ee_{k}" for k in range(16)), column_by_column),
+}
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_flags_make_the_reading_that_they_stand_for(header: str, tmp_path: Path) -> None:
+    columns, numbers = HEADERS[header]
+    R = random_rotations(6, np.random.default_rng(0))
+    path = written(tmp_path, Written(columns, numbers).text(R, np.ones((6, 6))))
+    tried = 0
+    for reading in readings(path, "franka_matrix" if header == "pose" else "auto").orientations:
+        if not reading.mends:
+            made = cw.read(path, **_stated(reading.flags))  # type: ignore[arg-type]
+            assert made.R_base_flange == pytest.approx(reading.R_base_flange, abs=1e-9)
+            tried += 1
+    assert tried >= 2
+
+
+def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
+    rig, R, rng = example(14, poses=12)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    wrench[6:, 2] += 9.8
+    load = np.repeat([0.0, 1000.0], 6)
+    rows = np.column_stack([-wrench, quat(R), load])
+    diagnosis = diagnose(readings(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
+    assert diagnosis.n == 6
+    assert diagnosis.best.reading.flags == ("--sign reaction",)
+
+
+def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
+    """A moving arm: hundreds of poses spread over the whole recording, each with its own wrench."""
+    rig, R, rng = example(1, poses=2000)
+    path = written(tmp_path, Written(QUAT, quat).text(R, noisy_readings(rig, R, NOISE, rng)))
+    found = readings(path)
+    assert found.wrench.shape == (300, 6)
+    assert found.given is not None
+    stated = found.orientations[found.given]
+    assert stated.R_base_flange[0] == pytest.approx(R[0], abs=1e-9)
+    assert stated.R_base_flange[-1] == pytest.approx(R[-1], abs=1e-9)
+    assert diagnose(found).read_rightly

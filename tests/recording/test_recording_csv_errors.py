@@ -1,0 +1,251 @@
+"""Tables that cannot be read: each is refused in one line, word for word; rows count as an editor counts lines."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+import contactwrench as cw
+from contactwrench.errors import FileAccessError, FileFormatError, InputError
+from tests.support.recordings import MATRIX, WRENCH, written
+
+QUAT_HEADER = "fx,fy,fz,tx,ty,tz,qx,qy,qz,qw"
+GOOD = "1,2,3,4,5,6,0,0,0,1"
+QUAT_TABLE = f"{QUAT_HEADER}\n{GOOD}\n"
+MATRIX_HEADER = ",".join((*WRENCH, *MATRIX))
+IN_UTF8 = "expected CSV text in UTF-8: save it as that"
+HEADER_AND_ROWS = "expected a header line and rows of numbers"
+NO_ORIENTATION = (
+    "expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC) or rx ry rz (UR): rename them, or say --orientation "
+    "NAME:COLUMNS"
+)
+CUT_OFF = "expected 1 within 1 %: check the order of its parts and that none is cut off"
+ORTHONORMAL = "expected orthonormal within 1 % and determinant 1: check the order of its entries"
+
+
+def refusal(path: Path, **flags: str) -> str:
+    """The message, without the folder, with which `read` refuses a file."""
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(path, **flags)  # type: ignore[arg-type]
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    return message.removeprefix(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", f"the file is empty, {HEADER_AND_ROWS}"),
+        (b" \n\t\n", f"the file is empty, {HEADER_AND_ROWS}"),
+        (b"\xef\xbb\xbf\r\n", f"the file is empty, {HEADER_AND_ROWS}"),
+        (b"# one\n\n# two\n", f"found comments only, {HEADER_AND_ROWS}"),
+        (QUAT_TABLE.encode("utf-16"), f"found UTF-16 or binary content, {IN_UTF8}"),
+        (QUAT_TABLE.encode("utf-16-le"), f"found UTF-16 or binary content, {IN_UTF8}"),
+        (QUAT_TABLE.encode("utf-16-be"), f"found UTF-16 or binary content, {IN_UTF8}"),
+        (QUAT_TABLE.encode("utf-32"), f"found UTF-16 or binary content, {IN_UTF8}"),
+        (
+            f"# one\n{QUAT_TABLE}# Meßreihe\n".encode("latin-1"),
+            "row 4: found a byte that is no UTF-8, expected UTF-8: save it as that",
+        ),
+        (GOOD, "row 1: found numbers, expected a header with the columns' names"),
+        (f"# no header\n\n{GOOD}\n", "row 3: found numbers, expected a header with the columns' names"),
+        (f"{QUAT_HEADER}\n", "found a header and no rows, expected a row for each reading: add them"),
+        (f"{QUAT_HEADER}\n# 1\n \n", "found a header and no rows, expected a row for each reading: add them"),
+    ],
+)
+def test_files_without_a_table(tmp_path: Path, content: str | bytes, message: str) -> None:
+    assert refusal(written(tmp_path, content)) == message
+
+
+ALL_BUT = "expected fx fy fz tx ty tz and an orientation: add it, or rename the one that holds it"
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("fx,fy,tx,ty,tz,qx", f"found no column fz, {ALL_BUT} (found fx, fy, tx, ty, tz, qx)"),
+        ("fx,fy,fz,tx,ty", f"found no column tz, {ALL_BUT} (found fx, fy, fz, tx, ty)"),
+        ("fx,fy,fz,mx,my,mz", f"found no column tx, {ALL_BUT} (found fx, fy, fz, mx, my, mz)"),
+        (f"fx,{QUAT_HEADER}", "column fx is there twice, expected once: rename or remove one"),
+        (f"note,{QUAT_HEADER},Note", "column note is there twice, expected once: rename or remove one"),
+        (f"{QUAT_HEADER},tx_nmm", "found columns tx and tx_nmm, expected one of them: remove the other"),
+        (f"{QUAT_HEADER},t,t_ms", "found columns t and t_ms, expected one of them: remove the other"),
+        ("fx,fy,fz,tx,ty,tz,qx,qy,qz", "found no column qw, expected all of quat_xyzw: add it"),
+        ("fx,fy,fz,tx,ty,tz,b_deg,c_deg", "found no column a, expected all of kuka_abc: add it"),
+        (
+            f"{QUAT_HEADER},a,b,c",
+            "found the columns of quat_xyzw and of kuka_abc, expected one orientation: choose with --orientation "
+            "quat_xyzw",
+        ),
+        (
+            "fx,fy,fz,tx,ty,tz,roll,pitch,yaw",
+            f"found no orientation columns, {NO_ORIENTATION} (found fx, fy, fz, tx, ty, tz, roll, pitch, yaw)",
+        ),
+        (
+            "fx,fy,fz,tx,ty,tz," + ",".join(f"u{k}" for k in range(20)),
+            f"found no orientation columns, {NO_ORIENTATION} (found fx, fy, fz, tx, ty, tz, "
+            + ", ".join(f"u{k}" for k in range(14))
+            + ", ...)",
+        ),
+    ],
+)
+def test_headers_that_do_not_tell_everything(tmp_path: Path, header: str, message: str) -> None:
+    row = ",".join("0" for _ in header.split(","))
+    assert refusal(written(tmp_path, f"{header}\n{row}\n")) == message
+
+
+def test_a_column_that_a_flag_names_must_be_there(tmp_path: Path) -> None:
+    assert refusal(written(tmp_path, QUAT_TABLE), orientation="abb_quat") == (
+        "found no column q1, expected q1,q2,q3,q4 for abb_quat: name the columns, as in --orientation NAME:COLUMNS "
+        "(found fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)"
+    )
+
+
+def test_an_unknown_orientation_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        cw.read(written(tmp_path, QUAT_TABLE), orientation="abb")
+    assert str(caught.value) == (
+        "orientation 'abb' is not known, expected one of quat_xyzw, quat_wxyz, kuka_abc, fanuc_wpr, yaskawa, staubli, "
+        "kawasaki_oat, nachi, ur_rotvec, abb_quat, matrix, franka_matrix, rpy, euler:ZYX:deg, or auto"
+    )
+
+
+CORRECT = "expected a number: correct it or leave the row out"
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1,2,3,4,oops,6,0,0,0,1", f"column ty: found 'oops', {CORRECT}"),
+        ("1,2,3,4,5,6,0,0,0,0x1", f"column qw: found '0x1', {CORRECT}"),
+        ("1_000,2,3,4,5,6,0,0,0,1", f"column fx: found '1_000', {CORRECT}"),
+        (f"1,2,{'z' * 60},4,5,6,0,0,0,1", f"column fz: found '{'z' * 40}', {CORRECT}"),
+        ("1,2,NaN,4,5,6,0,0,0,1", "column fz: found NaN, expected a finite number: leave the row out"),
+        ("1,2,3,4,5,-inf,0,0,0,1", "column tz: found -inf, expected a finite number: leave the row out"),
+        ("1,2,3,4,5,1e999,0,0,0,1", "column tz: found 1e999, expected a finite number: leave the row out"),
+        ("1,,3,4,5,6,0,0,0,1", "column fy: found nothing, expected a number: fill it in or leave the row out"),
+        ('1,"  ",3,4,5,6,0,0,0,1', "column fy: found nothing, expected a number: fill it in or leave the row out"),
+        ('1,"2,5",3,4,5,6,0,0,0,1', "column fy: found the decimal comma '2,5', expected a point: write it so"),
+    ],
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_cells_that_are_no_number_are_named_by_row_and_column(tmp_path: Path, row: str, message: str, end: str) -> None:
+    table = end.join(["# a comment", QUAT_HEADER, GOOD, "", "# another", row, GOOD, ""])
+    assert refusal(written(tmp_path, table.encode())) == f"row 6, {message}"
+
+
+def test_decimal_commas_between_semicolons_are_named(tmp_path: Path) -> None:
+    table = QUAT_TABLE.replace(",", ";") + "1,5;2;3;4;5;6;0;0;0;1\n"
+    assert refusal(written(tmp_path, table)) == (
+        "row 3, column fx: found the decimal comma '1,5', expected a point: write it so"
+    )
+
+
+@pytest.mark.parametrize(
+    ("row", "found"),
+    [("1,2,3", 3), (f"{GOOD},7", 11), ("1,0,2,0,3,0,4,0,5,0,6,0,0,0,0,1", 16), ('"1,2,3,4,5,6,0,0,0,1', 1)],
+)
+def test_ragged_rows_are_named(tmp_path: Path, row: str, found: int) -> None:
+    assert refusal(written(tmp_path, f"{QUAT_TABLE}{row}\n")) == (
+        f"row 3: found {found} values, expected 10 as in the header: complete the row, and write decimals with a point"
+    )
+
+
+def test_decimal_commas_are_not_read_as_other_numbers_in_a_table_with_quoted_text(tmp_path: Path) -> None:
+    table = f'name,{QUAT_HEADER}\n"down",0,0,0,0,0,0,0,0,0,1,5,0,0,0,0\n"up",{GOOD}\n'
+    assert refusal(written(tmp_path, table)) == (
+        "row 2: found 16 values, expected 11 as in the header: complete the row, and write decimals with a point"
+    )
+
+
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_a_cell_of_enormous_length_is_refused(tmp_path: Path, quote: str) -> None:
+    cell = quote + "y" * 200_000 + quote
+    assert refusal(written(tmp_path, f"{QUAT_TABLE}{cell},2,3,4,5,6,0,0,0,1\n")).startswith("row 3")
+    assert refusal(written(tmp_path, f"{cell},{QUAT_HEADER}\n1,{GOOD}\n")) == (
+        "row 1: found what is no CSV (field larger than field limit (131072)), expected cells of names and numbers: "
+        "correct it"
+    )
+
+
+@pytest.mark.parametrize(
+    ("orientation", "message"),
+    [
+        ("0,0,0,0", f"found a quaternion of length 0, {CUT_OFF}"),
+        ("0,0,0,1.02", f"found a quaternion of length 1.02, {CUT_OFF}"),
+        ("0.6,0,0,0.7", f"found a quaternion of length 0.921954, {CUT_OFF}"),
+        ("1e200,1e200,0,0", f"found a quaternion of length inf, {CUT_OFF}"),
+    ],
+)
+def test_quaternions_off_unit_length(tmp_path: Path, orientation: str, message: str) -> None:
+    table = f"# first\n{QUAT_TABLE}\n1,2,3,4,5,6,{orientation}\n{GOOD}\n"
+    assert refusal(written(tmp_path, table)) == f"row 5, columns qx,qy,qz,qw: {message}"
+
+
+@pytest.mark.parametrize(
+    ("matrix", "found"),
+    [
+        ("1,0,0,0,1,0,0,0,-1", "(columns off orthonormal by 0, determinant -1)"),
+        ("1,0,0,0,1,0,1,0,0", "(columns off orthonormal by 1, determinant 0)"),
+        ("1,2,3,4,5,6,7,8,9", "(columns off orthonormal by 125, determinant 0)"),
+    ],
+)
+def test_matrices_that_are_no_rotation(tmp_path: Path, matrix: str, found: str) -> None:
+    table = f"{MATRIX_HEADER}\n1,2,3,4,5,6,1,0,0,0,1,0,0,0,1\n1,2,3,4,5,6,{matrix}\n"
+    assert refusal(written(tmp_path, table)) == (
+        f"row 3, columns {','.join(MATRIX)}: found a matrix that is no rotation {found}, {ORTHONORMAL}"
+    )
+
+
+def test_angles_in_degrees_are_not_read_as_a_rotation_vector_in_radians(tmp_path: Path) -> None:
+    table = "fx,fy,fz,tx,ty,tz,rx,ry,rz\n1,2,3,4,5,6,0,0,0\n1,2,3,4,5,6,0,90,0\n"
+    assert refusal(written(tmp_path, table)) == (
+        "row 3, columns rx,ry,rz: found a rotation vector of 90 rad, expected at most a whole turn: if these are "
+        "angles in degrees, say whose (--orientation yaskawa or staubli)"
+    )
+
+
+def test_a_negative_load_is_named_in_the_unit_of_its_column(tmp_path: Path) -> None:
+    table = f"{QUAT_HEADER},load_g\n{GOOD},0\n# hung\n{GOOD},-250\n"
+    assert refusal(written(tmp_path, table)) == (
+        "row 4, column load_g: found -250, expected 0 or more: correct it or leave the row out"
+    )
+
+
+@pytest.mark.parametrize("reading", ["-1e308", "2e12"])
+def test_a_reading_that_no_sensor_gives_is_named(tmp_path: Path, reading: str) -> None:
+    table = f"{QUAT_HEADER.replace('ty', 'ty_nmm')}\n{GOOD}\n1,2,3,4,{reading},6,0,0,0,1\n"
+    assert refusal(written(tmp_path, table)) == (
+        f"row 3, column ty_nmm: found {float(reading):g}, expected at most 1e+09 N or N m: correct it or leave the row "
+        "out"
+    )
+
+
+@pytest.mark.parametrize("suffix", [".xls", ".XLSX"])
+def test_formats_that_cannot_be_read_are_refused_by_their_suffix(tmp_path: Path, suffix: str) -> None:
+    assert refusal(written(tmp_path, QUAT_TABLE, f"log{suffix}")) == (
+        f"found the suffix {suffix.lower()}, expected .csv, .parquet, .bag, .db3 or .mcap: export the recording as one "
+        "of them"
+    )
+
+
+def test_a_directory_and_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(FileAccessError) as caught:
+        cw.read(tmp_path)
+    assert str(caught.value) == f"{tmp_path}: found a directory, expected a file: name the file in it"
+    with pytest.raises(FileAccessError) as caught:
+        cw.read(tmp_path / "gone.csv")
+    assert str(caught.value) == (
+        f"{tmp_path / 'gone.csv'}: there is no such file, expected a readable file: check the path"
+    )
+
+
+def test_a_file_without_permission_to_read(tmp_path: Path) -> None:
+    path = written(tmp_path, QUAT_TABLE)
+    path.chmod(0)
+    if os.access(path, os.R_OK):
+        pytest.skip("this user may read every file")
+    with pytest.raises(FileAccessError) as caught:
+        cw.read(path)
+    assert str(caught.value) == f"{path}: cannot be read (permission denied): check the path and its permissions"

@@ -1,0 +1,39 @@
+"""Flat tops: channels that stand at their limit are seen, and nothing else is taken for one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contactwrench.recording.saturation import at_limit
+
+T = np.arange(5000) / 1000.0
+
+
+def swinging(noise: float, seed: int = 1) -> np.ndarray:
+    phase = np.arange(6)
+    return 10.0 * np.sin(2.0 * T[:, None] + phase) + noise * np.random.default_rng(seed).normal(size=(5000, 6))
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01])
+def test_clipped_channels_are_seen(quantum: float) -> None:
+    wrench = swinging(0.02)
+    wrench[:, 1], wrench[:, 4] = np.minimum(wrench[:, 1], 8.0), np.maximum(wrench[:, 4], -9.0)
+    wrench = np.rint(wrench / quantum) * quantum if quantum else wrench
+    clipped = (wrench[:, 1] >= 8.0) | (wrench[:, 4] <= -9.0)
+    found = at_limit(wrench)
+    assert not (found & ~clipped).any()
+    assert found[clipped].mean() > 0.9
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01, 0.5])
+def test_what_is_not_clipped_is_not_taken_for_it(quantum: float) -> None:
+    wrench = swinging(0.02)
+    assert not at_limit(np.rint(wrench / quantum) * quantum if quantum else wrench).any()
+
+
+def test_an_arm_at_rest_without_noise_stands_at_no_limit() -> None:
+    levels = np.repeat(np.random.default_rng(2).normal(size=(10, 6)), 500, axis=0)
+    assert not at_limit(levels).any()
+    assert not at_limit(np.full((100, 6), np.nan)).any()
+    assert not at_limit(np.empty((0, 6))).any()

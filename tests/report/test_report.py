@@ -1,0 +1,207 @@
+"""The report: one HTML file that needs nothing else, well formed, with what a reader looks for."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.assess.baselines import compare
+from contactwrench.report import figures
+from contactwrench.report.html import write_calibration_report
+from contactwrench.samples.poses import Pose
+from tests.support.recordings import PANDA, PAPER
+from tests.support.rigs import example, noisy
+
+TITLES = ("h3", "summary")
+VOID = {"meta", "br", "link", "img", "hr", "input"}
+
+
+class _Page(HTMLParser):
+    """Collects tags, references and text, and checks that every tag is closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.references: list[str] = []
+        self.words: list[str] = []
+        self._rows: list[tuple[str, list[str]]] = []
+        self._title = ""
+        self._open: list[str] = []
+        self.feed(text)
+        assert not self._open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.references += [value for name, value in attrs if name in ("src", "href", "xlink:href") and value]
+        if tag not in VOID:
+            self._open.append(tag)
+        if tag in TITLES:
+            self._title = ""
+        elif tag == "tr":
+            self._rows.append((self._title, []))
+        elif tag in ("th", "td"):
+            self._rows[-1][1].append("")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self._open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+        if self._open and self._open[-1] in TITLES:
+            self._title += data
+        elif {"th", "td"} & set(self._open):
+            self._rows[-1][1][-1] += data
+
+    def rows_after(self, title: str) -> list[list[str]]:
+        """The text of every cell of the table under a title, row by row."""
+        return [cells for under, cells in self._rows if under == title]
+
+
+def _page(path: Path) -> tuple[_Page, str]:
+    page = _Page(path.read_text(encoding="utf-8"))
+    return page, " ".join(" ".join(page.words).split())
+
+
+def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> None:
+    write_calibration_report(tmp_path / "r.html", cw.calibrate(cw.read(PANDA), "mount"))
+    page, _ = _page(tmp_path / "r.html")
+    assert "script" not in page.tags
+    assert "link" not in page.tags
+    assert all(reference.startswith(("#", "data:image/png;base64,")) for reference in page.references)
+    assert page.tags.count("svg") == 5
+
+
+@pytest.mark.parametrize("model", ["paper", "yaw", "mount", "affine"])
+def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, model: str) -> None:
+    calibration = cw.calibrate(cw.read(PAPER if model == "paper" else PANDA), model)
+    write_calibration_report(tmp_path / "r.html", calibration)
+    _, words = _page(tmp_path / "r.html")
+    assert calibration.verdict.partition(": ")[2][1:] in words
+    for warning in calibration.warnings:
+        assert warning.replace("+-", "±") in words
+    for heading in (
+        "Parameters",
+        "Fit",
+        "What is left in each contact-free pose",
+        "Residuals",
+        "Directions of gravity that the poses covered",
+        "Standard deviation of the contact wrench over orientations",
+    ):
+        assert heading in words
+    for way in ("full", "tare", "gravity only", "raw"):
+        assert way in words
+
+
+def test_names_from_outside_cannot_become_markup(tmp_path: Path) -> None:
+    samples = cw.read(PANDA)
+    strange = cw.Samples(samples.wrench, samples.R_base_flange, source="<script>alert(1)</script> & more.csv")
+    write_calibration_report(tmp_path / "r.html", cw.calibrate(strange, "mount"))
+    page, words = _page(tmp_path / "r.html")
+    assert "script" not in page.tags
+    assert "<script>alert(1)</script> & more.csv" in words
+
+
+def test_a_calibration_of_very_many_poses_has_a_report_without_them(tmp_path: Path) -> None:
+    rig, R, rng = example(1, poses=10_001)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    assert calibration.moments is not None
+    write_calibration_report(tmp_path / "r.html", calibration)
+    page, words = _page(tmp_path / "r.html")
+    assert "more than 10,000 poses" in words
+    assert "svg" not in page.tags
+
+
+def test_figures_are_the_same_bytes_each_time() -> None:
+    calibration = cw.calibrate(cw.read(PANDA), "mount+base")
+    ways = compare(calibration, calibration.poses)
+    assert figures.left_over_per_pose(calibration, ways) == figures.left_over_per_pose(calibration, ways)
+    assert figures.residuals_per_pose(calibration, ways[0]) == figures.residuals_per_pose(calibration, ways[0])
+    assert figures.gravity_on_sphere(calibration) == figures.gravity_on_sphere(calibration)
+    once, again = (figures.std_over_orientations(calibration, "torque") for _ in range(2))
+    assert once == again
+
+
+def test_gravity_is_drawn_on_the_half_of_the_sphere_that_it_points_to() -> None:
+    """Three poses with gravity along the flange's +z, one along -z (half turns), and one more that was left out."""
+    down, up = np.diag([1.0, -1.0, -1.0]), np.eye(3)
+    poses = [Pose(R, np.zeros(6), np.zeros((6, 6))) for R in (down, down, down, up)]
+    poses.append(Pose(up, np.zeros(6), np.zeros((6, 6)), rejected="in contact"))
+    svg = figures.gravity_on_sphere(replace(cw.calibrate(cw.read(PANDA), "mount"), poses=tuple(poses)))
+    assert "+z: 3 poses" in svg
+    assert "-z: 1 pose<" in svg
+
+
+def test_auto_shows_what_it_assumed_and_what_other_models_make_of_the_poses(tmp_path: Path) -> None:
+    calibration = cw.calibrate(cw.read(PANDA))
+    write_calibration_report(tmp_path / "r.html", calibration)
+    page, words = _page(tmp_path / "r.html")
+    for assumption in calibration.assumptions:
+        assert assumption[1:].replace("+-", "±") in words
+    rows = page.rows_after("What other models make of the same poses")
+    assert [row[0] for row in rows[1:]] == ["yaw", "mount", "mount+base", "affine"]
+    assert rows[1][1:3] == ["7.727", "± 0.050"]
+    assert rows[4][1:3] == ["-", ""]
+    for absent in ("Poses that were left out", "left out", "Hollow", "But the bias"):
+        assert absent not in words
+    write_calibration_report(tmp_path / "mount.html", cw.calibrate(cw.read(PANDA), "mount"))
+    _, words = _page(tmp_path / "mount.html")
+    assert "What was assumed" not in words
+    assert "What other models" not in words
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_poses_that_were_left_out_keep_their_numbers_and_say_why(tmp_path: Path, timed: bool) -> None:
+    """A push of 4 N at 50 mm in the sixth pose, of which compensation must leave just that, within the noise."""
+    panda = cw.read(PANDA)
+    wrench = panda.wrench.copy()
+    wrench[5] += [0.0, 0.0, -4.0, 0.0, 0.2, 0.0]
+    samples = cw.Samples(wrench, panda.R_base_flange, t=np.arange(17.0) * 10.0 if timed else None)
+    calibration = cw.calibrate(samples)
+    write_calibration_report(tmp_path / "r.html", calibration)
+    page, words = _page(tmp_path / "r.html")
+    head, row = page.rows_after("Poses that were left out")
+    assert head == ["pose", *(["time, s"] if timed else []), "left, N", "left, mN m", "why"]
+    assert row[:-3] == ["6", *(["50"] if timed else [])]
+    assert float(row[-3]) == pytest.approx(4.0, abs=0.6)
+    assert float(row[-2]) == pytest.approx(200.0, abs=20.0)
+    assert row[-1] == calibration.poses[5].rejected
+    assert "1 of 17 poses did not take part in the fit." in words
+    assert "Shaded: poses that were left out." in words
+    assert "Hollow: poses that were left out." in words
+    every = page.rows_after("Every pose in numbers")
+    assert [line[0] for line in every[2:]] == [str(k) for k in range(1, 18)]
+    assert [line[0] for line in every if line[-1] == "left out"] == ["6"]
+
+
+@pytest.mark.parametrize("kind", ["stepped", "drifted", "wandered"])
+def test_a_bias_that_moved_is_said_where_the_residuals_show_it(tmp_path: Path, kind: str) -> None:
+    n = 60 if kind == "wandered" else 24
+    rig, R, rng = example(4, poses=n)
+    clean = noisy(rig, R, rng)
+    course = {
+        "stepped": (np.arange(n) < n // 2)[:, None] * np.ones(6),
+        "drifted": np.linspace(1.0, 0.0, n)[:, None] * np.ones(6),
+        "wandered": np.cumsum(rng.normal(size=(n, 6)), axis=0) / 4.0,
+    }[kind]
+    wrench = clean.wrench + course * np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1])
+    calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
+    assert any(warning.startswith(f"the bias {kind} by") for warning in calibration.warnings)
+    write_calibration_report(tmp_path / "r.html", calibration)
+    _, words = _page(tmp_path / "r.html")
+    assert f"But the bias {kind} by" in words
+    assert "drawn against it" in words
+
+
+def test_without_matplotlib_the_report_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
+    with pytest.raises(cw.ContactWrenchError, match=r"needs matplotlib.*pip install 'contactwrench\[report\]'"):
+        write_calibration_report(tmp_path / "r.html", cw.calibrate(cw.read(PANDA), "mount"))
+    assert not (tmp_path / "r.html").exists()

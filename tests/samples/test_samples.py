@@ -1,0 +1,98 @@
+"""Samples are checked once and never change."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.errors import InputError
+from tests.support.recordings import generic_rotations
+
+
+def fields(n: int = 4) -> dict[str, Any]:
+    return {
+        "wrench": np.arange(6.0 * n).reshape(n, 6),
+        "R_base_flange": generic_rotations(n),
+        "t": np.arange(float(n)),
+        "position": np.zeros((n, 3)),
+        "load_mass": np.zeros(n),
+    }
+
+
+def with_value(name: str, place: tuple[int, ...], value: float) -> dict[str, Any]:
+    values = fields()
+    values[name][place] = value
+    return values
+
+
+def test_samples_keep_copies_that_cannot_be_written_to() -> None:
+    given = fields()
+    samples = cw.Samples(**given)
+    given["wrench"][0, 0] = 99.0
+    assert samples.wrench[0, 0] == 0.0
+    for name in given:
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(samples, name)[0] = 1.0
+
+
+def test_a_selection_keeps_every_field_in_its_order() -> None:
+    samples = cw.Samples(**fields(), source="here")
+    picks: list[Any] = [[3, 1], np.array([False, True, False, True]), slice(1, None, 2)]
+    for rows in picks:
+        chosen = samples.select(rows)
+        expected = np.arange(4)[rows]
+        assert len(chosen) == 2
+        assert chosen.t is not None
+        assert chosen.t.tolist() == expected.tolist()
+        assert np.array_equal(chosen.wrench, samples.wrench[expected])
+        assert chosen.R_base_flange == pytest.approx(samples.R_base_flange[expected], abs=1e-12)
+        assert chosen.source == "here"
+
+
+def test_samples_may_be_none_at_all() -> None:
+    assert len(cw.Samples(wrench=np.empty((0, 6)), R_base_flange=np.empty((0, 3, 3)))) == 0
+
+
+LEAVE_OUT = "leave such samples out"
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (fields() | {"wrench": np.zeros(6)}, "wrench has shape (6,), expected (n, 6)"),
+        (fields() | {"wrench": np.zeros((4, 3))}, "wrench has shape (4, 3), expected (n, 6)"),
+        (
+            fields() | {"R_base_flange": generic_rotations(3)},
+            "R_base_flange has shape (3, 3, 3), expected (n, 3, 3) with n = 4 as in wrench",
+        ),
+        (fields() | {"t": np.zeros((4, 1))}, "t has shape (4, 1), expected (n,) with n = 4 as in wrench"),
+        (
+            with_value("wrench", (2, 1), np.nan),
+            f"wrench in sample 2 is nan, expected a finite number: {LEAVE_OUT}",
+        ),
+        (with_value("t", (1,), np.inf), f"t in sample 1 is inf, expected a finite number: {LEAVE_OUT}"),
+        (
+            with_value("wrench", (3, 5), -1.5e9),
+            f"wrench in sample 3 is -1.5e+09, expected at most 1e+09 N or N m: {LEAVE_OUT}",
+        ),
+        (with_value("load_mass", (2,), -0.5), "load_mass in sample 2 is -0.5 kg, expected 0 or more"),
+        (
+            with_value("R_base_flange", (1,), 0.0),
+            "orientation 1 is a matrix that is no rotation (columns off orthonormal by 1, determinant 0), expected "
+            "orthonormal within 1 % and determinant 1: check the order of its entries",
+        ),
+    ],
+)
+def test_what_cannot_be_samples_is_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        cw.Samples(**values)
+    assert str(caught.value) == message
+
+
+def test_infinities_of_both_signs_are_refused_without_a_warning() -> None:
+    values = fields()
+    values["wrench"][1] = [np.inf, -np.inf, 0, 0, 0, 0]
+    with pytest.raises(InputError, match="wrench in sample 1 is inf") as caught:
+        cw.Samples(**values)
+    assert caught.value.row == 1
