@@ -68,9 +68,9 @@ def calibrate(
         model: `paper`, `yaw`, `mount`, `mount+base`, `affine`, or `auto` where nobody knows which of them holds.
         noise: of one pose's reading: std (6,), N and N m, or a recording at rest (n, 6); None: from the residuals.
         gravity: direction (3,), base axes; None: down. `mount+base` and `auto` find it within 90 deg of this one.
-        g: m/s^2, turns the weight into the mass.
-        mount_tilt_sd: rad an axis, of `auto`'s prior of the mounting about nominal, which the data can overrule.
-        base_tilt_sd: rad an axis, of `auto`'s prior of the base about nominal, which the data can overrule.
+        g: m/s^2, 9.80665 unless stated; turns the weight into the mass.
+        mount_tilt_sd: rad an axis, of the prior of `auto` on the mounting, 1.41 deg unless stated.
+        base_tilt_sd: rad an axis, of the prior of `auto` on the base, 0.71 deg unless stated.
         known: (value, std) of `weight` N, `com` (3,) m, `mount` R_flange_sensor (std rad), `gravity` (3,) (std rad).
         prior: an earlier calibration of the same tool, whose bias may have moved: a single pose gives the new one.
 
