@@ -5,11 +5,34 @@ They are made where files are read (recording/interpretations.py), and judged in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array
+
+DOWN = (0.0, 0.0, -1.0)
+
+COST_OF_CHANGE = 2.0 * float(np.log(20.0))
+"""-2 log of the prior probability of one change from what was stated."""
+
+REVERSED_SIGN = 1.0
+REVERSED_GRAVITY = 1.2
+"""What a change costs, in changes as likely as a wrong flag."""
+
+LEANING_FLAG = "--model mount+base"
+
+PUSH = (
+    "push the tool by hand along +x, +y and +z of the sensor: if fx, fy and fz rise, each in its turn, sign and axes "
+    "are as the file names them; if all fall, --sign reaction; if one falls, it is reversed; if another one moves, the "
+    "two are exchanged"
+)
+SEE_COM = "see where the tool's centre of mass really lies: on which side of the sensor, and how far away"
+SEE_POSE = "bring the arm to a pose whose axes you can see, tilted about two of them, and try the conventions on it"
+SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on the ceiling"
+"""Observations that tell apart what free air cannot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +91,44 @@ class Readings:
     torque_units: tuple[TorqueUnit, ...] = ()
     complaint: str | None = None
 
+    @property
+    def down(self) -> Array:
+        """The direction of gravity (3,) in base axes, as stated."""
+        return np.array(DOWN) if self.gravity is None else np.asarray(self.gravity)
+
+    def reading(
+        self, orientation: int, wrench: int, negative: int, *, by_gravity: bool = False, unit: TorqueUnit | None = None
+    ) -> Reading:
+        """One way to read the file: of `orientations` and `wrenches` by their indices, the sign reversed where
+        `negative`, or `by_gravity` the direction of gravity in its stead.
+        """
+        o, w = self.orientations[orientation], self.wrenches[wrench]
+        reaction = bool(negative) != by_gravity
+        flags = (*o.flags, *w.flags, *(["--sign reaction"] if reaction else []))
+        if by_gravity:
+            flags = (*flags, f"--gravity {negated(self.down)}")
+        elif self.gravity is not None:
+            flags = (*flags, f"--gravity {negated(-self.down)}")
+        cost = o.cost + w.cost + REVERSED_SIGN * (reaction != (self.sign == "reaction"))
+        cost += REVERSED_GRAVITY * by_gravity + (unit.cost if unit else 0.0)
+        mends = (*o.mends, *w.mends, *([unit.mend] if unit else []))
+        factor = unit.factor if unit else 1.0
+        return Reading(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
+
+    def observations(self, best: Reading, others: Sequence[Reading]) -> tuple[str, ...]:
+        """What would tell the best from the others."""
+
+        def forces(reading: Reading) -> Array:
+            return self.wrenches[reading.wrench].matrix[:3] * (-1.0 if reading.negated else 1.0)
+
+        decisive = {
+            PUSH: any(not np.array_equal(forces(other), forces(best)) for other in others),
+            SEE_COM: any(other.wrench != best.wrench or other.torque_factor != best.torque_factor for other in others),
+            SEE_POSE: any(other.orientation != best.orientation for other in others),
+            SEE_BASE: any(LEANING_FLAG in other.flags or other.reversed_gravity for other in (best, *others)),
+        }
+        return tuple(observation for observation, decides in decisive.items() if decides)
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -86,6 +147,11 @@ class Reading:
     negated: bool
     reversed_gravity: bool
     torque_factor: float = 1.0
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Its indices in what screening makes of all ways to read the file: orientation, wrench, sign."""
+        return self.orientation, self.wrench, int(self.negated != self.reversed_gravity)
 
 
 def as_read(readings: Readings, reading: Reading) -> tuple[Array, Array]:
