@@ -17,7 +17,8 @@ import contactwrench as cw
 from contactwrench.assess.interpretations import as_read
 from tests.support.measured_sets import measured_sets
 
-from .diagnose import File, diagnosed, likeness
+from .diagnose import diagnosed, likeness
+from .mistakes import File
 from .table import Row
 
 INDEPENDENT = {

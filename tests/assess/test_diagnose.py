@@ -18,6 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import example as hypothesis_example
 
 import contactwrench as cw
+from benchmarks.diagnose import few_left_alone
 from contactwrench.assess.diagnose import Diagnosis, diagnose
 from contactwrench.assess.interpretations import PUSH, SEE_BASE, SEE_COM, as_read
 from contactwrench.assess.screening import Orientations, screen
@@ -162,6 +163,12 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
     best = diagnosis.best.reading
     assert not best.mends
     assert best.flags in ((), ("--model mount+base",))
+
+
+@pytest.mark.parametrize("seed", [51, 1500, 1545, 1628, 1706])
+def test_right_files_of_few_poses_are_left_alone(seed: int, tmp_path: Path) -> None:
+    """Light tools, noise, a pose in contact: of the 2,000 that the benchmark makes, those that were once mended."""
+    assert few_left_alone(seed, tmp_path)
 
 
 @pytest.mark.parametrize("path", [PANDA, PAPER], ids=["panda", "paper"])
