@@ -4,13 +4,21 @@ RUN = .venv/run
 DEV = .venv/dev
 WHAT_IS_BUILT = pyproject.toml Makefile
 
-.PHONY: demo test bench experiment lint types docs check lock clean
+SECONDS = 600
+
+.PHONY: demo test test-quick explore bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
 	$(RUN)/bin/contactwrench demo --out contactwrench-demo
 
-test: $(DEV)/ready  ## all tests
+test: $(DEV)/ready  ## all tests, the same examples at every run
 	$(DEV)/bin/python -m pytest -n auto
+
+test-quick: $(DEV)/ready  ## what is not marked slow
+	$(DEV)/bin/python -m pytest -n auto -m "not slow"
+
+explore: $(DEV)/ready  ## property tests with new seeds until one fails, for SECONDS
+	$(DEV)/bin/python -m tests.explore $(SECONDS)
 
 bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against memcpy
 	$(DEV)/bin/python -m benchmarks
@@ -27,10 +35,11 @@ lint: $(DEV)/ready
 types: $(DEV)/ready
 	$(DEV)/bin/mypy
 
-docs: $(DEV)/ready  ## every link resolves and every code block of README and docs/ runs
+docs: $(DEV)/ready  ## site/, the guide and the API; every link resolves and every code block of the pages runs
+	NO_MKDOCS_2_WARNING=1 $(DEV)/bin/mkdocs build --strict --quiet
 	$(DEV)/bin/python -m pytest tests/test_docs.py
 
-check: lint types test
+check: lint types test-quick  ## one's own loop
 
 $(RUN)/ready: requirements.lock $(WHAT_IS_BUILT)
 	$(PYTHON) -m venv --clear $(RUN)
@@ -51,4 +60,4 @@ lock: $(DEV)/ready  ## exact versions with hashes, no addresses
 	$(LOCK) --group dev -o requirements-dev.lock
 
 clean:
-	rm -rf .venv contactwrench-demo contactwrench-experiment
+	rm -rf .venv site contactwrench-demo contactwrench-experiment
