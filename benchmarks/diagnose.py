@@ -67,7 +67,7 @@ def likeness(file: File, R: Array, wrench: Array) -> str:
 
 def judged(file: File, found: Readings, diagnosis: Diagnosis) -> str:
     """`first`; `tied` inside a class; `near`, behind a reading that the noise does not tell from it; or `missed`."""
-    best = likeness(file, *as_read(found, diagnosis.best.reading))
+    best = likeness(file, *as_read(found, diagnosis.best.interpretation))
     if best == "right":
         return "first"
     others = (likeness(file, *as_read(found, reading)) for reading in diagnosis.alike)
@@ -103,7 +103,7 @@ def few_left_alone(seed: int, folder: Path) -> bool:
 def _untouched(file: File, folder: Path) -> bool:
     """Whether the stated reading of a right file is kept; a base that does lean may be found to."""
     found, diagnosis = diagnosed(file, folder)
-    best = diagnosis.best.reading
+    best = diagnosis.best.interpretation
     return diagnosis.read_rightly or (best.orientation, best.wrench, best.negated) == (found.given, 0, False)
 
 

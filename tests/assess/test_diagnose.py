@@ -103,7 +103,7 @@ def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> No
     rig, R, rng = example(5)
     diagnosis = found_in(tmp_path, replace(RIGHT, wrench=spoil).text(R, noisy_readings(rig, R, NOISE, rng)))
     assert not diagnosis.read_rightly
-    assert (diagnosis.best.reading.flags, diagnosis.best.reading.mends) == ((), (words,))
+    assert (diagnosis.best.interpretation.flags, diagnosis.best.interpretation.mends) == ((), (words,))
     assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
     assert diagnosis.best.explained
 
@@ -118,7 +118,7 @@ def test_orientations_shifted_by_a_pose_are_found(shift: int, whose: str, rows: 
     content = RIGHT.text(np.repeat(R[1:-1], rows, axis=0), np.repeat(late, rows, axis=0))
     diagnosis = found_in(tmp_path, content)
     assert diagnosis.n == 22
-    assert diagnosis.best.reading.mends == (SHIFTED.format(whose),)
+    assert diagnosis.best.interpretation.mends == (SHIFTED.format(whose),)
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
 
 
@@ -126,8 +126,10 @@ def test_angles_under_a_wrong_unit_are_renamed(tmp_path: Path) -> None:
     rig, R, rng = example(7)
     wrong = Written(("a_deg", "b_deg", "c_deg"), euler("ZYX", degrees=False))
     diagnosis = found_in(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
-    assert diagnosis.best.reading.flags == ("--orientation kuka_abc",)
-    assert diagnosis.best.reading.mends == ("the angles in rad (rename a_deg, b_deg, c_deg to a_rad, b_rad, c_rad)",)
+    assert diagnosis.best.interpretation.flags == ("--orientation kuka_abc",)
+    assert diagnosis.best.interpretation.mends == (
+        "the angles in rad (rename a_deg, b_deg, c_deg to a_rad, b_rad, c_rad)",
+    )
 
 
 def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
@@ -135,7 +137,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
     text = RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)).replace("tx,ty,tz", "tx_nmm,ty_nmm,tz_nmm", 1)
     diagnosis = found_in(tmp_path, text)
     words = "the torque in N m (rename tx_nmm, ty_nmm, tz_nmm to tx, ty, tz)"
-    assert diagnosis.best.reading.mends == (words,)
+    assert diagnosis.best.interpretation.mends == (words,)
     assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
 
 
@@ -160,7 +162,7 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
         wrench[0] += rng.normal(size=6) * np.repeat([3.0, 0.3], 3)
     kuka = Written(("a", "b", "c"), euler("ZYX"))
     diagnosis = found_in(tmp_path, (kuka if rng.random() < 0.5 else RIGHT).text(R, wrench))
-    best = diagnosis.best.reading
+    best = diagnosis.best.interpretation
     assert not best.mends
     assert best.flags in ((), ("--model mount+base",))
 
@@ -185,7 +187,7 @@ def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
     diagnosis = found_in(tmp_path, content, **stated)
     assert diagnosis.read_rightly
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
-    assert diagnosis.best.reading.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
+    assert diagnosis.best.interpretation.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
 
 
 # What free air cannot tell
@@ -227,10 +229,10 @@ def test_a_robot_on_a_wall_looks_like_two_wrong_flags(way: Written, down: list[f
     rig, R, rng = example(12)
     rig = replace(rig, down=np.array(down))
     diagnosis = found_in(tmp_path, way.text(R, noisy_readings(rig, R, NOISE, rng)))
-    on_wall = next(fit for fit in diagnosis.ranked if fit.reading.flags == ("--model mount+base",))
+    on_wall = next(fit for fit in diagnosis.ranked if fit.interpretation.flags == ("--model mount+base",))
     assert np.rad2deg(on_wall.lean) == pytest.approx(90.0, abs=1.5)
     assert on_wall.weight == pytest.approx(rig.weight, abs=0.1)
-    assert on_wall is diagnosis.best or on_wall.reading in diagnosis.alike[: diagnosis.likely]
+    assert on_wall is diagnosis.best or on_wall.interpretation in diagnosis.alike[: diagnosis.likely]
     assert SEE_BASE in diagnosis.observations
 
 
@@ -238,7 +240,7 @@ def test_a_base_that_leans_is_found(tmp_path: Path) -> None:
     rig, R, rng = example(12)
     rig = replace(rig, weight=20.0, down=tilted_down(np.deg2rad(20.0), rng))
     diagnosis = found_in(tmp_path, RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
-    assert diagnosis.best.reading.flags == ("--model mount+base",)
+    assert diagnosis.best.interpretation.flags == ("--model mount+base",)
     assert np.rad2deg(diagnosis.best.lean) == pytest.approx(20.0, abs=0.5)
 
 

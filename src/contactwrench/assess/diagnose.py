@@ -1,19 +1,20 @@
-"""Which reading of a file a rigid tool explains.
+"""Which interpretation of a file a rigid tool explains.
 
-The most common failure of a calibration is not noise but a wrong reading of the file. So every reading that a person
-could have meant is tried, one of the orientation's columns times one of the wrench's, and ranked by what a rigid tool
-leaves of it: first all of them in closed form (screening.py), then the best by the fit that `calibrate` makes.
+The most common failure of a calibration is not noise but a wrong interpretation of the file. So every interpretation
+that a person could have meant is tried, one of the orientation's columns times one of the wrench's, and ranked by what
+a rigid tool leaves of it: first all of them in closed form (screening.py), then the best by the fit that `calibrate`
+makes.
 
 The model is `mount`: the mounting is free, the base is upright or as stated. With the base free too, a convention with
 its axes renamed fits as well as the right one, on a robot whose base lies on its side; so a base that leans is tried
-for the best reading and the stated one only, has to leave decisively less, and counts as a change. The affine model
-never enters: it would explain what no tool can.
+for the best interpretation and the stated one only, has to leave decisively less, and counts as a change. The affine
+model never enters: it would explain what no tool can.
 
-Thousands of readings are tried, so one of them may win by chance. Readings are therefore compared by their marginal
+Thousands of interpretations are tried, so one of them may win by chance. They are therefore compared by their marginal
 likelihood, which counts the few degrees of freedom that few poses leave, and by their prior: each change from what was
-stated has a probability of 1 in 20. The stated reading is given up only where the odds against it are overwhelming,
-also with the pose left out that fits it worst, as it may be in contact, and with a base that leans, and where the other
-leaves less than half. So a file that is read rightly is left alone.
+stated has a probability of 1 in 20. The stated interpretation is given up only where the odds against it are
+overwhelming, also with the pose left out that fits it worst, as it may be in contact, and with a base that leans, and
+where the other leaves less than half. So a file that is read rightly is left alone.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from ..estimation.least_squares import PoseReadings
 from ..estimation.rigid import fit_rigid
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
-from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Reading, Readings, as_read
+from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Readings, as_read
 from .screening import (
     LEAST_TILT,
     NOTHING_LEFT,
@@ -45,18 +46,18 @@ from .screening import (
 FEWEST_POSES = 5
 
 DECISIVE = 20.0
-"""-2 log of the odds that a stated reading must be worse by, its prior counted: 1 to 22,000."""
+"""-2 log of the odds that a stated interpretation must be worse by, its prior counted: 1 to 22,000."""
 
 LESS_THAN_HALF = 0.5
 LEFT_BY_NO_TOOL = 0.5
-"""Of the weight: a wrong reading leaves as much, also where shifted rows happen to drop a pose in contact."""
+"""Of the weight: a wrong interpretation leaves as much, also where shifted rows happen to drop a pose in contact."""
 
 POSE_IN_CONTACT = 1.0
 LEANING_BASE = 1.1
 NO_TOOL = 10.0
 """Costs, in changes: of a pose in contact; of a base that leans, once more for each right angle, so that a robot on a
-wall, whose user would have said so, counts for a little more than two wrong flags; of a reading that is explained by no
-weight at all.
+wall, whose user would have said so, counts for a little more than two wrong flags; of an interpretation that is
+explained by no weight at all.
 """
 
 SURE_WEIGHT = 3.0
@@ -80,16 +81,16 @@ LEAST_DOF = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What a rigid tool makes of a reading.
+    """What a rigid tool makes of an interpretation.
 
     `force_left` N and `torque_left` N m: root mean square of the norm of what is left in a pose, the fitted parameters
     counted; `weight` N; `com` (3,) m; `lean` rad, of gravity from the stated direction, zero unless the base is free;
     `odds` -2 log of the odds against it, up to a constant, the costs of its changes counted. Of the stated
-    reading also `odds_in_contact`, the same where the pose that fits it worst is in contact, and the same reading with
-    the base `leaning`, None where that explains nothing.
+    interpretation also `odds_in_contact`, the same where the pose that fits it worst is in contact, and the same
+    interpretation with the base `leaning`, None where that explains nothing.
     """
 
-    reading: Reading
+    interpretation: Interpretation
     force_left: float
     torque_left: float
     weight: float
@@ -107,10 +108,10 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """`given`: the stated reading, None where it cannot be read. `best`: the one to use, which is the stated one unless
-    another is decisively better. `ranked`: the best of each class of readings, best first. `alike`: readings that free
-    air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the `observations` that
-    would decide between those. `n` poses, `tried` readings.
+    """`given`: the stated interpretation, None where it cannot be read. `best`: the one to use, which is the stated one
+    unless another is decisively better. `ranked`: the best of each class, best first. `alike`: readings
+    that free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the
+    `observations` that would decide between those. `n` poses, `tried` interpretations.
     """
 
     source: str
@@ -119,21 +120,21 @@ class Diagnosis:
     given: Explanation | None
     best: Explanation
     ranked: tuple[Explanation, ...]
-    alike: tuple[Reading, ...]
+    alike: tuple[Interpretation, ...]
     likely: int
     observations: tuple[str, ...]
     complaint: str | None
 
     @property
     def read_rightly(self) -> bool:
-        """Whether no other reading explains the file decisively better than the stated one."""
+        """Whether no other interpretation explains the file decisively better than the stated one."""
         return self.best is self.given
 
 
 def diagnose(readings: Readings) -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
-    Raises `UnobservableError` for fewer than 5 poses, and `InputError` where no reading makes rotations.
+    Raises `UnobservableError` for fewer than 5 poses, and `InputError` where no interpretation makes rotations.
     """
     n = len(readings.wrench)
     if n < FEWEST_POSES:
@@ -149,16 +150,16 @@ def diagnose(readings: Readings) -> Diagnosis:
     ways = screened(readings)
     given = None if readings.given is None else _excused(readings, _explained(readings, ways.given))
     fits = [] if given is None else [given]
-    fits += [_explained(readings, readings.reading(*place)) for place in ways.classes()]
+    fits += [_explained(readings, readings.interpretation(*place)) for place in ways.classes()]
     likeliest = min(fits, key=lambda fit: fit.odds)
-    leaning = [] if likeliest is given else [(_leaning(readings, likeliest.reading), likeliest)]
+    leaning = [] if likeliest is given else [(_leaning(readings, likeliest.interpretation), likeliest)]
     leaning += [] if given is None else [(given.leaning, given)]
     fits += [fit for fit, upright in leaning if fit is not None and _decisively_better(fit, upright)]
     fits.sort(key=lambda fit: fit.odds)
     as_good = (fit for fit in fits if not any(_decisively_better(other, fit) for other in fits))
-    best = _in_likeliest_unit(readings, min(as_good, key=lambda fit: fit.reading.cost))
+    best = _in_likeliest_unit(readings, min(as_good, key=lambda fit: fit.interpretation.cost))
     alike = _alike(ways, best, fits)
-    likely = [reading for reading in alike if reading.cost <= best.reading.cost + TIE_REACH]
+    likely = [interpretation for interpretation in alike if interpretation.cost <= best.interpretation.cost + TIE_REACH]
     return Diagnosis(
         readings.source,
         n,
@@ -168,33 +169,33 @@ def diagnose(readings: Readings) -> Diagnosis:
         _one_of_each(best, fits),
         tuple(alike),
         len(likely),
-        readings.observations(best.reading, likely),
+        readings.observations(best.interpretation, likely),
         readings.complaint,
     )
 
 
-def _explained(readings: Readings, reading: Reading, model: str = "mount") -> Explanation:
-    """What the fit of a rigid tool makes of a reading. Of the degrees of freedom each parameter takes its share where
-    the readings settle it: torques that settle the mounting explain nothing by being explained.
+def _explained(readings: Readings, interpretation: Interpretation, model: str = "mount") -> Explanation:
+    """What the fit of a rigid tool makes of an interpretation. Of the degrees of freedom each parameter takes its share
+    where the readings settle it: torques that settle the mounting explain nothing by being explained.
     """
-    R, wrench = as_read(readings, reading)
-    down = -readings.down if reading.reversed_gravity else readings.down
+    R, wrench = as_read(readings, interpretation)
+    down = -readings.down if interpretation.reversed_gravity else readings.down
     tool, left, taken, sure = _fitted(R, wrench, model, down)
     lean = 0.0
     if model == "mount+base":
         lean = float(np.arccos(np.clip(tool.gravity_direction @ down, -1.0, 1.0)))
-        cost = reading.cost + LEANING_BASE * (1.0 + lean / (0.5 * np.pi))
-        reading = replace(reading, flags=(*reading.flags, LEANING_FLAG), cost=cost)
+        cost = interpretation.cost + LEANING_BASE * (1.0 + lean / (0.5 * np.pi))
+        interpretation = replace(interpretation, flags=(*interpretation.flags, LEANING_FLAG), cost=cost)
     squares = _of_kinds(left)
     dof = np.maximum(3.0 * len(R) - taken, LEAST_DOF)
     of_base = len(GRAVITY) if model == "mount+base" else 0
     force_left, torque_left = np.sqrt(3.0 * squares / (3.0 * len(R) - PARAMETERS - of_base))
     squares = np.maximum(squares, NOTHING_LEFT**2 * _of_kinds(wrench))
-    scatter = scatter_of(readings.wrench, readings.wrenches[reading.wrench].matrix)[0]
+    scatter = scatter_of(readings.wrench, readings.wrenches[interpretation.wrench].matrix)[0]
     odds = float(misfit(squares, dof, scatter))
-    odds += COST_OF_CHANGE * (reading.cost + NO_TOOL * (not sure))
+    odds += COST_OF_CHANGE * (interpretation.cost + NO_TOOL * (not sure))
     com = read_only(tool.com)
-    return Explanation(reading, float(force_left), float(torque_left), tool.weight, com, lean, odds)
+    return Explanation(interpretation, float(force_left), float(torque_left), tool.weight, com, lean, odds)
 
 
 def _fitted(R_base_flange: Array, wrench: Array, model: str, down: Array) -> tuple[RigidTool, Array, Array, bool]:
@@ -217,32 +218,32 @@ def _of_kinds(values: Array) -> Array:
 
 
 def _excused(readings: Readings, given: Explanation) -> Explanation:
-    """The stated reading with its best excuse: a right file may have a pose in contact, or a base that leans."""
-    reading = given.reading
-    o, w = readings.orientations[reading.orientation], readings.wrenches[reading.wrench]
+    """The stated interpretation with its best excuse: a right file may have a pose in contact, or a base that leans."""
+    interpretation = given.interpretation
+    o, w = readings.orientations[interpretation.orientation], readings.wrenches[interpretation.wrench]
     n = len(readings.wrench)
     others = [Orientations(o.R_base_flange[kept], kept) for kept in ~np.eye(n, dtype=np.bool_)]
     left = screen(others, readings.wrench, w.matrix[None], np.array([w.in_base]), readings.down)
-    without = misfit(left.squares, left.dof, scatter_of(readings.wrench, w.matrix))[:, 0, reading.place[2]]
-    in_contact = float(without.min()) + COST_OF_CHANGE * (reading.cost + POSE_IN_CONTACT)
-    return replace(given, odds_in_contact=in_contact, leaning=_leaning(readings, reading))
+    without = misfit(left.squares, left.dof, scatter_of(readings.wrench, w.matrix))[:, 0, interpretation.place[2]]
+    in_contact = float(without.min()) + COST_OF_CHANGE * (interpretation.cost + POSE_IN_CONTACT)
+    return replace(given, odds_in_contact=in_contact, leaning=_leaning(readings, interpretation))
 
 
-def _leaning(readings: Readings, reading: Reading) -> Explanation | None:
+def _leaning(readings: Readings, interpretation: Interpretation) -> Explanation | None:
     """The fit with the direction of gravity free; None where no direction on the stated side explains the file."""
-    R, wrench = as_read(readings, reading)
-    down = -readings.down if reading.reversed_gravity else readings.down
+    R, wrench = as_read(readings, interpretation)
+    down = -readings.down if interpretation.reversed_gravity else readings.down
     scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
     if explained_by_start(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(np.sum(scatter**2)):
         return None
-    leaning = _explained(readings, reading, "mount+base")
+    leaning = _explained(readings, interpretation, "mount+base")
     return leaning if leaning.lean <= MOST_LEAN else None
 
 
 def _decisively_better(one: Explanation, other: Explanation) -> bool:
     """Whether `other` is to be given up for `one`, which must explain the file for that, and not just less badly."""
     excused = min(other.odds, other.odds_in_contact)
-    if other.leaning is not None and one.reading.place != other.reading.place:
+    if other.leaning is not None and one.interpretation.place != other.interpretation.place:
         excused = min(excused, other.leaning.odds)
     if one is other or excused - one.odds < DECISIVE or one.force_left > LEFT_BY_NO_TOOL * one.weight:
         return False
@@ -252,12 +253,14 @@ def _decisively_better(one: Explanation, other: Explanation) -> bool:
 
 def _in_likeliest_unit(readings: Readings, best: Explanation) -> Explanation:
     """The same tool with the torque in another unit, where its centre of mass is then the likelier one."""
+    if best.force_left > LEFT_BY_NO_TOOL * best.weight:
+        return best
     for unit in readings.torque_units:
         if _oddity_of(unit.factor * best.com) < _oddity_of(best.com):
-            own = best.reading
+            own = best.interpretation
             return replace(
                 best,
-                reading=readings.reading(*own.place, by_gravity=own.reversed_gravity, unit=unit),
+                interpretation=readings.interpretation(*own.place, by_gravity=own.reversed_gravity, unit=unit),
                 torque_left=unit.factor * best.torque_left,
                 com=read_only(unit.factor * best.com),
             )
@@ -269,24 +272,24 @@ def _oddity_of(com: Array) -> float:
     return abs(float(np.log(max(float(np.linalg.norm(com)), 1e-12) / TYPICAL_COM)))
 
 
-def _alike(ways: Screened, best: Explanation, fits: list[Explanation]) -> list[Reading]:
+def _alike(ways: Screened, best: Explanation, fits: list[Explanation]) -> list[Interpretation]:
     """The readings that free air cannot tell from the best, the likelier first: those of its class, of which nothing
     else is left, and those that chance may have put behind it.
     """
-    readings, own = ways.readings, best.reading
-    alike = [fit.reading for fit in fits if not _decisively_better(best, fit)]
+    readings, own = ways.readings, best.interpretation
+    alike = [fit.interpretation for fit in fits if not _decisively_better(best, fit)]
     unit = next((u for u in readings.torque_units if u.factor == own.torque_factor), None)
     for place in [] if LEANING_FLAG in own.flags else np.argwhere(ways.class_of(own.place)).tolist():
-        alike += [readings.reading(*place, by_gravity=by_gravity, unit=unit) for by_gravity in (False, True)]
-    others = {(reading.flags, reading.mends): reading for reading in alike}
+        alike += [readings.interpretation(*place, by_gravity=by_gravity, unit=unit) for by_gravity in (False, True)]
+    others = {(interpretation.flags, interpretation.mends): interpretation for interpretation in alike}
     others.pop((own.flags, own.mends), None)
-    return sorted(others.values(), key=lambda reading: reading.cost)
+    return sorted(others.values(), key=lambda interpretation: interpretation.cost)
 
 
 def _one_of_each(best: Explanation, fits: list[Explanation]) -> tuple[Explanation, ...]:
-    """The best first, then the others in order, each reading once."""
+    """The best first, then the others in order, each interpretation once."""
     kept = [best]
     for fit in fits:
-        if all(fit.reading != other.reading for other in kept):
+        if all(fit.interpretation != other.interpretation for other in kept):
             kept.append(fit)
     return tuple(kept)

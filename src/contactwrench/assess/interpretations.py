@@ -96,9 +96,9 @@ class Readings:
         """The direction of gravity (3,) in base axes, as stated."""
         return np.array(DOWN) if self.gravity is None else np.asarray(self.gravity)
 
-    def reading(
+    def interpretation(
         self, orientation: int, wrench: int, negative: int, *, by_gravity: bool = False, unit: TorqueUnit | None = None
-    ) -> Reading:
+    ) -> Interpretation:
         """One way to read the file: of `orientations` and `wrenches` by their indices, the sign reversed where
         `negative`, or `by_gravity` the direction of gravity in its stead.
         """
@@ -113,13 +113,13 @@ class Readings:
         cost += REVERSED_GRAVITY * by_gravity + (unit.cost if unit else 0.0)
         mends = (*o.mends, *w.mends, *([unit.mend] if unit else []))
         factor = unit.factor if unit else 1.0
-        return Reading(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
+        return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 
-    def observations(self, best: Reading, others: Sequence[Reading]) -> tuple[str, ...]:
+    def observations(self, best: Interpretation, others: Sequence[Interpretation]) -> tuple[str, ...]:
         """What would tell the best from the others."""
 
-        def forces(reading: Reading) -> Array:
-            return self.wrenches[reading.wrench].matrix[:3] * (-1.0 if reading.negated else 1.0)
+        def forces(interpretation: Interpretation) -> Array:
+            return self.wrenches[interpretation.wrench].matrix[:3] * (-1.0 if interpretation.negated else 1.0)
 
         decisive = {
             PUSH: any(not np.array_equal(forces(other), forces(best)) for other in others),
@@ -131,7 +131,7 @@ class Readings:
 
 
 @dataclass(frozen=True)
-class Reading:
+class Interpretation:
     """One way to read a file: the `flags` that make it so, all of them, and the `mends` that no flag makes.
 
     `orientation`, `wrench` are indices into `Readings`; `negated`: the readings as they stand in the file;
@@ -154,12 +154,14 @@ class Reading:
         return self.orientation, self.wrench, int(self.negated != self.reversed_gravity)
 
 
-def as_read(readings: Readings, reading: Reading) -> tuple[Array, Array]:
-    """`R_base_flange` (m, 3, 3) and the wrench (m, 6), N and N m, sensor axes, pull sign, that a reading makes."""
-    o, w = readings.orientations[reading.orientation], readings.wrenches[reading.wrench]
-    in_si = np.repeat([1.0, reading.torque_factor], 3)[:, None] * w.matrix
+def as_read(readings: Readings, interpretation: Interpretation) -> tuple[Array, Array]:
+    """`R_base_flange` (m, 3, 3) and the wrench (m, 6), N and N m, sensor axes, pull sign, by an interpretation."""
+    o, w = readings.orientations[interpretation.orientation], readings.wrenches[interpretation.wrench]
+    in_si = np.repeat([1.0, interpretation.torque_factor], 3)[:, None] * w.matrix
     R = o.R_base_flange
-    return R, _read_wrench(readings.wrench[o.rows], -in_si if reading.negated else in_si, R if w.in_base else None)
+    return R, _read_wrench(
+        readings.wrench[o.rows], -in_si if interpretation.negated else in_si, R if w.in_base else None
+    )
 
 
 def _read_wrench(wrench: Array, matrix: Array, R_base_flange: Array | None) -> Array:

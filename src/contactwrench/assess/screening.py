@@ -1,8 +1,8 @@
 """How well a rigid tool can explain thousands of readings of one file, all at once.
 
-A reading is one of the orientation's columns times one of the wrench's. For each, the mounting that explains the
-forces best is a Procrustes rotation (Kabsch, 1976; see estimation/initial_guess.py), and with it held the torques are
-linear in weight * com: so second moments of the centred rows decide, and nothing is iterated.
+An interpretation is one of the orientation's columns times one of the wrench's. For each, the mounting that explains
+the forces best is a Procrustes rotation (Kabsch, 1976; see estimation/initial_guess.py), and with it held the torques
+are linear in weight * com: so second moments of the centred rows decide, and nothing is iterated.
 
     sum |F - G Q r - F0|^2  is least for  G = tr(Q M_F) / S,   M_F = sum r F^T,   S = sum |r|^2,   Q = R_flange_sensor^T
 
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
-from .interpretations import COST_OF_CHANGE, REVERSED_SIGN, Reading, Readings
+from .interpretations import COST_OF_CHANGE, REVERSED_SIGN, Interpretation, Readings
 
 LEAST_TILT = 1e-6
-"""Of the squared gravity directions, on average: a reading in which gravity moves less explains nothing."""
+"""Of the squared gravity directions, on average: an interpretation in which gravity moves less explains nothing."""
 
 PARAMETERS = np.array([7.0, 6.0])
 """Of model mount: weight, mounting and bias weigh on the forces; weight * com and bias on the torques."""
@@ -31,7 +31,7 @@ NOTHING_LEFT = 1e-6
 
 MOST_FITTED, LEAST_FITTED = 12, 2
 NOT_FITTED = 60.0
-"""-2 log of the odds by which screening may be worse than at its best, and its reading still be fitted."""
+"""-2 log of the odds by which screening may be worse than at its best, and its interpretation still be fitted."""
 
 SAME_FIT = 1e-6
 """Relative: readings of which screening leaves sums of squares this close are one class, see docs/method.md."""
@@ -42,7 +42,9 @@ SAME_ODDS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Orientations:
-    """One reading of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows` (m,)."""
+    """One interpretation of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows`
+    (m,).
+    """
 
     R_base_flange: Array
     rows: slice | NDArray[np.bool_]
@@ -50,8 +52,8 @@ class Orientations:
 
 @dataclass(frozen=True, eq=False)
 class Unexplained:
-    """What a rigid tool leaves, for every reading: arrays (orientations, wrenches, 2, 2), the last axis for force (N^2)
-    and torque (N^2 m^2), the one before for the readings and the negated readings.
+    """What a rigid tool leaves, for every interpretation: arrays (orientations, wrenches, 2, 2), the last axis for
+    force (N^2) and torque (N^2 m^2), the one before for the readings and the negated readings.
 
     `squares`: the sum of squares that is left; `dof` (orientations, 1, 1, 2): of how many degrees of freedom.
     """
@@ -63,7 +65,7 @@ class Unexplained:
 def screen(
     orientations: list[Orientations], wrench: Array, matrices: Array, in_base: Array, gravity_direction: Array
 ) -> Unexplained:
-    """What a rigid tool leaves of each reading of `wrench` (n, 6), the file's columns.
+    """What a rigid tool leaves of each interpretation of `wrench` (n, 6), the file's columns.
 
     `matrices` (k, 6, 6) turn the columns into fx..tz, in base axes where `in_base` (k,), and then turned back.
     """
@@ -128,7 +130,8 @@ def misfit(squares: Array, dof: Array, scatter: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class Screened:
     """What screening makes of all ways to read a file, by orientation, wrench and sign: the logarithm of the sums of
-    squares left of force and torque (..., 2), and `odds`, -2 log of the odds against a reading, its changes counted.
+    squares left of force and torque (..., 2), and `odds`, -2 log of the odds against an interpretation, its changes
+    counted.
     """
 
     readings: Readings
@@ -136,9 +139,9 @@ class Screened:
     odds: Array
 
     @property
-    def given(self) -> Reading:
-        """The stated reading."""
-        return self.readings.reading(self.readings.given or 0, 0, int(self.readings.sign == "reaction"))
+    def given(self) -> Interpretation:
+        """The stated interpretation."""
+        return self.readings.interpretation(self.readings.given or 0, 0, int(self.readings.sign == "reaction"))
 
     def classes(self) -> list[tuple[int, int, int]]:
         """Places of the most promising readings, one of each class, best first."""
