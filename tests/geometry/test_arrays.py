@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from contactwrench.errors import InputError
-from contactwrench.geometry.arrays import Array, Rows, column
+from contactwrench.geometry.arrays import Array, Frozen, Rows, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,3 +86,19 @@ def test_parts_joined_are_the_whole(n: int, cut: int) -> None:
 def test_a_column_that_one_part_lacks_is_left_out() -> None:
     joined = _Table.concatenate([_table(2), _Table(np.zeros(1), np.zeros((1, 6)))])
     assert (len(joined), joined.valid, joined.reason) == (3, None, None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Result(Frozen):
+    R_base_flange: Array
+    turn: Array | None = None
+    source: str = "arrays"
+
+
+def test_arrays_of_a_result_are_copies_that_cannot_be_written_to() -> None:
+    R = np.eye(3)
+    result = _Result(R)
+    R[0, 0] = 9.0
+    assert (result.R_base_flange[0, 0], result.turn, result.source) == (1.0, None, "arrays")
+    assert not result.R_base_flange.flags.writeable
+    assert _Result(result.R_base_flange).R_base_flange is result.R_base_flange

@@ -39,6 +39,17 @@ def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
+class Frozen:
+    """A base of frozen results: the arrays among their fields are copied, read-only."""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            values = getattr(self, each.name)
+            if isinstance(values, np.ndarray):
+                object.__setattr__(self, each.name, _frozen(values, values.dtype))
+
+
+@dataclass(frozen=True, eq=False)
 class Rows:
     """A base of frozen tables: fields with the metadata of `column` are copied, read-only, and pair row by row.
 
