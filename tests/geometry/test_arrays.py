@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,15 +91,20 @@ def test_a_column_that_one_part_lacks_is_left_out() -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Result(Frozen):
-    R_base_flange: Array
-    turn: Array | None = None
-    source: str = "arrays"
+    values: Array
+    flags: NDArray[np.bool_]
+    maybe: Array | None
+    name: str
 
 
-def test_arrays_of_a_result_are_copies_that_cannot_be_written_to() -> None:
-    R = np.eye(3)
-    result = _Result(R)
-    R[0, 0] = 9.0
-    assert (result.R_base_flange[0, 0], result.turn, result.source) == (1.0, None, "arrays")
-    assert not result.R_base_flange.flags.writeable
-    assert _Result(result.R_base_flange).R_base_flange is result.R_base_flange
+def test_a_frozen_result_holds_read_only_copies_of_its_arrays() -> None:
+    values: NDArray[Any] = np.arange(3, dtype=np.float32)
+    result = _Result(values, np.array([True, False]), None, "x")
+    values[0] = 7.0
+    assert result.values.dtype == np.float64
+    assert result.values.tolist() == [0.0, 1.0, 2.0]
+    assert result.flags.dtype == np.bool_
+    assert result.maybe is None
+    for array in (result.values, result.flags):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
