@@ -19,7 +19,7 @@ from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose
 from contactwrench.samples.recorded_poses import is_stream, resting_poses
 from contactwrench.samples.still_segments import still_stretches
-from contactwrench.simulate.poses import random_joints
+from contactwrench.simulate.kinematics import random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Settings, changed
