@@ -9,11 +9,13 @@ outside it (contacts) count less.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..geometry.arrays import Array
-from .motion import Turning
+from .motion import ArmMotion
+from .samples import WrenchStream
 
 GRID = 0.04
 """s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
@@ -48,21 +50,13 @@ PARTS = {2: 5.02, 3: 7.38}
 
 
 @dataclass(frozen=True, eq=False)
-class Means:
-    """Readings averaged over cells of time: `t` (n,) s and `wrench` (n, 6)."""
-
-    t: Array
-    wrench: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
-    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and `feigned`
-    s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum of the
-    logarithms of the variances.
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and
+    `weightless` s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum
+    of the logarithms of the variances.
     """
 
     delay: float
@@ -73,7 +67,7 @@ class Fit:
     weight: Array
     variance: Array
     bound: float
-    feigned: float
+    weightless: float
     misfit: float
 
 
@@ -86,61 +80,70 @@ class Scan:
     down: Array
 
 
-def thinned(means: Means) -> Means:
+def thinned(means: WrenchStream) -> WrenchStream:
     """At most `SCANNED` of the means, evenly."""
-    pick = slice(None, None, -(-len(means.t) // SCANNED))
-    return Means(means.t[pick], means.wrench[pick])
+    return means.select(slice(None, None, -(-len(means) // SCANNED)))
 
 
-def scan(motion: Turning, means: Means, delays: Array, down: Array | None) -> Scan:
+def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | None) -> Scan:
     """The misfit of a tool at each of `delays` (k,), and the best of them, to 1 ms; under gravity along `down` (3,).
 
     The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
     and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
     rest at no delay first, then at the best of some.
     """
-    some = thinned(means)
-    weight = np.ones(len(some.t))
+    thin = thinned(means)
+    weight = np.ones(len(thin))
 
-    def told_apart(delay: float, weight: Array) -> Array:
+    def reweighted(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
-            left, _ = _explained(motion, some, delay, down, weight)
-            weight = _weight(left, _variance(left, weight, some) if weight.min() < 1.0 else _robust(left, some))
+            residual = _explained(motion, thin, delay, down, weight).residual
+            variance = _variance(residual, weight, thin) if weight.min() < 1.0 else _robust(residual, thin)
+            weight = _weight(residual, variance)
         return weight
 
     def misfits(delays: Array) -> Array:
-        left = (_explained(motion, some, float(delay), down, weight)[0] for delay in delays)
-        return np.array([_misfit(_variance(one, weight, some)) for one in left])
+        explained = (_explained(motion, thin, float(delay), down, weight) for delay in delays)
+        return np.array([_misfit(_variance(of_delay.residual, weight, thin)) for of_delay in explained])
 
-    weight = told_apart(0.0, weight)
-    weight = told_apart(float(delays[misfits(delays).argmin()]), weight)
+    weight = reweighted(0.0, weight)
+    weight = reweighted(float(delays[misfits(delays).argmin()]), weight)
     misfit = misfits(delays)
     best = float(delays[misfit.argmin()])
     for reach, step in ((GRID, FINE), (FINE, FINEST)):
         near = best + np.linspace(-reach, reach, 2 * round(reach / step) + 1)
         best = float(near[misfits(near).argmin()])
     if down is None:
-        of_axes = _explained(motion, some, best, None, weight)[1][1:10].reshape(3, 3, 6)
-        noise = np.maximum(some.wrench.std(axis=0), 1e-300)
+        of_axes = _explained(motion, thin, best, None, weight).coefficients[1:10].reshape(3, 3, 6)
+        noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
         down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
     return Scan(misfit, best, down)
 
 
-def _explained(motion: Turning, means: Means, delay: float, down: Array | None, weight: Array) -> tuple[Array, Array]:
-    """Residuals (n, 6) with these weights (n,), and the coefficients (p, 6) of the columns."""
+class _Explained(NamedTuple):
+    """Residuals (n, 6), coefficients (p, 6), and of the weighted columns what `_orthonormal` makes of them."""
+
+    residual: Array
+    coefficients: Array
+    basis: Array
+    unit: Array
+
+
+def _explained(motion: ArmMotion, means: WrenchStream, delay: float, down: Array | None, weight: Array) -> _Explained:
+    """The linear fit at a delay with these weights (n,)."""
     columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
     basis, unit = _orthonormal(columns * root)
     coefficients = unit @ (basis.T @ (root * means.wrench))
-    return means.wrench - columns @ coefficients, coefficients
+    return _Explained(means.wrench - columns @ coefficients, coefficients, basis, unit)
 
 
-def _robust(residual: Array, means: Means) -> Array:
+def _robust(residual: Array, means: WrenchStream) -> Array:
     """Variances (6,) by the median, which half of the readings cannot move."""
     variance: Array = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
     return variance
 
 
-def _variance(residual: Array, weight: Array, means: Means) -> Array:
+def _variance(residual: Array, weight: Array, means: WrenchStream) -> Array:
     variance: Array = weight @ residual**2 / weight.sum() + _floor(means.wrench)
     return variance
 
@@ -152,7 +155,7 @@ def _weight(residual: Array, variance: Array) -> Array:
     return weight
 
 
-def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
+def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) -> Fit:
     """The best fit near `delay` and `down` (3,)."""
     start, weight, before = down, np.ones(len(means.t)), np.inf
     variance: Array | None = None
@@ -172,16 +175,19 @@ def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
 
 
 def _step(
-    motion: Turning, means: Means, delay: float, down: Array, start: Array, weight: Array, variance: Array | None
+    motion: ArmMotion,
+    means: WrenchStream,
+    delay: float,
+    down: Array,
+    start: Array,
+    weight: Array,
+    variance: Array | None,
 ) -> tuple[Array, Array, Fit]:
     """How far (4,) the delay and down are from the best for these weights (n,) and variances (6,) (None: robust ones);
     the residuals (n, 6) here, and the fit.
     """
     tau, root = means.t - delay, np.sqrt(weight)[:, None]
-    columns = _columns(motion, tau, down)
-    basis, unit = _orthonormal(columns * root)
-    coefficients = unit @ (basis.T @ (root * means.wrench))
-    residual = means.wrench - columns @ coefficients
+    residual, coefficients, basis, unit = _explained(motion, means, delay, down, weight)
     if variance is None:
         variance = _robust(residual, means)
     scale, gravity = root / np.sqrt(variance), coefficients[1:4]
@@ -208,12 +214,12 @@ def _step(
     bound = float(np.sqrt(inverse[0, 0]))
     noisy = root * change
     noisy = (noisy - basis @ (basis.T @ noisy)) @ unit[1:4]
-    feigned = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
+    weightless = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
-    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, feigned, misfit)
+    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
 
 
-def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
+def _columns(motion: ArmMotion, tau: Array, down: Array | None) -> Array:
     """What explains a wrench at tau (n,): 1, gravity (3) or the base's axes (9), accelerations (9 or 12)."""
     axes = motion.axes_at(tau)
     gravity = axes.reshape(-1, 9) if down is None else np.einsum("nji,j->ni", axes, down)
@@ -241,7 +247,7 @@ def _misfit(variance: Array) -> float:
     return float(np.log(variance).sum())
 
 
-def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
+def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> float:
     """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
     recording disagree by more than theirs (Birge, 1932), and no less than the bound.
 
@@ -254,21 +260,21 @@ def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
     factor = 1.0
     for count, limit in PARTS.items():
         cut = np.searchsorted(way, way[-1] * np.arange(1, count) / count)
-        found = []
+        offs, stds = [], []
         for rows in np.split(np.arange(len(means.t)), cut):
             if len(rows) < LEAST_PART:
                 continue
-            part = Means(means.t[rows], means.wrench[rows])
+            part = means.select(rows)
             step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
             if np.isfinite(of_part.bound):
-                found.append((step[0], max(_spectral_std(of_part, _spacing(part)), of_part.bound)))
-        if len(found) < 2:
+                offs.append(step[0])
+                stds.append(max(_spectral_std(of_part, _spacing(part)), of_part.bound))
+        if len(offs) < 2:
             continue
-        offs, stds = np.array(found).T
-        mean = np.average(offs, weights=stds**-2.0)
-        chi2 = float(np.sum(((offs - mean) / stds) ** 2))
+        precision = np.array(stds) ** -2.0
+        chi2 = float(precision @ (offs - np.average(offs, weights=precision)) ** 2)
         if chi2 > limit:
-            factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
+            factor = max(factor, float(np.sqrt(chi2 / (len(offs) - 1))))
     if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
         factor *= UNKNOWN_ACCELERATIONS
     return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
@@ -282,7 +288,7 @@ def _structure(left: Array) -> float:
     return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
 
 
-def _spacing(means: Means) -> float:
+def _spacing(means: WrenchStream) -> float:
     return float(np.median(np.diff(means.t)))
 
 
