@@ -9,7 +9,6 @@ outside it (contacts) count less.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -97,14 +96,13 @@ def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | No
 
     def reweighted(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
-            residual = _explained(motion, thin, delay, down, weight).residual
-            variance = _variance(residual, weight, thin) if weight.min() < 1.0 else _robust(residual, thin)
-            weight = _weight(residual, variance)
+            residual, *_ = _explained(motion, thin, delay, down, weight)
+            weight = _weight(residual, _variance(residual, thin, weight if weight.min() < 1.0 else None))
         return weight
 
     def misfits(delays: Array) -> Array:
-        explained = (_explained(motion, thin, float(delay), down, weight) for delay in delays)
-        return np.array([_misfit(_variance(of_delay.residual, weight, thin)) for of_delay in explained])
+        residuals = (_explained(motion, thin, float(delay), down, weight)[0] for delay in delays)
+        return np.array([np.log(_variance(residual, thin, weight)).sum() for residual in residuals])
 
     weight = reweighted(0.0, weight)
     weight = reweighted(float(delays[misfits(delays).argmin()]), weight)
@@ -114,38 +112,32 @@ def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | No
         near = best + np.linspace(-reach, reach, 2 * round(reach / step) + 1)
         best = float(near[misfits(near).argmin()])
     if down is None:
-        of_axes = _explained(motion, thin, best, None, weight).coefficients[1:10].reshape(3, 3, 6)
+        of_axes = _explained(motion, thin, best, None, weight)[1][1:10].reshape(3, 3, 6)
         noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
         down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
     return Scan(misfit, best, down)
 
 
-class _Explained(NamedTuple):
-    """Residuals (n, 6), coefficients (p, 6), and of the weighted columns what `_orthonormal` makes of them."""
-
-    residual: Array
-    coefficients: Array
-    basis: Array
-    unit: Array
-
-
-def _explained(motion: ArmMotion, means: WrenchStream, delay: float, down: Array | None, weight: Array) -> _Explained:
-    """The linear fit at a delay with these weights (n,)."""
+def _explained(
+    motion: ArmMotion, means: WrenchStream, delay: float, down: Array | None, weight: Array
+) -> tuple[Array, Array, Array, Array]:
+    """The linear fit at a delay with these weights (n,): residuals (n, 6), coefficients (p, 6), and what `_orthonormal`
+    makes of the weighted columns.
+    """
     columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
     basis, unit = _orthonormal(columns * root)
     coefficients = unit @ (basis.T @ (root * means.wrench))
-    return _Explained(means.wrench - columns @ coefficients, coefficients, basis, unit)
+    return means.wrench - columns @ coefficients, coefficients, basis, unit
 
 
-def _robust(residual: Array, means: WrenchStream) -> Array:
-    """Variances (6,) by the median, which half of the readings cannot move."""
-    variance: Array = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
-    return variance
-
-
-def _variance(residual: Array, weight: Array, means: WrenchStream) -> Array:
-    variance: Array = weight @ residual**2 / weight.sum() + _floor(means.wrench)
-    return variance
+def _variance(residual: Array, means: WrenchStream, weight: Array | None = None) -> Array:
+    """Variances (6,) with these weights (n,); without, by the median, which half of the readings cannot move."""
+    if weight is None:
+        variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2
+    else:
+        variance = weight @ residual**2 / weight.sum()
+    floored: Array = variance + (ROUNDING * means.wrench.var(axis=0) + 1e-24)
+    return floored
 
 
 def _weight(residual: Array, variance: Array) -> Array:
@@ -162,7 +154,7 @@ def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) ->
     for k in range(MOST_STEPS):
         step, residual, fit = _step(motion, means, delay, down, start, weight, variance)
         weight = _weight(residual, fit.variance)
-        variance = _variance(residual, weight, means)
+        variance = _variance(residual, means, weight)
         if not np.isfinite(fit.bound) or abs(step[0]) < CLOSE:
             break
         ratio = float(step[0]) / before
@@ -189,7 +181,7 @@ def _step(
     tau, root = means.t - delay, np.sqrt(weight)[:, None]
     residual, coefficients, basis, unit = _explained(motion, means, delay, down, weight)
     if variance is None:
-        variance = _robust(residual, means)
+        variance = _variance(residual, means)
     scale, gravity = root / np.sqrt(variance), coefficients[1:4]
     across = np.linalg.svd(down[None])[2][1:]
     change = -np.einsum("nji,j->ni", motion.change_at(tau), down)
@@ -201,13 +193,10 @@ def _step(
     gradient = np.einsum("ani,ni->a", free, left)
     H[1:, 1:] += np.eye(2) / TILT_SD**2
     gradient[1:] -= across @ (down - start) / TILT_SD**2
-    misfit = _misfit(variance)
+    misfit = float(np.log(variance).sum())
     if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
-        return (
-            np.zeros(4),
-            residual,
-            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit),
-        )
+        blind = Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit)
+        return np.zeros(4), residual, blind
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
     influence = np.einsum("a,ani->ni", inverse[0], free)
@@ -238,15 +227,6 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     return columns @ unit, unit
 
 
-def _floor(wrench: Array) -> Array:
-    floor: Array = ROUNDING * wrench.var(axis=0) + 1e-24
-    return floor
-
-
-def _misfit(variance: Array) -> float:
-    return float(np.log(variance).sum())
-
-
 def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> float:
     """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
     recording disagree by more than theirs (Birge, 1932), and no less than the bound.
@@ -256,10 +236,10 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
     """
     if not np.isfinite(fit.bound):
         return np.inf
-    way = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
+    turned = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
     factor = 1.0
     for count, limit in PARTS.items():
-        cut = np.searchsorted(way, way[-1] * np.arange(1, count) / count)
+        cut = np.searchsorted(turned, turned[-1] * np.arange(1, count) / count)
         offs, stds = [], []
         for rows in np.split(np.arange(len(means.t)), cut):
             if len(rows) < LEAST_PART:
@@ -268,7 +248,7 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
             step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
             if np.isfinite(of_part.bound):
                 offs.append(step[0])
-                stds.append(max(_spectral_std(of_part, _spacing(part)), of_part.bound))
+                stds.append(max(_spectral_std(of_part, part.t), of_part.bound))
         if len(offs) < 2:
             continue
         precision = np.array(stds) ** -2.0
@@ -277,23 +257,17 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
             factor = max(factor, float(np.sqrt(chi2 / (len(offs) - 1))))
     if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
         factor *= UNKNOWN_ACCELERATIONS
-    return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
+    return factor * max(_spectral_std(fit, means.t), fit.bound)
 
 
 def _structure(left: Array) -> float:
-    """The variance of residuals (n, 6) over that of white noise which changes as much from one to the next, in the axis
-    where this is largest.
-    """
+    """The variance of residuals (n, 6) over that of white noise that changes as much, the largest of the axes."""
     fresh = 0.5 * np.mean(np.diff(left, axis=0) ** 2, axis=0)
     return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
 
 
-def _spacing(means: WrenchStream) -> float:
-    return float(np.median(np.diff(means.t)))
-
-
-def _spectral_std(fit: Fit, spacing: float) -> float:
-    """The standard deviation, s, with residuals that are correlated in time; means come every `spacing` s.
+def _spectral_std(fit: Fit, t: Array) -> float:
+    """The standard deviation, s, with residuals that are correlated in time, of means at t (n,).
 
     The noise's spectrum is that of the residuals, averaged over neighbouring frequencies; what the free coefficients
     took out of it is counted as missing. With the influence's spectrum it gives the variance (Parseval).
@@ -303,7 +277,7 @@ def _spectral_std(fit: Fit, spacing: float) -> float:
     influence = np.fft.rfft(fit.influence, axis=0, norm="ortho")
     basis = np.fft.rfft(fit.basis, axis=0, norm="ortho")
     taken = (np.abs(basis) ** 2).sum(axis=1)
-    reach = max(LEAST_BINS, round(SMOOTHED * n * spacing))
+    reach = max(LEAST_BINS, round(SMOOTHED * n * float(np.median(np.diff(t)))))
     there = np.maximum(_smoothed(1.0 - taken, reach), LEAST_THERE)
     power = np.zeros(len(left))
     for i in range(6):
@@ -323,5 +297,4 @@ def _smoothed(values: Array, reach: int) -> Array:
     total = np.concatenate([np.zeros(1), np.cumsum(values)])
     place = np.arange(len(values))
     low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
-    mean: Array = (total[high] - total[low]) / (high - low)
-    return mean
+    return np.asarray((total[high] - total[low]) / (high - low))

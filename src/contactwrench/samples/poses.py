@@ -40,30 +40,17 @@ class Pose(Frozen):
     rejected: str | None = None
 
 
-def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
-    """Average the rows of `samples` that share an orientation; poses in the order of their first rows."""
-    return _averaged(samples, label_orientations(samples.R_base_flange))
-
-
-def poses_and_visits(samples: Samples, most: int) -> tuple[tuple[Pose, ...], tuple[Pose, ...] | None]:
-    """The poses, and the visits: an orientation that the arm comes back to counts each time.
-
-    Args:
-        samples: rows at rest.
-        most: visits there may be.
-
-    Returns:
-        Poses; visits, None where no orientation is visited twice, or where there are too many.
+def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
+    """A label for each visit of rows (n,) whose orientations have these; None where no orientation is visited twice, or
+    where there are more than `most` visits.
     """
-    label = label_orientations(samples.R_base_flange)
-    poses = _averaged(samples, label)
     visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])[: len(label)]
-    again = len(visit) > 0 and len(poses) < visit[-1] + 1 <= most
-    return poses, _averaged(samples, visit) if again else None
+    again = len(visit) > 0 and label.max() < visit[-1] < most
+    return visit if again else None
 
 
-def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the rows of each label."""
+def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the rows of each `label` (n,)."""
     if not len(label):
         return ()
     in_order = bool((np.diff(label) >= 0).all())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
-from .poses import SAME_POSE_ANGLE, Pose, label_orientations, poses_and_visits
+from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, visits
 from .samples import Samples
 from .still_segments import StillSegment, StillSegments, still_segments
 
@@ -105,19 +105,22 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
         _require_few(samples)
-        poses, visits = poses_and_visits(samples, most_visits)
+        label = label_orientations(samples.R_base_flange)
+        poses, visit = averaged(samples, label), visits(label, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        return RecordedPoses(poses, visits, (), 0)
+        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0)
     still = still_segments(samples)
     if not still.accepted:
         raise InputError(_never_still(samples, still))
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]))
-    visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])
-    rejected = tuple(_pose([segment]) for segment in still.rejected)
-    again = label.max() < visit[-1] < most_visits
-    visits = _joined(still.accepted, visit) if again else None
-    return RecordedPoses(_joined(still.accepted, label), visits, rejected, len(still.accepted))
+    visit = visits(label, most_visits)
+    return RecordedPoses(
+        _joined(still.accepted, label),
+        None if visit is None else _joined(still.accepted, visit),
+        tuple(_pose([segment]) for segment in still.rejected),
+        len(still.accepted),
+    )
 
 
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:
