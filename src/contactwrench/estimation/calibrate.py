@@ -66,9 +66,9 @@ def calibrate(
         model: `paper`, `yaw`, `mount`, `mount+base`, `affine`, or `auto` where nobody knows which of them holds.
         noise: of one pose's reading: std (6,), N and N m, or a recording at rest (n, 6); None: from the residuals.
         gravity: direction (3,), base axes; None: down. `mount+base` and `auto` find it within 90 deg of this one.
-        g: m/s^2, turns the weight into the mass.
-        mount_tilt_sd: rad an axis, of `auto`'s prior of the mounting about nominal, which the data can overrule.
-        base_tilt_sd: rad an axis, of `auto`'s prior of the base about nominal, which the data can overrule.
+        g: m/s^2, 9.80665 unless stated; turns the weight into the mass.
+        mount_tilt_sd: rad an axis, of the prior of `auto` on the mounting, 1.41 deg unless stated.
+        base_tilt_sd: rad an axis, of the prior of `auto` on the base, 0.71 deg unless stated.
         known: (value, std) of `weight` N, `com` (3,) m, `mount` R_flange_sensor (std rad), `gravity` (3,) (std rad).
         prior: an earlier calibration of the same tool, whose bias may have moved: a single pose gives the new one.
 
@@ -95,7 +95,7 @@ def calibrate(
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """A recording less its rows under load, its poses, the `robust` estimate from them, what was found on the way, and
-    the `g` (m/s^2) of the place; `rejected` the stretches of a stream that are no pose; `stretches` how many made the
+    the `g` (m/s^2) of the place; `rejected` the segments of a stream that are no pose; `segments` how many made the
     poses, 0 of a table.
     """
 
@@ -105,14 +105,14 @@ class Recorded:
     findings: tuple[Finding, ...]
     g: float
     rejected: tuple[Pose, ...]
-    stretches: int
+    segments: int
 
     @property
     def what_was_still(self) -> str:
         """What to add to a complaint about the poses of a stream."""
-        if not self.stretches:
+        if not self.segments:
             return ""
-        return f" (still stretches: {self.stretches}, left out: {len(self.rejected)}; stop for a second or two at each)"
+        return f" (still stretches: {self.segments}, left out: {len(self.rejected)}; stop for a second or two at each)"
 
 
 def question_asked(
@@ -190,10 +190,10 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         visits = in_time(recorded.visits)
         robust = robust_estimate(readings_of(visits), times_of(visits), question)
         if robust.bias_drift is not None and robust.bias_drift.kind is not None:
-            return Recorded(free, visits, robust, findings, g, recorded.rejected, recorded.stretches)
+            return Recorded(free, visits, robust, findings, g, recorded.rejected, recorded.segments)
     poses = in_time(recorded.poses)
     robust = robust_estimate(readings_of(poses), times_of(poses), question)
-    return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.stretches)
+    return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.segments)
 
 
 def _first_time(samples: Samples) -> float:

@@ -208,7 +208,7 @@ def segments_left_out(recorded: RecordedPoses, since: float) -> tuple[Finding, .
     longest = sorted(sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED], key=_start)
     named = "; ".join(f"t = {_start(pose) - since:.6g} s, {pose.rejected}" for pose in longest)
     more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
-    stood = len(rejected) + recorded.stretches
+    stood = len(rejected) + recorded.segments
     text = f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}"
     if recorded.moved <= MOST_MOVED * stood:
         return (Finding(Kind.STILL_SEGMENTS_LEFT_OUT, Severity.REFUSED, text),)

@@ -40,24 +40,17 @@ class Pose(Frozen):
     rejected: str | None
 
 
-def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
-    """Average the rows of `samples` that share an orientation; poses in the order of their first rows."""
-    return _averaged(samples, label_orientations(samples.R_base_flange))
-
-
-def poses_and_visits(samples: Samples, most: int) -> tuple[tuple[Pose, ...], tuple[Pose, ...] | None]:
-    """The poses, and the visits: an orientation that the arm comes back to counts each time. None where no orientation
-    is visited twice, or where there are more than `most` visits.
+def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
+    """A label for each visit of rows (n,) whose orientations have these; None where no orientation is visited twice, or
+    where there are more than `most` visits.
     """
-    label = label_orientations(samples.R_base_flange)
-    poses = _averaged(samples, label)
     visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])[: len(label)]
-    again = len(visit) > 0 and len(poses) < visit[-1] + 1 <= most
-    return poses, _averaged(samples, visit) if again else None
+    again = len(visit) > 0 and label.max() < visit[-1] < most
+    return visit if again else None
 
 
-def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the rows of each label."""
+def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the rows of each `label` (n,)."""
     if not len(label):
         return ()
     in_order = bool((np.diff(label) >= 0).all())
@@ -68,20 +61,28 @@ def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
     starts = np.flatnonzero(np.r_[True, label[1:] != label[:-1]])
     ends = np.r_[starts[1:], len(label)]
     return tuple(
-        _average(wrench[a:b], R[a:b], None if t is None else t[a:b]) for a, b in zip(starts, ends, strict=True)
+        mean_pose(wrench[a:b], R[a:b], None if t is None else t[a:b]) for a, b in zip(starts, ends, strict=True)
     )
 
 
-def _average(wrench: Array, R: Array, t: Array | None) -> Pose:
+def mean_pose(wrench: Array, R_base_flange: Array, t: Array | None, worth: Array | float = 1.0) -> Pose:
+    """The mean of rows at one orientation.
+
+    Args:
+        wrench: readings (n, 6), N and N m.
+        R_base_flange: their orientations (n, 3, 3).
+        t: their times (n,), s, or None.
+        worth: how many rows (6,) are worth one independent reading.
+    """
     n = len(wrench)
     t_start, t_end = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:
-        return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, t_start, t_end, None)
+        return Pose(R_base_flange[0], wrench[0], np.zeros((6, 6)), 1, t_start, t_end, None)
     from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
-    mean = wrench[0] + from_first.mean(axis=0)
-    centred = from_first - from_first.mean(axis=0)
-    U, _, Vt = np.linalg.svd(R.mean(axis=0))
-    return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, t_start, t_end, None)
+    mean = from_first.mean(axis=0)
+    centred = (from_first - mean) * np.sqrt(worth)
+    U, _, Vt = np.linalg.svd(R_base_flange.mean(axis=0))
+    return Pose(U @ Vt, wrench[0] + mean, centred.T @ centred / (n * (n - 1.0)), n, t_start, t_end, None)
 
 
 def label_orientations(R: Array) -> NDArray[np.intp]:
