@@ -19,10 +19,11 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.calibration import Calibration
+from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.compensate.filters import LowPass
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
-from contactwrench.recording.compensate import JudgedWrenches, Rows, Treatment, compensated
+from contactwrench.recording.compensate import Treatment, compensated
 from contactwrench.recording.options import Layout
 from contactwrench.report.contacts import ContactLog, summary, write_contact_report
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run
@@ -95,10 +96,15 @@ def two_files_and_calibration(folder: Path, calibration: Calibration) -> list[st
     return ["--wrench", folder / "w.csv", "--pose", folder / "p.csv", "-c", folder / "cal.json"]
 
 
-def whole(rows: list[Rows]) -> JudgedWrenches:
-    parts = [part for part in rows if isinstance(part, JudgedWrenches)]
+def whole(rows: list[ContactWrenches]) -> ContactWrenches:
+    parts = [part for part in rows if part.judged]
     assert len(parts) == len(rows)
-    return compensation._joined(parts)
+    return ContactWrenches.concatenate(parts)
+
+
+def stamps(found: ContactWrenches) -> Array:
+    assert found.t is not None
+    return found.t
 
 
 def test_every_reading_has_its_row_and_its_own_orientation(tmp_path: Path, calibration: Calibration) -> None:
@@ -106,7 +112,7 @@ def test_every_reading_has_its_row_and_its_own_orientation(tmp_path: Path, calib
     notes: list[str] = []
     found = whole(list(compensated(path, layout, calibration, Treatment(delay=LATE), note=notes.append)))
     t, _, t_pose = recording()
-    assert np.array_equal(found.t, t)
+    assert np.array_equal(stamps(found), t)
     inside = (t - LATE >= t_pose[0]) & (t - LATE <= t_pose[-1])
     assert np.array_equal(found.valid, inside)
     assert np.isnan(found.wrench[~inside]).all()
@@ -124,7 +130,7 @@ def test_without_the_delay_gravity_is_left_over(tmp_path: Path, calibration: Cal
     """By as much as it turns meanwhile."""
     path, layout = write_two_files(tmp_path)
     found = whole(list(compensated(path, layout, calibration, Treatment(delay=0.0))))
-    at = found.t[found.valid] - 100.0
+    at = stamps(found)[found.valid] - 100.0
     turned = readings(RIG, attitude(at - LATE)) - readings(RIG, attitude(at))
     off = found.wrench[found.valid] - true_contact(at - LATE) - turned
     assert np.abs(turned[:, :3]).max() > 3.0 * NOISE[0]
@@ -160,7 +166,7 @@ def test_pushes_are_the_contacts(tmp_path: Path, calibration: Calibration) -> No
         assert contact.onset - LATE - 100.0 == pytest.approx(start, abs=0.01)
         assert contact.release == pytest.approx(end + LATE + 100.0, abs=0.02)
         assert contact.release is not None
-        inside = (found.t > contact.onset + 0.02) & (found.t < contact.release - 0.02)
+        inside = (stamps(found) > contact.onset + 0.02) & (stamps(found) < contact.release - 0.02)
         assert (found.contact[inside] == 1).all()
         mean = found.wrench[inside, :3].mean(axis=0)
         assert np.abs(mean - force).max() < 0.05
@@ -170,9 +176,9 @@ def test_pushes_are_the_contacts(tmp_path: Path, calibration: Calibration) -> No
     assert np.abs(found.wrench[untouched(found), :3]).max() < 0.2
 
 
-def untouched(found: JudgedWrenches) -> NDArray[np.bool_]:
+def untouched(found: ContactWrenches) -> NDArray[np.bool_]:
     """Valid rows with no push; a contact is told a few ms after it begins."""
-    pushed = np.abs(true_contact(found.t - LATE - 100.0)).max(axis=1)
+    pushed = np.abs(true_contact(stamps(found) - LATE - 100.0)).max(axis=1)
     free: NDArray[np.bool_] = found.valid & (pushed == 0.0)
     return free
 
@@ -221,10 +227,10 @@ def test_a_table_of_poses_is_taken_row_by_row(tmp_path: Path, calibration: Calib
     (tmp_path / "poses.csv").write_text(csv_text(names, np.column_stack([t, wrench, R.reshape(-1, 9)])))
     late = replace(calibration, delay=LATE, delay_std=1e-4)
     (rows,) = compensated(tmp_path / "poses.csv", Layout(), late, Treatment())
-    assert not isinstance(rows, JudgedWrenches)
+    assert not rows.judged
     assert np.abs(rows.wrench).max() < 0.2
     assert rows.t is not None
-    assert np.array_equal(rows.t, t)
+    assert np.array_equal(stamps(rows), t)
 
 
 def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibration: Calibration) -> None:
@@ -241,7 +247,7 @@ def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibrat
 
 def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:
     log = ContactLog()
-    list(log.watched([compensation._nothing()]))
+    list(log.watched([ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), judged=True)]))
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     assert "<h3>Contacts</h3><p>None.</p>" in (tmp_path / "r.html").read_text()
     assert "Samples with something wrong" not in (tmp_path / "r.html").read_text()

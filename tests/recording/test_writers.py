@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import contactwrench as cw
-from contactwrench.compensate.output_frame import ContactWrenches
+from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.errors import FileAccessError, InputError
 from contactwrench.recording.tables.digits import nine_digits
 from contactwrench.recording.tables.write import NAMES, write_contact_wrenches
@@ -29,18 +27,6 @@ T: Array = 1.7e9 + 1e-3 * np.arange(N, dtype=np.float64)
 WRENCH_OF = RNG.normal(size=(N, 6)) * 10.0 ** RNG.integers(-7, 10, size=(N, 6))
 STD = np.abs(RNG.normal(size=(N, 6)))
 WRENCH_OF[5], WRENCH_OF[6] = np.nan, [0.0, -0.0, 1.0, -1.0, 1e-300, 123456789.5]
-
-
-@dataclass(frozen=True, eq=False)
-class JudgedRows:
-    """As a Compensator gives them."""
-
-    wrench: Array
-    std: Array
-    t: Array | None
-    valid: NDArray[np.bool_]
-    contact: NDArray[np.int8]
-    reason: tuple[str | None, ...]
 
 
 def parts(sizes: list[int], t: Array | None = T) -> list[ContactWrenches]:
@@ -61,15 +47,16 @@ def test_a_row_is_as_python_formats_it(tmp_path: Path, sizes: list[int], t: Arra
     assert path.read_text() == "\n".join([*lines, ""])
 
 
-def judged() -> JudgedRows:
+def judged() -> ContactWrenches:
     reasons = [None, "stuck: fx has not moved", 'gap: nothing for 1 s, "filters" start anew', None]
-    return JudgedRows(
+    return ContactWrenches(
         WRENCH_OF[:4],
         STD[:4],
         T[:4],
+        True,
         np.array([True, False, False, True]),
-        np.array([1, 0, -1, 1], np.int8),
         tuple(reasons),
+        np.array([1, 0, -1, 1], np.int8),
     )
 
 

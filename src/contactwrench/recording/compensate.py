@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
-from ..compensate.compensator import LONGEST_DELAY, Compensator
-from ..compensate.contact_wrenches import Contact
+from ..compensate.compensator import LONGEST_DELAY, Compensator, delay_of
+from ..compensate.contact_wrenches import ContactWrenches
 from ..compensate.filters import LowPass, least_rows, zero_phase
-from ..compensate.output_frame import ContactWrenches, contact_wrenches, in_axes, require_frame
-from ..compensate.settings import delay_of
+from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
@@ -32,7 +31,6 @@ from .options import Layout
 from .read import Advance, batches, pairs_in_batches
 
 SATURATED = "saturated: a channel stands at its limit"
-NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,26 +64,6 @@ class Treatment:
         return delay_of(calibration, self.sensor_filter) if self.delay is None else self.delay
 
 
-@dataclass(frozen=True, eq=False)
-class JudgedWrenches:
-    """Contact wrenches `wrench` (n, 6) with `std` (n, 6) at `t` (n,) s, NaN where there is none; `valid` (n,), and the
-    `reason` where it is False; `contact` (n,) 1 in contact, 0 free, -1 where that was not judged. `contacts`: those
-    that ended here, in sensor axes.
-    """
-
-    wrench: Array
-    std: Array
-    t: Array
-    valid: NDArray[np.bool_]
-    reason: tuple[str | None, ...]
-    contact: NDArray[np.int8]
-    contacts: tuple[Contact, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-Rows: TypeAlias = ContactWrenches | JudgedWrenches
 Note: TypeAlias = Callable[[str], None]
 
 
@@ -96,12 +74,12 @@ def compensated(
     treatment: Treatment,
     advance: Advance | None = None,
     note: Note | None = None,
-) -> Iterator[Rows]:
+) -> Iterator[ContactWrenches]:
     """The contact wrenches of a recording, in batches; `note` is told, at the end, what was left out and why.
 
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
-    anything else as `JudgedWrenches`. With a `low_pass` the whole recording is held in memory. Raises what reading,
+    anything else `judged`. With a `low_pass` the whole recording is held in memory. Raises what reading,
     pairing and compensating raise.
     """
     require_frame(calibration, treatment.output_frame)
@@ -124,7 +102,7 @@ def _paired(
     treatment: Treatment,
     advance: Advance | None,
     note: Note | None,
-) -> Iterator[Rows]:
+) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order = _InOrder()
     delay = treatment.applied_delay(calibration)
@@ -157,24 +135,21 @@ def _paired(
 
 def _of_samples(
     calibration: Calibration, compensator: Compensator | None, samples: Samples, treatment: Treatment
-) -> JudgedWrenches:
-    n = len(samples)
+) -> ContactWrenches:
     t = np.empty(0) if samples.t is None else samples.t
     if compensator is None:
         plain = contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
-        return JudgedWrenches(
-            plain.wrench, plain.std, t, np.ones(n, dtype=bool), (None,) * n, np.full(n, NOT_JUDGED, np.int8)
-        )
+        return replace(plain, t=t, judged=True)
     found = compensator.run(samples.wrench, samples.R_base_flange, _spread(t))
     wrench, std = found.wrench, found.std
     if treatment.output_frame != "sensor" or treatment.point is not None:
-        covariance = found.covariance[found.covariance_of]
+        covariance = np.asarray(found.covariance)[found.covariance_of]
         turned = calibration.with_gravity(treatment.gravity)
         wrench, std = in_axes(
             turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point
         )
         std = np.where(np.isfinite(found.std), std, np.nan)
-    return JudgedWrenches(wrench, std, t, found.valid, found.reason, found.contact, found.contacts)
+    return ContactWrenches(wrench, std, t, True, found.valid, found.reason, found.contact, found.contacts)
 
 
 def _spread(t: Array) -> Array:
@@ -192,15 +167,8 @@ def _spread(t: Array) -> Array:
     return spread
 
 
-def _nothing() -> JudgedWrenches:
-    return JudgedWrenches(
-        np.empty((0, 6)),
-        np.empty((0, 6)),
-        np.empty(0),
-        np.empty(0, dtype=bool),
-        (),
-        np.empty(0, dtype=np.int8),
-    )
+def _nothing() -> ContactWrenches:
+    return ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), judged=True)
 
 
 class _InOrder:
@@ -213,7 +181,7 @@ class _InOrder:
         self._begin = 0
         self._t: list[Array] = [np.empty(0)]
         self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
-        self._ahead: tuple[NDArray[np.intp], JudgedWrenches] = (np.empty(0, dtype=np.intp), _nothing())
+        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), _nothing())
 
     def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
         """The same batches; the stamps of their readings are kept."""
@@ -223,50 +191,29 @@ class _InOrder:
             self._saturated.append(np.zeros(len(wrench), dtype=bool) if wrench.saturated is None else wrench.saturated)
             yield streams
 
-    def whole(self, paired: JudgedWrenches, part: Synchronized) -> JudgedWrenches:
+    def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
         """All rows from where the last call ended up to the first that is not yet known."""
         t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
         rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
-        known = _joined(
+        known = ContactWrenches.concatenate(
             [self._ahead[1], paired, *(_missing(left, t[left.rows - self._begin]) for left in part.left_out)]
         )
         order = np.argsort(rows, kind="stable")
-        rows, known = rows[order], _picked(known, order)
+        rows, known = rows[order], known.select(order)
         count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
-        self._ahead = rows[count:], replace(_picked(known, slice(count, None)), contacts=())
-        done = _flagged(_picked(known, slice(count)), saturated[:count])
+        self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
+        done = _flagged(known.select(slice(count)), saturated[:count])
         self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
         return done
 
 
-def _missing(left: LeftOut, t: Array) -> JudgedWrenches:
+def _missing(left: LeftOut, t: Array) -> ContactWrenches:
     n = len(t)
     nan = np.full((n, 6), np.nan)
-    return JudgedWrenches(
-        nan, nan, t, np.zeros(n, dtype=bool), (f"left out: {left.reason}",) * n, np.full(n, NOT_JUDGED, np.int8)
-    )
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"left out: {left.reason}",) * n)
 
 
-def _joined(parts: list[JudgedWrenches]) -> JudgedWrenches:
-    return JudgedWrenches(
-        np.concatenate([part.wrench for part in parts]),
-        np.concatenate([part.std for part in parts]),
-        np.concatenate([part.t for part in parts]),
-        np.concatenate([part.valid for part in parts]),
-        tuple(reason for part in parts for reason in part.reason),
-        np.concatenate([part.contact for part in parts]),
-        tuple(contact for part in parts for contact in part.contacts),
-    )
-
-
-def _picked(rows: JudgedWrenches, pick: NDArray[np.intp] | slice) -> JudgedWrenches:
-    reasons = rows.reason[pick] if isinstance(pick, slice) else tuple(rows.reason[place] for place in pick.tolist())
-    return JudgedWrenches(
-        rows.wrench[pick], rows.std[pick], rows.t[pick], rows.valid[pick], reasons, rows.contact[pick], rows.contacts
-    )
-
-
-def _flagged(rows: JudgedWrenches, saturated: NDArray[np.bool_]) -> JudgedWrenches:
+def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:
     """Rows whose recording says that a channel stood at its limit are not valid."""
     new = saturated & rows.valid
     if not new.any():
@@ -277,7 +224,7 @@ def _flagged(rows: JudgedWrenches, saturated: NDArray[np.bool_]) -> JudgedWrench
     return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons))
 
 
-def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]:
+def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Iterator[ContactWrenches]:
     """Through the low-pass both ways, each stretch between gaps by itself, in the order of its stamps."""
     if treatment.low_pass is None:
         yield from recording

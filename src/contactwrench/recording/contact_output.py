@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from ..compensate.contact_wrenches import ContactWrenches
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..report.contacts import ContactLog, summary, write_contact_report
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
-from .compensate import Rows
 from .options import Layout, is_bag
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
@@ -29,7 +29,7 @@ def require_writable(output: Path, path: Path, layout: Layout) -> None:
 
 def write_contacts(
     output: Path,
-    recording: Iterator[Rows],
+    recording: Iterator[ContactWrenches],
     path: Path,
     layout: Layout,
     output_frame: str,
@@ -55,5 +55,5 @@ def write_contacts(
     return f"{summary(log)}\nWrote the report to {report}"
 
 
-def _wrenches(rows: Iterator[Rows]) -> Iterator[Array]:
+def _wrenches(rows: Iterator[ContactWrenches]) -> Iterator[Array]:
     return (batch.wrench for batch in rows)

@@ -7,17 +7,16 @@ also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `r
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...compensate.contact_wrenches import ContactWrenches
 from ...errors import InputError
 from ...files import write_bytes, write_text
-from ...geometry.arrays import Array
 from .column_names import WRENCH_COLUMNS
 from .digits import Letters, nine_digits
 from .parquet import SUFFIXES, import_parquet, is_parquet, rows_as_stored
@@ -31,41 +30,8 @@ LINES = 2000
 """Formatted at once: their letters stay in the cache."""
 
 
-class ContactRows(Protocol):
-    """Contact wrenches in a row."""
-
-    @property
-    def wrench(self) -> Array:
-        """(n, 6) N and N m."""
-
-    @property
-    def std(self) -> Array:
-        """(n, 6) of the wrench."""
-
-    @property
-    def t(self) -> Array | None:
-        """(n,) s."""
-
-
-@runtime_checkable
-class Judged(Protocol):
-    """A judgement of each."""
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """(n,) whether nothing is wrong with the sample."""
-
-    @property
-    def contact(self) -> NDArray[np.int8]:
-        """(n,) 1 where something touches, 0 where nothing does, -1 where that cannot be judged."""
-
-    @property
-    def reason(self) -> Sequence[str | None]:
-        """(n) what is wrong, where something is."""
-
-
 def write_contact_wrenches(
-    path: str | Path, batches: Iterable[ContactRows], recording: str | Path | None = None
+    path: str | Path, batches: Iterable[ContactWrenches], recording: str | Path | None = None
 ) -> None:
     """Write one row per sample, in order; `-` is CSV on stdout. Memory for one batch.
 
@@ -81,11 +47,11 @@ def write_contact_wrenches(
         write_bytes(Path(path), _parquet(map(_columns, batches)))
 
 
-def _csv(batches: Iterator[ContactRows]) -> Iterator[str]:
+def _csv(batches: Iterator[ContactWrenches]) -> Iterator[str]:
     first = next(batches, None)
     if first is None:
         return
-    names = [*(["t"] if first.t is not None else []), *NAMES, *(JUDGEMENT if isinstance(first, Judged) else [])]
+    names = [*(["t"] if first.t is not None else []), *NAMES, *(JUDGEMENT if first.judged else [])]
     yield ",".join(names) + "\n"
     for batch in chain([first], batches):
         for start in range(0, len(batch.wrench), LINES):
@@ -93,7 +59,7 @@ def _csv(batches: Iterator[ContactRows]) -> Iterator[str]:
             cells = [nine_digits(column) for part in (batch.wrench, batch.std) for column in part[some].T]
             if batch.t is not None:
                 cells.insert(0, _letters([repr(t).encode() for t in batch.t[some].tolist()]))
-            if isinstance(batch, Judged):
+            if batch.judged:
                 cells.append(_letters(_judgements(batch, some)))
             yield _lines(cells)
 
@@ -110,7 +76,7 @@ def _letters(texts: list[bytes]) -> Letters:
     return padded.view(np.uint8).reshape(len(texts), padded.itemsize)
 
 
-def _judgements(batch: Judged, some: slice) -> list[bytes]:
+def _judgements(batch: ContactWrenches, some: slice) -> list[bytes]:
     """The cells of the judgements, of each sample in one."""
     contact = ("0", "1", "")  # the last also stands at place -1
     of_each = zip(batch.valid[some].tolist(), batch.contact[some].tolist(), batch.reason[some], strict=True)
@@ -123,12 +89,12 @@ def _quoted(reason: str | None) -> str:
     return '"' + reason.replace('"', '""') + '"' if any(letter in reason for letter in ',"\n') else reason
 
 
-def _columns(batch: ContactRows) -> dict[str, Any]:
+def _columns(batch: ContactWrenches) -> dict[str, Any]:
     """The columns by their names, as pyarrow takes them."""
     values = np.hstack([batch.wrench, batch.std])
     columns: dict[str, Any] = {} if batch.t is None else {"t": batch.t}
     columns |= {name: values[:, k] for k, name in enumerate(NAMES)}
-    if isinstance(batch, Judged):
+    if batch.judged:
         import pyarrow as pa
 
         columns["valid"] = batch.valid
@@ -137,7 +103,7 @@ def _columns(batch: ContactRows) -> dict[str, Any]:
     return columns
 
 
-def _beside(recording: str | Path, batches: Iterator[ContactRows]) -> Iterator[dict[str, Any]]:
+def _beside(recording: str | Path, batches: Iterator[ContactWrenches]) -> Iterator[dict[str, Any]]:
     """The recording's columns and, in the rows that have a wrench, the new ones."""
     import pyarrow as pa
 
