@@ -4,13 +4,21 @@ RUN = .venv/run
 DEV = .venv/dev
 WHAT_IS_BUILT = pyproject.toml Makefile
 
-.PHONY: demo test bench experiment lint types docs check lock clean
+SECONDS = 600
+
+.PHONY: demo test test-quick explore bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
 	$(RUN)/bin/contactwrench demo --out contactwrench-demo
 
-test: $(DEV)/ready  ## all tests
+test: $(DEV)/ready  ## all tests, the same examples at every run
 	$(DEV)/bin/python -m pytest -n auto
+
+test-quick: $(DEV)/ready  ## what is not marked slow
+	$(DEV)/bin/python -m pytest -n auto -m "not slow"
+
+explore: $(DEV)/ready  ## property tests with new seeds until one fails, for SECONDS
+	$(DEV)/bin/python -m tests.explore $(SECONDS)
 
 bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against memcpy
 	$(DEV)/bin/python -m benchmarks
@@ -30,7 +38,7 @@ types: $(DEV)/ready
 docs: $(DEV)/ready  ## every link resolves and every code block of README and docs/ runs
 	$(DEV)/bin/python -m pytest tests/test_docs.py
 
-check: lint types test
+check: lint types test-quick  ## one's own loop
 
 $(RUN)/ready: requirements.lock $(WHAT_IS_BUILT)
 	$(PYTHON) -m venv --clear $(RUN)

@@ -24,11 +24,11 @@ STYLES: dict[str, tuple[str, str]] = {
     "tare": ("#1f262d", "X"),
     "gravity only": ("#8a8f94", "v"),
 }
-"""Colour and marker of each way of compensation, the same in every chart: colours that the colour-blind tell apart
+"""Colour and marker of each method of compensation, the same in every chart: colours that the colour-blind tell apart
 (Okabe and Ito), and a shape for everyone.
 """
 OTHERS = (("#0072b2", "o"), ("#d55e00", "s"), ("#009e73", "^"), ("#cc79a7", "D"))
-"""For series that are no way, in their order."""
+"""For series that are no method, in their order."""
 
 SPREAD = 0.3
 """Of the distance of two positions: how far the series are moved apart, so that no error bar hides another."""

@@ -1,4 +1,4 @@
-"""The true contact force over time, one line a way."""
+"""The true contact force over time, one line a method."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ HEIGHTS = (2.4, 1.0)
 
 
 def force_chart(force: dict[str, Array], wanted: float, period: float) -> str:
-    """An SVG of forces (n,) N by way, a row every `period` s, with the wanted one as a line. Forces that leave others
-    no room are on an axis of their own below. Raises `MissingExtraError` without matplotlib.
+    """An SVG of forces (n,) N by method, a row every `period` s, with the wanted one as a line. Forces that leave
+    others no room are on an axis of their own below. Raises `MissingExtraError` without matplotlib.
     """
     far = {name for name, values in force.items() if abs(float(np.mean(values)) - wanted) > wanted}
     with drawing(1, (8.2, 4.2 if far else 2.9), rows=2 if far else 1) as (figure, axes):

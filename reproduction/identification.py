@@ -4,34 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from contactwrench.calibration.calibration import Calibration
-from contactwrench.errors import ContactWrenchError
 from contactwrench.estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
-from contactwrench.estimation.calibrate import calibrate
 from contactwrench.geometry.arrays import Array
-from contactwrench.samples.samples import Samples
 
 from .charts import dots_by_group
-from .methods import Way, tare, without_bias
+from .identification_trials import METHODS, MODELS, Trial, run
 from .part import Measured, Part, Picture, Table, mean
 from .trials import (
     DEFAULT,
-    Free,
-    Squared,
     force_ratio,
-    free_readings,
     in_batches,
     in_words,
     joints_of_paper,
-    left_by,
     number_of_trials,
     ratio_of_rms,
-    recordings,
     rms_force,
     rms_torque,
     scatter,
@@ -40,10 +30,7 @@ from .trials import (
 )
 
 TRIALS = 40
-MODELS = {"paper": "paper", "yaw": "yaw", "ours": "auto"}
-"""The estimators by the names that the tables call them, and the models behind them."""
 
-WAYS = (*MODELS, "gravity only", "tare")
 BENCHMARK = {
     "paper": (0.486, 20_000),
     "yaw": (0.085, 20_000),
@@ -73,22 +60,11 @@ PAPER_VIII = 56.652
 """N: the average error of Fz in the paper's Table VIII."""
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One data set. By estimator: the `parameters` and their stated `std` (2, 11) in SI. By way: the contact wrench
-    (6, 6) that is `left` in the six poses, N and N m, and what is left at `unseen` orientations.
-    """
-
-    parameters: dict[str, Array]
-    left: dict[str, Array]
-    unseen: dict[str, Squared]
-
-
 def part(pool: Executor, scale: float, seed: int) -> Part:
     """The paper's identification, repeated with new noise."""
     n = number_of_trials(TRIALS, scale)
     poses, unseen = joints_of_paper(), unseen_joints()
-    trials = in_batches(pool, partial(_run, poses, unseen, seed), n)
+    trials = in_batches(pool, partial(run, poses, unseen, seed), n)
     return Part(
         key="identification",
         title="Identification from the paper's six postures",
@@ -104,41 +80,6 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
         ),
         pictures=(_picture(trials),),
     )
-
-
-def _run(poses: Array, unseen: Array, seed: int, numbers: range) -> list[Trial]:
-    """The trials of those numbers, on joints (6, 7) and judged at joints (m, 7), rad."""
-    free = free_readings(DEFAULT, unseen)
-    rngs = [np.random.default_rng((seed, 1, number)) for number in numbers]
-    return [_trial(samples, free) for samples in recordings(DEFAULT, poses, rngs)]
-
-
-def _trial(samples: Samples, free: Free) -> Trial:
-    found: dict[str, Calibration] = {}
-    for name, model in MODELS.items():
-        try:
-            found[name] = calibrate(samples, model)
-        except ContactWrenchError:
-            continue
-    ways = {name: Way(name, one.B, one.gravity_direction) for name, one in found.items()}
-    if "ours" in found:
-        ways["gravity only"] = without_bias("gravity only", found["ours"])
-    ways["tare"] = tare(samples)
-    return Trial(
-        {name: _parameters(one) for name, one in found.items()},
-        {name: way.contact(samples.wrench, samples.R_base_flange) for name, way in ways.items()},
-        {name: left_by(way, free) for name, way in ways.items()},
-    )
-
-
-def _parameters(calibration: Calibration) -> Array:
-    """Values and stated standard deviations (2, 11) in the order of `PARAMETERS`."""
-    std = calibration.std
-    if calibration.weight is None or calibration.com is None or calibration.yaw is None:
-        raise TypeError("a rigid model has a tool")
-    values = np.r_[calibration.weight, calibration.com, calibration.yaw, calibration.bias]
-    both: Array = np.stack([values, np.r_[std["weight"], std["com"], std["yaw"], std["bias"]]])
-    return both
 
 
 def _truth() -> Array:
@@ -189,13 +130,13 @@ def _table_vi(trial: Trial) -> Table:
     )
 
 
-def _averages(trials: Sequence[Trial], ways: Sequence[str], key: str, title: str) -> Table:
+def _averages(trials: Sequence[Trial], methods: Sequence[str], key: str, title: str) -> Table:
     kinds: dict[str, Callable[[Array], Array]] = {
         "average": lambda left: np.abs(left).mean(axis=0),
         "maximum": lambda left: np.abs(left).max(axis=0),
     }
     rows = []
-    for name in ways:
+    for name in methods:
         left = [trial.left[name] for trial in trials if name in trial.left]
         for kind, of in kinds.items():
             cells = tuple(mean(column) for column in (np.array([of(one) for one in left]) * OF_AXES).T) if left else ()
@@ -207,7 +148,7 @@ def _averages(trials: Sequence[Trial], ways: Sequence[str], key: str, title: str
         tuple(rows),
         f"Average and maximum of the absolute values over the six poses, as in the paper, of which the table has the "
         f"mean over {len(trials)} data sets."
-        + (" Gravity only takes off the gravity that our estimate finds." if "gravity only" in ways else ""),
+        + (" Gravity only takes off the gravity that our estimate finds." if "gravity only" in methods else ""),
     )
 
 
@@ -220,12 +161,12 @@ def _at_unseen(trials: Sequence[Trial]) -> Table:
             (
                 name,
                 (
-                    rms_force(_unseen(trials, name)),
-                    times(rms_torque(_unseen(trials, name)), 1e3),
+                    rms_force([trial.unseen.get(name) for trial in trials]),
+                    times(rms_torque([trial.unseen.get(name) for trial in trials]), 1e3),
                     Measured(BENCHMARK[name][0], None, BENCHMARK[name][1]),
                 ),
             )
-            for name in WAYS
+            for name in METHODS
         ),
         note=f"Root mean square over {len(trials)} data sets and {len(unseen_joints())} orientations spread at random "
         "over all rotations, of the norm of what is left of a free tool, without the noise of that reading. "
@@ -236,17 +177,13 @@ def _at_unseen(trials: Sequence[Trial]) -> Table:
 
 
 def _picture(trials: Sequence[Trial]) -> Picture:
-    force = {name: rms_force(_unseen(trials, name)) for name in WAYS}
+    force = {name: rms_force([trial.unseen.get(name) for trial in trials]) for name in METHODS}
     groups = {name: {name: None if isinstance(one, str) else one} for name, one in force.items()}
     return Picture(
         name="experiment_unseen",
         html=dots_by_group(groups, "force error at orientations that were not recorded, N"),
         caption=f"Calibrated on the paper's six poses: RMS over {len(trials)} data sets, bars of one standard error.",
     )
-
-
-def _unseen(trials: Sequence[Trial], name: str) -> list[Squared | None]:
-    return [trial.unseen.get(name) for trial in trials]
 
 
 def _refusals(trials: Sequence[Trial]) -> str:
@@ -260,7 +197,7 @@ def _value(measured: Measured | str) -> float:
 
 
 def _said_of_identification(trials: Sequence[Trial]) -> tuple[str, ...]:
-    force = {name: _value(rms_force(_unseen(trials, name))) for name in WAYS}
+    force = {name: _value(rms_force([trial.unseen.get(name) for trial in trials])) for name in METHODS}
     in_poses = {
         name: float(np.sqrt(np.mean([np.sum(trial.left[name][:, :3] ** 2, axis=1).mean() for trial in trials])))
         for name in ("paper", "ours")
@@ -349,7 +286,7 @@ def _said_of_weight(trials: Sequence[Trial]) -> str:
 
 
 def _said_of_gravity_only(trials: Sequence[Trial]) -> tuple[str, ...]:
-    force = {name: _value(rms_force(_unseen(trials, name))) for name in WAYS}
+    force = {name: _value(rms_force([trial.unseen.get(name) for trial in trials])) for name in METHODS}
     fz = float(np.mean([np.abs(t.left["gravity only"][:, 2]).mean() for t in trials if "gravity only" in t.left]))
     return (
         f"Compensating gravity only leaves {fz:.2f} N of Fz on average in the six poses, where the paper prints "

@@ -22,7 +22,7 @@ from contactwrench.simulate.recording import Recorded, read_poses, record_poses
 from contactwrench.simulate.rig import JOINTS, Physics, Rig, build, inverse_dynamics
 from contactwrench.simulate.settings import JointTorque, Settings, changed
 
-from .methods import Way, ours, paper
+from .methods import Method, ours, paper
 
 CONFIGURATIONS = 200
 """In each of which a robot is pushed once."""
@@ -101,16 +101,16 @@ def one_robot(seed: np.random.SeedSequence) -> Robot:
     rig = build(settings)
     postures, into_stretched = _fixed_joints()
     unloaded = record_poses(settings, postures, rng=rng)
-    ways = (ours(unloaded.samples), paper(unloaded.samples))
+    methods = (ours(unloaded.samples), paper(unloaded.samples))
     error = ModelError(MASS_ERROR * rng.normal(size=JOINTS), COM_ERROR * rng.normal(size=(JOINTS, 3)))
-    zero = zeroed(rig, ways[0], error, unloaded)
+    zero = zeroed(rig, methods[0], error, unloaded)
     workspace = pushed(rig, random_joints(rig, CONFIGURATIONS, rng), rng)
     line = pushed(rig, into_stretched, rng)
     return Robot(
         smallest_singular_value(workspace.jacobians, settings.tool.hook),
-        squared_errors(rig, ways, error, zero, workspace, rng),
-        squared_errors(rig, ways, error, zero, line, rng),
-        _by_source(rig, ways[0], error, workspace, rng),
+        squared_errors(rig, methods, error, zero, workspace, rng),
+        squared_errors(rig, methods, error, zero, line, rng),
+        _by_source(rig, methods[0], error, workspace, rng),
     )
 
 
@@ -151,14 +151,14 @@ def stretching(rig: Rig) -> Array:
 
 
 def squared_errors(
-    rig: Rig, ways: tuple[Way, Way], error: ModelError, zero: Array, push: Pushed, rng: np.random.Generator
+    rig: Rig, methods: tuple[Method, Method], error: ModelError, zero: Array, push: Pushed, rng: np.random.Generator
 ) -> Array:
     """The squared errors of force (routes, n), N^2, from one reading of all sensors in each configuration; `zero` (7,),
     N m, is what the zeroed routes take off the joints' readings.
     """
     read, at = read_poses(rig.settings, [push.under], (0.0,), rng), rig.settings.tool.hook
-    external = torque_of_model(rig.settings, ways[0], error, push.jacobians, read) - read.joint_torque
-    forces = [way.contact(read.wrench, read.R_base_flange)[:, :3] for way in ways]
+    external = torque_of_model(rig.settings, methods[0], error, push.jacobians, read) - read.joint_torque
+    forces = [method.contact(read.wrench, read.R_base_flange)[:, :3] for method in methods]
     for felt in (external, external + zero):
         forces.append(wrench_from_torques(push.jacobians, felt)[:, :3])
         forces.append(force_from_torques(push.jacobians, at, felt))
@@ -166,18 +166,18 @@ def squared_errors(
     return squared
 
 
-def zeroed(rig: Rig, way: Way, error: ModelError, unloaded: Recorded) -> Array:
+def zeroed(rig: Rig, method: Method, error: ModelError, unloaded: Recorded) -> Array:
     """What the joints read (7,), N m, over what the model of arm and tool says: the mean over poses in free air."""
-    modelled = torque_of_model(rig.settings, way, error, sensor_jacobians(rig, unloaded.joints), unloaded)
+    modelled = torque_of_model(rig.settings, method, error, sensor_jacobians(rig, unloaded.joints), unloaded)
     zero: Array = np.mean(unloaded.joint_torque - modelled, axis=0)
     return zero
 
 
-def torque_of_model(settings: Settings, way: Way, error: ModelError, jacobians: Array, read: Recorded) -> Array:
+def torque_of_model(settings: Settings, method: Method, error: ModelError, jacobians: Array, read: Recorded) -> Array:
     """The torques (n, 7), N m, that a controller expects of an arm that touches nothing: by its model of the arm, and
-    for the tool by what a way of compensation found.
+    for the tool by what a method of compensation found.
     """
-    tool = torque_against(jacobians, tool_wrench(way, read.R_base_flange))
+    tool = torque_against(jacobians, tool_wrench(method, read.R_base_flange))
     return arm_gravity(settings, error, read.joints) + tool
 
 
@@ -192,9 +192,9 @@ def arm_gravity(settings: Settings, error: ModelError, joints: Array) -> Array:
     return inverse_dynamics(rig, joints).joint_torque
 
 
-def tool_wrench(way: Way, R_base_flange: Array) -> Array:
-    """The tool's own wrench (n, 6) at flange orientations, as a way has it: what it subtracts, without its bias."""
-    gravity_alone = replace(way, B=np.column_stack([way.B[:, :3], np.zeros(6)]))
+def tool_wrench(method: Method, R_base_flange: Array) -> Array:
+    """The tool's own wrench (n, 6) at flange orientations, as a method has it: what it subtracts, without its bias."""
+    gravity_alone = replace(method, B=np.column_stack([method.B[:, :3], np.zeros(6)]))
     return -gravity_alone.contact(np.zeros((len(R_base_flange), 6)), R_base_flange)
 
 
@@ -226,7 +226,7 @@ def _moved(jacobians: Array, at: ArrayLike) -> Array:
     return moved
 
 
-def _by_source(rig: Rig, way: Way, error: ModelError, push: Pushed, rng: np.random.Generator) -> Array:
+def _by_source(rig: Rig, method: Method, error: ModelError, push: Pushed, rng: np.random.Generator) -> Array:
     """The squared errors of force (sources + 2, 2, n), N^2. Both routes are linear, so that what a source makes wrong
     in the torques makes the error of the force, whatever the contact.
     """
@@ -239,7 +239,7 @@ def _by_source(rig: Rig, way: Way, error: ModelError, push: Pushed, rng: np.rand
         GAIN: torque * (np.array(sensors.gain) - 1.0),
         MASSES: arm - arm_gravity(settings, ModelError(error.mass, nowhere), joints),
         COMS: arm - arm_gravity(settings, ModelError(none, error.com), joints),
-        TOOL: torque_against(push.jacobians, push.without.wrench - tool_wrench(way, push.under.R_base_flange)),
+        TOOL: torque_against(push.jacobians, push.without.wrench - tool_wrench(method, push.under.R_base_flange)),
         FRICTION: friction_torque(sensors, np.zeros(torque.shape), rng),
         NOISE: sensors.noise * rng.normal(size=torque.shape),
     }

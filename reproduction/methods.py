@@ -1,6 +1,6 @@
-"""Ways of compensation, each learned from one recording and applied to any reading.
+"""Methods of compensation, each learned from one recording and applied to any reading.
 
-Every one of them subtracts something affine in the direction of gravity, so a way is a matrix (6, 4) and a direction.
+Every one of them subtracts something affine in the direction of gravity, so a method is a B (6, 4) and a direction.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class Method:
     """`contact = reading - B [r, 1]` with r = `gravity_direction` (base axes) as the flange sees it; `B` (6, 4)."""
 
     name: str
@@ -37,39 +37,39 @@ class Way:
         return compensate(self.B, self.gravity_direction, wrench, R_base_flange)
 
 
-Learn: TypeAlias = Callable[[Samples], Way]
-"""From contact-free samples (no load) to a way. May raise what `calibrate` raises."""
+Learn: TypeAlias = Callable[[Samples], Method]
+"""From contact-free samples (no load) to a method. May raise what `calibrate` raises."""
 
 
 def calibrated(model: str, name: str) -> Learn:
-    """The way of one of our models, by `calibrate`."""
+    """The method of one of our models, by `calibrate`."""
 
-    def learn(samples: Samples) -> Way:
+    def learn(samples: Samples) -> Method:
         calibration = calibrate(samples, model)
-        return Way(name, calibration.B, calibration.gravity_direction)
+        return Method(name, calibration.B, calibration.gravity_direction)
 
     return learn
 
 
-def tare(samples: Samples) -> Way:
+def tare(samples: Samples) -> Method:
     """The sensor zeroed in the first pose."""
-    return Way("tare", np.column_stack([np.zeros((6, 3)), samples.wrench[0]]), DOWN)
+    return Method("tare", np.column_stack([np.zeros((6, 3)), samples.wrench[0]]), DOWN)
 
 
-def gravity_only(samples: Samples) -> Way:
+def gravity_only(samples: Samples) -> Method:
     """The tool's gravity as our calibration finds it, the bias left in (the paper's Table VIII)."""
     return without_bias("gravity only", calibrate(samples, "auto"))
 
 
-def without_bias(name: str, calibration: Calibration) -> Way:
+def without_bias(name: str, calibration: Calibration) -> Method:
     """The calibration with its bias left in."""
     B = calibration.B.copy()
     B[:, 3] -= calibration.bias
-    return Way(name, B, calibration.gravity_direction)
+    return Method(name, B, calibration.gravity_direction)
 
 
 ours = calibrated("auto", "ours")
 paper = calibrated("paper", "paper")
 
-WAYS: dict[str, Learn] = {"ours": ours, "paper": paper, "tare": tare, "gravity only": gravity_only}
+METHODS: dict[str, Learn] = {"ours": ours, "paper": paper, "tare": tare, "gravity only": gravity_only}
 """What every part compares; parts add others."""

@@ -13,7 +13,7 @@ from contactwrench.assess.robot_arms import flange_orientation, known_arm, reach
 from contactwrench.geometry.arrays import Array, read_only
 
 from .charts import dots_by_group
-from .methods import WAYS, Learn, calibrated
+from .methods import METHODS, Learn, calibrated
 from .part import Measured, Part, Picture, Table
 from .trials import (
     DEFAULT,
@@ -35,10 +35,10 @@ from .trials import (
 
 TRIALS = 20
 ESTIMATORS: dict[str, Learn] = {
-    "paper": WAYS["paper"],
+    "paper": METHODS["paper"],
     "yaw": calibrated("yaw", "yaw"),
-    "ours": WAYS["ours"],
-    "tare": WAYS["tare"],
+    "ours": METHODS["ours"],
+    "tare": METHODS["tare"],
 }
 
 
@@ -73,8 +73,8 @@ def _run(poses: Array, unseen: Array, seed: int, numbers: range) -> list[dict[st
     rngs = [np.random.default_rng((seed, 4, number)) for number in numbers]
     trials = []
     for samples in recordings(DEFAULT, poses, rngs):
-        ways = {name: learned(learn, samples) for name, learn in ESTIMATORS.items()}
-        trials.append({name: left_by(way, free) for name, way in ways.items() if way is not None})
+        methods = {name: learned(learn, samples) for name, learn in ESTIMATORS.items()}
+        trials.append({name: left_by(method, free) for name, method in methods.items() if method is not None})
     return trials
 
 

@@ -33,7 +33,7 @@ from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Base, Settings
 
 from .charts import dots_by_group
-from .methods import DOWN, WAYS, Learn, Way, calibrated
+from .methods import DOWN, METHODS, Learn, Method, calibrated
 from .part import Measured, Part, Picture, Table
 from .planned import planned_joints
 from .trials import (
@@ -70,7 +70,7 @@ def opposite_poses(yaw_deg: float) -> Learn:
     """
     R_sensor_flange = rotations_about_z(np.deg2rad([yaw_deg]))[0].T
 
-    def learn(samples: Samples) -> Way:
+    def learn(samples: Samples) -> Method:
         r = samples.R_base_flange.transpose(0, 2, 1) @ DOWN
         pairs = np.argwhere(np.triu(r @ r.T < np.cos(OPPOSITE)))
         if not len(pairs) or np.linalg.matrix_rank(r[pairs[:, 0]], tol=0.1) < 3:
@@ -95,7 +95,7 @@ def known_mounting(yaw_deg: float) -> Learn:
     """
     R_sensor_flange = rotations_about_z(np.deg2rad([yaw_deg]))[0].T
 
-    def learn(samples: Samples) -> Way:
+    def learn(samples: Samples) -> Method:
         u = samples.R_base_flange.transpose(0, 2, 1) @ DOWN @ R_sensor_flange.T
         A = np.zeros((len(u), 6, 10))
         A[:, :3, 0], A[:, 3:, 1:4], A[:, :, 4:] = u, -cross_matrix(u), np.eye(6)
@@ -110,18 +110,18 @@ def known_mounting(yaw_deg: float) -> Learn:
     return learn
 
 
-def _rigid(name: str, weight: float, moment: Array, bias: Array, R_sensor_flange: Array) -> Way:
-    """The way of a tool of `weight` N and first `moment` (3,), N m (weight times centre of mass), sensor axes."""
+def _rigid(name: str, weight: float, moment: Array, bias: Array, R_sensor_flange: Array) -> Method:
+    """The method of a tool of `weight` N and first `moment` (3,), N m (weight times centre of mass), sensor axes."""
     linear = np.concatenate([weight * np.eye(3), cross_matrix(moment)]) @ R_sensor_flange
-    return Way(name, np.column_stack([linear, bias]), DOWN)
+    return Method(name, np.column_stack([linear, bias]), DOWN)
 
 
 ESTIMATORS: dict[str, Learn] = {
     **{f"opposite poses, {stated}": opposite_poses(TRUE_YAW + off) for stated, off in STATED.items()},
     **{f"known mounting, {stated}": known_mounting(TRUE_YAW + off) for stated, off in STATED.items()},
     "upright base (mount)": calibrated("mount", "upright base"),
-    "paper": WAYS["paper"],
-    "ours": WAYS["ours"],
+    "paper": METHODS["paper"],
+    "ours": METHODS["ours"],
 }
 RIGS = {
     "level base": DEFAULT,

@@ -13,7 +13,7 @@ from .planned import part as planned
 from .prior_work import part as prior_work
 from .sources_of_error import part as sources_of_error
 from .summary import summary
-from .tasks import parts as feeling
+from .tasks import parts as tasks
 from .weighing import part as weighing
 
 
@@ -41,7 +41,7 @@ STEPS = (
     Step("joint torques", _alone(joint_torques)),
     Step("prior work", _alone(prior_work)),
     Step("sources of error", _alone(sources_of_error)),
-    Step("feeling contact", feeling),
+    Step("tasks with contact", tasks),
 )
 
 

@@ -20,7 +20,7 @@ from contactwrench.simulate.recording import SENSOR_RATE, record_poses
 from contactwrench.simulate.settings import Drift, Recording, Settings, changed
 
 from .charts import Panel, lines_in_panels
-from .methods import WAYS, Learn, calibrated
+from .methods import METHODS, Learn, calibrated
 from .part import Measured, Part, Picture, Table, mean
 from .planned import planned_joints
 from .trials import (
@@ -43,12 +43,12 @@ BY_CHANCE = 0.001
 """How often chance alone may make a difference that counts, where there is none: there are many cells."""
 NEAR = 1.3
 ESTIMATORS: dict[str, Learn] = {
-    "ours": WAYS["ours"],
-    "paper": WAYS["paper"],
+    "ours": METHODS["ours"],
+    "paper": METHODS["paper"],
     "yaw": calibrated("yaw", "yaw"),
     "mount": calibrated("mount", "mount"),
     "affine": calibrated("affine", "affine"),
-    "tare": WAYS["tare"],
+    "tare": METHODS["tare"],
 }
 RIG = Settings(recording=Recording(settle=5.0))
 WARM_UP_TIME = 60.0
@@ -153,8 +153,8 @@ def _run(source: str, size: float, poses: Array, unseen: Array, seed: int, numbe
         settings = RIG if source == NONE else SOURCES[source].rig(size, direction)
         recorded = record_poses(settings, poses, rng=noise)
         free = free_readings(settings, unseen, float(recorded.t[-1]))
-        ways = {name: learned(learn, recorded.samples) for name, learn in ESTIMATORS.items()}
-        trials.append({name: left_by(way, free) for name, way in ways.items() if way is not None})
+        methods = {name: learned(learn, recorded.samples) for name, learn in ESTIMATORS.items()}
+        trials.append({name: left_by(method, free) for name, method in methods.items() if method is not None})
     return trials
 
 
@@ -194,12 +194,7 @@ def _picture(poses: str, found: Found, n: int) -> Picture:
             source.name,
             source.unit,
             ("0", *(f"{size:g}" for size in source.sizes)),
-            {
-                name: [
-                    _drawn(found[cell], name) for cell in ((NONE, 0.0), *((source.name, size) for size in source.sizes))
-                ]
-                for name in ESTIMATORS
-            },
+            {name: [_drawn(found[cell], name) for cell in _cells(source)] for name in ESTIMATORS},
         )
         for source in SOURCES.values()
     ]
@@ -210,6 +205,10 @@ def _picture(poses: str, found: Found, n: int) -> Picture:
         f"the size of one source of error; RMS over {n} data sets, bars of one standard "
         "error, which is that of the level: all points share the same noise draws, so that a curve is surer than they.",
     )
+
+
+def _cells(source: Source) -> list[Cell]:
+    return [(NONE, 0.0), *((source.name, size) for size in source.sizes)]
 
 
 def _drawn(trials: Trials, name: str) -> Measured | None:

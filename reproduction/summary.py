@@ -1,4 +1,4 @@
-"""The experiment in short: the ways of compensation side by side, and what becomes of the paper's claims."""
+"""The experiment in short: the methods of compensation side by side, and what becomes of the paper's claims."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from .part import Measured, Part, Table
 SERIOUS = 0.1
 """Of the force that is to be found: an error that counts."""
 
-WAYS = ("tare", "gravity only", "paper", "ours")
+METHODS = ("tare", "gravity only", "paper", "ours")
 ROWS: tuple[tuple[str, str, str, str, str], ...] = (
-    ("force error, paper's six poses, N", "identification", "unseen", "{way}", "force, N"),
-    ("force error, six planned poses, N", "planned", "poses", "{way}", "six planned: force, N"),
-    ("100 g weighed in any orientation, RMS %", "weighing", "weights_anywhere", "{way}, norm", "100 g"),
-    ("guarded moves that end at the plate", "guarded_move", "guarded_move", "{way}", "at the plate (share)"),
-    ("pushing with 10 N, upright plate, RMS error, N", "pushing", "pushing", "{way}", "upright plate, N"),
-    ("pushing with 10 N, level plate, RMS error, N", "pushing", "pushing", "{way}", "level plate, N"),
-    ("pegs in the hole, upright face", "peg", "peg_upright", "{way}", "in the hole (share)"),
-    ("largest force on the peg, upright face, N", "peg", "peg_upright", "{way}", "largest force, N"),
-    ("pegs in the hole, level face", "peg", "peg_level", "{way}", "in the hole (share)"),
-    ("largest force on the peg, level face, N", "peg", "peg_level", "{way}", "largest force, N"),
+    ("force error, paper's six poses, N", "identification", "unseen", "{method}", "force, N"),
+    ("force error, six planned poses, N", "planned", "poses", "{method}", "six planned: force, N"),
+    ("100 g weighed in any orientation, RMS %", "weighing", "weights_anywhere", "{method}, norm", "100 g"),
+    ("guarded moves that end at the plate", "guarded_move", "guarded_move", "{method}", "at the plate (share)"),
+    ("pushing with 10 N, upright plate, RMS error, N", "pushing", "pushing", "{method}", "upright plate, N"),
+    ("pushing with 10 N, level plate, RMS error, N", "pushing", "pushing", "{method}", "level plate, N"),
+    ("pegs in the hole, upright face", "peg", "peg_upright", "{method}", "in the hole (share)"),
+    ("largest force on the peg, upright face, N", "peg", "peg_upright", "{method}", "largest force, N"),
+    ("pegs in the hole, level face", "peg", "peg_level", "{method}", "in the hole (share)"),
+    ("largest force on the peg, level face, N", "peg", "peg_level", "{method}", "largest force, N"),
 )
 """Of the headline table: title, and the part, table, row and column that it is taken from."""
 
@@ -30,13 +30,13 @@ def summary(parts: Iterable[Part]) -> Part:
     """The headline table and the paper's claims, from the parts' own tables."""
     figures = _Figures(parts)
     rows = tuple(
-        (title, tuple(figures.cell(part, table, row.format(way=way), column) for way in WAYS))
+        (title, tuple(figures.cell(part, table, row.format(method=method), column) for method in METHODS))
         for title, part, table, row, column in ROWS
     )
     table = Table(
         "headline",
-        "Ways of compensation side by side",
-        WAYS,
+        "Methods of compensation side by side",
+        METHODS,
         rows,
         "Force error: RMS at orientations that were not recorded. All but the second row: calibrated on the paper's "
         "six poses (the tare: zeroed in one pose). The level plate and hole are below the place where the tare was "
@@ -69,8 +69,10 @@ class _Figures:
 
 def _claims(figures: _Figures) -> Iterable[str]:
     """Each claim of the paper, and whether it held here."""
-    force = {way: figures.value("identification", "unseen", way, "force, N") for way in WAYS}
-    planned = {way: figures.value("planned", "poses", way, "six planned: force, N") for way in ("paper", "ours")}
+    force = {method: figures.value("identification", "unseen", method, "force, N") for method in METHODS}
+    planned = {
+        method: figures.value("planned", "poses", method, "six planned: force, N") for method in ("paper", "ours")
+    }
     yield (
         f"“The errors calculated by the proposed method are much smaller” than with gravity only: "
         f"{_held(force['paper'] < 0.5 * force['gravity only'])} ({force['paper']:.2g} N against "
@@ -83,10 +85,12 @@ def _claims(figures: _Figures) -> Iterable[str]:
         f"{planned['ours']:.2g} N."
     )
     down = {
-        way: figures.value("weighing", "weights", f"{way}: 100 g", "RMS error, %") for way in ("paper", "ours", "tare")
+        method: figures.value("weighing", "weights", f"{method}: 100 g", "RMS error, %")
+        for method in ("paper", "ours", "tare")
     }
     anywhere = {
-        way: figures.value("weighing", "weights_anywhere", f"{way}, norm", "100 g") for way in ("paper", "ours")
+        method: figures.value("weighing", "weights_anywhere", f"{method}, norm", "100 g")
+        for method in ("paper", "ours")
     }
     yield (
         "“Good estimation accuracy”, shown by weighing (Table IX): with the tool down 100 g come out with an RMS error "

@@ -1,8 +1,8 @@
-"""The work that needs a sense of touch, done by the virtual arm with each way of compensation: what one job of the
+"""The work that needs a sense of touch, done by the virtual arm with each method of compensation: what one job of the
 experiment's pool does. Jobs and what they give back are small, so that they go between processes.
 
-A job is a block of trials with one way. Every trial has its own random offsets, distances and noise, the same for every
-way, and a calibration of its own, learned from a recording of its own: trials are independent.
+A job is a block of trials with one method. Every trial has its own random offsets, distances and noise, the same for
+every method, and a calibration of its own, learned from a recording of its own: trials are independent.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from contactwrench.simulate.settings import Settings
 
 from . import film, guarded_move, peg, pushing
 from .closed_loop import ToContact, Trace, servo_rig
-from .methods import Way, paper, tare, without_bias
+from .methods import Method, paper, tare, without_bias
 from .scenes import PLATE, PROBE, TOOL, hole, peg_tool
 
 SETTINGS = Settings(tool=TOOL)
@@ -43,8 +43,8 @@ def joints_of_calibration() -> Array:
     return paper_joints(build(SETTINGS))
 
 
-def learned(seed: int, number: int, joints: Array) -> dict[str, Way]:
-    """Every way as it came out of the recording of that number.
+def learned(seed: int, number: int, joints: Array) -> dict[str, Method]:
+    """Every method as it came out of the recording of that number.
 
     The recording is of the paper's six postures, `joints` (6, 7), rad, with the tool that does the work. The tare is
     what people do: the sensor is zeroed once, with the arm at `HOME`, where the tool points straight down.
@@ -57,13 +57,13 @@ def learned(seed: int, number: int, joints: Array) -> dict[str, Way]:
         "tare": zeroed,
         "gravity only": without_bias("gravity only", calibration),
         "paper": paper(samples),
-        "ours": Way("ours", calibration.B, calibration.gravity_direction),
+        "ours": Method("ours", calibration.B, calibration.gravity_direction),
     }
 
 
-def touch(way: Way) -> ToContact:
-    """A way as a controller calls it 125 times a second, without the checks of arrays that nobody typed in."""
-    gravity, bias, down = np.array(way.B[:, :3]), np.array(way.B[:, 3]), np.array(way.gravity_direction)
+def touch(method: Method) -> ToContact:
+    """A method as a controller calls it 125 times a second, without the checks of arrays that nobody typed in."""
+    gravity, bias, down = np.array(method.B[:, :3]), np.array(method.B[:, 3]), np.array(method.gravity_direction)
 
     def to_contact(reading: Array, R_base_flange: Array) -> Array:
         contact: Array = reading - gravity @ (R_base_flange.T @ down) - bias
@@ -74,12 +74,12 @@ def touch(way: Way) -> ToContact:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Trials `first` to `last` (that one not) with one way, as each of them learned it, on the `face` of that name.
+    """Trials `first` to `last` (that one not) with one method, as each of them learned it, on the `face` of that name.
 
     `joints`, rad: where each guarded move begins (n, 7), or where the arm is at that face (7,).
     """
 
-    ways: tuple[Way, ...]
+    methods: tuple[Method, ...]
     first: int
     last: int
     seed: int
@@ -89,13 +89,13 @@ class Job:
     def trials(self, task: int) -> list[tuple[int, ToContact, np.random.Generator]]:
         """Number, sense and random generator of each; `task` keeps the tasks' generators apart."""
         return [
-            (number, touch(self.ways[number]), np.random.default_rng([self.seed, task, number]))
+            (number, touch(self.methods[number]), np.random.default_rng([self.seed, task, number]))
             for number in range(self.first, self.last)
         ]
 
 
 def joints_of_moves(n: int, seed: int) -> Array:
-    """Joints (n, 7), rad, where the guarded moves begin: the same for every way."""
+    """Joints (n, 7), rad, where the guarded moves begin: the same for every method."""
     rng, found = np.random.default_rng([seed, 1]), np.empty((0, 7))
     rig = _probe_rig()
     while len(found) < n:

@@ -1,11 +1,11 @@
 """The experiment's last section: what an arm can do with the contact wrench that it cannot do with the reading.
 
-Three tasks, each with every way of compensation: a guarded move, pushing with a constant force, a peg in a hole.
+Three tasks, each with every method of compensation: a guarded move, pushing with a constant force, a peg in a hole.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from itertools import chain, repeat
 from typing import TypeVar
@@ -15,13 +15,11 @@ import numpy as np
 from contactwrench.geometry.arrays import Array
 
 from . import guarded_move, peg, pushing
-from .closed_loop import PERIOD
 from .force_chart import force_chart
-from .part import Measured, Part, Picture, Table, mean, root_mean_square, wilson
+from .part import Measured, Part, Picture, Table, mean, root_mean_square
 from .scenes import CHAMFER, CLEARANCE, PEG_RADIUS, PLATE_STIFFNESS
 from .task_trials import (
     EVERY,
-    SETTINGS,
     Inserted,
     Job,
     Pushed,
@@ -39,9 +37,22 @@ from .task_trials import (
     pushed,
     pushing_pictures,
 )
+from .task_words import (
+    about_saturation,
+    about_the_stop,
+    about_the_tool,
+    against_ours,
+    calibrations,
+    ended_early,
+    failed,
+    interval,
+    sentence,
+    share_of,
+    where,
+)
 
 MOVES, PUSHES, PEGS, PEGS_LEVEL = 50, 5, 100, 12
-"""Trials of each way at scale 1, each with a calibration of its own; fewer pegs straight below, where the tare was
+"""Trials of each method at scale 1, each with a calibration of its own; fewer pegs straight below, where the tare was
 taken.
 """
 BLOCK = 5
@@ -49,8 +60,6 @@ BLOCK = 5
 FACES = ("upright", "level")
 WIDER_CHAMFER = "with one of 3 mm a tare brought 39 of 40 pegs into the upright face, where 31 of 40 went in with 2 mm"
 """Measured once with the first 40 offsets of seed 0, each try with a calibration of its own; ours: 40 and 40."""
-FAILED = ("time", "lost", "stop")
-"""How a try of the peg ends that fails."""
 
 T = TypeVar("T")
 Runs = dict[str, Iterator[list[T]]]
@@ -62,7 +71,7 @@ def parts(pool: Executor, scale: float, seed: int) -> tuple[Part, ...]:
     lessons = list(
         pool.map(learned, repeat(seed), range(max(moves, *pegs.values())), repeat(joints_of_calibration()), chunksize=2)
     )
-    ways = {name: tuple(lesson[name] for lesson in lessons) for name in lessons[0]}
+    methods = {name: tuple(lesson[name] for lesson in lessons) for name in lessons[0]}
     begin = joints_of_moves(moves, seed)
     at_plate, over_hole = ({face: joints(face) for face in FACES} for joints in (joints_of_pushing, joints_of_peg))
 
@@ -70,14 +79,14 @@ def parts(pool: Executor, scale: float, seed: int) -> tuple[Part, ...]:
         blocks = [(first, min(first + block, trials)) for first in range(0, trials, block)]
         return {
             name: pool.map(work, [Job(found, *part, seed, face, joints) for part in blocks])
-            for name, found in ways.items()
+            for name, found in methods.items()
         }
 
     tries = {face: all_ways(inserted, pegs[face], BLOCK, face, over_hole[face]) for face in FACES}
     runs = {face: all_ways(pushed, _count(PUSHES, scale), 1, face, at_plate[face]) for face in FACES}
     stops = all_ways(guarded, moves, BLOCK, "level", begin)
     strips = [
-        pool.map(work, [Job(ways["ours"], 0, shown, seed, face, joints)])
+        pool.map(work, [Job(methods["ours"], 0, shown, seed, face, joints)])
         for work, shown, face, joints in (
             (guarded_pictures, min(3, moves), "level", begin),
             (pushing_pictures, 1, "level", at_plate["level"]),
@@ -108,13 +117,13 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         force = mean([move.at_stop for move in at_plate]) if at_plate else None
         largest = Measured(max(move.largest for move in moves), None, len(moves))
         rows.append((name, (
-            _share(len(at_plate), len(moves)), _interval(len(at_plate), len(moves)),
-            _share(early, len(moves)), _share(len(missed), len(moves)),
+            share_of(len(at_plate), len(moves)), interval(len(at_plate), len(moves)),
+            share_of(early, len(moves)), share_of(len(missed), len(moves)),
             force, largest,
         )))  # fmt: skip
         felt = "" if force is None else f", at {force.value:.1f} N in the mean"
         words.append(
-            f"{_sentence(name)}: of {len(moves)} moves {len(at_plate)} ended at the plate{felt}; {early} stopped in "
+            f"{sentence(name)}: of {len(moves)} moves {len(at_plate)} ended at the plate{felt}; {early} stopped in "
             f"free air, {len(missed)} had not stopped when {guarded_move.TOO_MUCH:g} N or the end of the way was "
             "reached."
         )
@@ -123,7 +132,7 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         f"{guarded_move.THRESHOLD:g} N, and stops. Each move begins in another orientation, anywhere in the workspace; "
         f"the plate is {1e3 * guarded_move.GAP[0]:g} to {1e3 * guarded_move.GAP[1]:g} mm away, leans by up to "
         f"{np.rad2deg(guarded_move.LARGEST_LEAN):.0f} deg and gives by 1 mm for {PLATE_STIFFNESS / 1e3:g} N. "
-        f"{_late()} {_tool()}"
+        f"{about_the_stop()} {about_the_tool()}"
     )
     n = len(stops["ours"])
     table = Table(
@@ -131,8 +140,8 @@ def _guarded_part(stops: dict[str, list[Stopped]], strip: Strip) -> Part:
         ("at the plate (share)", "its 95 % interval", "in free air (share)", "not stopped (share)",
          "force at the stop, N", "largest force, N"),
         tuple(rows),
-        f"{n} moves of each way, {_calibrations(n)}. Shares of all moves; the force is the true one when the stop was "
-        "commanded, mean of those at the plate.",
+        f"{n} moves of each method, {calibrations(n)}. Shares of all moves; the force is the true one when the stop "
+        "was commanded, mean of those at the plate.",
     )  # fmt: skip
     caption = "The ends of guarded moves with our calibration, each in another orientation."
     return _part("guarded_move", "A guarded move", [setting, *words], (table,), strip, caption)
@@ -145,7 +154,7 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
         for face, of in runs.items()
     }
     rows: tuple[tuple[str, tuple[Measured | str, ...]], ...] = tuple(
-        (name, (*(errors[face][name] for face in FACES), *(_ended_early(runs[face][name]) for face in FACES)))
+        (name, (*(errors[face][name] for face in FACES), *(ended_early(runs[face][name]) for face in FACES)))
         for name in names
     )
     words = []
@@ -156,25 +165,25 @@ def _pushing_part(runs: dict[str, dict[str, list[Pushed]]], strip: Strip) -> Par
     for name in names:
         force = float(np.mean([run.normal_force.mean() for face in FACES for run in runs[face][name]]))
         if abs(force - pushing.FORCE) > 0.1 * pushing.FORCE:
-            words.append(f"{_sentence(name)} pushed with {force:.1f} N in the mean instead of {pushing.FORCE:g} N.")
-    words.append(_saturated(runs))
+            words.append(f"{sentence(name)} pushed with {force:.1f} N in the mean instead of {pushing.FORCE:g} N.")
+    words.append(about_saturation(runs))
     count = len(runs["level"]["ours"])
     setting = (
         f"A ball-ended probe pushes against a plate with {pushing.FORCE:g} N while the tool leans over by up to "
         f"{np.rad2deg(pushing.LEAN):.0f} deg to all sides, a figure of eight in {pushing.ROUND:g} s. An admittance "
         "controller moves the arm along the plate's normal by the force that it feels. The level plate lies below the "
-        "place where the tare was taken, the upright one stands to the side. " + _tool()
+        "place where the tare was taken, the upright one stands to the side. " + about_the_tool()
     )
     table = Table(
         "pushing", "Error of the true normal force (root mean square), N",
         (*(f"{face} plate, N" for face in FACES), *(f"ended early, {face}" for face in FACES)), rows,
-        f"{count} runs of each way and plate, {_calibrations(count)}. Ended early: the arm left the plate by more than "
-        f"{1e3 * pushing.LOST:g} mm, or pushed with {pushing.TOO_MUCH:g} N and its protective stop ended the run.",
+        f"{count} runs of each method and plate, {calibrations(count)}. Ended early: the arm left the plate by more "
+        f"than {1e3 * pushing.LOST:g} mm, or pushed with {pushing.TOO_MUCH:g} N and its protective stop ended the run.",
     )  # fmt: skip
     first = {name: found[0].normal_force for name, found in runs["upright"].items()}
     chart = Picture(
         "pushing_force", force_chart(first, pushing.FORCE, EVERY * 1e-3),
-        "The true force on the upright plate while the tool leans over and turns round, one run of each way.",
+        "The true force on the upright plate while the tool leans over and turns round, one run of each method.",
     )  # fmt: skip
     caption = f"Pushing with our calibration; the arrow is the contact force on the probe, {pushing.FORCE:g} N."
     return _part("pushing", "Pushing with a constant force", [setting, *words], (table,), strip, caption, chart)
@@ -185,14 +194,14 @@ def _peg_part(tries: dict[str, dict[str, list[Inserted]]], strip: Strip) -> Part
         f"A peg of {2e3 * PEG_RADIUS:g} mm goes {1e3 * peg.DEEP:g} mm into a hole that is {1e3 * CLEARANCE:g} mm "
         f"wider, with a chamfer of {1e3 * CHAMFER:g} mm. The robot believes the hole to be elsewhere: off by up to "
         f"{1e3 * peg.LARGEST_OFFSET:g} mm and tilted by up to {np.rad2deg(peg.LARGEST_TILT):.0f} deg. The same "
-        f"admittance controller for every way pushes with {peg.PUSH:g} N and yields to sideways forces and to "
+        f"admittance controller for every method pushes with {peg.PUSH:g} N and yields to sideways forces and to "
         f"torques at the peg's tip. A try fails after {peg.LONGEST:g} s, {1e3 * peg.LOST:g} mm off, or when the "
         f"protective stop comes at {peg.TOO_MUCH:g} N."
     )
-    where = (
+    to_both_sides = (
         "The tare is taken as people take it: the sensor is zeroed once, with the tool straight down over the bench. "
         "What a tare is worth depends on how far the tool has turned since, so two holes are shown: one in the upright "
-        "side of a machine, and one straight below. " + _tool()
+        "side of a machine, and one straight below. " + about_the_tool()
     )
     chamfer = f"The chamfer of {1e3 * CHAMFER:g} mm decides much: {WIDER_CHAMFER}, which this command does not repeat."
     tables, words = [], []
@@ -203,109 +212,22 @@ def _peg_part(tries: dict[str, dict[str, list[Inserted]]], strip: Strip) -> Part
             done = [one for one in found if one.inserted]
             seconds = mean([one.seconds for one in done]) if done else None
             rows.append((name, (
-                _share(len(done), n), _interval(len(done), n), _failed(found),
+                share_of(len(done), n), interval(len(done), n), failed(found),
                 mean([one.largest_force for one in found]),
                 Measured(max(one.largest_force for one in found), None, len(found)), seconds,
             )))  # fmt: skip
         tables.append(Table(
-            f"peg_{face}", f"Peg in a hole, {_where(face)}",
+            f"peg_{face}", f"Peg in a hole, {where(face)}",
             ("in the hole (share)", "its 95 % interval", "out of time, lost, stopped", "largest force, N",
              "largest of all, N", "seconds"), tuple(rows),
-            f"{n} tries of each way, {_calibrations(n)}. Out of time, lost, stopped: how many of the other tries ended "
-            f"after {peg.LONGEST:g} s, {1e3 * peg.LOST:g} mm off, and by the protective stop. Largest force: mean over "
-            "the tries of the largest in each. Seconds: mean of those that went in.",
+            f"{n} tries of each method, {calibrations(n)}. Out of time, lost, stopped: how many of the other tries "
+            f"ended after {peg.LONGEST:g} s, {1e3 * peg.LOST:g} mm off, and by the protective stop. Largest force: "
+            "mean over the tries of the largest in each. Seconds: mean of those that went in.",
         ))  # fmt: skip
-        words += [_against_ours(face, tries[face], name) for name in tries[face] if name != "ours"]
-    words.append(_saturated(tries))
+        words += [against_ours(face, tries[face], name) for name in tries[face] if name != "ours"]
+    words.append(about_saturation(tries))
     caption = "A peg going into the hole in the upright face, with our calibration; the block is drawn as glass."
-    return _part("peg", "Peg in hole", [setting, where, chamfer, *words], tuple(tables), strip, caption)
-
-
-def _against_ours(face: str, tries: dict[str, list[Inserted]], name: str) -> str:
-    """How a way compares with ours: in success only where the two intervals lie apart."""
-    counts = {one: sum(found.inserted for found in tries[one]) for one in (name, "ours")}
-    n = len(tries[name])
-    (low, high), (our_low, our_high) = (wilson(counts[one] / n, n) for one in (name, "ours"))
-    verdict = "fewer" if high < our_low else "more" if low > our_high else "which these trials cannot tell apart"
-    force, our_force = (float(np.mean([one.largest_force for one in tries[which]])) for which in (name, "ours"))
-    words = (
-        f"{_sentence(_where(face))}, {name} brought {counts[name]} of {n} pegs in and ours {counts['ours']}: "
-        f"{verdict}. Its largest force was {force:.1f} N in the mean, ours {our_force:.1f} N"
-    )
-    times = [[one.seconds for one in tries[which] if one.inserted] for which in (name, "ours")]
-    if all(times):
-        words += f"; where the peg went in it took {np.mean(times[0]):.1f} s, ours {np.mean(times[1]):.1f} s"
-    return f"{words}."
-
-
-def _failed(found: Sequence[Inserted]) -> str:
-    """How many tries ended in each of the ways to fail."""
-    return ", ".join(str(sum(one.ended == end for one in found)) for end in FAILED)
-
-
-def _where(face: str) -> str:
-    return "in the upright face" if face == "upright" else "straight below"
-
-
-def _tool() -> str:
-    tool, bias = SETTINGS.tool, SETTINGS.sensor.bias
-    weight = tool.mass * SETTINGS.gravity
-    com = ", ".join(f"{1e3 * value:g}" for value in tool.com)
-    return (
-        f"The tool weighs {weight:.1f} N ({tool.mass:g} kg, centre of mass at {com} mm), the sensor's zero is "
-        f"{bias[2]:g} N along its z; calibrations come from the paper's six postures with this tool. The controller "
-        "knows the sensor's mounting exactly, for every way; only what is subtracted differs."
-    )
-
-
-def _late() -> str:
-    """By how much the force goes past the threshold until the stop is commanded, and why."""
-    sensor, growth = SETTINGS.sensor, guarded_move.SPEED * PLATE_STIFFNESS
-    lag = 1.0 / (2.0 * np.pi * sensor.low_pass)
-    late = lag + sensor.delay + PERIOD
-    return (
-        f"Square to a rigid arm the force would grow by {growth:g} N/s, and until the stop the sensor's lag "
-        f"({1e3 * lag:.1f} ms), its delay ({1e3 * sensor.delay:g} ms) and up to one period of the controller "
-        f"({1e3 * PERIOD:g} ms) pass: with a perfect calibration it would then be over {guarded_move.THRESHOLD:g} N by "
-        f"about {growth * (late - 0.5 * PERIOD):.1f} N in the mean and {growth * late:.1f} N at the most. The arm "
-        "gives a little too, and plates lean, which makes it less."
-    )
-
-
-def _saturated(found: dict[str, dict[str, list[Pushed]]] | dict[str, dict[str, list[Inserted]]]) -> str:
-    """In how many readings the sensor was at its limit, and why."""
-    shares = {
-        name: float(np.mean([one.saturated for face in FACES for one in found[face][name]])) for name in found["level"]
-    }
-    sensor = SETTINGS.sensor
-    room = sensor.overload * np.array(sensor.ranges[3:]) - np.abs(sensor.bias[3:])
-    figures = ", ".join(f"{100.0 * value:.1f} % ({name})" for name, value in shares.items())
-    return (
-        f"A channel of the sensor stood at its limit, and showed less than there was, in {figures} of the readings: "
-        f"its zero leaves {room.min():.2f} N m of one torque axis, and no calibration gives that back."
-    )
-
-
-def _share(successes: int, trials: int) -> Measured:
-    """Without a standard error: the interval beside it is what counts, and it is right at 0 and 1 too."""
-    return Measured(successes / trials, None, trials)
-
-
-def _calibrations(n: int) -> str:
-    return f"{n} calibrations: every trial has one of its own"
-
-
-def _interval(successes: int, trials: int) -> str:
-    low, high = wilson(successes / trials, trials)
-    return f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
-
-
-def _ended_early(found: Sequence[Pushed]) -> str:
-    return f"{sum(run.ended_early for run in found)} of {len(found)}"
-
-
-def _sentence(name: str) -> str:
-    return name[:1].upper() + name[1:]
+    return _part("peg", "Peg in hole", [setting, to_both_sides, chamfer, *words], tuple(tables), strip, caption)
 
 
 def _part(

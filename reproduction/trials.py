@@ -1,8 +1,8 @@
-"""Trials on the rig: each is one recording, every way learned from it, and what they leave where nothing was recorded.
+"""Trials on the rig: each is one recording, every method learned from it, and what they leave where none was made.
 
 The truth is the rig's own physics. A user moves the tool to any orientation, so the figure of merit is the contact
-wrench that a way reports of a free tool at orientations spread at random over all rotations, without the noise of the
-reading itself: that noise is the sensor's, whatever the way.
+wrench that a method reports of a free tool at orientations spread at random over all rotations, without the noise of
+the reading itself: that noise is the sensor's, whatever the method.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from contactwrench.simulate.recording import read_poses, true_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
 from contactwrench.simulate.settings import Recording, Settings
 
-from .methods import Learn, Way
+from .methods import Learn, Method
 from .part import Measured, mean, root_mean_square
 
 Result = TypeVar("Result")
@@ -56,7 +56,7 @@ class Free:
 
 @dataclass(frozen=True)
 class Squared:
-    """Mean over the unseen orientations of the squared norm of force (N^2) and torque ((N m)^2) that a way leaves."""
+    """Mean over the unseen orientations of the squared norm of force (N^2) and torque ((N m)^2) left by a method."""
 
     force: float
     torque: float
@@ -94,17 +94,17 @@ def recordings(settings: Settings, joints: Array, rngs: Iterable[np.random.Gener
         yield read_poses(settings, [truth], (0.0,), rng).samples
 
 
-def learned(learn: Learn, samples: Samples) -> Way | None:
-    """The way, or None where it refuses the recording."""
+def learned(learn: Learn, samples: Samples) -> Method | None:
+    """The method, or None where it refuses the recording."""
     try:
         return learn(samples)
     except ContactWrenchError:
         return None
 
 
-def left_by(way: Way, free: Free) -> Squared:
-    """What a way leaves of a free tool."""
-    contact = way.contact(free.wrench, free.R_base_flange)
+def left_by(method: Method, free: Free) -> Squared:
+    """What a method leaves of a free tool."""
+    contact = method.contact(free.wrench, free.R_base_flange)
     force, torque = (float(np.sum(part**2, axis=1).mean()) for part in (contact[:, :3], contact[:, 3:]))
     return Squared(force, torque)
 
@@ -155,7 +155,7 @@ def ratio_of_rms(above: ArrayLike, below: ArrayLike) -> Measured:
 
 
 def force_ratio(trials: Iterable[Mapping[str, Squared]], above: str, below: str) -> Measured | None:
-    """How many times the RMS force of one way that of another is, over the trials that neither refused; None without
+    """How many times the RMS force of one method that of another is, over the trials that neither refused; None without
     any.
     """
     both = [(trial[above].force, trial[below].force) for trial in trials if above in trial and below in trial]

@@ -9,39 +9,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactwrench.geometry.arrays import Array
-from contactwrench.samples.samples import Samples
 from contactwrench.simulate.poses import joints_through
-from contactwrench.simulate.recording import read_poses, true_poses
-from contactwrench.simulate.rig import Physics, build
-from contactwrench.simulate.settings import Settings
-from contactwrench.subtract import compensate
+from contactwrench.simulate.rig import build
 
-from .methods import WAYS, Learn, Way, calibrated
 from .part import Measured, Part, Table, mean, root_mean_square, share
 from .trials import (
     DEFAULT,
     in_batches,
     in_words,
     joints_of_paper,
-    learned,
     number_of_trials,
     ratio_of_rms,
-    recordings,
     scatter,
     student,
     unseen_joints,
 )
+from .weighing_trials import ESTIMATORS, LOADS, ORIENTATIONS, SCALES, Weighed, in_range, run
 
 TRIALS = 16
-LOADS = (0.1, 0.2, 0.5, 1.0)
-"""kg: the paper's, Table IX."""
 PRINTED = (94.3, 191.5, 480.8, 971.1)
 """g: what the paper's sensor made of them."""
 BENCHMARK = {"paper": (39.0, 21.0, 8.4, 4.2), "yaw": (8.1, 4.1, 1.6, 0.8)}
@@ -53,36 +44,14 @@ GAIN = 0.974
 """The slope of the paper's Table IX (docs/reproduction.md)."""
 
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
-ORIENTATIONS = 12
 OUTSIDE = 0.05
 """The share of data sets that an interval leaves out."""
-CLEAR_OF_LIMIT = 6.0
-"""Standard deviations of the noise between a reading and the sensor's limit."""
 
-ESTIMATORS: dict[str, Learn] = {
-    "paper": WAYS["paper"],
-    "yaw": calibrated("yaw", "yaw"),
-    "ours": WAYS["ours"],
-    "tare": WAYS["tare"],
-}
 FROM_TO = (
     "From, to: a prediction interval, which holds the reading of one more data set with 95 % (Student's t with one "
     "degree of freedom less than there are data sets, readings taken for normal)."
 )
-SCALES = ("norm", "along gravity")
 COLUMNS = ("100 g", "200 g", "500 g", "1000 g")
-
-
-@dataclass(frozen=True, eq=False)
-class Weighed:
-    """One trial: by estimator and scale the masses read, g, `down` (4,) with the tool down, `anywhere` (4, m) in the
-    other orientations; by estimator the tool's `weight`, N, and the force that is `left` in the six poses, N RMS.
-    """
-
-    down: dict[tuple[str, str], Array]
-    anywhere: dict[tuple[str, str], Array]
-    weight: dict[str, float]
-    left: dict[str, float]
 
 
 def part(pool: Executor, scale: float, seed: int) -> Part:
@@ -92,80 +61,13 @@ def part(pool: Executor, scale: float, seed: int) -> Part:
     usable = in_range(unseen_joints())
     weighing = np.concatenate([joints_through(build(DEFAULT), TOOL_DOWN[None]), unseen_joints()[usable]])
     off = replace(DEFAULT, sensor=replace(DEFAULT.sensor, gain=(GAIN,) * 6))
-    true, low = (in_batches(pool, partial(_run, rig, poses, weighing, seed), n) for rig in (DEFAULT, off))
+    true, low = (in_batches(pool, partial(run, rig, poses, weighing, seed), n) for rig in (DEFAULT, off))
     return Part(
         key="weighing",
         title="Verification with known masses",
         paragraphs=(_said_of_weighing(true), _said_of_range(), _said_of_gain(true, low)),
         tables=(_table_ix(true), _anywhere(true), _intervals(true), _gain(true, low)),
     )
-
-
-def in_range(joints: Array) -> NDArray[np.intp]:
-    """The numbers (k,) of the joints (m, 7), rad, at which no channel of the sensor reaches its limit with any load."""
-    sensor = DEFAULT.sensor
-    limit = sensor.overload * np.array(sensor.ranges)
-    room = CLEAR_OF_LIMIT * np.array([*sensor.noise.force, *sensor.noise.torque])
-    fits = np.ones(len(joints), dtype=bool)
-    for load in LOADS:
-        reading = true_poses(DEFAULT, joints, load, np.zeros_like(joints)).wrench + np.array(sensor.bias)
-        fits &= np.all(np.abs(reading) + room < limit, axis=1)
-    return np.flatnonzero(fits)
-
-
-def _run(settings: Settings, poses: Array, weighing: Array, seed: int, numbers: range) -> list[Weighed]:
-    """The trials of those numbers, on joints (6, 7); masses hang in the first of joints (m, 7), rad, which has the tool
-    down, and in some of the others, drawn anew for each trial.
-    """
-    truth = [true_poses(settings, weighing, load, np.zeros_like(weighing)) for load in LOADS]
-    rngs = [np.random.default_rng((seed, 3, number)) for number in numbers]
-    trials = []
-    for samples, rng in zip(recordings(settings, poses, rngs), rngs, strict=True):
-        drawn = np.r_[0, rng.choice(np.arange(1, len(weighing)), ORIENTATIONS, replace=False)]
-        hung = read_poses(settings, [_of_poses(physics, drawn) for physics in truth], LOADS, rng).samples
-        ways = {name: learned(learn, samples) for name, learn in ESTIMATORS.items()}
-        read = {
-            (name, scale): masses(way, hung, scale, settings.gravity).reshape(len(LOADS), -1)
-            for name, way in ways.items()
-            if way is not None
-            for scale in SCALES
-            if scale == "norm" or np.any(way.B[:3, :3])
-        }
-        trials.append(
-            Weighed(
-                {key: one[:, 0] for key, one in read.items()},
-                {key: one[:, 1:] for key, one in read.items()},
-                {name: _weight(way) for name, way in ways.items() if way is not None},
-                {name: _left(way, samples) for name, way in ways.items() if way is not None},
-            )
-        )
-    return trials
-
-
-def _of_poses(physics: Physics, poses: NDArray[np.intp]) -> Physics:
-    return Physics(*(getattr(physics, field.name)[poses] for field in fields(physics)))
-
-
-def masses(way: Way, hung: Samples, scale: str, g: float) -> Array:
-    """The masses (n,), g, that a way reads from the contact force: its `norm`, or its component `along gravity`."""
-    force = way.contact(hung.wrench, hung.R_base_flange)[:, :3]
-    if scale == "norm":
-        weight: Array = np.linalg.norm(force, axis=1)
-        return 1e3 * weight / g
-    linear = np.column_stack([way.B[:, :3], np.zeros(6)])
-    down = -compensate(linear, way.gravity_direction, np.zeros((len(hung), 6)), hung.R_base_flange)[:, :3]
-    along: Array = np.sum(force * down, axis=1) / np.linalg.norm(down, axis=1)
-    return 1e3 * along / g
-
-
-def _weight(way: Way) -> float:
-    """The weight of the tool, N, that a way takes off: its force part is the weight times a rotation."""
-    return float(np.linalg.norm(way.B[:3, :3]) / np.sqrt(3.0))
-
-
-def _left(way: Way, samples: Samples) -> float:
-    force = way.contact(samples.wrench, samples.R_base_flange)[:, :3]
-    return float(np.sqrt(np.sum(force**2, axis=1).mean()))
 
 
 def _table_ix(trials: Sequence[Weighed]) -> Table:
@@ -199,10 +101,10 @@ def _one_load(read: Array, true: float) -> tuple[Measured | str | None, ...]:
     if len(read) < 2:
         return ("refused",) * 5
     percent = 100.0 * (read / true - 1.0)
-    return mean(read), *_ends(read[:, None]), mean(percent), root_mean_square(percent**2)
+    return mean(read), *prediction_interval(read[:, None]), mean(percent), root_mean_square(percent**2)
 
 
-def _ends(read: Array) -> tuple[Measured, Measured]:
+def prediction_interval(read: Array) -> tuple[Measured, Measured]:
     """From where to where 95 % of single readings lie, by those of n data sets (n, k): a prediction interval, with the
     uncertainty of mean and scatter in it. The k readings of a data set share its errors: no more freedom than n - 1.
     """
@@ -248,7 +150,7 @@ def _intervals(trials: Sequence[Weighed]) -> Table:
     for name in ESTIMATORS:
         for scale in SCALES:
             read = np.array([trial.anywhere[name, scale] for trial in trials if (name, scale) in trial.anywhere])
-            cells = [end for k in range(len(LOADS)) for end in _ends(read[:, k])] if len(read) > 1 else []
+            cells = [end for k in range(len(LOADS)) for end in prediction_interval(read[:, k])] if len(read) > 1 else []
             rows.append((f"{name}, {scale}", tuple(cells) or ("none",) * (2 * len(LOADS))))
     return Table(
         key="weights_anywhere_intervals",

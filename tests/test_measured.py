@@ -13,15 +13,18 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.assess.verify import verify
+from tests.support.recordings import run
 from tests.support.rigs import rotation_angle
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 KUKA = DATA / "kuka_atigamma" / "0-calibration_fts-accel.csv"
 KUKA_AT_REST = DATA / "kuka_atigamma" / "0-steady-state_wrench.csv"
 AXIA = DATA / "axia80_7"
+TASK_RUNS = DATA / "task_runs"
 
 needs_kuka = pytest.mark.skipif(not KUKA.exists(), reason=f"{KUKA} is not at hand")
 needs_axia = pytest.mark.skipif(not AXIA.exists(), reason=f"{AXIA} is not at hand")
+needs_task_runs = pytest.mark.skipif(not TASK_RUNS.exists(), reason=f"{TASK_RUNS} is not at hand")
 
 
 def _kuka() -> cw.Samples:
@@ -110,3 +113,17 @@ def test_axia80_with_the_noise_estimated(model: str) -> None:
     calibration = cw.calibrate(_axia(), model)
     assert calibration.weight == pytest.approx(10.804, abs=2.0 * calibration.std["weight"])
     assert np.all(np.abs(calibration.bias[:3] - [-2.137, -2.761, -13.079]) < 2.0 * calibration.std["bias"][:3])
+
+
+@needs_task_runs
+@pytest.mark.parametrize("name", ["franka_1", *(f"ur5e_{k}" for k in (1, 2, 3, 4, 5, "still_11", "still_82"))])
+def test_a_task_is_no_calibration(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Contacts and hardly a stop: refused in one line, or called weak or doubtful, and never good."""
+    path = TASK_RUNS / f"{name}.csv"
+    calibrated = run(capsys, "calibrate", path)
+    if calibrated.status == 2:
+        assert "stop for a second or two at each" in calibrated.complaint
+    else:
+        (verdict,) = (line for line in calibrated.out.splitlines() if line.startswith("Verdict"))
+        assert any(word in verdict for word in ("weak", "doubtful"))
+    assert run(capsys, "diagnose", path).status == 0

@@ -174,17 +174,17 @@ def touching_pairs(offset: Array, height: float, tilt: Array) -> int:
 @pytest.mark.parametrize("toward_a_flat", range(0, SIDES, 3))
 def test_the_peg_has_its_clearance_and_no_more(toward_a_flat: int) -> None:
     angle = 2.0 * np.pi * toward_a_flat / SIDES
-    way, straight = np.array([np.cos(angle), np.sin(angle)]), np.zeros(3)
+    sideways, straight = np.array([np.cos(angle), np.sin(angle)]), np.zeros(3)
     assert pytest.approx(CLEARANCE) == 2.0 * (HOLE_RADIUS - PEG_RADIUS)
-    assert touching_pairs(0.4998 * CLEARANCE * way, -0.015, straight) == 0
-    assert touching_pairs(0.5002 * CLEARANCE * way, -0.015, straight) > 0
+    assert touching_pairs(0.4998 * CLEARANCE * sideways, -0.015, straight) == 0
+    assert touching_pairs(0.5002 * CLEARANCE * sideways, -0.015, straight) > 0
 
 
 def test_between_the_flats_the_clearance_is_that_of_a_polygon_round_the_circle() -> None:
     angle = np.pi / SIDES
-    way = np.array([np.cos(angle), np.sin(angle)]) / np.cos(angle)
-    assert touching_pairs(0.4998 * CLEARANCE * way, -0.015, np.zeros(3)) == 0
-    assert touching_pairs(0.5002 * CLEARANCE * way, -0.015, np.zeros(3)) > 0
+    sideways = np.array([np.cos(angle), np.sin(angle)]) / np.cos(angle)
+    assert touching_pairs(0.4998 * CLEARANCE * sideways, -0.015, np.zeros(3)) == 0
+    assert touching_pairs(0.5002 * CLEARANCE * sideways, -0.015, np.zeros(3)) > 0
 
 
 def test_a_tilted_peg_jams_at_two_points() -> None:

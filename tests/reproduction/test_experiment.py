@@ -107,7 +107,7 @@ def test_a_claim_that_fails_is_said_to_fail() -> None:
 
     force = {"tare": 2.0, "gravity only": 3.0, "paper": 4.0, "ours": 5.0}
     parts = (
-        one("identification", "unseen", {way: {"force, N": value} for way, value in force.items()}),
+        one("identification", "unseen", {method: {"force, N": value} for method, value in force.items()}),
         one(
             "joint_torques",
             "joint_torques_workspace",

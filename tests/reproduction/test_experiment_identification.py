@@ -9,7 +9,7 @@ from contactwrench.assess.robot_arms import flange_orientation, known_arm
 from contactwrench.simulate.kinematics import flange_pose
 from contactwrench.simulate.rig import build
 from reproduction import identification, planned
-from reproduction.methods import Way, calibrated
+from reproduction.methods import Method, calibrated
 from reproduction.part import root_mean_square
 from reproduction.trials import DEFAULT, free_readings, joints_of_paper, left_by, recordings, unseen_joints
 from tests.support.experiments import cell, figures, one_thread
@@ -29,9 +29,9 @@ def test_the_rig_gives_the_figures_of_the_method_page(model: str, newtons: float
 
 
 def test_what_is_left_is_judged_by_the_rig() -> None:
-    """A way that takes nothing off leaves the reading itself, the bias and the tool's weight."""
+    """A method that takes nothing off leaves the reading itself, the bias and the tool's weight."""
     free = free_readings(DEFAULT, unseen_joints())
-    nothing = left_by(Way("nothing", np.zeros((6, 4)), np.array([0.0, 0.0, -1.0])), free)
+    nothing = left_by(Method("nothing", np.zeros((6, 4)), np.array([0.0, 0.0, -1.0])), free)
     bias, weight = np.array(DEFAULT.sensor.bias[:3]), DEFAULT.tool.mass * DEFAULT.gravity
     assert nothing.force == pytest.approx(bias @ bias + weight**2, rel=0.02)
 

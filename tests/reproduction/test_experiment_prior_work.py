@@ -28,8 +28,8 @@ def rig(yaw_deg: float, seed: int) -> Settings:
 
 def largest_left(learn: Learn, settings: Settings, joints: np.ndarray) -> float:
     free = free_readings(settings, unseen_joints())
-    way = learn(recorded(settings, joints))
-    return float(np.abs(way.contact(free.wrench, free.R_base_flange)).max())
+    method = learn(recorded(settings, joints))
+    return float(np.abs(method.contact(free.wrench, free.R_base_flange)).max())
 
 
 @pytest.mark.parametrize(("yaw_deg", "seed"), [(33.918, 1), (-117.0, 2), (171.0, 3)])
@@ -55,16 +55,16 @@ def test_a_yaw_that_is_off_leaves_what_the_physics_says(off_deg: float) -> None:
     between = cos * (u[:, 0] ** 2 + u[:, 1] ** 2) + u[:, 2] ** 2
     expected = np.sqrt(weight**2 + found**2 - 2.0 * weight * found * between)
     for idea in (opposite_poses, known_mounting):
-        way = idea(20.0 + off_deg)(recorded(settings, opposite_joints()))
-        left = np.linalg.norm(way.contact(free.wrench, free.R_base_flange)[:, :3], axis=1)
+        method = idea(20.0 + off_deg)(recorded(settings, opposite_joints()))
+        left = np.linalg.norm(method.contact(free.wrench, free.R_base_flange)[:, :3], axis=1)
         np.testing.assert_allclose(left, expected, atol=PRECISE)
-        np.testing.assert_allclose(way.B[:, 3], settings.sensor.bias, atol=PRECISE)
+        np.testing.assert_allclose(method.B[:, 3], settings.sensor.bias, atol=PRECISE)
 
 
 def test_on_balanced_poses_both_ideas_are_the_same_least_squares() -> None:
     samples = recorded(DEFAULT, opposite_joints(), seed=8)
-    ways = [idea(30.0)(samples) for idea in (opposite_poses, known_mounting)]
-    np.testing.assert_allclose(ways[0].B, ways[1].B, atol=1e-8)
+    methods = [idea(30.0)(samples) for idea in (opposite_poses, known_mounting)]
+    np.testing.assert_allclose(methods[0].B, methods[1].B, atol=1e-8)
 
 
 def test_a_tilted_base_breaks_what_takes_it_for_upright() -> None:

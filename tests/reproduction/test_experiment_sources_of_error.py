@@ -14,7 +14,7 @@ from contactwrench.samples.samples import Samples
 from contactwrench.simulate.recording import record_poses
 from contactwrench.simulate.settings import Settings
 from reproduction import sources_of_error
-from reproduction.methods import Way, tare
+from reproduction.methods import Method, tare
 from reproduction.part import Measured
 from reproduction.sources_of_error import RIG, SOURCES
 from reproduction.trials import (
@@ -87,7 +87,7 @@ def test_pose_errors_and_motion_are_the_recording_s() -> None:
     assert of_size("motion while reading", 0.3).recording.creep == 0.3
 
 
-def refused(samples: Samples) -> Way:
+def refused(samples: Samples) -> Method:
     raise UnobservableError("found nothing, expected something: look again")
 
 

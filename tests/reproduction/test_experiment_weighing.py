@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from contactwrench.simulate.recording import record_poses
-from reproduction import weighing
+from reproduction import weighing, weighing_trials
 from reproduction.methods import calibrated, tare
 from reproduction.trials import DEFAULT, joints_of_paper, unseen_joints
-from reproduction.weighing import GAIN, LOADS, PRINTED, SCALES, _ends, in_range, line, masses
+from reproduction.weighing import GAIN, PRINTED, line, prediction_interval
+from reproduction.weighing_trials import LOADS, ORIENTATIONS, SCALES, in_range, masses
 from tests.support.experiments import cell, figures, noise_free, one_thread, recorded
 
 pytest.importorskip("mujoco")
@@ -27,12 +28,12 @@ def test_the_printed_masses_have_the_slope_that_the_method_page_says() -> None:
 def test_without_noise_the_masses_are_exact_but_for_the_gain(gain: float) -> None:
     true = noise_free()
     settings = replace(true, sensor=replace(true.sensor, gain=(gain,) * 6))
-    way = calibrated("yaw", "yaw")(recorded(settings, joints_of_paper()))
+    method = calibrated("yaw", "yaw")(recorded(settings, joints_of_paper()))
     joints = unseen_joints()[in_range(unseen_joints())][:5]
     hung = record_poses(settings, joints, LOADS, rng=np.random.default_rng(0))
     assert not hung.saturated.any()
     for scale in SCALES:
-        read = masses(way, hung.samples, scale, settings.gravity).reshape(len(LOADS), -1)
+        read = masses(method, hung.samples, scale, settings.gravity).reshape(len(LOADS), -1)
         np.testing.assert_allclose(read, gain * 1e3 * np.array(LOADS)[:, None] * np.ones(5), atol=0.01)
     slope, offset = line(read[:, 0])
     assert slope == pytest.approx(gain, abs=1e-5)
@@ -41,9 +42,9 @@ def test_without_noise_the_masses_are_exact_but_for_the_gain(gain: float) -> Non
 
 def test_a_tare_reads_true_only_where_it_was_zeroed() -> None:
     settings = noise_free()
-    way = tare(recorded(settings, joints_of_paper()))
+    method = tare(recorded(settings, joints_of_paper()))
     same = record_poses(settings, joints_of_paper()[:1], LOADS, rng=np.random.default_rng(0))
-    np.testing.assert_allclose(masses(way, same.samples, "norm", settings.gravity), 1e3 * np.array(LOADS), atol=0.01)
+    np.testing.assert_allclose(masses(method, same.samples, "norm", settings.gravity), 1e3 * np.array(LOADS), atol=0.01)
 
 
 def test_out_of_range_is_where_the_sensor_saturates() -> None:
@@ -66,21 +67,21 @@ def test_an_interval_holds_one_more_reading_with_95_per_cent() -> None:
     for each, most in ((1, 0.96), (12, 0.985)):
         held = []
         for _ in range(4000):
-            low, high = _ends(readings(6, each))
+            low, high = prediction_interval(readings(6, each))
             held.append(low.value <= readings(1, 1)[0, 0] <= high.value)
         assert 0.94 < np.mean(held) < most
 
 
 def test_each_data_set_is_weighed_in_orientations_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(weighing, "ESTIMATORS", {"tare": tare})
-    way = "tare", "norm"
+    monkeypatch.setattr(weighing_trials, "ESTIMATORS", {"tare": tare})
+    method = "tare", "norm"
     usable = unseen_joints()[in_range(unseen_joints())]
     poses = np.concatenate([joints_of_paper()[:1], usable])
     first, second = (
-        trial.anywhere[way] for trial in weighing._run(noise_free(), joints_of_paper(), poses, 5, range(2))
+        trial.anywhere[method] for trial in weighing_trials.run(noise_free(), joints_of_paper(), poses, 5, range(2))
     )
-    assert first.shape == second.shape == (len(LOADS), weighing.ORIENTATIONS)
-    assert len(np.unique(np.round(first[0], 6))) == weighing.ORIENTATIONS
+    assert first.shape == second.shape == (len(LOADS), ORIENTATIONS)
+    assert len(np.unique(np.round(first[0], 6))) == ORIENTATIONS
     assert not np.allclose(np.sort(first[0]), np.sort(second[0]), atol=0.1)
 
 

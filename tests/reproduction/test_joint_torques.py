@@ -50,7 +50,7 @@ from reproduction.joint_torque_routes import (
     zeroed,
 )
 from reproduction.joint_torques import STEADY, part
-from reproduction.methods import Way
+from reproduction.methods import Method
 from reproduction.part import Measured, Part
 from tests.support.pinocchio_arm import any_joints, any_settings, arm_of, judge
 from tests.support.rigs import seeds
@@ -65,12 +65,12 @@ FORWARDS = np.array([0.0, np.pi / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 """The arm stretched out along the base's x, level; the flange too."""
 
 
-def _truth(settings: Settings) -> Way:
-    """The way of compensation that knows everything."""
+def _truth(settings: Settings) -> Method:
+    """The method of compensation that knows everything."""
     weight, com, R = settings.tool.mass * settings.gravity, np.array(settings.tool.com), settings.R_flange_sensor
     force = weight * R.T
     B = np.column_stack([np.vstack([force, np.cross(com, force, axisb=0, axisc=0)]), settings.sensor.bias])
-    return Way("truth", B, settings.gravity_direction)
+    return Method("truth", B, settings.gravity_direction)
 
 
 @few

@@ -13,11 +13,11 @@ pytest.importorskip("matplotlib")
 
 from contactwrench.geometry.arrays import Array
 from contactwrench.simulate.rig import Rig
-from reproduction import film, peg, pushing
-from reproduction import tasks as feeling
+from reproduction import film, peg, pushing, tasks
 from reproduction.closed_loop import Trace
 from reproduction.part import Measured, Part
 from reproduction.task_trials import FACES, Inserted, Job, guarded, joints_of_calibration, joints_of_moves, learned
+from reproduction.task_words import against_ours
 
 
 def drawn(rig: Rig, trace: Trace, times: Array, view: film.View) -> list[NDArray[np.uint8]]:
@@ -33,7 +33,7 @@ def three() -> tuple[Part, ...]:
         patch.setattr(pushing, "ROUND", 1.0)
         patch.setattr(peg, "LONGEST", 0.4)
         patch.setattr(film, "frames", drawn)
-        return feeling.parts(pool, 0.0, 1)
+        return tasks.parts(pool, 0.0, 1)
 
 
 def test_three_parts_with_tables_of_every_way_and_pictures_or_a_word(three: tuple[Part, ...]) -> None:
@@ -84,15 +84,15 @@ def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, 
         name: [Inserted("in" if number < went_in else "time", 8.0, 2.0, 0.0) for number in range(40)]
         for name, went_in in (("tare", theirs), ("ours", ours))
     }
-    words = feeling._against_ours("upright", tries, "tare")
+    words = against_ours("upright", tries, "tare")
     assert f"tare brought {theirs} of 40 pegs in and ours {ours}" in words
     assert verdict in words
 
 
 def test_same_seed_same_moves_and_blocks_do_not_matter() -> None:
     postures = joints_of_calibration()
-    ways = tuple(learned(3, number, postures)["ours"] for number in range(3))
+    methods = tuple(learned(3, number, postures)["ours"] for number in range(3))
     begin = joints_of_moves(3, 3)
-    whole = guarded(Job(ways, 0, 3, 3, "level", begin))
-    assert whole == guarded(Job(ways, 0, 2, 3, "level", begin)) + guarded(Job(ways, 2, 3, 3, "level", begin))
-    assert set(FACES) == set(feeling.FACES)
+    whole = guarded(Job(methods, 0, 3, 3, "level", begin))
+    assert whole == guarded(Job(methods, 0, 2, 3, "level", begin)) + guarded(Job(methods, 2, 3, 3, "level", begin))
+    assert set(FACES) == set(tasks.FACES)

@@ -120,6 +120,17 @@ def test_a_bump_in_a_stop_is_cut_out_with_the_reason() -> None:
     assert bump.rejected.endswith(" mN m though the arm stands: contact, drift or vibration")
 
 
+def test_a_bump_that_hardly_shows_leaves_two_stretches_that_touch() -> None:
+    """Nothing lies between them, so nothing is left out."""
+    rng = np.random.default_rng(1)
+    wrench = 0.05 * rng.normal(size=(1500, 6))
+    wrench[750, 0] += 2.0
+    found = still_stretches(cw.Samples(wrench, np.tile(np.eye(3), (1500, 1, 1)), np.arange(1500) / 500.0))
+    before, after = found.accepted
+    assert before.last + 1 == after.first
+    assert found.rejected == ()
+
+
 @pytest.mark.parametrize("newton", [0.2, 1.0, 10.0])
 @pytest.mark.parametrize(("begin", "end"), [(0.9, 2.0), (-0.5, 1.0)])
 def test_a_stop_at_two_levels_is_left_out(newton: float, begin: float, end: float) -> None:

@@ -159,7 +159,7 @@ def _of_standing_arm(section: Section, standing: Piece, moving: Noise, period: f
     found: list[_Found] = []
     end = 0
     for piece in usable:
-        if found:
+        if found and piece.first > end:  # where two touch, nothing lies between that moves
             between = section.rows_of(standing.first + end, standing.first + piece.first)
             found.append(_Found(*between, _moves(wrench[end : piece.first], wrench[piece.first : piece.last])))
         rows = section.rows_of(standing.first + piece.first, standing.first + piece.last)
