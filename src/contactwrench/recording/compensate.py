@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
-from ..compensate.compensator import LONGEST_DELAY, Compensator
+from ..compensate.compensator import LONGEST_DELAY, Compensator, delay_of
 from ..compensate.contact_wrenches import ContactWrenches
 from ..compensate.filters import LowPass, least_rows, zero_phase
 from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
-from ..compensate.settings import delay_of
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
@@ -190,7 +189,7 @@ def _of_samples(
     rows = compensator.run(samples.wrench, samples.R_base_flange, _spread(samples.t))
     wrench, std = rows.wrench, rows.std
     if treatment.output_frame != "sensor" or treatment.point is not None:
-        covariance = rows.covariance[rows.covariance_of]
+        covariance = np.asarray(rows.covariance)[rows.covariance_of]
         turned = calibration.with_gravity(treatment.gravity)
         wrench, std = in_axes(
             turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point

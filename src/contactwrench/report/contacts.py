@@ -35,7 +35,8 @@ class ContactLog:
     def watched(self, recording: Iterable[ContactWrenches]) -> Iterator[ContactWrenches]:
         """The same batches, each noted as it goes by."""
         for batch in recording:
-            self._note(batch)
+            if batch.judged:
+                self._note(batch)
             yield batch
 
     def _note(self, batch: ContactWrenches) -> None:
