@@ -102,7 +102,12 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
     candidates = [] if written.stated is None else [_Candidate(stated_flags, (), 0.0, written.stated[middle])]
     for columns, numbers in written.sets:
-        candidates += _candidates(columns, numbers[middle], written.convention)
+        of_three = len(columns) == 3
+        candidates += (
+            _of_angles(columns, numbers[middle], written.convention)
+            if of_three
+            else _of_parts(columns, numbers[middle])
+        )
     seen: set[bytes] = set()
     of_orientation = []
     for one in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
@@ -202,21 +207,18 @@ def _turned_and_shifted(
                 yield OrientationReading(flags, (*one.mends, *mends), cost + SHIFTED * bool(shift), own, rows)
 
 
-def _candidates(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
-    """Every convention that takes so many columns, where it makes rotations."""
-    made = _of_angles(columns, numbers, stated) if len(columns) == 3 else _of_parts(columns, numbers)
-    for flag, mends, cost, to_matrices, values in made:
-        try:
-            R = to_matrices(values)
-        except InputError:
-            continue
-        yield _Candidate((f"--orientation {flag}",), mends, cost, R)
+def _candidate(
+    flag: str, mends: tuple[str, ...], cost: float, to_matrices: Callable[[Array], Array], numbers: Array
+) -> Iterator[_Candidate]:
+    """One, where the numbers make rotations."""
+    try:
+        R = to_matrices(numbers)
+    except InputError:
+        return
+    yield _Candidate((f"--orientation {flag}",), mends, cost, R)
 
 
-_Made = tuple[str, tuple[str, ...], float, Callable[[Array], Array], Array]
-
-
-def _of_parts(names: tuple[str, ...], numbers: Array) -> Iterator[_Made]:
+def _of_parts(names: tuple[str, ...], numbers: Array) -> Iterator[_Candidate]:
     """Quaternions with their scalar in any place that a mistake brings it to; matrices by rows or by columns."""
     k = len(names)
     as_they_stand = list(range(k))
@@ -224,10 +226,10 @@ def _of_parts(names: tuple[str, ...], numbers: Array) -> Iterator[_Made]:
     for named in CONVENTIONS.values():
         for order in (as_they_stand, another) if len(named.columns) == k else ():
             columns = tuple(names[place] for place in order)
-            yield _flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order]
+            yield from _candidate(_flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order])
 
 
-def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Made]:
+def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
     """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
     suffixes = [name.rpartition("_")[2] if name.rpartition("_")[2] in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
@@ -251,7 +253,7 @@ def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | No
                 fitting = named
             best = min(fitting, key=lambda c: c.columns != _bare(names), default=None)
             flag = _flag(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
-            yield flag, (rename,) if must_rename else (), cost, to_matrices, angles
+            yield from _candidate(flag, (rename,) if must_rename else (), cost, to_matrices, angles)
 
 
 @cache

@@ -103,6 +103,8 @@ def _joints(path: str | Path) -> list[_Joint]:
 
 
 def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
+    from scipy.spatial.transform import Rotation
+
     name, kind = element.get("name", "without a name"), element.get("type", "")
 
     def numbers(tag: str, attribute: str, otherwise: str) -> Array:
@@ -112,10 +114,10 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
             values = np.array([float(part) for part in text.split()])
         except ValueError:
             values = np.empty(0)
-        if values.size != len(otherwise.split()) or not np.isfinite(values).all():
-            raise FileFormatError(
-                f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {_numbers(len(otherwise.split()))}"
-            )
+        count = len(otherwise.split())
+        if values.size != count or not np.isfinite(values).all():
+            expected = "1 number" if count == 1 else f"{count} numbers"
+            raise FileFormatError(f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {expected}")
         return values
 
     def link(tag: str) -> str:
@@ -137,18 +139,10 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         kind,
         link("parent"),
         link("child"),
-        _from_rpy(numbers("origin", "rpy", "0 0 0")),
+        Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
         axis / max(float(np.linalg.norm(axis)), 1e-300),
         limits,
     )
-
-
-def _from_rpy(rpy: Array) -> Array:
-    """Roll, pitch and yaw about the fixed x, y and z, rad."""
-    from scipy.spatial.transform import Rotation
-
-    R: Array = Rotation.from_euler("xyz", rpy).as_matrix()
-    return R
 
 
 def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joint]:
@@ -186,7 +180,3 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
 def _list(names: Iterable[str]) -> str:
     known = list(names)
     return ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
-
-
-def _numbers(count: int) -> str:
-    return "1 number" if count == 1 else f"{count} numbers"
