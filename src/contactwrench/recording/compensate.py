@@ -29,8 +29,9 @@ from ..samples.synchronize import Synchronized, synchronized
 from ..samples.timestamps import spread_evenly
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
-from .options import Advance, Options
+from .options import Options
 from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches

@@ -15,9 +15,8 @@ from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stam
 from .bags.open import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
-from .options import Advance
 from .read import bag_blocks, reader_of
-from .tables.columns import TIME, optional
+from .tables.columns import TIME, Advance, optional
 from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
@@ -117,12 +116,9 @@ def table_contents(path: str | Path, advance: Advance | None = None) -> TableCon
     table = open_table(path)
     t_columns = optional(table, ["t"], TIME)
     count, parts = 0, [np.empty((0, len(t_columns)))]
-    for body in table.bodies(t_columns):
+    for body in table.told(t_columns, advance):
         count += len(body)
-        if t_columns:
-            parts += in_si(body, (t_columns,))
-        if advance is not None:
-            advance(body.done)
+        parts += in_si(body, (t_columns,)) if t_columns else []
     t = in_seconds(np.concatenate(parts), t_columns)
     if t is None or not len(t):
         return TableContents(str(path), tuple(table.places), count, None, None)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from .tables.table import Table
-
-Advance: TypeAlias = Callable[[float], None]
-"""Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
 OF_TABLES, OF_BAGS = ("orientation",), ("wrench_topic", "pose_topic", "frames", "robot")
 """Options that only one of the kinds has."""

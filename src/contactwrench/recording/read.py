@@ -18,8 +18,8 @@ from ..errors import FileFormatError, InputError
 from ..samples.samples import Samples
 from ..samples.streams import OrientationStream, Streams, WrenchStream, at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
-from .options import AS_USUAL, IN_BASE_AXES, Advance, Options
-from .tables.columns import ROWS
+from .options import AS_USUAL, IN_BASE_AXES, Options
+from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
@@ -30,15 +30,13 @@ Tell = Callable[[str], None]
 
 def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Table]:
     """A table, or a folder of them, with wrench and orientation side by side."""
-    blocks = tables(path, options.orientation, rows)
-    return (options.applied(table, path) for table in _told(blocks, advance))
+    return (options.applied(table, path) for table in tables(path, options.orientation, rows, advance))
 
 
 def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
     """A table of wrenches, and the `pose_file` with the orientations: a block has what both hold up to one moment."""
     pose_path = options.pose_file or path
-    wrenches = _told(tables(path, None, rows), advance)
-    poses = _told(tables(pose_path, options.orientation, rows, wrench=False), None)
+    wrenches, poses = tables(path, None, rows, advance), tables(pose_path, options.orientation, rows, wrench=False)
     both = merged(
         (options.applied(table, path) for table in wrenches), (options.applied(table, pose_path) for table in poses)
     )
@@ -258,14 +256,6 @@ def _samples(table: Table, path: str | Path) -> Samples:
         )
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None
-
-
-def _told(blocks: Iterator[tuple[Table, float]], advance: Advance | None) -> Iterator[Table]:
-    """The tables alone; how far they got is told to `advance`."""
-    for table, done in blocks:
-        yield table
-        if advance is not None:
-            advance(done)
 
 
 def name_of(path: str | Path) -> str:
