@@ -102,23 +102,14 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
     candidates = [] if written.stated is None else [_Candidate(stated_flags, (), 0.0, written.stated[middle])]
     for columns, numbers in written.sets:
-        of_three = len(columns) == 3
-        candidates += (
-            _of_angles(columns, numbers[middle], written.convention)
-            if of_three
-            else _of_parts(columns, numbers[middle])
-        )
-    seen: set[bytes] = set()
-    of_orientation = []
+        candidates += _candidates(columns, numbers[middle], written.convention)
+    distinct: dict[bytes, OrientationReading] = {}
     for one in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
-        key = repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes()
-        if key not in seen:
-            seen.add(key)
-            of_orientation.append(one)
+        distinct.setdefault(repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes(), one)
     return Readings(
         name_of(path),
         wrench[picked],
-        tuple(of_orientation),
+        tuple(distinct.values()),
         tuple(_wrench_readings(options.wrench_frame)),
         None if written.stated is None else 0,
         options.sign,
@@ -218,9 +209,12 @@ def _candidate(
     yield _Candidate((f"--orientation {flag}",), mends, cost, R)
 
 
-def _of_parts(names: tuple[str, ...], numbers: Array) -> Iterator[_Candidate]:
-    """Quaternions with their scalar in any place that a mistake brings it to; matrices by rows or by columns."""
+def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
+    """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
     k = len(names)
+    if k == 3:
+        yield from _of_angles(names, numbers, stated)
+        return
     as_they_stand = list(range(k))
     another = {4: [3, 0, 1, 2], 16: [4 * i + j for j in range(4) for i in range(4)]}.get(k, as_they_stand)
     for named in CONVENTIONS.values():

@@ -22,7 +22,7 @@ from ..geometry.arrays import Array
 FLANGES = ("tool0", "flange")
 """Links that ROS-Industrial and REP 199 call the flange, the preferred one first: tool0 has the controller's axes."""
 
-TURNING = ("revolute", "continuous")
+REVOLUTE = ("revolute", "continuous")
 WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
 
 
@@ -71,7 +71,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
         R = R @ joint.R_parent_joint
         if joint.kind == "fixed":
             continue
-        if joint.kind not in TURNING:
+        if joint.kind not in REVOLUTE:
             raise FileFormatError(
                 f"{path}: joint {joint.name} is {joint.kind}, expected revolute joints from root to {tip}: "
                 "name the arm's flange, as in arm.urdf:LINK"
@@ -127,7 +127,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         return str(found.get("link"))
 
     axis = numbers("axis", "xyz", "1 0 0")
-    if kind in TURNING and not axis.any():
+    if kind in REVOLUTE and not axis.any():
         raise FileFormatError(f"{path}: joint {name} has the axis 0 0 0, expected a direction")
     if kind == "revolute" and element.find("limit") is None:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
@@ -163,12 +163,12 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
         if name in to_child:
             return name
     parents = {joint.parent for joint in to_child.values()}
-    turning = {
-        link: sum(joint.kind in TURNING for joint in _chain(path, link, to_child))
+    axes = {
+        link: sum(joint.kind in REVOLUTE for joint in _chain(path, link, to_child))
         for link in to_child
         if link not in parents
     }
-    ends = [link for link, count in turning.items() if count == max(turning.values())]
+    ends = [link for link, count in axes.items() if count == max(axes.values())]
     if len(ends) != 1:
         raise FileFormatError(
             f"{path}: found {len(ends)} ends of the arm ({_list(ends)}), expected one: name the flange, as in "
