@@ -210,10 +210,10 @@ def test_a_low_pass_both_ways_is_not_late_and_stops_at_gaps(tmp_path: Path, cali
     smooth = whole(list(compensated(path, layout, calibration, Treatment(delay=LATE, low_pass=LowPass(10.0)))))
     known = plain.valid
     assert np.array_equal(known, smooth.valid)
-    truth = true_contact(plain.t - LATE - 100.0)
-    calm = known & (np.abs(truth).sum(axis=1) == 0.0) & (np.abs(plain.t - 104.0) < 0.9)
+    truth = true_contact(stamps(plain) - LATE - 100.0)
+    calm = known & (np.abs(truth).sum(axis=1) == 0.0) & (np.abs(stamps(plain) - 104.0) < 0.9)
     assert smooth.wrench[calm].std(axis=0)[0] < 0.35 * plain.wrench[calm].std(axis=0)[0]
-    rise = np.flatnonzero(plain.t >= 100.0 + LATE + 2.0)[0]
+    rise = np.flatnonzero(stamps(plain) >= 100.0 + LATE + 2.0)[0]
     half = 0.5 * truth[rise + 100, :3]
     assert np.abs(smooth.wrench[rise - 1 : rise + 1, :3].mean(axis=0) - half).max() < 0.25
 

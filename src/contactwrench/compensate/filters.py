@@ -9,8 +9,10 @@ from math import ceil, exp, pi
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..samples.delay import is_significant
 from .state import SECTIONS, Matrix, Row, State, kernel
 
 ORDERS = (1, 2, 3, 4)
@@ -99,6 +101,17 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
         raise InputError(f"found {len(values)} rows, expected at least {least} to filter both ways")
     filtered: Array = sosfiltfilt(sections, values, axis=0)
     return filtered
+
+
+def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
+    """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
+    itself: what was estimated from a motion contains it.
+    """
+    if calibration.delay is None or calibration.delay_std is None:
+        return 0.0
+    if not is_significant(calibration.delay, calibration.delay_std):
+        return 0.0
+    return calibration.delay - (0.0 if sensor_filter is None else sensor_filter.lag)
 
 
 @kernel

@@ -15,6 +15,7 @@ from .contact_detection import (
     statistic_of,
     threshold_at,
 )
+from .contact_wrenches import FREE, NOT_JUDGED, TOUCHING
 from .faults import FINE, FROZEN, NO_PAST, OVERLOAD, STUCK, interrupted, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
 from .state import INTERVALS, Matrix, Sample, State, kernel
@@ -24,8 +25,8 @@ TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 WRENCH_ALONE, WHOLLY = 1, 2
 """What starts anew with the next good sample."""
-FREE, TOUCHING, ASK = 0, 1, 2
-"""What a sample says: it is fine, free or in contact; or one that has more to tell."""
+ASK = 2
+"""What a sample says that is not just fine, `FREE` or `TOUCHING`."""
 
 
 @kernel
@@ -45,7 +46,7 @@ def advance(state: list[State], samples: list[Sample], ring: Matrix, settling: M
 @kernel
 def take(s: State, sample: Sample, ring: Matrix, settling: Matrix, width: int) -> None:
     """Take one sample."""
-    sample.events, sample.contact = 0, -1
+    sample.events, sample.contact = 0, NOT_JUDGED
     fault, detail, channel = unreadable(s, sample, width)
     if fault != FINE:
         refuse(s, sample)
@@ -90,12 +91,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
         s.since_fresh, s.stale, s.spoiled = 0, True, True
         s.run = s.quiet = 0
     s.since_fresh += 1
-    if fault == FROZEN:
-        s.fresh = WHOLLY
-    elif fault >= STUCK:
-        s.fresh = max(s.fresh, WRENCH_ALONE)
-    else:
-        s.fresh = 0
+    s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
     if fault in (FINE, OVERLOAD):
         if not recovers:
             detect(s, sample, settling)
@@ -194,16 +190,10 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     low_pass(s.sensor, s.sensor_memory, down, 3, fresh_pose)
     x, y, z = down[0], down[1], down[2]
     warmer = warmed_by(s, sample.temperature)
-    reading, wrench, offset, total, coefficient = (
-        sample.reading,
-        sample.wrench,
-        s.offset,
-        s.block_sum,
-        s.temperature_coefficient,
-    )
+    reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
     for k in range(6):
         B = s.B[k]
-        left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + coefficient[k] * warmer)
+        left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
         wrench[k] = left
         total[k] += left
     s.block_rows += 1.0
