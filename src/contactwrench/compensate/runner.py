@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array, read_only
 from .state import KERNEL, SAMPLE, STATE, Sample, State
-from .step import advance
+from .step import take
 
 MOMENT = 1.0
 """s: what takes longer is said."""
@@ -29,7 +29,7 @@ MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 class Plain:
     """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array.
 
-    `ring` (k, 4) and `settling` (k, 6) are those of `advance`.
+    `ring` (k, 4) and `settling` (k, 6) are those of `take`.
     """
 
     def __init__(self, state: State, ring: Array, settling: Array) -> None:
@@ -47,15 +47,15 @@ class Plain:
         sample = self.sample
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
-        advance([self.state], [sample], self._ring, self.settling, turn.size, 0)
+        take(self.state, sample, self._ring, self.settling, turn.size)
         return sample.said, read_only(sample.wrench)
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
-        """Take samples from `begin` on, as far as the first with an event; how many are taken."""
+        """Take samples from `begin` on, to the first with an event or before; how many are taken."""
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature = given
-            advance([self.state], [sample], self._ring, self.settling, width, 0)
+            take(self.state, sample, self._ring, self.settling, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break
@@ -92,7 +92,7 @@ class Compiled:
     def __setstate__(self, arrays: tuple[NDArray[Any], ...]) -> None:
         self._record, self._samples, self._ring, settling = arrays
         self.settling: Any = settling
-        self._step = compiled()
+        self._advance = compiled()
         self.state: Any = Record(self._record)
         self.sample: Any = Record(self._samples)
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
@@ -109,17 +109,17 @@ class Compiled:
         self._reading[...] = reading
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
-        self._step(self._record, self._samples, self._ring, self.settling, width, 0)
+        self._advance(self._record, self._samples, self._ring, self.settling, width, 0)
         return self._said[0], np.frombuffer(self._wrench.tobytes())
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
-        return self._step(self._record, samples, self._ring, self.settling, width, begin)
+        return self._advance(self._record, samples, self._ring, self.settling, width, begin)
 
 
 @cache
 def compiled() -> Callable[..., int]:
-    """`advance`, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
+    """`take` in a loop, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
     try:
         import numba
         from numba import types
@@ -135,20 +135,24 @@ def compiled() -> Callable[..., int]:
     files = sorted({Path(function.__code__.co_filename) for function in KERNEL})
     digest = sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        step: Callable[..., int] = numba.njit(signature, cache=True, nogil=True, error_model="numpy")(_keyed(digest))
-    return step
+        advance: Callable[..., int] = numba.njit(signature, cache=True, nogil=True, error_model="numpy")(_keyed(digest))
+    return advance
 
 
 def _keyed(digest: str) -> Callable[..., int]:
-    """`advance` with `digest`, of all files that are compiled, in its closure: by itself numba's cache would not see
-    that another file than this one has changed.
+    """Samples from `begin` on, to the first with an event; how many are taken. With `digest`, of all files that are
+    compiled, in its closure: by itself numba's cache would not see that another file than this one has changed.
     """
 
-    def step(state, samples, ring, settling, width, begin):  # type: ignore[no-untyped-def]
+    def advance(state, samples, ring, settling, width, begin):  # type: ignore[no-untyped-def]
         digest  # noqa: B018
-        return advance(state, samples, ring, settling, width, begin)
+        for i in range(begin, len(samples)):
+            take(state[0], samples[i], ring, settling, width)
+            if samples[i].events != 0:
+                return i + 1
+        return len(samples)
 
-    return step
+    return advance
 
 
 @contextmanager
