@@ -20,7 +20,7 @@ from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, free_mean, start, track
 from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, keep_contact, thresholds
-from .contact_wrenches import NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
+from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, FINE, reason_of
 from .filters import LowPass, delay_of
 from .noise import PER_NEWTON, noise_of_sample
@@ -52,9 +52,9 @@ class Compensator:
             is done to the model.
         delay: s, how much later than the orientation the wrench is stamped; None: the calibration's, where it is
             significant.
-        drift: std (6,) of the bias' random walk after an hour, N and N m, or one number, N, as for `noise`:
-            `bias_tracking.TYPICAL_DRIFT` is 0.05; None: the bias is not followed, for whatever follows a bias takes a
-            push that is too slow or too weak to be detected for one.
+        drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
+            (`bias_tracking.TYPICAL_DRIFT`). None: the bias is not followed, for whatever follows a bias takes a push
+            that is too slow or too weak to be detected for one.
         temperature_coefficient: (6,) of the bias, N/K and N m/K.
         false_alarm_rate: per sample.
         minimum_duration: s, of a contact, and of its end.
@@ -104,15 +104,14 @@ class Compensator:
         s.follows_bias = drift is not None
         s.walk = [std * std / HOUR for std in _six(_of_force(drift), "drift", 0.0, least=0.0)]
         track(s, self._calibration, self._noise.between)
-        self._is_compiled = find_spec("numba") is not None if fast is None else fast
+        self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the settings: filters, contact, what was learned of the bias and a new zero."""
         s = deepcopy(self._settings)
         room = 2 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
-        runner = Compiled if self._is_compiled else Plain
-        self._runner = runner(s, np.zeros((room, 4)), self._noise.of_sample[None].copy())
+        self._runner = self._steps(s, np.zeros((room, 4)), self._noise.of_sample[None].copy())
         self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
         if self._rate is not None:
@@ -121,9 +120,7 @@ class Compensator:
     def __call__(
         self, wrench: ArrayLike, orientation: ArrayLike, t: float, temperature: float | None = None
     ) -> ContactWrench:
-        """The contact wrench of a reading.
-
-        What is wrong with a sample comes back in `valid` and `reason`.
+        """The contact wrench of a reading; what is wrong with the sample comes back in `valid` and `reason`.
 
         Args:
             wrench: (6,) the reading, N and N m, sensor axes.
@@ -139,16 +136,16 @@ class Compensator:
             raise InputError(
                 f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
             )
-        heat = nan if temperature is None else temperature
-        said, result = self._runner.step(reading, turn, t, heat)
+        said, result = self._runner.step(reading, turn, t, nan if temperature is None else temperature)
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
         sample = self._runner.sample
         self._attend(int(sample.events))
-        fault, contact = int(sample.fault), None if sample.contact < 0 else bool(sample.contact)
+        fault, contact = int(sample.fault), None if sample.contact == NOT_JUDGED else bool(sample.contact)
         std = self._std if fault == FINE or fault >= BACK else NOT_KNOWN
-        reason = reason_of(fault, float(sample.detail), int(sample.channel))
-        return ContactWrench(result, std, float(t), fault == FINE, reason, contact)
+        return ContactWrench(
+            result, std, float(t), fault == FINE, reason_of(fault, float(sample.detail), int(sample.channel)), contact
+        )
 
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
@@ -191,7 +188,7 @@ class Compensator:
         fault = samples["fault"]
         reasons: list[str | None] = [None] * n
         for row in np.flatnonzero(fault).tolist():
-            reasons[row] = reason_of(int(fault[row]), float(samples["detail"][row]), int(samples["channel"][row]))
+            reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
         return ContactWrenches(
             wrench=samples["wrench"],
             std=samples["wrench_std"],
@@ -233,10 +230,10 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        if not self._runner.state.touching:
-            return self._last_contact
-        keep_contact(self._runner.state, self._runner.settling)
-        return self._contact(None)
+        if self._runner.state.touching:
+            keep_contact(self._runner.state, self._runner.settling)
+            return self._contact(None)
+        return self._last_contact
 
     @property
     def drift(self) -> Array:
@@ -249,8 +246,7 @@ class Compensator:
         return self._settings.delay
 
     def _covariance(self) -> Array:
-        s = self._runner.state
-        return np.array(s.systematic) + np.diag(s.noise_left)
+        return np.array(self._runner.state.systematic) + np.diag(self._runner.state.noise_left)
 
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""
@@ -266,10 +262,9 @@ class Compensator:
 
     def _use_rate(self, rate: float) -> None:
         s = self._runner.state
-        filters = [(self._lowpass, s.lowpass), (self._sensor, s.sensor)]
-        sections = [each.sections(rate)[:, [0, 1, 2, 4, 5]].tolist() if each else [] for each, _ in filters]
-        for (_, into), these in zip(filters, sections, strict=True):
-            for row, section in zip(into, these, strict=False):
+        for low_pass, into in ((self._lowpass, s.lowpass), (self._sensor, s.sensor)):
+            sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
+            for row, section in zip(into, sections, strict=False):
                 row[:] = section
         self._runner.use_settling(self._noise.behind(self._lowpass, rate))
         s.slowness[:] = self._noise.slowness(max(round(BLOCK_SECONDS * rate), 1)).tolist()
