@@ -227,9 +227,10 @@ def test_the_picture_of_a_long_recording_stays_small() -> None:
         np.tile(s.wrench, (6, 1)), np.tile(s.R_base_flange, (6, 1, 1)),
         np.concatenate([s.t + 60.0 * k for k in range(6)]),
     )  # fmt: skip
-    svg = signals_over_time(cw.calibrate(long, "mount"), long, still_stretches(long))
+    calibration, still = cw.calibrate(s, "mount"), still_stretches(long)
+    svg = signals_over_time(calibration, long, still)
     assert len(svg) < 300_000
-    assert svg == signals_over_time(cw.calibrate(long, "mount"), long, still_stretches(long))
+    assert svg == signals_over_time(calibration, long, still)
 
 
 def test_a_table_of_poses_has_no_picture_of_the_recording(tmp_path: Path) -> None:

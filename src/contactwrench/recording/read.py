@@ -263,18 +263,30 @@ def read(
     frames: tuple[str, str] | None = None,
     robot: str | None = None,
 ) -> Samples:
-    """Read a recording: wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`.
-
-    `path`: a table (CSV, Parquet) of wrenches and orientations, or of wrenches alone where `pose_file` has the
-    orientations, or a bag. `orientation`: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
-    `wrench_frame`: sensor, or base where the controller turns the wrench into base axes; it is turned back by
-    `R_base_flange`, so that it comes in the flange's axes. `sign`: pull (what acts on the sensor), or reaction (what
-    the sensor exerts), which is negated. `inverse_orientation`: the file holds `R_flange_base`. Of a bag:
-    `wrench_topic` and `pose_topic`; `frames` (base, flange); `robot`, whose joint angles it has: a known arm's name, or
-    a URDF as PATH[:LINK].
+    """Read a recording: a table (CSV, Parquet), two tables, or a bag.
 
     Where a wrench lacks an orientation of its own, one is interpolated, after the delay between the two was estimated.
-    Raises `FileAccessError`, `FileFormatError`, `InputError` and `MissingExtraError`.
+
+    Args:
+        path: a table of wrenches and orientations, or of wrenches alone with `pose_file`, or a bag.
+        orientation: `auto`, by the columns' names, or `NAME[:COLUMNS]` of a convention.
+        wrench_frame: `sensor`, or `base` where the controller turns it into base axes; it comes back in flange axes.
+        sign: `pull`, what acts on the sensor, or `reaction`, what the sensor exerts, which is negated.
+        inverse_orientation: whether the file holds `R_flange_base`.
+        pose_file: a second table, with the orientations.
+        wrench_topic: which one of a bag.
+        pose_topic: which one of a bag.
+        frames: names of base and flange in a bag's tree of transforms.
+        robot: whose joint angles a bag has: a known arm's name, or a URDF as PATH[:LINK].
+
+    Returns:
+        Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
+
+    Raises:
+        FileAccessError: the file cannot be opened.
+        FileFormatError: it cannot be understood; the message names row and column.
+        InputError: the arguments do not fit the kind of file.
+        MissingExtraError: a package that this kind of file needs is not installed.
     """
     layout = Layout(
         orientation,

@@ -19,12 +19,19 @@ LARGEST_READING = 1e9
 class Samples:
     """Readings of the sensor, each with the arm's orientation at that moment.
 
-    `wrench` (n, 6) N and N m, sensor axes, pull sign; `R_base_flange` (n, 3, 3); `t` (n,) s; `position` (n, 3) m
-    of the flange in base axes; `load_mass` (n,) kg hung on the tool (0: none). `source` says where they come from.
-    `delay` s and `delay_std`: of wrench behind orientation, where that was estimated when the two were paired.
-    `saturated` (n,): whether a channel of the sensor stood at its limit, where that was recorded.
-    Raises `InputError` for a wrong shape, a NaN or infinity, a reading beyond `LARGEST_READING`, a matrix that is no
-    rotation, a negative load.
+    Args:
+        wrench: readings (n, 6), N and N m, sensor axes, pull sign.
+        R_base_flange: rotation matrices (n, 3, 3), from flange to base axes.
+        t: times (n,), s.
+        position: of the flange (n, 3), m, base axes.
+        load_mass: hung on the tool (n,), kg; 0 is none.
+        source: where they come from, in words.
+        delay: of wrench behind orientation, s, where it was estimated when the two were paired.
+        delay_std: of `delay`, s.
+        saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
+
+    Raises:
+        InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
     """
 
     wrench: Array
