@@ -40,7 +40,7 @@ class Convention:
     columns: tuple[str, ...]
     angle_unit: str | None
     to_matrices: Callable[[Array], Array]
-    meaning: str
+    description: str
 
 
 def from_quat_xyzw(quat_xyzw: Array) -> Array:
@@ -232,7 +232,7 @@ def convention(text: str) -> Convention:
         raise InputError(
             f"orientation {text!r}: found columns {columns!r}, expected {len(chosen.columns)} different names"
         )
-    return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.meaning)
+    return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.description)
 
 
 def _repeats(letters: str) -> bool:
