@@ -24,8 +24,7 @@ from ..compensate.settings import delay_of
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
-from ..samples.samples import Samples
-from ..samples.streams import Streams
+from ..samples.samples import Samples, Streams
 from ..samples.synchronize import LeftOut, Synchronized, default_gap, synchronized
 from ..samples.timestamps import SORTED_WITHIN
 from .options import Layout

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..samples.samples import Samples
-from ..samples.streams import OrientationStream, Streams, WrenchStream
+from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from .options import AS_USUAL, Layout, is_bag
 from .saturation import at_limit
 from .tables.columns import ROWS

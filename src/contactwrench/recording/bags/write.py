@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...errors import FileAccessError, FileFormatError
 from ...geometry.arrays import Array
-from ...samples.streams import Streams
+from ...samples.samples import Streams
 from .message_layout import MessageLayout, layout_of_message
 from .messages import FORCE_TORQUE, POSES, XYZ, XYZW
 from .open import SUFFIXES_OF_BAGS, require_rosbags, typestore
