@@ -17,7 +17,8 @@ import numpy as np
 
 from contactwrench.assess.diagnose import Diagnosis, diagnose
 from contactwrench.assess.interpretations import Readings, as_read
-from contactwrench.recording.interpretations import readings as all_readings
+from contactwrench.recording.interpretations import interpretations
+from contactwrench.recording.options import Options
 from tests.support.world import Array
 
 from .mistakes import File, as_it_should_be, correct_file, correct_file_of_few_poses, measured, with_mistakes
@@ -37,7 +38,7 @@ def diagnosed(file: File, folder: Path) -> tuple[Readings, Diagnosis]:
     """Write the file, and diagnose it."""
     path = folder / "file.csv"
     path.write_text(file.text())
-    all_of_it = all_readings(path, file.stated_as)
+    all_of_it = interpretations(path, Options(file.stated_as))
     return all_of_it, diagnose(all_of_it)
 
 

@@ -190,7 +190,7 @@ def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
 def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(model: str, sign: float) -> None:
     """Of three poses they may be fitted exactly: what is left of them is rounding."""
     rig, R, rng = example(1, poses=3)
-    with pytest.raises(UnobservableError, match="nothing is left to estimate the noise from|expected 4 or more"):
+    with pytest.raises(UnobservableError, match=r"nothing is left to estimate the noise from|expected 4 or more"):
         cw.calibrate(cw.Samples(sign * noisy(rig, R, rng).wrench, R), model)
 
 

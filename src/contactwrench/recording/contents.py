@@ -16,7 +16,9 @@ from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, definitions
 from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
-from .tables.table import opened, times
+from .read import bag_blocks, reader_of
+from .tables.columns import TIME, Advance, optional
+from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
 
@@ -84,7 +86,12 @@ class TableContents:
     rhythm: Rhythm | None
 
 
-def bag_contents(path: str | Path, advance: Callable[[float], None] | None = None) -> BagContents:
+def contents(path: str | Path, advance: Advance | None = None) -> BagContents | TableContents:
+    """What is in a recording; `advance` is told how far it is. Raises as `read_streams`."""
+    return bag_contents(path, advance) if reader_of(path) is bag_blocks else table_contents(path, advance)
+
+
+def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContents:
     """What is in a bag; `advance` as for `bag_batches`. Raises as that for a file that is no bag or damaged."""
     with opened_bag(path) as bag:
         stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
@@ -103,13 +110,18 @@ def bag_contents(path: str | Path, advance: Callable[[float], None] | None = Non
         return BagContents(str(path), KINDS[kind_of(path)], bag.start, bag.duration, topics, frames, _reading(bag))
 
 
-def table_contents(path: str | Path) -> TableContents:
+def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
-    places, body = opened(path)
-    t = times(places, body)
+    table = open_table(path)
+    t_columns = optional(table, ["t"], TIME)
+    count, parts = 0, [np.empty((0, len(t_columns)))]
+    for body in table.told(t_columns, advance):
+        count += len(body)
+        parts += in_si(body, (t_columns,)) if t_columns else []
+    t = in_seconds(np.concatenate(parts), t_columns)
     if t is None or not len(t):
-        return TableContents(str(path), tuple(places), len(body), None, None)
-    return TableContents(str(path), tuple(places), len(t), float(t[0]), rhythm(t, float(t[0])))
+        return TableContents(str(path), tuple(table.places), count, None, None)
+    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])))
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:
