@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..recording.options import Layout
+from ..recording.options import Options
 from .reading import (
     Gravity,
     InverseOrientation,
@@ -69,7 +69,7 @@ def plan(
     require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
     samples = None
     if recorded is not None:
-        samples = read_recording(recorded, Layout(orientation, wrench_frame, sign, inverse_orientation))
+        samples = read_recording(recorded, Options(orientation, wrench_frame, sign, inverse_orientation))
     elif (orientation, wrench_frame, sign, inverse_orientation) != ("auto", "sensor", "pull", False):
         raise InputError(
             "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "

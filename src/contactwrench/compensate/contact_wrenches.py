@@ -1,20 +1,24 @@
-"""What comes out of a running Compensator: contact wrenches, contacts, a new zero."""
+"""What compensation gives: contact wrenches, one or a table of them, contacts, a new zero."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, read_only
-from ..model import AXES
+from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from .line_of_action import LineOfAction, line_of_action
 
 NOT_KNOWN = read_only(np.full(6, np.nan))
 """The std of a wrench that cannot be computed."""
-UNITS = ("N", "N", "N", "N m", "N m", "N m")
+NOT_GIVEN: Any = None
+"""Of a column: left out, or filled in."""
+NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
+"""Of the column `contact`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +38,7 @@ class ContactWrench:
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Frozen):
     """One contact, from `onset` to `release` s (None: it lasts).
 
     `peak` (6,): the wrench that stood out most; `mean` (6,) with its `covariance` (6, 6). `onset_seen` is False where
@@ -48,10 +52,6 @@ class Contact:
     covariance: Array
     onset_seen: bool
 
-    def __post_init__(self) -> None:
-        for name in ("peak", "mean", "covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
     @cached_property
     def line(self) -> LineOfAction:
         """Where the mean force acts."""
@@ -59,63 +59,52 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactWrenchBatch:
-    """The contact wrenches of n samples in a row: `wrench`, `std` (n, 6), `t`, `valid`, `contact` (n,), `reason` (n).
+class ContactWrenches(Rows):
+    """Contact wrenches of n samples: `wrench` and its `std` (n, 6), N and N m, at `t` (n,) s; NaN where there is none.
 
-    `contact` is 1 in contact, 0 free, -1 where that cannot be judged. `statistic` (n,) is what the test compares with
-    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch. `covariance` (m, 6, 6): the
-    wrench's, one after the other, of which `covariance_of` (n,) is each sample's.
+    Where the samples were `judged` one by one, `valid` (n,) is False where something is wrong with one, and `reason`
+    (n) says what; `contact` (n,) is 1 in contact, 0 free, -1 where that was not or cannot be judged. Else all are
+    valid, and -1. `contacts`: those that ended in these samples, in sensor axes.
+
+    From a `Compensator` there are also `statistic` (n,), which the test compares with `threshold` (n,), before
+    hysteresis, and `covariance` (m, 6, 6), the wrench's, one after the other, of which `covariance_of` (n,) is each
+    sample's.
     """
 
-    wrench: Array
-    std: Array
-    t: Array
-    valid: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    reason: tuple[str | None, ...]
-    contact: np.ndarray[tuple[int], np.dtype[np.int8]]
-    statistic: Array
-    threshold: Array
-    contacts: tuple[Contact, ...]
-    covariance: Array
-    covariance_of: NDArray[np.intp]
+    wrench: Array = field(metadata=column(6))
+    std: Array = field(metadata=column(6))
+    t: Array | None = field(default=None, metadata=column())
+    judged: bool = False
+    valid: NDArray[np.bool_] = field(default=NOT_GIVEN, metadata=column(kind=np.bool_))
+    reason: tuple[str | None, ...] = field(default=NOT_GIVEN, metadata=column(kind=object))
+    contact: NDArray[np.int8] = field(default=NOT_GIVEN, metadata=column(kind=np.int8))
+    contacts: tuple[Contact, ...] = ()
+    statistic: Array = field(default=NOT_GIVEN, metadata=column(kind=np.float64))
+    threshold: Array = field(default=NOT_GIVEN, metadata=column(kind=np.float64))
+    covariance_of: NDArray[np.intp] = field(default=NOT_GIVEN, metadata=column(kind=np.intp))
+    covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold", "covariance", "covariance_of"):
-            getattr(self, name).flags.writeable = False
+        n = len(self.wrench)
+        blank = {"valid": np.ones(n, np.bool_), "reason": (None,) * n, "contact": np.full(n, NOT_JUDGED, np.int8)}
+        for name, values in blank.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, values)
+        super().__post_init__()
 
-    def __len__(self) -> int:
-        return len(self.t)
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """All rows and contacts, part after part, without the covariances."""
+        plain: dict[str, Any] = {"covariance_of": None, "covariance": None}
+        joined = super().concatenate([replace(part, **plain) for part in parts])
+        return replace(joined, contacts=tuple(contact for part in parts for contact in part.contacts))
 
 
 @dataclass(frozen=True, eq=False)
-class Zero:
+class Zero(Frozen):
     """A new zero: by how much (6,) free readings had moved, N and N m, and the `std` (6,) of that as an estimate of how
     far the bias moved since the calibration, whose own error at this orientation is in it.
     """
 
     shift: Array
     std: Array
-
-    def __post_init__(self) -> None:
-        for name in ("shift", "std"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
-
-def reason_of(fault: int, detail: float, channel: int) -> str | None:
-    """A fault of the kernel in words; None where there is none."""
-    axis, unit = (AXES[channel], UNITS[channel]) if channel >= 0 else ("", "")
-    return (
-        None,
-        f"time: {detail:g} is no time",
-        f"time: {detail:.6f} s again",
-        f"reading: {axis} is {detail:g}",
-        "orientation: not a number",
-        f"orientation: its squared length is {detail:.6g}, expected 1 within 2 %",
-        f"time: jumped back by {detail:.6g} s",
-        f"gap: nothing for {detail:.6g} s, filters start anew",
-        f"overload: {axis} reads {detail:.6g} {unit}, at or beyond its range",
-        f"stuck: {axis} has not moved for {detail:.0f} readings while others did",
-        f"stuck: the whole reading has not moved for {detail:.3g} s",
-        f"frozen: the orientation has not moved for {detail:.3g} s",
-        f"orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
-    )[fault]

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration.text import meaningful_digits
-from ..compensate.contact_wrenches import Contact
+from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import TOUCHING, JudgedWrenches, Rows
 from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, table_html
@@ -33,16 +32,16 @@ class ContactLog:
         self.contacts: list[Contact] = []
         self.reasons: dict[str, tuple[int, float]] = {}
 
-    def watched(self, recording: Iterable[Rows]) -> Iterator[Rows]:
+    def watched(self, recording: Iterable[ContactWrenches]) -> Iterator[ContactWrenches]:
         """The same batches, each noted as it goes by."""
         for batch in recording:
-            if isinstance(batch, JudgedWrenches):
+            if batch.judged:
                 self._note(batch)
             yield batch
 
-    def _note(self, batch: JudgedWrenches) -> None:
+    def _note(self, batch: ContactWrenches) -> None:
         self.contacts += batch.contacts
-        if not len(batch):
+        if batch.t is None or not len(batch):
             return
         if not np.isfinite(self.start):
             self.start = float(batch.t[0])
