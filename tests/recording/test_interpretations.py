@@ -58,7 +58,7 @@ def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
     rows = np.column_stack([-wrench, quat(R), load])
     diagnosis = diagnose(interpretations(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
     assert diagnosis.n == 6
-    assert diagnosis.best.reading.flags == ("--sign reaction",)
+    assert diagnosis.best.interpretation.flags == ("--sign reaction",)
 
 
 def test_a_long_recording_is_thinned(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ def _static(
 
 def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Generator) -> Array:
     """Joints (n, 7) of the poses that are asked for."""
-    from ..simulate.poses import joints_through, paper_joints, random_joints
+    from ..simulate.kinematics import joints_through, paper_joints, random_joints
     from ..simulate.rig import JOINTS, build
 
     kind, colon, count = poses.partition(":")

@@ -23,8 +23,7 @@ from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
-from ..samples.samples import Samples
-from ..samples.streams import Streams
+from ..samples.samples import Samples, Streams
 from ..samples.synchronize import Synchronized, synchronized
 from ..samples.timestamps import spread_evenly
 from .bags.copy import write_bag_with

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry.arrays import Array
-from .bags.chunks import Logged, messages, part_read
-from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
-from .bags.open import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
+from .bags.chunks import Logged, Topic
+from .bags.message_layout import written
+from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, definitions, header_stamps, transforms
+from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
 from .read import bag_blocks, reader_of
@@ -102,13 +103,11 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
                     note(edges, transforms(bag, topic, logged))
             if advance is not None:
                 advance(part_read(bag, found))
-        start = bag.start
-        duration = 1e-9 * float(bag.reader.duration) if sum(bag.counts.values()) else 0.0
-        topics = tuple(_topic_content(topic, parts, start) for topic, parts in stamps.items())
+        topics = tuple(_topic_content(topic, parts, bag.start) for topic, parts in stamps.items())
         frames = tuple(
             FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
         )
-        return BagContents(str(path), KINDS[kind_of(path)], start, duration, topics, frames, _reading(bag))
+        return BagContents(str(path), KINDS[kind_of(path)], bag.start, bag.duration, topics, frames, _reading(bag))
 
 
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:

@@ -288,8 +288,9 @@ def _axes(frame: str) -> Iterator[tuple[tuple[str, ...], float, Array]]:
     same = np.eye(3)
     yield (), 0.0, _blocks(same, same)
     for words, R in _axis_changes():
+        yield (words.format("fx", "fy", "fz"),), ONE_KIND, _blocks(R, same)
+    for words, R in _axis_changes():
         force, torque = (words.format(*(kind + axis for axis in "xyz")) for kind in "ft")
-        yield (force,), ONE_KIND, _blocks(R, same)
         yield (torque,), ONE_KIND, _blocks(same, R)
         if frame == "base" or np.linalg.det(R) < 0.0:  # in the sensor's axes a rotation of all is another mounting
             yield (force, torque), BOTH_KINDS, _blocks(R, R)
