@@ -19,7 +19,7 @@ from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.compensate import Treatment, compensated
 from contactwrench.recording.options import Options
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.world import Array, noisy_readings, random_rotations
 
 from .accuracy import NOISE, TABLE_V

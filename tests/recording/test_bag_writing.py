@@ -20,7 +20,7 @@ from contactwrench.errors import ContactWrenchError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.read import bag_batches, bag_streams
 from contactwrench.recording.bags.write import write_streams_bag
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.bags import (
     KINDS,
     ROS1,

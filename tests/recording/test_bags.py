@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from contactwrench.recording.bags.read import bag_batches, bag_streams
-from contactwrench.samples.streams import Streams
+from contactwrench.samples.samples import Streams
 from tests.support.bags import (
     KINDS,
     ODOMETRY,

@@ -102,7 +102,7 @@ def simulate(
 def _write_bag(output: Path, recorded: Recorded) -> None:
     """Wrench and pose as streams of their own, the pose at its own rate; a bag that is there is replaced."""
     from ..recording.bags.write import write_streams_bag
-    from ..samples.streams import OrientationStream, Streams, WrenchStream
+    from ..samples.samples import OrientationStream, Streams, WrenchStream
 
     plan = recorded.settings.recording
     posed = slice(None, None, max(round(plan.rate / plan.pose_rate), 1))

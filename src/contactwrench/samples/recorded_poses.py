@@ -59,10 +59,10 @@ def is_stream(samples: Samples) -> bool:
     step = np.diff(t)
     jump = (step < 0.0) | (step > SLOWEST) | (_angles(R) > FASTEST_TURN * np.maximum(step, HOLD))
     jumps = np.r_[0, np.cumsum(jump)]
-    return any(_turns_on_the_way(R, t, jumps, scale) for scale in SCALES)
+    return any(_turns_along(R, t, jumps, scale) for scale in SCALES)
 
 
-def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> bool:
+def _turns_along(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> bool:
     """Whether more turning lies on ways than in jumps, looked at once in `scale` s."""
     look = np.floor((t - t[0]) / scale)
     rows = np.flatnonzero(np.r_[True, look[1:] != look[:-1]])
@@ -71,9 +71,9 @@ def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float)
     turns = rotation_log(R[rows[:-1]].transpose(0, 2, 1) @ R[rows[1:]])
     angle = np.linalg.norm(turns, axis=1)
     turned = angle > SAME_POSE_ANGLE
-    on_way = turned & (jumps[rows[1:]] == jumps[rows[:-1]])
+    on_the_way = turned & (jumps[rows[1:]] == jumps[rows[:-1]])
     along = np.einsum("ni,ni->n", turns[1:], turns[:-1]) > ONWARD * angle[1:] * angle[:-1]
-    onward = on_way[1:] & on_way[:-1] & along
+    onward = on_the_way[1:] & on_the_way[:-1] & along
     going_on = np.r_[onward, False] | np.r_[False, onward]
     recorded = float(angle[going_on].sum())
     return recorded > max(0.5 * float(angle[turned].sum()), float(LEAST_ON_THE_WAY))
@@ -132,7 +132,7 @@ def _require_few(samples: Samples) -> None:
     """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged."""
     cells = np.rint(samples.R_base_flange.reshape(-1, 9) / CELL).astype(np.int16)
     count = len(np.unique(cells.view("V18")))
-    if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _is_way(samples.R_base_flange)):
+    if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _follows_the_arm(samples.R_base_flange)):
         raise _too_many(samples, count)
 
 
@@ -148,11 +148,11 @@ def _lie_close(poses: tuple[Pose, ...]) -> bool:
     return bool(np.median(_angles(np.array([pose.R_base_flange for pose in poses]))) < CLOSE)
 
 
-def _is_way(R: Array) -> bool:
+def _follows_the_arm(R: Array) -> bool:
     """Whether rows without times follow the arm on its way."""
     rows = np.arange(len(R), dtype=np.float64)
     jump = np.r_[0, np.cumsum(_angles(R) > LONGEST_STEP)]
-    return any(_turns_on_the_way(R, rows, jump, scale) for scale in ROW_SCALES)
+    return any(_turns_along(R, rows, jump, scale) for scale in ROW_SCALES)
 
 
 def _angles(R: Array) -> Array:

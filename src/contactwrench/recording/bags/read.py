@@ -12,7 +12,7 @@ import numpy as np
 from ...assess.robot_arms import Arm, flange_orientation
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array
-from ...samples.streams import OrientationStream, Streams, WrenchStream
+from ...samples.samples import OrientationStream, Streams, WrenchStream
 from .chunks import Topic
 from .joint_states import joint_places
 from .messages import joint_states, place, poses, rotations, wrenches

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...errors import FileAccessError, FileFormatError
 from ...geometry.arrays import Array
-from ...samples.streams import Streams
+from ...samples.samples import Streams
 from .message_layout import typestore
 from .open import SUFFIXES_OF_BAGS, require_rosbags
 
