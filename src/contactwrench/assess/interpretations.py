@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimation.sign_ambiguity import negated
+from ..estimation.estimate import negated
 from ..geometry.arrays import Array
 from ..geometry.orientation import LONGEST_ROTATION_VECTOR
 
