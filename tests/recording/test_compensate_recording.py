@@ -24,7 +24,7 @@ from contactwrench.compensate.filters import LowPass
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment, compensated
-from contactwrench.recording.options import Layout
+from contactwrench.recording.options import Options
 from contactwrench.report.contacts import ContactLog, summary, write_contact_report
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run
 from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rotations, readings
@@ -78,7 +78,7 @@ def recording(duration: float = 8.0) -> tuple[Array, Array, Array]:
     return 100.0 + at + LATE, wrench, 100.0 + np.arange(-5, round(duration * POSE_RATE) - 5) / POSE_RATE
 
 
-def write_two_files(folder: Path, saturated: Array | None = None) -> tuple[Path, Layout]:
+def write_two_files(folder: Path, saturated: Array | None = None) -> tuple[Path, Options]:
     t, wrench, t_pose = recording()
     columns, names = [t, wrench], ["t", *WRENCH]
     if saturated is not None:
@@ -86,7 +86,7 @@ def write_two_files(folder: Path, saturated: Array | None = None) -> tuple[Path,
     (folder / "w.csv").write_text(csv_text(names, np.column_stack(columns)))
     poses = np.column_stack([t_pose, attitude(t_pose - 100.0).reshape(-1, 9)])
     (folder / "p.csv").write_text(csv_text(("t", *MATRIX), poses))
-    return folder / "w.csv", Layout(pose_file=folder / "p.csv")
+    return folder / "w.csv", Options(pose_file=folder / "p.csv")
 
 
 def two_files_and_calibration(folder: Path, calibration: Calibration) -> list[str | Path]:
@@ -97,14 +97,13 @@ def two_files_and_calibration(folder: Path, calibration: Calibration) -> list[st
 
 
 def whole(rows: list[ContactWrenches]) -> ContactWrenches:
-    parts = [part for part in rows if part.judged]
-    assert len(parts) == len(rows)
-    return ContactWrenches.concatenate(parts)
+    assert all(part.judged for part in rows)
+    return ContactWrenches.concatenate(rows)
 
 
-def stamps(found: ContactWrenches) -> Array:
-    assert found.t is not None
-    return found.t
+def stamps(rows: ContactWrenches) -> Array:
+    assert rows.t is not None
+    return rows.t
 
 
 def test_every_reading_has_its_row_and_its_own_orientation(tmp_path: Path, calibration: Calibration) -> None:
@@ -226,11 +225,11 @@ def test_a_table_of_poses_is_taken_row_by_row(tmp_path: Path, calibration: Calib
     names = ("t", *WRENCH, *MATRIX)
     (tmp_path / "poses.csv").write_text(csv_text(names, np.column_stack([t, wrench, R.reshape(-1, 9)])))
     late = replace(calibration, delay=LATE, delay_std=1e-4)
-    (rows,) = compensated(tmp_path / "poses.csv", Layout(), late, Treatment())
+    (rows,) = compensated(tmp_path / "poses.csv", Options(), late, Treatment())
     assert not rows.judged
     assert np.abs(rows.wrench).max() < 0.2
     assert rows.t is not None
-    assert np.array_equal(stamps(rows), t)
+    assert np.array_equal(rows.t, t)
 
 
 def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibration: Calibration) -> None:
@@ -247,7 +246,7 @@ def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibrat
 
 def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:
     log = ContactLog()
-    list(log.watched([ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), judged=True)]))
+    list(log.watched([compensation.NOTHING]))
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     assert "<h3>Contacts</h3><p>None.</p>" in (tmp_path / "r.html").read_text()
     assert "Samples with something wrong" not in (tmp_path / "r.html").read_text()
@@ -322,7 +321,7 @@ def test_a_bag_comes_back_with_the_contact_wrench_beside_it(
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     from contactwrench.recording.bags.read import bag_streams
     from contactwrench.recording.bags.write import write_streams_bag
-    from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+    from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 
     t, wrench, t_pose = recording(3.0)
     poses = OrientationStream(t_pose, attitude(t_pose - 100.0))
@@ -343,7 +342,7 @@ def test_a_bag_comes_back_with_the_contact_wrench_beside_it(
 def test_reading_a_bag_tells_how_far_it_is(tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     from contactwrench.recording.bags.write import write_streams_bag
-    from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+    from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 
     t, wrench, t_pose = recording(3.0)
     for suffix in (".mcap", ".db3", ".bag"):

@@ -9,7 +9,8 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.assess.diagnose import diagnose
-from contactwrench.recording.interpretations import readings
+from contactwrench.recording.interpretations import interpretations
+from contactwrench.recording.options import Options
 from tests.support.recordings import MATRIX, WRENCH, csv_text, written
 from tests.support.rigs import NOISE, example
 from tests.support.world import noisy_readings, random_rotations
@@ -40,7 +41,8 @@ def test_flags_make_the_reading_that_they_stand_for(header: str, tmp_path: Path)
     R = random_rotations(6, np.random.default_rng(0))
     path = written(tmp_path, Written(columns, numbers).text(R, np.ones((6, 6))))
     tried = 0
-    for reading in readings(path, "franka_matrix" if header == "pose" else "auto").orientations:
+    stated = Options("franka_matrix" if header == "pose" else "auto")
+    for reading in interpretations(path, stated).orientations:
         if not reading.mends:
             made = cw.read(path, **_stated(reading.flags))  # type: ignore[arg-type]
             assert made.R_base_flange == pytest.approx(reading.R_base_flange, abs=1e-9)
@@ -54,19 +56,31 @@ def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
     wrench[6:, 2] += 9.8
     load = np.repeat([0.0, 1000.0], 6)
     rows = np.column_stack([-wrench, quat(R), load])
-    diagnosis = diagnose(readings(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
+    diagnosis = diagnose(interpretations(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
     assert diagnosis.n == 6
-    assert diagnosis.best.reading.flags == ("--sign reaction",)
+    assert diagnosis.best.interpretation.flags == ("--sign reaction",)
 
 
 def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
     """A moving arm: hundreds of poses spread over the whole recording, each with its own wrench."""
     rig, R, rng = example(1, poses=2000)
     path = written(tmp_path, Written(QUAT, quat).text(R, noisy_readings(rig, R, NOISE, rng)))
-    found = readings(path)
+    found = interpretations(path)
     assert found.wrench.shape == (300, 6)
     assert found.given is not None
     stated = found.orientations[found.given]
     assert stated.R_base_flange[0] == pytest.approx(R[0], abs=1e-9)
     assert stated.R_base_flange[-1] == pytest.approx(R[-1], abs=1e-9)
     assert diagnose(found).read_rightly
+
+
+def test_a_file_of_several_blocks_is_one(tmp_path: Path) -> None:
+    """Its rows are counted through, and one that is no rotation leaves nothing stated."""
+    R = np.repeat(random_rotations(8, np.random.default_rng(2)), 5000, axis=0)
+    lines = csv_text((*WRENCH, *QUAT), np.column_stack([np.ones((len(R), 6)), quat(R)])).splitlines()
+    whole = interpretations(written(tmp_path, "\n".join(lines)))
+    assert (len(whole.wrench), whole.given, whole.complaint) == (8, 0, None)
+    lines[39_000] = "1,1,1,1,1,1,0,0,0,2"
+    broken = interpretations(written(tmp_path, "\n".join(lines)))
+    assert broken.given is None
+    assert str(broken.complaint).startswith(f"{tmp_path / 'poses.csv'}: row 39001, columns qx,qy,qz,qw: found")

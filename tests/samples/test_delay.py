@@ -20,8 +20,7 @@ from contactwrench.samples.delay import (
     on_one_clock,
     with_delay_of_rows,
 )
-from contactwrench.samples.samples import Samples
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from tests.support.moving import gravity_alone, rig_recording, two_streams
 from tests.support.recordings import Array
 

@@ -106,8 +106,8 @@ def compensate(
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
     from ..files import require_distinct
-    from ..recording.compensate import Treatment, compensated
-    from ..recording.contact_output import require_writable, write_contacts
+    from ..recording.compensate import Treatment, compensated, require_writable, write_compensated
+    from ..report.contacts import ContactLog, summary, write_contact_report
 
     path = reading.file(file)
     read = {"recording that is read": path, "recording of the poses that is read": reading.layout.pose_file}
@@ -129,13 +129,19 @@ def compensate(
         noise=None if noise is None else _noise(noise, reading, loaded.with_gravity(gravity_direction(gravity))),
     )
     notes: list[str] = []
+    log = ContactLog()
     with progress(f"compensating {path.name}") as advance:
         rows = compensated(path, reading.layout, loaded, treatment, advance, notes.append)
-        said = write_contacts(output, rows, path, reading.layout, output_frame, treatment.judged, report)
+        rows = log.watched(rows) if treatment.judged else rows
+        write_compensated(output, rows, path, reading.layout, output_frame)
     for sentence in notes:
         note(sentence)
-    if said is not None:
-        typer.echo(said, err=str(output) == "-")
+    if report is not None:
+        write_contact_report(report, "Contact report", log, (str(path),))
+    if treatment.judged:
+        typer.echo(summary(log), err=str(output) == "-")
+    if report is not None:
+        typer.echo(f"Wrote the report to {report}", err=str(output) == "-")
 
 
 def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:

@@ -24,19 +24,10 @@ def diagnose(
     rows and torques in N mm. The reading flags say how the file is read as given.
     """
     from ..assess.diagnose import diagnose as rank
-    from ..recording.interpretations import readings
+    from ..recording.interpretations import interpretations
     from ..report.diagnosis import diagnosis_json, diagnosis_text
 
-    found = rank(
-        readings(
-            _one_table(reading, file),
-            reading.layout.orientation,
-            reading.layout.wrench_frame,
-            reading.layout.sign,
-            inverse_orientation=reading.layout.inverse_orientation,
-            gravity=gravity_direction(gravity),
-        )
-    )
+    found = rank(interpretations(_one_table(reading, file), reading.layout, gravity_direction(gravity)))
     typer.echo(diagnosis_json(found) if json else diagnosis_text(found))
 
 

@@ -16,10 +16,9 @@ def info(
     json: Json = False,
 ) -> None:
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
-    from ..recording.contents import bag_contents, table_contents
-    from ..recording.options import is_bag
+    from ..recording.contents import contents
     from ..report.contents import contents_json, contents_text
 
     with progress(f"reading {file.name}") as advance:
-        contents = bag_contents(file, advance) if is_bag(file) else table_contents(file)
-    typer.echo(contents_json(contents) if json else contents_text(contents))
+        found = contents(file, advance)
+    typer.echo(contents_json(found) if json else contents_text(found))

@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..recording.options import Layout
+from ..recording.options import Options
 from .reading import (
     Gravity,
     InverseOrientation,
@@ -56,7 +56,7 @@ def plan(
     gravity: Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
-    from ..assess.plan import expected_tool, recorded_poses
+    from ..assess.plan import expected_tool, recorded_orientations
     from ..assess.plan import plan as choose
     from ..files import require_distinct, write_text
     from ..recording.urdf import urdf_file
@@ -69,7 +69,7 @@ def plan(
     require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
     samples = None
     if recorded is not None:
-        samples = read_recording(recorded, Layout(orientation, wrench_frame, sign, inverse_orientation))
+        samples = read_recording(recorded, Options(orientation, wrench_frame, sign, inverse_orientation))
     elif (orientation, wrench_frame, sign, inverse_orientation) != ("auto", "sensor", "pull", False):
         raise InputError(
             "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
@@ -79,7 +79,7 @@ def plan(
         n,
         expected_tool(samples, model, gravity_direction(gravity)),
         model=model,
-        recorded=None if samples is None else recorded_poses(samples),
+        recorded=None if samples is None else recorded_orientations(samples),
         reach=_reach(robot, around),
     )
     if output is not None:

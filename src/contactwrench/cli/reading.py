@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
 from ..geometry.wrench import STANDARD_GRAVITY
-from ..recording.options import Layout
+from ..recording.options import Options
 from ..samples.samples import Samples
 from .progress import progress
 
@@ -91,7 +91,7 @@ DEFAULT_G = STANDARD_GRAVITY
 class Reading:
     """What the reading flags say: how the recording is written, and the file with its wrenches where there are two."""
 
-    layout: Layout
+    layout: Options
     wrench_file: Path | None
     verb: str = ""
 
@@ -145,7 +145,7 @@ def _reading(
     frames: Frames = None,
     robot: Robot = None,
 ) -> Reading:
-    layout = Layout(
+    layout = Options(
         orientation,
         wrench_frame,
         sign,
@@ -166,7 +166,7 @@ def _two_names(text: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def read_recording(file: Path, layout: Layout) -> Samples:
+def read_recording(file: Path, layout: Options) -> Samples:
     """The recording as samples; what takes long shows how far it is."""
     from ..recording.read import read_samples
 
@@ -199,7 +199,7 @@ def gravity_direction(text: str | None) -> Array | None:
     return unit_direction(three_numbers(text, "--gravity"), "--gravity")
 
 
-def note_other_reading(provenance: dict[str, Any], layout: Layout) -> None:
+def note_other_reading(provenance: dict[str, Any], layout: Options) -> None:
     """Say on stderr where a recording is read otherwise than the calibration's was: most often a forgotten flag."""
     for name in ("wrench_frame", "sign", "inverse_orientation"):
         now = getattr(layout, name)

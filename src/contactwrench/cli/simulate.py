@@ -102,7 +102,7 @@ def simulate(
 def _write_bag(output: Path, recorded: Recorded) -> None:
     """Wrench and pose as streams of their own, the pose at its own rate; a bag that is there is replaced."""
     from ..recording.bags.write import write_streams_bag
-    from ..samples.streams import OrientationStream, Streams, WrenchStream
+    from ..samples.samples import OrientationStream, Streams, WrenchStream
 
     plan = recorded.settings.recording
     posed = slice(None, None, max(round(plan.rate / plan.pose_rate), 1))
@@ -120,7 +120,7 @@ def _static(
 
 def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Generator) -> Array:
     """Joints (n, 7) of the poses that are asked for."""
-    from ..simulate.poses import joints_through, paper_joints, random_joints
+    from ..simulate.kinematics import joints_through, paper_joints, random_joints
     from ..simulate.rig import JOINTS, build
 
     kind, colon, count = poses.partition(":")
@@ -136,13 +136,13 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
             f"--poses is {poses}, expected paper, plan, plan:N, random:N (1 to {MOST_RANDOM}) or a CSV file"
         )
     from ..assess.robot_arms import known_arm, within_limits
-    from ..recording.target_poses import read_goals
+    from ..recording.target_poses import read_target_poses
 
-    goals = read_goals(poses, JOINTS, orientation)
+    targets = read_target_poses(poses, JOINTS, orientation)
     try:
-        if goals.joints is not None:
-            return np.array([within_limits(known_arm("iiwa7"), row) for row in goals.joints])
-        return joints_through(rig, goals.R_base_flange, goals.position)
+        if targets.joints is not None:
+            return np.array([within_limits(known_arm("iiwa7"), row) for row in targets.joints])
+        return joints_through(rig, targets.R_base_flange, targets.position)
     except InputError as error:
         raise InputError(f"{poses}: {error}") from None
 
@@ -181,15 +181,15 @@ def _moving(
             f"--trajectory is {trajectory}, expected stops, stops:N, excite, sweep or a CSV file with t and q1 to q7"
         )
     else:
-        from ..recording.target_poses import read_goals
+        from ..recording.target_poses import read_target_poses
         from ..simulate.rig import JOINTS
 
-        goals = read_goals(trajectory, JOINTS)
-        if goals.joints is None or goals.t is None:
-            missing = "t" if goals.t is None else "q1 to q7"
+        targets = read_target_poses(trajectory, JOINTS)
+        if targets.joints is None or targets.t is None:
+            missing = "t" if targets.t is None else "q1 to q7"
             raise InputError(f"{trajectory}: found no {missing}, expected t and q1 to q7: add it")
         try:
-            motion = through(goals.t, goals.joints, rate)
+            motion = through(targets.t, targets.joints, rate)
         except InputError as error:
             raise InputError(f"{trajectory}: {error}") from None
     pushed = random_pushes(pushes, float(motion.t[-1]), rng) if pushes else ()

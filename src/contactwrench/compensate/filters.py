@@ -13,6 +13,8 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.delay import is_significant
+from ..samples.synchronize import default_gap
+from ..samples.timestamps import SORTED_WITHIN
 from .state import SECTIONS, Matrix, Row, State, kernel
 
 ORDERS = (1, 2, 3, 4)
@@ -101,6 +103,34 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
         raise InputError(f"found {len(values)} rows, expected at least {least} to filter both ways")
     filtered: Array = sosfiltfilt(sections, values, axis=0)
     return filtered
+
+
+def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:
+    """A recording filtered both ways, each section between gaps by itself, in the order of its stamps.
+
+    Args:
+        t: (n,) s, 2 or more.
+        values: (n, k); rows that are not finite stay as they are.
+        low_pass: a section that is too short to start it on becomes its mean.
+
+    Raises:
+        InputError: for times without a rate, and a cut-off that is too high for theirs.
+    """
+    finite = np.isfinite(values).all(axis=1)
+    known = t[finite]
+    steps = np.diff(known)
+    cut = (steps > default_gap(known)) | (steps <= -SORTED_WITHIN)
+    spacing = float(steps[~cut].mean()) if not cut.all() else 0.0
+    if not spacing > 0.0:
+        raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
+    filtered, least = values[finite], least_rows(low_pass.sections(1.0 / spacing))
+    for section in np.split(np.arange(len(known)), np.flatnonzero(cut) + 1):
+        rows = section[np.argsort(known[section], kind="stable")]
+        long = len(rows) >= least
+        filtered[rows] = zero_phase(filtered[rows], low_pass, 1.0 / spacing) if long else filtered[rows].mean(axis=0)
+    result = values.copy()
+    result[finite] = filtered
+    return result
 
 
 def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:

@@ -193,14 +193,14 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
     poses, rejected = _in_time(recorded.poses), recorded.rejected
-    warnings += what_was_not_still(rejected, recorded.stretches, _first_time(free))
+    warnings += what_was_not_still(rejected, recorded.segments, _first_time(free))
     if recorded.visits is not None:
         visits = _in_time(recorded.visits)
         found = cleaned_estimate(_readings(visits), _times(visits), question)
         if found.course is not None and found.course.kind != "steady":
-            return Recorded(free, visits, found, warnings, g, rejected, recorded.stretches)
+            return Recorded(free, visits, found, warnings, g, rejected, recorded.segments)
     found = cleaned_estimate(_readings(poses), _times(poses), question)
-    return Recorded(free, poses, found, warnings, g, rejected, recorded.stretches)
+    return Recorded(free, poses, found, warnings, g, rejected, recorded.segments)
 
 
 def _first_time(samples: Samples) -> float:

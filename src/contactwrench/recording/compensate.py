@@ -18,19 +18,26 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import LONGEST_DELAY, Compensator
 from ..compensate.contact_wrenches import ContactWrenches
-from ..compensate.filters import LowPass, delay_of, least_rows, zero_phase
+from ..compensate.filters import LowPass, delay_of, smoothed
 from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
-from ..samples.samples import Samples
-from ..samples.streams import Streams
-from ..samples.synchronize import LeftOut, Synchronized, default_gap, synchronized
-from ..samples.timestamps import SORTED_WITHIN
-from .options import Layout
-from .read import Advance, batches, pairs_in_batches
+from ..samples.samples import Samples, Streams
+from ..samples.synchronize import Synchronized, synchronized
+from ..samples.timestamps import spread_evenly
+from .bags.copy import write_bag_with
+from .bags.open import SUFFIXES_OF_BAGS
+from .options import Options
+from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .tables.columns import Advance
+from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from .tables.write import write_contact_wrenches
 
 SATURATED = "saturated: a channel stands at its limit"
+
+Note: TypeAlias = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,40 +71,80 @@ class Treatment:
         return delay_of(calibration, self.sensor_filter) if self.delay is None else self.delay
 
 
-Note: TypeAlias = Callable[[str], None]
-
-
 def compensated(
     path: str | Path,
-    layout: Layout,
+    options: Options,
     calibration: Calibration,
     treatment: Treatment,
     advance: Advance | None = None,
     note: Note | None = None,
 ) -> Iterator[ContactWrenches]:
-    """The contact wrenches of a recording, in batches; `note` is told, at the end, what was left out and why.
+    """The contact wrenches of a recording, in batches.
 
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
-    anything else `judged`. With a `low_pass` the whole recording is held in memory. Raises what reading,
-    pairing and compensating raise.
+    anything else says of each row whether it is valid. With a `low_pass` the whole recording is held in memory.
+
+    Args:
+        path: the recording.
+        options: how it is written.
+        calibration: of its tool.
+        treatment: what else to do.
+        advance: is told how far it is.
+        note: is told, at the end, what was left out and why.
+
+    Raises what reading, pairing and compensating raise.
     """
     require_frame(calibration, treatment.output_frame)
-    pairs = None if treatment.judged else pairs_in_batches(path, layout, advance=advance)
+    pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance)
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
-        return _smoothed(_paired(path, layout, calibration, treatment, advance, note), treatment)
-    plain = (
-        contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
-        for samples in chain([first], pairs)
-    )
-    return _smoothed(plain, treatment)
+        return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
+    return _smoothed((_plain(calibration, samples, treatment) for samples in chain([first], pairs)), treatment)
+
+
+def require_writable(output: Path, path: Path, options: Options) -> None:
+    """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
+    suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_blocks
+    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (of_bag and suffix in SUFFIXES_OF_BAGS):
+        return
+    more = ", or a bag" if of_bag else ""
+    raise InputError(f"{output}: found the suffix {suffix}, expected .csv or .parquet{more}: name it so")
+
+
+def write_compensated(
+    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str
+) -> None:
+    """Write what was made of a recording, batch by batch.
+
+    Args:
+        output: `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the
+            bag with the contact wrench beside each reading.
+        recording: what `compensated` gives.
+        path: the recording that it is made of.
+        options: how that is written.
+        output_frame: axes of the contact wrench.
+
+    Raises what the writers raise.
+    """
+    like_folder = path.is_dir() and not output.suffix and str(output) != "-"
+    is_bag = reader_of(path, options) is bag_blocks
+    if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
+        frame = None if output_frame == "sensor" else output_frame
+        wrenches = (batch.wrench for batch in recording)
+        write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
+    else:
+        write_contact_wrenches(output, recording, path)
+
+
+def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
+    return contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
 
 
 def _paired(
     path: str | Path,
-    layout: Layout,
+    options: Options,
     calibration: Calibration,
     treatment: Treatment,
     advance: Advance | None,
@@ -110,7 +157,7 @@ def _paired(
         whose = "the calibration's" if treatment.delay is None else "as stated"
         late = f"stamped {1e3 * delay:.4g} ms later than the orientation"
         note(f"the wrench is taken to be {late}, {whose}")
-    parts = synchronized(order.listening(batches(path, layout, advance=advance)), delay)
+    parts = synchronized(order.listening(batches(path, options, advance=advance)), delay)
     begun = list(islice(parts, 2))
     compensator = None
     if treatment.judged:
@@ -130,45 +177,28 @@ def _paired(
             for sentence in part.notes:
                 note(sentence)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
-        yield replace(_nothing(), contacts=(last,))
+        yield replace(NOTHING, contacts=(last,))
 
 
 def _of_samples(
     calibration: Calibration, compensator: Compensator | None, samples: Samples, treatment: Treatment
 ) -> ContactWrenches:
-    t = np.empty(0) if samples.t is None else samples.t
-    if compensator is None:
-        plain = contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
-        return replace(plain, t=t, judged=True)
-    found = compensator.run(samples.wrench, samples.R_base_flange, _spread(t))
-    wrench, std = found.wrench, found.std
+    """The contact wrenches of samples with times, judged where there is a compensator."""
+    if compensator is None or samples.t is None:
+        return replace(_plain(calibration, samples, treatment), judged=True)
+    rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t))
+    wrench, std = rows.wrench, rows.std
     if treatment.output_frame != "sensor" or treatment.point is not None:
-        covariance = np.asarray(found.covariance)[found.covariance_of]
+        covariance = np.asarray(rows.covariance)[rows.covariance_of]
         turned = calibration.with_gravity(treatment.gravity)
         wrench, std = in_axes(
             turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point
         )
-        std = np.where(np.isfinite(found.std), std, np.nan)
-    return ContactWrenches(wrench, std, t, True, found.valid, found.reason, found.contact, found.contacts)
+        std = np.where(np.isfinite(rows.std), std, np.nan)
+    return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
 
 
-def _spread(t: Array) -> Array:
-    """Stamps (n,) of which several in a row are the same, as a clock of ms gives them at 4 kHz, spread evenly up
-    to the next one.
-    """
-    new = np.flatnonzero(np.r_[True, np.diff(t) > 0.0][: len(t)])
-    if len(new) in (len(t), 0, 1):
-        return t
-    count = np.diff(np.r_[new, len(t)])
-    width = np.diff(t[new])
-    width = np.minimum(np.r_[width, width[-1]], 2.0 * float(np.median(width)))
-    within = np.arange(len(t)) - np.repeat(new, count)
-    spread: Array = t + within * np.repeat(width / count, count)
-    return spread
-
-
-def _nothing() -> ContactWrenches:
-    return ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), judged=True)
+NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
 class _InOrder:
@@ -181,7 +211,7 @@ class _InOrder:
         self._begin = 0
         self._t: list[Array] = [np.empty(0)]
         self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
-        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), _nothing())
+        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
 
     def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
         """The same batches; the stamps of their readings are kept."""
@@ -194,10 +224,9 @@ class _InOrder:
     def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
         """All rows from where the last call ended up to the first that is not yet known."""
         t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
+        missing = [_missing(left.reason, t[left.rows - self._begin]) for left in part.left_out]
         rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
-        known = ContactWrenches.concatenate(
-            [self._ahead[1], paired, *(_missing(left, t[left.rows - self._begin]) for left in part.left_out)]
-        )
+        known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
         order = np.argsort(rows, kind="stable")
         rows, known = rows[order], known.select(order)
         count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
@@ -207,54 +236,25 @@ class _InOrder:
         return done
 
 
-def _missing(left: LeftOut, t: Array) -> ContactWrenches:
-    n = len(t)
-    nan = np.full((n, 6), np.nan)
-    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"left out: {left.reason}",) * n)
+def _missing(reason: str, t: Array) -> ContactWrenches:
+    """Rows without a contact wrench."""
+    n, nan = len(t), np.full((len(t), 6), np.nan)
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"left out: {reason}",) * n)
 
 
 def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:
     """Rows whose recording says that a channel stood at its limit are not valid."""
     new = saturated & rows.valid
-    if not new.any():
-        return rows
-    reasons = list(rows.reason)
-    for place in np.flatnonzero(new):
-        reasons[place] = SATURATED
-    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons))
+    reasons = (SATURATED if is_new else reason for is_new, reason in zip(new.tolist(), rows.reason, strict=True))
+    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons)) if new.any() else rows
 
 
 def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Iterator[ContactWrenches]:
-    """Through the low-pass both ways, each stretch between gaps by itself, in the order of its stamps."""
+    """Through the low-pass, all of it at once."""
     if treatment.low_pass is None:
         yield from recording
         return
-    parts = list(recording)
-    t = np.concatenate([np.empty(0) if part.t is None else part.t for part in parts])
-    wrench = np.concatenate([part.wrench for part in parts])
-    if len(t) != len(wrench) or len(t) < 2:
+    whole = ContactWrenches.concatenate(list(recording))
+    if whole.t is None or len(whole) < 2:
         raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
-    there = np.isfinite(wrench).all(axis=1)
-    known = t[there]
-    steps = np.diff(known)
-    cut = (steps > default_gap(known)) | (steps <= -SORTED_WITHIN)
-    spacing = float(steps[~cut].mean()) if not cut.all() else 0.0
-    if not spacing > 0.0:
-        raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
-    filtered = wrench[there]
-    ends = np.r_[0, np.flatnonzero(cut) + 1, len(known)]
-    for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        rows = a + np.argsort(known[a:b], kind="stable")
-        filtered[rows] = _smooth(filtered[rows], treatment.low_pass, 1.0 / spacing)
-    wrench[there] = filtered
-    start = 0
-    for part in parts:
-        yield replace(part, wrench=wrench[start : start + len(part.wrench)])
-        start += len(part.wrench)
-
-
-def _smooth(values: Array, low_pass: LowPass, rate: float) -> Array:
-    """A stretch through the low-pass; one that is too short to start a filter on becomes its mean."""
-    if len(values) >= least_rows(low_pass.sections(rate)):
-        return zero_phase(values, low_pass, rate)
-    return np.broadcast_to(values.mean(axis=0), values.shape) if len(values) else values
+    yield replace(whole, wrench=smoothed(whole.t, whole.wrench, treatment.low_pass))

@@ -10,12 +10,15 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry.arrays import Array
-from .bags.chunks import Logged, messages, part_read
-from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
-from .bags.open import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
+from .bags.chunks import Logged, Topic
+from .bags.message_layout import written
+from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, definitions, header_stamps, transforms
+from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
-from .tables.table import opened, times
+from .read import bag_blocks, reader_of
+from .tables.columns import TIME, Advance, optional
+from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
 
@@ -83,7 +86,12 @@ class TableContents:
     rhythm: Rhythm | None
 
 
-def bag_contents(path: str | Path, advance: Callable[[float], None] | None = None) -> BagContents:
+def contents(path: str | Path, advance: Advance | None = None) -> BagContents | TableContents:
+    """What is in a recording; `advance` is told how far it is. Raises as `read_streams`."""
+    return bag_contents(path, advance) if reader_of(path) is bag_blocks else table_contents(path, advance)
+
+
+def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContents:
     """What is in a bag; `advance` as for `bag_batches`. Raises as that for a file that is no bag or damaged."""
     with opened_bag(path) as bag:
         stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
@@ -95,22 +103,25 @@ def bag_contents(path: str | Path, advance: Callable[[float], None] | None = Non
                     note(edges, transforms(bag, topic, logged))
             if advance is not None:
                 advance(part_read(bag, found))
-        start = bag.start
-        duration = 1e-9 * float(bag.reader.duration) if sum(bag.counts.values()) else 0.0
-        topics = tuple(_topic_content(topic, parts, start) for topic, parts in stamps.items())
+        topics = tuple(_topic_content(topic, parts, bag.start) for topic, parts in stamps.items())
         frames = tuple(
             FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
         )
-        return BagContents(str(path), KINDS[kind_of(path)], start, duration, topics, frames, _reading(bag))
+        return BagContents(str(path), KINDS[kind_of(path)], bag.start, bag.duration, topics, frames, _reading(bag))
 
 
-def table_contents(path: str | Path) -> TableContents:
+def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
-    places, body = opened(path)
-    t = times(places, body)
+    table = open_table(path)
+    t_columns = optional(table, ["t"], TIME)
+    count, parts = 0, [np.empty((0, len(t_columns)))]
+    for body in table.told(t_columns, advance):
+        count += len(body)
+        parts += in_si(body, (t_columns,)) if t_columns else []
+    t = in_seconds(np.concatenate(parts), t_columns)
     if t is None or not len(t):
-        return TableContents(str(path), tuple(places), len(body), None, None)
-    return TableContents(str(path), tuple(places), len(t), float(t[0]), rhythm(t, float(t[0])))
+        return TableContents(str(path), tuple(table.places), count, None, None)
+    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])))
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:

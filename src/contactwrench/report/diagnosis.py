@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from ..assess.diagnose import Diagnosis, Explanation
-from ..assess.interpretations import Reading
+from ..assess.interpretations import Interpretation
 
 WIDTH = 100
 
@@ -20,7 +20,7 @@ LIKELY_CAUSES = (
 
 
 def verdict(diagnosis: Diagnosis) -> str:
-    """In one line: what is left as given, and what with the best reading."""
+    """In one line: what is left as given, and what with the best interpretation."""
     given, best = diagnosis.given, diagnosis.best
     if given is None:
         as_given = "as given: cannot be read"
@@ -28,7 +28,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         torque_too = not diagnosis.read_rightly and given.force_left < 2.0 * best.force_left
         as_given = f"as given: {_left(given, torque_too)} left"
     if given is None or not diagnosis.read_rightly:
-        better = f"{_how(best.reading, given)}: {_left(best, given is not None and torque_too)} left"
+        better = f"{_how(best.interpretation, given)}: {_left(best, given is not None and torque_too)} left"
         doubt = "" if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"
     if not best.explained:
@@ -39,7 +39,7 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """The verdict, the best reading of each class with what a tool leaves of it, and what would decide."""
+    """The verdict, the best interpretation of each class with what a tool leaves of it, and what would decide."""
     d = diagnosis
     rows = list(d.ranked)
     if d.given is not None and d.given not in rows:
@@ -52,7 +52,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         "",
         f"  {'N left':>8}  {'mN m left':>9}  {'weight N':>8}  {'com mm':^22}  reading",
     ]
-    lines += [_row(fit, "as given" if fit is d.given else _label(fit.reading)) for fit in rows]
+    lines += [_row(fit, "as given" if fit is d.given else _label(fit.interpretation)) for fit in rows]
     leaning = [fit for fit in rows if fit.lean > 0.0]
     lines += [
         f"  with --model mount+base gravity is {np.rad2deg(fit.lean):.1f} deg from the stated one" for fit in leaning
@@ -61,7 +61,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += ["", *wrap(LIKELY_CAUSES, WIDTH)]
     if d.likely:
         lines += ["", "Free air cannot tell these from the first:"]
-        lines += [f"  {_label(reading)}" for reading in d.alike[: d.likely]]
+        lines += [f"  {_label(interpretation)}" for interpretation in d.alike[: d.likely]]
         lines += ["To decide:"]
         lines += [
             line
@@ -85,20 +85,20 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "given": None if d.given is None else _explanation(d.given),
         "best": _explanation(d.best),
         "ranked": [_explanation(fit) for fit in d.ranked],
-        "alike": [_reading(reading) for reading in d.alike],
+        "alike": [_of_interpretation(interpretation) for interpretation in d.alike],
         "likely": d.likely,
         "observations": list(d.observations),
     }
     return msgspec.json.format(msgspec.json.encode(values), indent=2).decode()
 
 
-def _reading(reading: Reading) -> dict[str, Any]:
-    return {"flags": list(reading.flags), "mends": list(reading.mends), "cost": reading.cost}
+def _of_interpretation(interpretation: Interpretation) -> dict[str, Any]:
+    return {"flags": list(interpretation.flags), "mends": list(interpretation.mends), "cost": interpretation.cost}
 
 
 def _explanation(fit: Explanation) -> dict[str, Any]:
     return {
-        **_reading(fit.reading),
+        **_of_interpretation(fit.interpretation),
         "force_left": fit.force_left,
         "torque_left": fit.torque_left,
         "weight": fit.weight,
@@ -113,16 +113,19 @@ def _row(fit: Explanation, label: str) -> str:
     return f"  {_short(fit.force_left):>8}  {_short(1e3 * fit.torque_left):>9}  {fit.weight:8.3g}  {com:>22}  {label}"
 
 
-def _label(reading: Reading) -> str:
-    return ", ".join([*([" ".join(reading.flags)] if reading.flags else []), *reading.mends]) or "no flags"
+def _label(interpretation: Interpretation) -> str:
+    return (
+        ", ".join([*([" ".join(interpretation.flags)] if interpretation.flags else []), *interpretation.mends])
+        or "no flags"
+    )
 
 
-def _how(reading: Reading, given: Explanation | None) -> str:
-    """How to make that reading, of one that was given otherwise."""
-    kept = {flag.split()[0] for flag in reading.flags}
-    dropped = [] if given is None else [flag for flag in given.reading.flags if flag.split()[0] not in kept]
-    flags = [f"`{' '.join(reading.flags)}`"] if reading.flags else []
-    parts = [f"with {', '.join([*flags, *reading.mends])}"] if flags or reading.mends else []
+def _how(interpretation: Interpretation, given: Explanation | None) -> str:
+    """How to make that interpretation, of one that was given otherwise."""
+    kept = {flag.split()[0] for flag in interpretation.flags}
+    dropped = [] if given is None else [flag for flag in given.interpretation.flags if flag.split()[0] not in kept]
+    flags = [f"`{' '.join(interpretation.flags)}`"] if interpretation.flags else []
+    parts = [f"with {', '.join([*flags, *interpretation.mends])}"] if flags or interpretation.mends else []
     parts += [f"without `{' '.join(dropped)}`"] if dropped else []
     return " and ".join(parts) or "with no flags"
 

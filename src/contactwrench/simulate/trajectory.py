@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from .arm import JOINT_RANGE, MAX_SPEED
 from .kinematics import HOME
 from .settings import MOST_ROWS
@@ -37,7 +37,7 @@ SWEEP_DEG = (
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Frozen):
     """Times (n,), s, and joints (n, 7), rad, with their velocities and accelerations."""
 
     t: Array
@@ -45,16 +45,17 @@ class Motion:
     velocity: Array
     acceleration: Array
 
-    def __post_init__(self) -> None:
-        for name in ("t", "joints", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 def through(t: Array, joints: Array, rate: float) -> Motion:
-    """The motion at `rate` (Hz), its times from 0, along cubic splines through joints (k, 7), rad, at times (k,), s.
+    """The motion along cubic splines through points, its times from 0, at rest at both ends.
 
-    It is at rest at both ends.
-    Raises `InputError` for fewer than two knots, times that do not increase, and joints beyond their range or speed.
+    Args:
+        t: of the points (k,), s.
+        joints: of the points (k, 7), rad.
+        rate: of the rows, Hz.
+
+    Raises:
+        InputError: fewer than two points, times that do not increase, joints beyond their range or speed.
     """
     from scipy.interpolate import CubicSpline
 
@@ -92,26 +93,33 @@ def _require_within(motion: Motion) -> None:
 
 
 def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
-    """The motion at `rate` (Hz) from one row of joints (k, 7), rad, to the next, each way in `move` s with the least
-    jerk (Flash and Hogan 1985), with a stop of `stop` s at every row. Raises `InputError` for joints beyond range or
-    speed.
+    """The motion from one row of joints to the next with the least jerk (Flash and Hogan 1985), with a stop at each.
+
+    Args:
+        joints: to stop at (k, 7), rad.
+        move: time of each step, s.
+        stop: time of each stop, s.
+        rate: of the rows, Hz.
+
+    Raises:
+        InputError: joints beyond their range or speed.
     """
     each = move + stop
     t = np.arange(round((len(joints) * each - move) * rate)) / rate
     row = np.minimum((t / each).astype(int), len(joints) - 1)
     s = np.maximum(t - row * each - stop, 0.0) / move
-    way = np.vstack([np.diff(joints, axis=0), np.zeros((1, joints.shape[1]))])[row]
+    step = np.vstack([np.diff(joints, axis=0), np.zeros((1, joints.shape[1]))])[row]
     along = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     speed, acceleration = 30.0 * s**2 * (1.0 - s) ** 2 / move, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / move**2
-    motion = Motion(t, joints[row] + along[:, None] * way, speed[:, None] * way, acceleration[:, None] * way)
+    motion = Motion(t, joints[row] + along[:, None] * step, speed[:, None] * step, acceleration[:, None] * step)
     _require_within(motion)
     return motion
 
 
 def calm(joints: Array) -> float:
-    """The time, s, for each way between rows of joints (k, 7), rad, in which none of them is fast."""
-    way = np.abs(np.diff(joints, axis=0)) / MAX_SPEED
-    return PEAK * float(way.max(initial=0.0)) / MOVE_SPEED
+    """The time, s, for each step between rows of joints (k, 7), rad, in which none of them is fast."""
+    step = np.abs(np.diff(joints, axis=0)) / MAX_SPEED
+    return PEAK * float(step.max(initial=0.0)) / MOVE_SPEED
 
 
 def exciting(duration: float, rate: float, rng: np.random.Generator) -> Motion:
@@ -133,5 +141,5 @@ def sweeping(duration: float, rate: float) -> Motion:
     """One joint of the wrist after the other, slowly: about the flange's z, tilted, and round in the tilt."""
     turns = np.zeros((len(SWEEP_DEG), len(HOME)))
     turns[:, 4:] = np.deg2rad(SWEEP_DEG)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
-    return through(duration * way / way[-1], HOME + turns, rate)
+    turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
+    return through(duration * turned / turned[-1], HOME + turns, rate)

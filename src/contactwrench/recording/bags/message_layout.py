@@ -12,15 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from struct import unpack_from
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry.arrays import Array
-from .open import Fields
+
+Fields: TypeAlias = "dict[str, tuple[list[Any], list[tuple[str, Any]]]]"
+"""rosbags' message definitions: constants and fields by the type's name."""
 
 NUMPY = {
     **{"bool": "u1", "byte": "u1", "char": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2"},
@@ -71,8 +74,7 @@ class Raw:
         offset, kind, count = layout.numbers[path]
         if count == 0:
             return np.empty((len(self), 0))
-        found = self.bytes_at(offset, count * int(kind[-1])).view(kind)
-        return found.astype(np.float64)
+        return self.bytes_at(offset, count * int(kind[-1])).view(kind).astype(np.float64)
 
     def columns(self, layout: MessageLayout, paths: Sequence[str]) -> Array:
         """The numbers (n, k) at `paths`, one of each; those that lie side by side are fetched together."""
@@ -84,12 +86,21 @@ class Raw:
         return np.hstack([self.values(layout, path) for path in paths])
 
 
+def joined(payloads: list[bytes]) -> Raw:
+    """Messages one behind the other."""
+    length = np.fromiter(map(len, payloads), np.int64, len(payloads))
+    return Raw(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length)
+
+
 def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one."""
-    for length in np.unique(raw.length):
+    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, its error is given the row."""
+    for length in dict.fromkeys(raw.length.tolist()):
         rows = np.flatnonzero(raw.length == length)
         while len(rows):
-            layout = layout_of(raw.message(int(rows[0])))
+            try:
+                layout = layout_of(raw.message(int(rows[0])))
+            except InputError as error:
+                raise InputError(str(error), int(rows[0])) from None
             same = np.ones(len(rows), dtype=bool)
             candidates = raw[rows]
             for offset, shared in layout.shared:
@@ -126,10 +137,10 @@ class _Walk:
     def fields(self, msgtype: str, path: str, pos: int) -> int:
         """Pass a message of that type; where it ends. So do the methods below."""
         for name, what in self.types[msgtype][1]:
-            pos = self.one(what, f"{path}.{name}" if path else name, pos)
+            pos = self.part(what, f"{path}.{name}" if path else name, pos)
         return pos
 
-    def one(self, what: Any, path: str, pos: int) -> int:
+    def part(self, what: Any, path: str, pos: int) -> int:
         node, of = what[0].name, what[1]
         if node == "NAME":
             return self.fields(of, path, pos)
@@ -143,7 +154,7 @@ class _Walk:
         if count > len(self.message):
             raise IndexError
         for index in range(count):
-            pos = self.one(inner, f"{path}.{index}", pos)
+            pos = self.part(inner, f"{path}.{index}", pos)
         return pos
 
     def primitives(self, kind: str, path: str, pos: int, count: int) -> int:
@@ -173,3 +184,33 @@ class _Walk:
         if pos > len(self.message):
             raise IndexError
         return pos
+
+
+def written(msgtype: str) -> str:
+    """A type as people write it: `geometry_msgs/Wrench`."""
+    return msgtype.replace("/msg/", "/")
+
+
+@lru_cache(64)
+def types_defined(msgtype: str, text: str, idl: bool, ros1: bool) -> Fields:
+    """The message types of ROS and those that `text` defines, in ROS' own language or in IDL."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    types = dict(typestore(ros1).fielddefs)
+    if not idl:
+        types.update(get_types_from_msg(text, msgtype))
+        return types
+    for part in text.split("=" * 80 + "\n"):
+        types.update(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
+    return types
+
+
+@cache
+def typestore(ros1: bool) -> Any:
+    """A store by rosbags of the message types that come with ROS; to those of ROS 1, the transforms are added."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    if ros1:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+    return store

@@ -10,7 +10,7 @@ from ..geometry.arrays import Array
 LONGEST_CHANCE = 20
 """Readings in a row at the very largest or smallest value: fewer may be chance, or a coarse converter."""
 TIMES_USUAL = 4.0
-"""As long as this many times any other stretch in which that channel does not move."""
+"""As long as this many times any other run of readings in which that channel does not move."""
 
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:
