@@ -133,7 +133,7 @@ class Compensator:
         Raises:
             InputError: a shape, or a rate that is too low for a cut-off.
         """
-        reading, turn = np.asarray(wrench, dtype=np.float64), np.asarray(orientation, dtype=np.float64)
+        reading, turn = np.asarray(wrench, np.float64), np.asarray(orientation, np.float64)
         if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
             raise InputError(
                 f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"

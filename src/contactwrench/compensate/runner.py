@@ -110,7 +110,7 @@ class Compiled:
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
         self._advance(self._record, self._samples, self._ring, self.settling, width, 0)
-        return self._said[0], np.frombuffer(self._wrench.tobytes())
+        return self._said.item(), np.frombuffer(self._wrench.tobytes())
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
