@@ -88,7 +88,7 @@ def calibrate(
     g: StandardGravity = DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
-    from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
+    from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 
     files = reading.files(given)
     require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)
@@ -118,7 +118,7 @@ def calibrate(
         from ..estimation.calibrate import calibrate as fit
 
         calibrations = (fit(recordings[0], model, prior=None if prior is None else Calibration.load(prior), **stated),)
-    stated_of_file = {
+    stated_of_file: dict[str, str | bool | None] = {
         "orientation": reading.layout.orientation,
         "wrench_frame": reading.layout.wrench_frame,
         "sign": reading.layout.sign,

@@ -25,7 +25,7 @@ def shared_names(
         if len(files) > 1:
             raise typer.BadParameter(f"found {len(files)} files, expected one, or --shared mount,gravity")
         return ()
-    from ..estimation.several_tools import require_shareable
+    from ..estimation.shared_rotations import require_shareable
 
     for flag, value in (("--prior", prior), ("--report", report)):
         if value is not None:

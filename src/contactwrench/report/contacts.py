@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calibration.text import meaningful_digits
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import write_text
 from ..geometry.arrays import Array
+from ..statistics import meaningful_digits
 from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, table_html

@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from ..assess.baselines import LeftOver, compare
-from ..calibration.alternative import largest_force_change
 from ..calibration.calibration import Calibration
-from ..calibration.text import headline, meaningful_digits, parameter_rows
+from ..calibration.fields import BIAS_MOVED
+from ..calibration.text import headline, parameter_rows
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
 from ..samples.still_segments import still_segments
+from ..statistics import meaningful_digits, three_digits
 from ..version import __version__
 from . import figures, signals
 from .style import STYLE
@@ -28,10 +29,6 @@ PURPOSE = {
     "gravity only": "the turning weight subtracted, the bias left in (the paper's Table VIII)",
     "raw": "what the sensor reads",
 }
-
-
-BIAS_MOVED = ("the bias stepped", "the bias drifted", "the bias wandered")
-"""How the warning of a bias that moved begins (estimation/cleaned.py)."""
 
 
 @dataclass(frozen=True)
@@ -125,10 +122,10 @@ def _poses(c: Calibration) -> list[str]:
 
 
 def _verdict(c: Calibration) -> str:
-    quality, _, sentence = c.verdict.partition(": ")
+    quality = "weak" if c.is_weak else "good"
     warnings = "".join(f"<li>{typeset(warning)}</li>" for warning in c.warnings)
     listed = f"<ul>{warnings}</ul>" if warnings else ""
-    said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(sentence))}"
+    said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(c.largest_error))}"
     return f'<div class="verdict {quality}">{said}{listed}</div>'
 
 
@@ -138,11 +135,11 @@ def _sentence(text: str) -> str:
 
 def _bias_moved(c: Calibration) -> list[str]:
     """How the left-overs are to be read where the bias moved."""
-    moved = [warning for warning in c.warnings if warning.startswith(BIAS_MOVED)]
+    moved = [finding.text.partition(": ")[0] for finding in c.findings if finding.kind in BIAS_MOVED]
     return [
-        f"But {warning.partition(': ')[0]}. The calibration holds the last bias; the poses before are drawn against "
+        f"But {how}. The calibration holds the last bias; the poses before are drawn against "
         "it, so their residuals show by how much theirs was another."
-        for warning in moved
+        for how in moved
     ]
 
 
@@ -154,7 +151,7 @@ def _assumptions(c: Calibration) -> str:
 
 
 def _alternatives(c: Calibration) -> str:
-    """What other rungs of the ladder of models make of the same poses."""
+    """What other models make of the same poses."""
     if not c.alternatives:
         return ""
     rows = []
@@ -162,11 +159,11 @@ def _alternatives(c: Calibration) -> str:
         weight = ("-", "")
         if other.weight is not None and other.weight_std is not None:
             weight = meaningful_digits(other.weight, other.weight_std)
-        change = largest_force_change(c.B, c.gravity_direction, other)
+        change = other.largest_force_change(c.B, c.gravity_direction)
         numbers = (other.force_left, 1e3 * other.torque_left, change)
         rows.append(
             f"<tr><th>{escape(other.model)}</th><td>{weight[0]}</td><td>{'± ' + weight[1] if weight[1] else ''}</td>"
-            f"{''.join(f'<td>{_significant(number)}</td>' for number in numbers)}</tr>"
+            f"{''.join(f'<td>{three_digits(number)}</td>' for number in numbers)}</tr>"
         )
     head = "<th></th><th>weight, N</th><th>std</th><th>left, N</th><th>left, mN m</th><th>change, N</th>"
     said = (
@@ -289,15 +286,7 @@ def _axis_head(before: str = "") -> str:
 
 def _cells(values: Array) -> str:
     in_units = [*values[:3], *(1e3 * values[3:])]
-    return "".join(f"<td>{_significant(value)}</td>" for value in in_units)
-
-
-def _significant(value: float) -> str:
-    """Three significant figures without an exponent."""
-    if value == 0.0 or not np.isfinite(value):
-        return f"{value:g}"
-    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{min(digits, 6)}f}"
+    return "".join(f"<td>{three_digits(value)}</td>" for value in in_units)
 
 
 def figure_html(svg: str, caption: str) -> str:

@@ -11,10 +11,9 @@ import numpy as np
 from ..assess.verify import Verification
 from ..assess.weigh import HeldObject
 from ..calibration.difference import Difference
-from ..calibration.text import meaningful_digits
 from ..geometry.arrays import Array
 from ..model import AXES
-from ..statistics import percent
+from ..statistics import meaningful_digits, percent
 
 
 def verification_text(result: Verification) -> str:

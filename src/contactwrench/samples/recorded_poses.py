@@ -82,13 +82,14 @@ def _turns_along(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> b
 @dataclass(frozen=True, eq=False)
 class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
-    none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, and how many
-    `segments` made the poses (0: the rows of a table did).
+    none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, in how many of
+    them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did).
     """
 
     poses: tuple[Pose, ...]
     visits: tuple[Pose, ...] | None
     rejected: tuple[Pose, ...]
+    moved: int
     segments: int
 
 
@@ -109,7 +110,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         poses, visit = averaged(samples, label), visits(label, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0)
+        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0)
     still = still_segments(samples)
     if not still.accepted:
         raise InputError(_never_still(samples, still))
@@ -119,6 +120,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         _joined(still.accepted, label),
         None if visit is None else _joined(still.accepted, visit),
         tuple(_pose([segment]) for segment in still.rejected),
+        sum(segment.moves for segment in still.rejected),
         len(still.accepted),
     )
 
