@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from ..compensate.filters import LowPass
     from ..geometry.arrays import Array
 
-PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-"""A drift or a noise in N stands for as many N m at a lever of 5 cm, as in `drift.TYPICAL_DRIFT`."""
-
 
 @with_reading_flags
 def compensate(
@@ -161,6 +158,8 @@ def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:
 
 def _noise(text: str, reading: Reading, calibration: Calibration) -> Array:
     """Std (6,) of a sample, or what compensation leaves (n, 6) of a recording of a free tool."""
+    from ..compensate.noise import with_torques
+
     try:
         std = float(text)
     except ValueError:
@@ -168,8 +167,10 @@ def _noise(text: str, reading: Reading, calibration: Calibration) -> Array:
         return calibration.compensate(free.wrench, free.R_base_flange)
     if not 0.0 < std < np.inf:
         raise InputError(f"--noise is {text}, expected N above 0, or a recording of a free tool")
-    return std * PER_NEWTON
+    return with_torques(std)
 
 
 def _six(force: float | None) -> Array | None:
-    return None if force is None else force * PER_NEWTON
+    from ..compensate.noise import with_torques
+
+    return None if force is None else with_torques(force)
