@@ -102,9 +102,9 @@ class Calibration:
         object.__setattr__(self, "alternatives", tuple(self.alternatives))
 
     def __str__(self) -> str:
-        from .text import describe
+        from .text import describe, flowed
 
-        return describe(self)
+        return flowed(describe(self))
 
     @cached_property
     def std(self) -> dict[str, Any]:

@@ -18,8 +18,8 @@ def info(
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
     from ..recording.contents import bag_contents, table_contents
     from ..recording.options import is_bag
-    from ..report.contents import contents_json, contents_text
+    from ..report.text import contents_text, json_text
 
     with progress(f"reading {file.name}") as advance:
         contents = bag_contents(file, advance) if is_bag(file) else table_contents(file)
-    typer.echo(contents_json(contents) if json else contents_text(contents))
+    typer.echo(json_text(contents) if json else contents_text(contents))

@@ -13,9 +13,9 @@ from ..compensate.contact_wrenches import Contact
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..recording.compensate import TOUCHING, JudgedWrenches, Rows
-from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, table_html
+from .signals import Envelope, envelope, outline
 
 SHADE = "#f3d9a4"
 MOST_LISTED = 200
@@ -93,8 +93,8 @@ def summary(log: ContactLog) -> str:
 
 def contact_signals(log: ContactLog) -> str:
     """Force and torque over the time from the first sample."""
-    bands = log.envelope or envelope(np.empty(0), np.empty((0, 6)))
-    t = bands.t - (log.start if np.isfinite(log.start) else 0.0)
+    t, lines = outline(log.envelope or envelope(np.empty(0), np.empty((0, 6))))
+    t -= log.start if np.isfinite(log.start) else 0.0
     with drawing(1, (8.6, 4.6), rows=2) as (figure, axes):
         for ax, part, name in zip(axes, (0, 3), ("force, N", "torque, N m"), strict=True):
             for contact in log.contacts[:MOST_SHADED]:
@@ -102,9 +102,7 @@ def contact_signals(log: ContactLog) -> str:
                 ax.axvspan(contact.onset - log.start, end - log.start, color=SHADE, lw=0)
             ax.axhline(0.0, color="#9aa2a9", lw=0.6)
             for k in range(3):
-                ax.fill_between(
-                    t, bands.low[:, part + k], bands.high[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.6
-                )
+                ax.plot(t, lines[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.7)
             for _, first in log.reasons.values():
                 ax.plot(first - log.start, 0.0, "|", color=LEFT_OUT, ms=8, transform=ax.get_xaxis_transform())
             ax.set_ylabel(name)
