@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from contactwrench.errors import InputError
-from contactwrench.geometry.arrays import Array, Rows, column
+from contactwrench.geometry.arrays import Array, Frozen, Rows, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,3 +87,24 @@ def test_parts_joined_are_the_whole(n: int, cut: int) -> None:
 def test_a_column_that_one_part_lacks_is_left_out() -> None:
     joined = _Table.concatenate([_table(2), _Table(np.zeros(1), np.zeros((1, 6)))])
     assert (len(joined), joined.valid, joined.reason) == (3, None, None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Result(Frozen):
+    values: Array
+    flags: NDArray[np.bool_]
+    maybe: Array | None
+    name: str
+
+
+def test_a_frozen_result_holds_read_only_copies_of_its_arrays() -> None:
+    values: NDArray[Any] = np.arange(3, dtype=np.float32)
+    result = _Result(values, np.array([True, False]), None, "x")
+    values[0] = 7.0
+    assert result.values.dtype == np.float64
+    assert result.values.tolist() == [0.0, 1.0, 2.0]
+    assert result.flags.dtype == np.bool_
+    assert result.maybe is None
+    for array in (result.values, result.flags):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1

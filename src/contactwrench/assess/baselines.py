@@ -11,19 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from ..samples.poses import Pose
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOver:
-    """What one way of compensation leaves of a contact-free recording: `wrench` (n, 6), pose by pose, N and N m."""
+class LeftOver(Frozen):
+    """What one method of compensation leaves of a contact-free recording: `wrench` (n, 6), pose by pose, N and N m."""
 
     name: str
     wrench: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "wrench", read_only(self.wrench))
 
     @property
     def mean_abs(self) -> Array:

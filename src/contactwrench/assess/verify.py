@@ -14,7 +14,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..compensate.contact_noise import noise_dof, reading_variance
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from ..samples.poses import Pose
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
@@ -43,7 +43,7 @@ class Weighing:
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
+class Verification(Frozen):
     """How a recording agrees with a calibration.
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
@@ -65,10 +65,6 @@ class Verification:
     passed: bool
     reason: str
     warnings: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "residuals", read_only(self.residuals))
-        object.__setattr__(self, "rms", read_only(self.rms))
 
 
 def verify(

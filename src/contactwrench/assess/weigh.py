@@ -17,7 +17,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..compensate.contact_noise import noise_dof, reading_variance
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, mounting_turn
 from ..samples.poses import SAME_POSE_ANGLE
@@ -33,7 +33,7 @@ PASSES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class HeldObject:
+class HeldObject(Frozen):
     """An object that the tool held in `poses` poses.
 
     `mass` kg and its `mass_std`; `moment` (3,) kg m, mass times com; `covariance` (4, 4) of both, in that order.
@@ -62,11 +62,6 @@ class HeldObject:
     dof: float
     g: float
     warnings: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            value = getattr(self, name)
-            object.__setattr__(self, name, None if value is None else read_only(value))
 
     @property
     def com_std(self) -> Array | None:
@@ -247,15 +242,3 @@ def _doubts(mass: float, surely: float, one_direction: bool, test: MisfitTest) -
             "the poses, or the calibration no longer holds"
         )
     return tuple(warnings)
-
-
-_ARRAYS = (
-    "moment",
-    "covariance",
-    "com",
-    "com_covariance",
-    "unknown_along",
-    "com_flange",
-    "com_flange_std",
-    "residual_rms",
-)

@@ -1,4 +1,4 @@
-"""Arrays of float64, copies that cannot be written to, and tables of them: one row for each sample."""
+"""Arrays of float64, results that hold them read-only, and tables of them: one row for each sample."""
 
 from __future__ import annotations
 
@@ -26,6 +26,18 @@ def flags(values: ArrayLike) -> NDArray[np.bool_]:
     copy = np.array(values, dtype=np.bool_)
     copy.flags.writeable = False
     return copy
+
+
+@dataclass(frozen=True, eq=False)
+class Frozen:
+    """A base of frozen results: an array in any field becomes a copy that cannot be written to."""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            values = getattr(self, each.name)
+            if isinstance(values, np.ndarray):
+                kind = np.float64 if values.dtype.kind == "f" else values.dtype
+                object.__setattr__(self, each.name, _frozen(values, np.dtype(kind)))
 
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
