@@ -58,7 +58,7 @@ def compensate(
         (n, 6), or (6,) of one, N and N m, sensor axes.
 
     Raises:
-        InputError: shapes that do not pair; an orientation off unit length by over 1 %, or NaN: `out` is filled in part.
+        InputError: shapes that do not pair; an orientation off unit length by over 1 % or NaN, `out` filled in part.
     """
     readings, single = wrench_rows(wrench)
     if not len(readings):
