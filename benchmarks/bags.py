@@ -18,7 +18,7 @@ from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.compensate import Treatment, compensated
-from contactwrench.recording.options import Layout
+from contactwrench.recording.options import Options
 from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
 from tests.support.world import Array, noisy_readings, random_rotations
 
@@ -46,7 +46,7 @@ def _calibration() -> cw.Calibration:
 
 def _compensated(path: Path, calibration: cw.Calibration) -> Iterator[Array]:
     """Each reading with the orientation of its moment, and its std; a reading without one is NaN."""
-    return (rows.wrench for rows in compensated(path, Layout(), calibration, Treatment()))
+    return (rows.wrench for rows in compensated(path, Options(), calibration, Treatment()))
 
 
 def _seconds(action: Iterable[object]) -> float:

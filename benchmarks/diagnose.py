@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from contactwrench.assess.diagnose import Diagnosis, diagnose
 from contactwrench.assess.interpretations import Readings, as_read
-from contactwrench.recording.interpretations import readings as all_readings
+from contactwrench.recording.interpretations import interpretations
+from contactwrench.recording.options import Options
 from tests.support.measured_sets import measured_sets
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
 
@@ -197,7 +198,7 @@ def diagnosed(file: File, folder: Path) -> tuple[Readings, Diagnosis]:
     """Write the file, and diagnose it."""
     path = folder / "file.csv"
     path.write_text(file.text())
-    all_of_it = all_readings(path, file.stated_as)
+    all_of_it = interpretations(path, Options(file.stated_as))
     return all_of_it, diagnose(all_of_it)
 
 

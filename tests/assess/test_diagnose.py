@@ -20,7 +20,8 @@ import contactwrench as cw
 from contactwrench.assess.diagnose import PUSH, SEE_BASE, SEE_COM, Diagnosis, diagnose
 from contactwrench.assess.interpretations import as_read
 from contactwrench.assess.screening import Orientations, screen
-from contactwrench.recording.interpretations import readings
+from contactwrench.recording.interpretations import interpretations
+from contactwrench.recording.options import Options
 from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE, example, seeds
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
@@ -55,8 +56,9 @@ BY_FLAGS = {
 }
 
 
-def found_in(folder: Path, content: str, **stated: object) -> Diagnosis:
-    return diagnose(readings(written(folder, content), **stated))  # type: ignore[arg-type]
+def found_in(folder: Path, content: str, gravity: Array | None = None, **stated: object) -> Diagnosis:
+    options = Options(**stated)  # type: ignore[arg-type]
+    return diagnose(interpretations(written(folder, content), options, gravity))
 
 
 @pytest.mark.parametrize("mistake", BY_FLAGS)
@@ -164,7 +166,7 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
 
 @pytest.mark.parametrize("path", [PANDA, PAPER], ids=["panda", "paper"])
 def test_measured_sets_are_left_alone(path: Path) -> None:
-    assert diagnose(readings(path)).read_rightly
+    assert diagnose(interpretations(path)).read_rightly
 
 
 def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
@@ -172,8 +174,7 @@ def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
     ceiling = replace(rig, down=np.array([0.0, 0.0, 1.0]))
     wrench = noisy_readings(ceiling, R, NOISE, rng)
     content = replace(RIGHT, wrench=lambda R, wrench: -in_base_axes(R, wrench)).text(R, wrench)
-    stated = {"sign": "reaction", "wrench_frame": "base", "gravity": ceiling.down}
-    diagnosis = found_in(tmp_path, content, **stated)
+    diagnosis = found_in(tmp_path, content, ceiling.down, sign="reaction", wrench_frame="base")
     assert diagnosis.read_rightly
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
     assert diagnosis.best.reading.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
@@ -196,7 +197,7 @@ def test_a_ceiling_a_reaction_and_a_mirror_are_one_class(tmp_path: Path) -> None
     assert ((), ("fx and fy exchanged", "tx and ty exchanged")) in likely
     assert diagnosis.observations == (PUSH, SEE_COM, SEE_BASE)
     for reading in diagnosis.alike[: diagnosis.likely]:
-        R_read, wrench_read = as_read(readings(tmp_path / "poses.csv"), reading)
+        R_read, wrench_read = as_read(interpretations(tmp_path / "poses.csv"), reading)
         down = [0.0, 0.0, 1.0] if reading.reversed_gravity else [0.0, 0.0, -1.0]
         calibration = cw.calibrate(cw.Samples(wrench_read, R_read), "mount", gravity=down)
         assert calibration.residual_rms == pytest.approx(NOISE, rel=0.6)
@@ -256,9 +257,9 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     assert right.out.splitlines()[:5] == [
         "as given: 0.31 N left; no other reading explains it better: the file is read rightly",
         "",
-        f"17 poses, 1872 readings tried, {PANDA}",
+        f"17 poses, 1872 interpretations tried, {PANDA}",
         "",
-        "    N left  mN m left  weight N          com mm          reading",
+        "    N left  mN m left  weight N          com mm          interpretation",
     ]
     assert "Free air" not in right.out
     for flags, verdict in {

@@ -9,7 +9,8 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.assess.diagnose import diagnose
-from contactwrench.recording.interpretations import readings
+from contactwrench.recording.interpretations import interpretations
+from contactwrench.recording.options import Options
 from tests.support.recordings import MATRIX, WRENCH, csv_text, written
 from tests.support.rigs import NOISE, example
 from tests.support.world import noisy_readings, random_rotations
@@ -40,7 +41,8 @@ def test_flags_make_the_reading_that_they_stand_for(header: str, tmp_path: Path)
     R = random_rotations(6, np.random.default_rng(0))
     path = written(tmp_path, Written(columns, numbers).text(R, np.ones((6, 6))))
     tried = 0
-    for reading in readings(path, "franka_matrix" if header == "pose" else "auto").orientations:
+    stated = Options("franka_matrix" if header == "pose" else "auto")
+    for reading in interpretations(path, stated).orientations:
         if not reading.mends:
             made = cw.read(path, **_stated(reading.flags))  # type: ignore[arg-type]
             assert made.R_base_flange == pytest.approx(reading.R_base_flange, abs=1e-9)
@@ -54,7 +56,7 @@ def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
     wrench[6:, 2] += 9.8
     load = np.repeat([0.0, 1000.0], 6)
     rows = np.column_stack([-wrench, quat(R), load])
-    diagnosis = diagnose(readings(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
+    diagnosis = diagnose(interpretations(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
     assert diagnosis.n == 6
     assert diagnosis.best.reading.flags == ("--sign reaction",)
 
@@ -63,7 +65,7 @@ def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
     """A moving arm: hundreds of poses spread over the whole recording, each with its own wrench."""
     rig, R, rng = example(1, poses=2000)
     path = written(tmp_path, Written(QUAT, quat).text(R, noisy_readings(rig, R, NOISE, rng)))
-    found = readings(path)
+    found = interpretations(path)
     assert found.wrench.shape == (300, 6)
     assert found.given is not None
     stated = found.orientations[found.given]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
-from contactwrench.recording.options import Layout
+from contactwrench.recording.options import Options
 from contactwrench.recording.read import batches, pairs_in_batches, read_streams
 from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.recording.test_tables import HEADER, Motion, assert_same, joined, rows, with_gaps
@@ -244,8 +244,8 @@ def test_without_pyarrow_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.
 def test_two_files_of_different_kinds(tmp_path: Path) -> None:
     path = stored(tmp_path, {name: columns()[name] for name in ("t", *WRENCH)}, "wrench.parquet")
     poses = written(tmp_path, with_gaps(), "pose.csv")
-    assert_same(read_streams(path, Layout(pose_file=poses)), Motion.R, Motion.posed)
-    assert_same(joined(list(batches(path, Layout(pose_file=poses), rows=9))), Motion.R, Motion.posed)
+    assert_same(read_streams(path, Options(pose_file=poses)), Motion.R, Motion.posed)
+    assert_same(joined(list(batches(path, Options(pose_file=poses), rows=9))), Motion.R, Motion.posed)
 
 
 def test_diagnose_and_calibrate_read_parquet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

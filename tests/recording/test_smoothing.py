@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from contactwrench.compensate.filters import LowPass
 from contactwrench.errors import InputError
 from contactwrench.recording.compensate import Treatment, compensated
-from contactwrench.recording.options import Layout
+from contactwrench.recording.options import Options
 from tests.support.live import RATE, calibrated, free, swinging, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, written
 from tests.support.world import Array
@@ -26,7 +26,7 @@ def smoothed(folder: Path, t: Array, low_pass: LowPass | None = AT_10_HZ) -> Arr
     R = swinging(rng, N)
     table = np.column_stack([t, free(rig, R, rng), R.reshape(N, 9)])
     path = written(folder, csv_text(("t", *WRENCH, *MATRIX), table))
-    parts = list(compensated(path, Layout(), calibration, Treatment(low_pass=low_pass)))
+    parts = list(compensated(path, Options(), calibration, Treatment(low_pass=low_pass)))
     return np.concatenate([part.wrench for part in parts])
 
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
-from contactwrench.recording.options import Layout
+from contactwrench.recording.options import Options
 from contactwrench.recording.read import batches, pairs_in_batches, read_streams
-from contactwrench.recording.tables.csv import csv_bodies
+from contactwrench.recording.tables.csv import open_csv
 from contactwrench.samples.streams import Streams
 from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.support.recordings import MATRIX, PANDA, WRENCH, Array, csv_text, run, written
@@ -74,10 +74,10 @@ def joined(parts: list[Streams]) -> Streams:
     )
 
 
-def refusal(path: Path, layout: Layout | None = None) -> str:
+def refusal(path: Path, layout: Options | None = None) -> str:
     """The message, without the folder, with which a recording is refused."""
     with pytest.raises((FileFormatError, InputError)) as caught:
-        read_streams(path, layout or Layout())
+        read_streams(path, layout or Options())
     message = str(caught.value)
     assert "\n" not in message
     return message.replace(f"{path}: ", "").replace(f"{path.parent}/", "")
@@ -166,15 +166,15 @@ def test_a_table_without_times_has_no_gaps_and_is_no_stream(tmp_path: Path) -> N
 
 def test_wrenches_in_base_axes_need_an_orientation_in_their_rows(tmp_path: Path) -> None:
     neat, gaps = written(tmp_path, csv_text(HEADER, rows())), written(tmp_path, with_gaps(), "gaps.csv")
-    turned = read_streams(neat, Layout(wrench_frame="base", sign="reaction"))
+    turned = read_streams(neat, Options(wrench_frame="base", sign="reaction"))
     assert turned.wrench.wrench[:, :3] == pytest.approx(
         np.array([-R.T @ w[:3] for R, w in zip(Motion.R, Motion.wrench, strict=True)]), abs=1e-12
     )
-    assert refusal(gaps, Layout(wrench_frame="base")) == (
+    assert refusal(gaps, Options(wrench_frame="base")) == (
         "found a wrench in base axes without an orientation in its row, expected both in each row: record them "
         "together, or the wrench in sensor axes"
     )
-    inverse = read_streams(gaps, Layout(inverse_orientation=True))
+    inverse = read_streams(gaps, Options(inverse_orientation=True))
     assert_same(inverse, Motion.R.transpose(0, 2, 1), Motion.posed)
 
 
@@ -202,9 +202,9 @@ def test_a_table_is_read_alike_in_blocks_with_comments_and_line_ends_of_every_ki
         path = written(tmp_path, end.join(["# first", *table]).encode())
         for n in (1, 3, 1000):
             assert_same(joined(list(batches(path, rows=n))), Motion.R, slice(None))
-    places, found = csv_bodies(written(tmp_path, "\n".join(table)), 4)
-    rows_of_file = [body.row_of(k) for body in found for k in range(len(body))]
-    assert places["t"] == 0
+    opened = open_csv(written(tmp_path, "\n".join(table)), 4)
+    rows_of_file = [body.row_of(k) for body in opened.bodies(()) for k in range(len(body))]
+    assert opened.places["t"] == 0
     assert rows_of_file == [2, 3, 4, 5, *range(9, 65)]
 
 
@@ -268,11 +268,11 @@ def test_a_shape_of_saturation_that_is_none_is_refused() -> None:
 # Two files
 
 
-def two_files(folder: Path) -> tuple[Path, Layout]:
+def two_files(folder: Path) -> tuple[Path, Options]:
     posed = Motion.posed
     wrench = written(folder, csv_text(("t", *WRENCH), rows()[:, :7]), "wrench.csv")
     poses = np.column_stack([Motion.t[posed], Motion.R[posed].reshape(-1, 9), Motion.position[posed]])
-    return wrench, Layout(pose_file=written(folder, csv_text(("t", *MATRIX, *POSITION), poses), "pose.csv"))
+    return wrench, Options(pose_file=written(folder, csv_text(("t", *MATRIX, *POSITION), poses), "pose.csv"))
 
 
 def test_two_files_are_the_two_streams(tmp_path: Path) -> None:
@@ -323,7 +323,7 @@ def test_a_measured_recording_of_two_files(capsys: pytest.CaptureFixture[str]) -
     wrench, pose = KUKA / "1-baseline_wrench.csv", KUKA / "1-baseline_orientations.csv"
     if not wrench.exists():
         pytest.skip("the measured recordings are not here")
-    found = read_streams(wrench, Layout(pose_file=pose))
+    found = read_streams(wrench, Options(pose_file=pose))
     assert (len(found.wrench), len(found.orientation)) == (4376, 627)
     assert found.wrench.t[0] == pytest.approx(1708857503.929545, abs=1e-6)
     assert np.median(1.0 / np.diff(found.orientation.t)) == pytest.approx(100.0, rel=0.02)
@@ -477,8 +477,8 @@ def test_a_bag_is_read_by_the_same_flags(tmp_path: Path, name: str) -> None:
         assert found.wrench.t == pytest.approx(Motion.t, abs=1e-9)
         assert np.array_equal(found.wrench.wrench, Motion.wrench)
         assert found.orientation.R_base_flange == pytest.approx(Motion.R[Motion.posed], abs=1e-9)
-    turned = read_streams(path, Layout(sign="reaction", inverse_orientation=True, wrench_topic="/wrench"))
+    turned = read_streams(path, Options(sign="reaction", inverse_orientation=True, wrench_topic="/wrench"))
     assert np.array_equal(turned.wrench.wrench, -Motion.wrench)
     assert turned.orientation.R_base_flange == pytest.approx(Motion.R[Motion.posed].transpose(0, 2, 1), abs=1e-9)
-    assert refusal(path, Layout(wrench_frame="base")).startswith("found a wrench in base axes without an orientation")
+    assert refusal(path, Options(wrench_frame="base")).startswith("found a wrench in base axes without an orientation")
     assert pairs_in_batches(path) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from contextlib import redirect_stdout
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import contactwrench as cw
-from contactwrench.compensate.output_frame import ContactWrenches
+from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.errors import FileAccessError, InputError
-from contactwrench.recording.tables.digits import nine_digits
 from contactwrench.recording.tables.write import NAMES, write_contact_wrenches
 from tests.recording.test_tables import HEADER, rows, with_gaps
 from tests.support.recordings import PANDA, Array, csv_text, run, written
@@ -29,18 +27,6 @@ T: Array = 1.7e9 + 1e-3 * np.arange(N, dtype=np.float64)
 WRENCH_OF = RNG.normal(size=(N, 6)) * 10.0 ** RNG.integers(-7, 10, size=(N, 6))
 STD = np.abs(RNG.normal(size=(N, 6)))
 WRENCH_OF[5], WRENCH_OF[6] = np.nan, [0.0, -0.0, 1.0, -1.0, 1e-300, 123456789.5]
-
-
-@dataclass(frozen=True, eq=False)
-class JudgedRows:
-    """As a Compensator gives them."""
-
-    wrench: Array
-    std: Array
-    t: Array | None
-    valid: NDArray[np.bool_]
-    contact: NDArray[np.int8]
-    reason: tuple[str | None, ...]
 
 
 def parts(sizes: list[int], t: Array | None = T) -> list[ContactWrenches]:
@@ -61,15 +47,16 @@ def test_a_row_is_as_python_formats_it(tmp_path: Path, sizes: list[int], t: Arra
     assert path.read_text() == "\n".join([*lines, ""])
 
 
-def judged() -> JudgedRows:
+def judged() -> ContactWrenches:
     reasons = [None, "stuck: fx has not moved", 'gap: nothing for 1 s, "filters" start anew', None]
-    return JudgedRows(
+    return ContactWrenches(
         WRENCH_OF[:4],
         STD[:4],
         T[:4],
+        True,
         np.array([True, False, False, True]),
-        np.array([1, 0, -1, 1], np.int8),
         tuple(reasons),
+        np.array([1, 0, -1, 1], np.int8),
     )
 
 
@@ -172,10 +159,16 @@ def test_gaps_are_compensated_through_pairing(tmp_path: Path, capsys: pytest.Cap
     assert "Traceback" not in done.err
 
 
+def numbers_written(numbers: Array) -> list[str]:
+    """The numbers as the column fx of a CSV has them."""
+    with redirect_stdout(io.StringIO()) as out:
+        write_contact_wrenches("-", [ContactWrenches(np.tile(numbers[:, None], 6), np.zeros((len(numbers), 6)))])
+    return [line.partition(",")[0] for line in out.getvalue().splitlines()[1:]]
+
+
 @given(st.lists(st.floats() | st.integers(-(10**10), 10**10).map(lambda k: k / 16.0), min_size=1, max_size=50))
 def test_numbers_are_written_as_python_writes_them(numbers: list[float]) -> None:
-    written_by_us = [bytes(letters).replace(b"\0", b"").decode() for letters in nine_digits(np.array(numbers))]
-    assert written_by_us == [f"{number:.9g}" for number in numbers]
+    assert numbers_written(np.array(numbers)) == [f"{number:.9g}" for number in numbers]
 
 
 def test_numbers_near_a_power_of_ten_or_half_a_digit_are_rounded_as_python_does() -> None:
@@ -183,5 +176,4 @@ def test_numbers_near_a_power_of_ten_or_half_a_digit_are_rounded_as_python_does(
     halves = (RNG.integers(10**8, 10**9, size=2000) + 0.5) / 10.0 ** RNG.integers(0, 13, size=2000)
     at = np.concatenate([powers, powers * (1.0 - 5e-10), powers * (1.0 - 4.999999e-10), halves])
     numbers = np.concatenate([at, -at, np.nextafter(at, 0.0), np.nextafter(at, np.inf), [0.0, -0.0]])
-    written_by_us = [bytes(letters).replace(b"\0", b"").decode() for letters in nine_digits(numbers)]
-    assert written_by_us == [f"{number:.9g}" for number in numbers.tolist()]
+    assert numbers_written(numbers) == [f"{number:.9g}" for number in numbers.tolist()]

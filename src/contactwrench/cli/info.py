@@ -7,19 +7,18 @@ from typing import Annotated
 
 import typer
 
+from . import options
 from .progress import progress
-from .reading import Json
 
 
 def info(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: a ROS bag or a table.")],
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
-    from ..recording.contents import bag_contents, table_contents
-    from ..recording.options import is_bag
+    from ..recording.contents import contents
     from ..report.text import contents_text, json_text
 
     with progress(f"reading {file.name}") as advance:
-        contents = bag_contents(file, advance) if is_bag(file) else table_contents(file)
-    typer.echo(json_text(contents) if json else contents_text(contents))
+        result = contents(file, advance)
+    options.print_result(result, json, json_text, contents_text)

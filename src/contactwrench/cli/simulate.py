@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from .reading import Orientation
+from . import options
 
 if TYPE_CHECKING:
     from ..simulate.recording import Recorded
@@ -63,7 +63,7 @@ def simulate(
             "name lists the right ones.",
         ),
     ] = None,
-    orientation: Orientation = "auto",
+    orientation: options.Orientation = "auto",
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
@@ -96,7 +96,7 @@ def simulate(
     else:
         write_truth(output, recorded, asked)
         _write_bag(output, recorded)
-    typer.echo(_said(recorded, output, truth_path(output)))
+    options.say(_said(recorded, output, truth_path(output)))
 
 
 def _write_bag(output: Path, recorded: Recorded) -> None:
@@ -136,13 +136,13 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
             f"--poses is {poses}, expected paper, plan, plan:N, random:N (1 to {MOST_RANDOM}) or a CSV file"
         )
     from ..assess.robot_arms import known_arm, within_limits
-    from ..recording.target_poses import read_goals
+    from ..recording.target_poses import read_target_poses
 
-    goals = read_goals(poses, JOINTS, orientation)
+    targets = read_target_poses(poses, JOINTS, orientation)
     try:
-        if goals.joints is not None:
-            return np.array([within_limits(known_arm("iiwa7"), row) for row in goals.joints])
-        return joints_through(rig, goals.R_base_flange, goals.position)
+        if targets.joints is not None:
+            return np.array([within_limits(known_arm("iiwa7"), row) for row in targets.joints])
+        return joints_through(rig, targets.R_base_flange, targets.position)
     except InputError as error:
         raise InputError(f"{poses}: {error}") from None
 
@@ -181,15 +181,15 @@ def _moving(
             f"--trajectory is {trajectory}, expected stops, stops:N, excite, sweep or a CSV file with t and q1 to q7"
         )
     else:
-        from ..recording.target_poses import read_goals
+        from ..recording.target_poses import read_target_poses
         from ..simulate.rig import JOINTS
 
-        goals = read_goals(trajectory, JOINTS)
-        if goals.joints is None or goals.t is None:
-            missing = "t" if goals.t is None else "q1 to q7"
+        targets = read_target_poses(trajectory, JOINTS)
+        if targets.joints is None or targets.t is None:
+            missing = "t" if targets.t is None else "q1 to q7"
             raise InputError(f"{trajectory}: found no {missing}, expected t and q1 to q7: add it")
         try:
-            motion = through(goals.t, goals.joints, rate)
+            motion = through(targets.t, targets.joints, rate)
         except InputError as error:
             raise InputError(f"{trajectory}: {error}") from None
     pushed = random_pushes(pushes, float(motion.t[-1]), rng) if pushes else ()

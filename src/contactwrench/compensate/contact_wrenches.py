@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Rows, column, read_only
 from ..model import AXES
 from .line_of_action import LineOfAction, line_of_action
 
 NOT_KNOWN = read_only(np.full(6, np.nan))
 """The std of a wrench that cannot be computed."""
+NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
+"""Of the column `contact`."""
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 
@@ -56,6 +60,51 @@ class Contact:
     def line(self) -> LineOfAction:
         """Where the mean force acts."""
         return line_of_action(self.mean, self.covariance)
+
+
+def _where_judged(kind: Any) -> Any:
+    return field(default=None, metadata=column(kind=kind))
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWrenches(Rows):
+    """Contact wrenches of n samples: `wrench` and its `std` (n, 6), N and N m, at `t` (n,) s; NaN where there is none.
+
+    Where the samples were `judged` one by one, `valid` (n,) is False where something is wrong with one, and `reason`
+    (n) says what; `contact` (n,) is 1 in contact, 0 free, -1 where that was not or cannot be judged. Else all are
+    valid, and -1. `contacts`: those that ended in these samples, in sensor axes.
+
+    From a `Compensator` there are also `statistic` (n,), which the test compares with `threshold` (n,), before
+    hysteresis, and `covariance` (m, 6, 6), the wrench's, one after the other, of which `covariance_of` (n,) is each
+    sample's.
+    """
+
+    wrench: Array = field(metadata=column(6))
+    std: Array = field(metadata=column(6))
+    t: Array | None = field(default=None, metadata=column())
+    judged: bool = False
+    valid: NDArray[np.bool_] = _where_judged(np.bool_)
+    reason: tuple[str | None, ...] = _where_judged(object)
+    contact: NDArray[np.int8] = _where_judged(np.int8)
+    contacts: tuple[Contact, ...] = ()
+    statistic: Array = _where_judged(np.float64)
+    threshold: Array = _where_judged(np.float64)
+    covariance_of: NDArray[np.intp] | None = _where_judged(np.intp)
+    covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.wrench)
+        blank = {"valid": np.ones(n, np.bool_), "reason": (None,) * n, "contact": np.full(n, NOT_JUDGED, np.int8)}
+        for name, values in blank.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, values)
+        super().__post_init__()
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """All rows and contacts, part after part, without the covariances."""
+        joined = super().concatenate([replace(part, covariance_of=None, covariance=None) for part in parts])
+        return replace(joined, contacts=tuple(contact for part in parts for contact in part.contacts))
 
 
 @dataclass(frozen=True, eq=False)

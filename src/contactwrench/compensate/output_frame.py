@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..calibration.calibration import ROWS_AT_ONCE, Calibration
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix, wrench_transform
 from ..model import mounting_turn
 from ..samples.samples import Samples
+from .contact_wrenches import ContactWrenches
 
 OUTPUT_FRAMES = ("sensor", "flange", "base")
-
-
-@dataclass(frozen=True, eq=False)
-class ContactWrenches:
-    """Contact wrenches `wrench` (n, 6), N and N m, their `std` (n, 6) from the calibration alone, and `t` (n,) s."""
-
-    wrench: Array
-    std: Array
-    t: Array | None
-
-    def __post_init__(self) -> None:
-        for name in ("wrench", "std"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def contact_wrenches(

@@ -17,22 +17,28 @@ from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import LONGEST_DELAY, Compensator
-from ..compensate.contact_wrenches import Contact
+from ..compensate.contact_wrenches import ContactWrenches
 from ..compensate.filters import LowPass, least_rows, zero_phase
-from ..compensate.output_frame import ContactWrenches, contact_wrenches, in_axes, require_frame
+from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..compensate.settings import delay_of
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
 from ..samples.streams import Streams
-from ..samples.synchronize import LeftOut, Synchronized, default_gap, synchronized
+from ..samples.synchronize import Synchronized, default_gap, synchronized
 from ..samples.timestamps import SORTED_WITHIN
-from .options import Layout
-from .read import Advance, batches, pairs_in_batches
+from .bags.copy import write_bag_with
+from .bags.open import SUFFIXES_OF_BAGS
+from .options import Advance, Options
+from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from .tables.write import write_contact_wrenches
 
 SATURATED = "saturated: a channel stands at its limit"
-NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
+
+Note: TypeAlias = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,65 +72,88 @@ class Treatment:
         return delay_of(calibration, self.sensor_filter) if self.delay is None else self.delay
 
 
-@dataclass(frozen=True, eq=False)
-class JudgedWrenches:
-    """Contact wrenches `wrench` (n, 6) with `std` (n, 6) at `t` (n,) s, NaN where there is none; `valid` (n,), and the
-    `reason` where it is False; `contact` (n,) 1 in contact, 0 free, -1 where that was not judged. `contacts`: those
-    that ended here, in sensor axes.
-    """
-
-    wrench: Array
-    std: Array
-    t: Array
-    valid: NDArray[np.bool_]
-    reason: tuple[str | None, ...]
-    contact: NDArray[np.int8]
-    contacts: tuple[Contact, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-Rows: TypeAlias = ContactWrenches | JudgedWrenches
-Note: TypeAlias = Callable[[str], None]
-
-
 def compensated(
     path: str | Path,
-    layout: Layout,
+    options: Options,
     calibration: Calibration,
     treatment: Treatment,
     advance: Advance | None = None,
     note: Note | None = None,
-) -> Iterator[Rows]:
-    """The contact wrenches of a recording, in batches; `note` is told, at the end, what was left out and why.
+) -> Iterator[ContactWrenches]:
+    """The contact wrenches of a recording, in batches.
 
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
-    anything else as `JudgedWrenches`. With a `low_pass` the whole recording is held in memory. Raises what reading,
-    pairing and compensating raise.
+    anything else says of each row whether it is valid. With a `low_pass` the whole recording is held in memory.
+
+    Args:
+        path: the recording.
+        options: how it is written.
+        calibration: of its tool.
+        treatment: what else to do.
+        advance: is told how far it is.
+        note: is told, at the end, what was left out and why.
+
+    Raises what reading, pairing and compensating raise.
     """
     require_frame(calibration, treatment.output_frame)
-    pairs = None if treatment.judged else pairs_in_batches(path, layout, advance=advance)
+    pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance)
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
-        return _smoothed(_paired(path, layout, calibration, treatment, advance, note), treatment)
-    plain = (
-        contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
-        for samples in chain([first], pairs)
-    )
-    return _smoothed(plain, treatment)
+        return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
+    return _smoothed((_plain(calibration, samples, treatment) for samples in chain([first], pairs)), treatment)
+
+
+def require_writable(output: Path, path: Path, options: Options) -> None:
+    """Raise `InputError` for an output that is neither a table nor, of a bag, a bag."""
+    suffix, of_bag = output.suffix.lower(), reader_of(path, options) is bag_blocks
+    if suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET) or (of_bag and suffix in SUFFIXES_OF_BAGS):
+        return
+    more = ", or a bag" if of_bag else ""
+    raise InputError(f"{output}: found the suffix {suffix}, expected .csv or .parquet{more}: name it so")
+
+
+def write_compensated(
+    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str
+) -> str | None:
+    """Write what was made of a recording, batch by batch.
+
+    Args:
+        output: `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the
+            bag with the contact wrench beside each reading.
+        recording: what `compensated` gives.
+        path: the recording that it is made of.
+        options: how that is written.
+        output_frame: axes of the contact wrench.
+
+    Returns:
+        The topic in which a bag has them.
+
+    Raises what the writers raise.
+    """
+    like_folder = path.is_dir() and not output.suffix and str(output) != "-"
+    is_bag = reader_of(path, options) is bag_blocks
+    if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
+        frame = None if output_frame == "sensor" else output_frame
+        wrenches = (batch.wrench for batch in recording)
+        return write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
+    write_contact_wrenches(output, recording, path)
+    return None
+
+
+def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
+    return contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
 
 
 def _paired(
     path: str | Path,
-    layout: Layout,
+    options: Options,
     calibration: Calibration,
     treatment: Treatment,
     advance: Advance | None,
     note: Note | None,
-) -> Iterator[Rows]:
+) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order = _InOrder()
     delay = treatment.applied_delay(calibration)
@@ -132,7 +161,7 @@ def _paired(
         whose = "the calibration's" if treatment.delay is None else "as stated"
         late = f"stamped {1e3 * delay:.4g} ms later than the orientation"
         note(f"the wrench is taken to be {late}, {whose}")
-    parts = synchronized(order.listening(batches(path, layout, advance=advance)), delay)
+    parts = synchronized(order.listening(batches(path, options, advance=advance)), delay)
     begun = list(islice(parts, 2))
     compensator = None
     if treatment.judged:
@@ -152,29 +181,25 @@ def _paired(
             for sentence in part.notes:
                 note(sentence)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
-        yield replace(_nothing(), contacts=(last,))
+        yield replace(NOTHING, contacts=(last,))
 
 
 def _of_samples(
     calibration: Calibration, compensator: Compensator | None, samples: Samples, treatment: Treatment
-) -> JudgedWrenches:
-    n = len(samples)
-    t = np.empty(0) if samples.t is None else samples.t
-    if compensator is None:
-        plain = contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
-        return JudgedWrenches(
-            plain.wrench, plain.std, t, np.ones(n, dtype=bool), (None,) * n, np.full(n, NOT_JUDGED, np.int8)
-        )
-    found = compensator.run(samples.wrench, samples.R_base_flange, _spread(t))
-    wrench, std = found.wrench, found.std
+) -> ContactWrenches:
+    """The contact wrenches of samples with times, judged where there is a compensator."""
+    if compensator is None or samples.t is None:
+        return replace(_plain(calibration, samples, treatment), judged=True)
+    rows = compensator.run(samples.wrench, samples.R_base_flange, _spread(samples.t))
+    wrench, std = rows.wrench, rows.std
     if treatment.output_frame != "sensor" or treatment.point is not None:
-        covariance = found.covariance[found.covariance_of]
+        covariance = rows.covariance[rows.covariance_of]
         turned = calibration.with_gravity(treatment.gravity)
         wrench, std = in_axes(
             turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point
         )
-        std = np.where(np.isfinite(found.std), std, np.nan)
-    return JudgedWrenches(wrench, std, t, found.valid, found.reason, found.contact, found.contacts)
+        std = np.where(np.isfinite(rows.std), std, np.nan)
+    return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
 
 
 def _spread(t: Array) -> Array:
@@ -192,15 +217,7 @@ def _spread(t: Array) -> Array:
     return spread
 
 
-def _nothing() -> JudgedWrenches:
-    return JudgedWrenches(
-        np.empty((0, 6)),
-        np.empty((0, 6)),
-        np.empty(0),
-        np.empty(0, dtype=bool),
-        (),
-        np.empty(0, dtype=np.int8),
-    )
+NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
 class _InOrder:
@@ -213,7 +230,7 @@ class _InOrder:
         self._begin = 0
         self._t: list[Array] = [np.empty(0)]
         self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
-        self._ahead: tuple[NDArray[np.intp], JudgedWrenches] = (np.empty(0, dtype=np.intp), _nothing())
+        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
 
     def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
         """The same batches; the stamps of their readings are kept."""
@@ -223,62 +240,36 @@ class _InOrder:
             self._saturated.append(np.zeros(len(wrench), dtype=bool) if wrench.saturated is None else wrench.saturated)
             yield streams
 
-    def whole(self, paired: JudgedWrenches, part: Synchronized) -> JudgedWrenches:
+    def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
         """All rows from where the last call ended up to the first that is not yet known."""
         t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
+        missing = [_missing(left.reason, t[left.rows - self._begin]) for left in part.left_out]
         rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
-        known = _joined(
-            [self._ahead[1], paired, *(_missing(left, t[left.rows - self._begin]) for left in part.left_out)]
-        )
+        known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
         order = np.argsort(rows, kind="stable")
-        rows, known = rows[order], _picked(known, order)
+        rows, known = rows[order], known.select(order)
         count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
-        self._ahead = rows[count:], replace(_picked(known, slice(count, None)), contacts=())
-        done = _flagged(_picked(known, slice(count)), saturated[:count])
+        self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
+        done = _flagged(known.select(slice(count)), saturated[:count])
         self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
         return done
 
 
-def _missing(left: LeftOut, t: Array) -> JudgedWrenches:
-    n = len(t)
-    nan = np.full((n, 6), np.nan)
-    return JudgedWrenches(
-        nan, nan, t, np.zeros(n, dtype=bool), (f"left out: {left.reason}",) * n, np.full(n, NOT_JUDGED, np.int8)
-    )
+def _missing(reason: str, t: Array) -> ContactWrenches:
+    """Rows without a contact wrench."""
+    n, nan = len(t), np.full((len(t), 6), np.nan)
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"left out: {reason}",) * n)
 
 
-def _joined(parts: list[JudgedWrenches]) -> JudgedWrenches:
-    return JudgedWrenches(
-        np.concatenate([part.wrench for part in parts]),
-        np.concatenate([part.std for part in parts]),
-        np.concatenate([part.t for part in parts]),
-        np.concatenate([part.valid for part in parts]),
-        tuple(reason for part in parts for reason in part.reason),
-        np.concatenate([part.contact for part in parts]),
-        tuple(contact for part in parts for contact in part.contacts),
-    )
-
-
-def _picked(rows: JudgedWrenches, pick: NDArray[np.intp] | slice) -> JudgedWrenches:
-    reasons = rows.reason[pick] if isinstance(pick, slice) else tuple(rows.reason[place] for place in pick.tolist())
-    return JudgedWrenches(
-        rows.wrench[pick], rows.std[pick], rows.t[pick], rows.valid[pick], reasons, rows.contact[pick], rows.contacts
-    )
-
-
-def _flagged(rows: JudgedWrenches, saturated: NDArray[np.bool_]) -> JudgedWrenches:
+def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:
     """Rows whose recording says that a channel stood at its limit are not valid."""
     new = saturated & rows.valid
-    if not new.any():
-        return rows
-    reasons = list(rows.reason)
-    for place in np.flatnonzero(new):
-        reasons[place] = SATURATED
-    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons))
+    reasons = (SATURATED if is_new else reason for is_new, reason in zip(new.tolist(), rows.reason, strict=True))
+    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons)) if new.any() else rows
 
 
-def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]:
-    """Through the low-pass both ways, each stretch between gaps by itself, in the order of its stamps."""
+def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Iterator[ContactWrenches]:
+    """Through the low-pass both ways, each section between gaps by itself, in the order of its stamps."""
     if treatment.low_pass is None:
         yield from recording
         return
@@ -300,14 +291,14 @@ def _smoothed(recording: Iterator[Rows], treatment: Treatment) -> Iterator[Rows]
         rows = a + np.argsort(known[a:b], kind="stable")
         filtered[rows] = _smooth(filtered[rows], treatment.low_pass, 1.0 / spacing)
     wrench[there] = filtered
-    start = 0
+    first = 0
     for part in parts:
-        yield replace(part, wrench=wrench[start : start + len(part.wrench)])
-        start += len(part.wrench)
+        yield replace(part, wrench=wrench[first : first + len(part)])
+        first += len(part)
 
 
 def _smooth(values: Array, low_pass: LowPass, rate: float) -> Array:
-    """A stretch through the low-pass; one that is too short to start a filter on becomes its mean."""
+    """A section through the low-pass; one that is too short to start a filter on becomes its mean."""
     if len(values) >= least_rows(low_pass.sections(rate)):
         return zero_phase(values, low_pass, rate)
     return np.broadcast_to(values.mean(axis=0), values.shape) if len(values) else values

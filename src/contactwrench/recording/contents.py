@@ -15,7 +15,10 @@ from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stam
 from .bags.open import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
-from .tables.table import opened, times
+from .options import Advance
+from .read import bag_blocks, reader_of
+from .tables.columns import TIME, optional
+from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
 
@@ -83,7 +86,12 @@ class TableContents:
     rhythm: Rhythm | None
 
 
-def bag_contents(path: str | Path, advance: Callable[[float], None] | None = None) -> BagContents:
+def contents(path: str | Path, advance: Advance | None = None) -> BagContents | TableContents:
+    """What is in a recording; `advance` is told how far it is. Raises as `read_streams`."""
+    return bag_contents(path, advance) if reader_of(path) is bag_blocks else table_contents(path, advance)
+
+
+def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContents:
     """What is in a bag; `advance` as for `bag_batches`. Raises as that for a file that is no bag or damaged."""
     with opened_bag(path) as bag:
         stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
@@ -104,13 +112,21 @@ def bag_contents(path: str | Path, advance: Callable[[float], None] | None = Non
         return BagContents(str(path), KINDS[kind_of(path)], start, duration, topics, frames, _reading(bag))
 
 
-def table_contents(path: str | Path) -> TableContents:
+def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
-    places, body = opened(path)
-    t = times(places, body)
+    table = open_table(path)
+    t_columns = optional(table, ["t"], TIME)
+    count, parts = 0, [np.empty((0, len(t_columns)))]
+    for body in table.bodies(t_columns):
+        count += len(body)
+        if t_columns:
+            parts += in_si(body, (t_columns,))
+        if advance is not None:
+            advance(body.done)
+    t = in_seconds(np.concatenate(parts), t_columns)
     if t is None or not len(t):
-        return TableContents(str(path), tuple(places), len(body), None, None)
-    return TableContents(str(path), tuple(places), len(t), float(t[0]), rhythm(t, float(t[0])))
+        return TableContents(str(path), tuple(table.places), count, None, None)
+    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])))
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:

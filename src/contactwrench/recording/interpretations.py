@@ -1,13 +1,12 @@
-"""Every way in which a person could have meant a file: readings of its orientation, times readings of its wrench.
+"""Every interpretation of a file that a person could have meant: of its orientation, times those of its wrench.
 
-A reading is made by flags where there are flags, by words about the file where there are none.
+One is made by options where there are options, by words about the file where there are none.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import permutations
 from pathlib import Path
@@ -19,16 +18,17 @@ from ..assess.interpretations import OrientationReading, Readings, TorqueUnit, W
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
-from .options import Layout, is_bag
-from .tables.column_names import ANGLE
-from .tables.table import AsWritten, WrittenOrientation, read_as_written
+from .options import AS_USUAL, Options
+from .read import bag_blocks, name_of, reader_of
+from .tables.columns import ANGLE, orientation_columns, roles_beside, whole_sets, wrench_columns
+from .tables.table import open_table, rotations, written_rows
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
 """What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
 
 MOST_ROWS = 20_000
-MOST_STRETCHES = 300
+MOST_POSES = 300
 """A longer recording is thinned: a wrong reading shows in a few dozen poses."""
 
 STILL = float(np.deg2rad(0.2))
@@ -39,10 +39,34 @@ TURNED_AXES = tuple("".join(letters) for letters in permutations("XYZ")) + tuple
 FORMULAS_OF_ANGLES = (*TURNED_AXES, *(letters.lower() for letters in TURNED_AXES), "rotvec")
 PROBE = np.array([[0.3, -0.5, 0.7]])
 
+SHIFTS: dict[int, tuple[str, ...]] = {
+    0: (),
+    1: ("each orientation belonging to the next row's wrench",),
+    -1: ("each orientation belonging to the previous row's wrench",),
+}
+
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """A way to make rotations (n, 3, 3) of an orientation's numbers, and what it takes."""
+class _Written:
+    """What a table holds before anything is made of its orientation.
+
+    `wrench` (n, 6) N and N m. `sets` of columns that could be an orientation, by their names in the file, and their
+    numbers (n, k) as they stand: one that was asked for or that the names tell, which `convention` makes the rotations
+    `stated` (n, 3, 3) of; else all. `complaint`: why there is no convention, or no rotation. `load_mass` (n,) kg.
+    """
+
+    wrench: Array
+    wrench_columns: tuple[str, ...]
+    sets: tuple[tuple[tuple[str, ...], Array], ...]
+    convention: Convention | None
+    stated: Array | None
+    complaint: str | None
+    load_mass: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """Rotations (n, 3, 3) that can be made of an orientation's numbers, and what that takes."""
 
     flags: tuple[str, ...]
     mends: tuple[str, ...]
@@ -50,62 +74,107 @@ class _Way:
     R: Array
 
 
-def readings(
-    path: str | Path,
-    orientation: str = "auto",
-    wrench_frame: str = "sensor",
-    sign: str = "pull",
-    *,
-    inverse_orientation: bool = False,
-    gravity: Array | None = None,
-) -> Readings:
-    """All readings of a file, the stated one among them; arguments as for `read`, `gravity` (3,) the stated direction.
+def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Array | None = None) -> Readings:
+    """All interpretations of a file: of its orientation, times those of its wrench.
 
     Rows with a load or a saturated channel are left out; rows that follow each other at one orientation are averaged.
-    Raises `FileAccessError`, and `FileFormatError` where columns are missing or hold no numbers, or all rows have a
-    load; `InputError` for arguments that are none.
+
+    Args:
+        path: a table.
+        options: the stated interpretation.
+        gravity: (3,) the stated direction, base axes.
+
+    Raises:
+        FileAccessError: where the file cannot be read.
+        FileFormatError: for a bag, and where columns are missing or hold no numbers, or all rows have a load.
+        InputError: for options that are none.
     """
-    if is_bag(path, Layout(orientation, wrench_frame, sign, inverse_orientation)):
+    if reader_of(path, options) is bag_blocks:
         raise FileFormatError(
             f"{path}: found a bag, expected a table: its messages say how an orientation is written, try --sign and "
             "--inverse-orientation"
         )
-    written = read_as_written(path, orientation)
-    middle, wrench = _stretches(written)
+    written = _written(path, options.orientation)
+    middle, wrench = _still_poses(written)
     if not len(middle):
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
-    picked = _spread(len(middle))
-    stated_flags = () if orientation == "auto" else (f"--orientation {orientation}",)
-    ways = [] if written.stated is None else [_Way(stated_flags, (), 0.0, written.stated[middle])]
-    for one in written.orientations:
-        ways += _ways(WrittenOrientation(one.columns, one.numbers[middle]), written.convention)
+    picked = np.unique(np.linspace(0, len(middle) - 1, min(len(middle), MOST_POSES)).astype(np.intp))
+    stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
+    candidates = [] if written.stated is None else [_Candidate(stated_flags, (), 0.0, written.stated[middle])]
+    for columns, numbers in written.sets:
+        candidates += _candidates(columns, numbers[middle], written.convention)
     seen: set[bytes] = set()
     of_orientation = []
-    for reading in sorted(_turned_and_shifted(ways, inverse_orientation, picked), key=lambda reading: reading.cost):
-        key = repr(reading.rows).encode() + np.round(reading.R_base_flange, 9).tobytes()
+    for one in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
+        key = repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes()
         if key not in seen:
             seen.add(key)
-            of_orientation.append(reading)
+            of_orientation.append(one)
     return Readings(
-        os.fsencode(path).decode(errors="replace"),
+        name_of(path),
         wrench[picked],
         tuple(of_orientation),
-        tuple(_wrench_readings(wrench_frame)),
+        tuple(_wrench_readings(options.wrench_frame)),
         None if written.stated is None else 0,
-        sign,
+        options.sign,
         gravity,
         _torque_units(written.wrench_columns),
         written.complaint,
     )
 
 
-def _stretches(written: AsWritten) -> tuple[NDArray[np.intp], Array]:
-    """The middle row (m,) of every stretch of rows at one orientation, free of a load, and its mean wrench (m, 6)."""
+def _written(path: str | Path, orientation: str) -> _Written:
+    """Read a table without making rotations of its orientation, but for those that it states. Raises as `read`, but not
+    for numbers that are no rotation, nor where `auto` cannot choose between columns that all could be one.
+
+    Of a recording with times only rows that have a wrench and an orientation are kept, and none with a saturated
+    channel.
+    """
+    table = open_table(path)
+    of_wrench = wrench_columns(table)
+    convention, complaint = None, None
+    try:
+        convention, angles = orientation_columns(table, orientation)
+        sets = [angles]
+    except FileFormatError as error:
+        complaint = str(error)
+        sets = whole_sets(table) if orientation == "auto" else []
+        if not sets:
+            raise
+    as_they_stand = [replace(column, per_si=1.0) for columns in sets for column in columns]
+    roles = replace(roles_beside(table, of_wrench, None, as_they_stand), t=())
+    parts, stated = [], []
+    for body in table.bodies(roles.columns):
+        rows = written_rows(body, roles)
+        kept = rows.has_wrench & rows.has_orientation & ~(rows.saturated == 1.0).any(axis=1)
+        parts.append((rows.wrench[kept], rows.load[kept], rows.orientation[kept]))
+        if convention is not None and complaint is None:
+            in_si = parts[-1][2] / np.array([column.per_si for column in sets[0]])
+            try:
+                stated.append(rotations(convention, sets[0], in_si, body, kept))
+            except FileFormatError as error:
+                complaint = str(error)
+    wrench, load, numbers = (np.concatenate(values) for values in zip(*parts, strict=True))
+    of_sets = np.split(numbers, np.cumsum([len(columns) for columns in sets])[:-1].tolist(), axis=1)
+    names = [tuple(column.name for column in columns) for columns in (of_wrench, *sets)]
+    return _Written(
+        wrench,
+        names[0],
+        tuple(zip(names[1:], of_sets, strict=True)),
+        convention,
+        np.concatenate(stated) if complaint is None else None,
+        complaint,
+        load[:, 0] if roles.load else None,
+    )
+
+
+def _still_poses(written: _Written) -> tuple[NDArray[np.intp], Array]:
+    """The middle row (m,) of all rows in turn at one orientation, free of a load, and their mean wrench (m, 6)."""
     free = np.arange(len(written.wrench))
     if written.load_mass is not None:
         free = free[written.load_mass == 0.0]
     free = free[:: 1 + len(free) // MOST_ROWS]
-    blocks = [one.numbers[free] for one in written.orientations]
+    blocks = [numbers[free] for _, numbers in written.sets]
     in_deg = [one.shape[1] == 3 and np.abs(one).max(initial=0.0) > LONGEST_ROTATION_VECTOR for one in blocks]
     rows = np.hstack([np.rad2deg(1.0) ** -float(deg) * one for one, deg in zip(blocks, in_deg, strict=True)]).tolist()
     starts: list[int] = []
@@ -118,60 +187,48 @@ def _stretches(written: AsWritten) -> tuple[NDArray[np.intp], Array]:
     return middle, np.array(means).reshape(-1, 6)
 
 
-def _spread(n: int) -> NDArray[np.intp]:
-    """All of n stretches, or as many as are wanted, spread evenly."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_STRETCHES)).astype(np.intp))
-
-
-def _turned_and_shifted(ways: list[_Way], inverse: bool, picked: NDArray[np.intp]) -> Iterator[OrientationReading]:
-    for way in ways:
+def _turned_and_shifted(
+    candidates: list[_Candidate], inverse: bool, picked: NDArray[np.intp]
+) -> Iterator[OrientationReading]:
+    for one in candidates:
         for is_inverse in (inverse, not inverse):
-            R = way.R.transpose(0, 2, 1) if is_inverse else way.R
-            flags = (*way.flags, *(["--inverse-orientation"] if is_inverse else []))
-            cost = way.cost + INVERSE * (is_inverse != inverse)
-            for shift, mends in _SHIFTS.items():
+            R = one.R.transpose(0, 2, 1) if is_inverse else one.R
+            flags = (*one.flags, *(["--inverse-orientation"] if is_inverse else []))
+            cost = one.cost + INVERSE * (is_inverse != inverse)
+            for shift, mends in SHIFTS.items():
                 there = (picked >= shift) & (picked - shift < len(R))
                 rows = slice(int(np.argmax(there)), int(np.argmax(there)) + int(there.sum()))
                 own = R[picked[there] - shift]
-                yield OrientationReading(flags, (*way.mends, *mends), cost + SHIFTED * bool(shift), own, rows)
+                yield OrientationReading(flags, (*one.mends, *mends), cost + SHIFTED * bool(shift), own, rows)
 
 
-_SHIFTS: dict[int, tuple[str, ...]] = {
-    0: (),
-    1: ("each orientation belonging to the next row's wrench",),
-    -1: ("each orientation belonging to the previous row's wrench",),
-}
-
-
-def _ways(written: WrittenOrientation, stated: Convention | None) -> Iterator[_Way]:
+def _candidates(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
     """Every convention that takes so many columns, where it makes rotations."""
-    k = len(written.columns)
-    made = _of_angles(written, stated) if k == 3 else _of_parts(written)
-    for flag, mends, cost, to_matrices, numbers in made:
+    made = _of_angles(columns, numbers, stated) if len(columns) == 3 else _of_parts(columns, numbers)
+    for flag, mends, cost, to_matrices, values in made:
         try:
-            R = to_matrices(numbers)
+            R = to_matrices(values)
         except InputError:
             continue
-        yield _Way((f"--orientation {flag}",), mends, cost, R)
+        yield _Candidate((f"--orientation {flag}",), mends, cost, R)
 
 
 _Made = tuple[str, tuple[str, ...], float, Callable[[Array], Array], Array]
 
 
-def _of_parts(written: WrittenOrientation) -> Iterator[_Made]:
+def _of_parts(names: tuple[str, ...], numbers: Array) -> Iterator[_Made]:
     """Quaternions with their scalar in any place that a mistake brings it to; matrices by rows or by columns."""
-    k = len(written.columns)
+    k = len(names)
     as_they_stand = list(range(k))
     another = {4: [3, 0, 1, 2], 16: [4 * i + j for j in range(4) for i in range(4)]}.get(k, as_they_stand)
     for named in CONVENTIONS.values():
         for order in (as_they_stand, another) if len(named.columns) == k else ():
-            columns = tuple(written.columns[place] for place in order)
-            yield _flag(named, columns), (), NAMED, named.to_matrices, written.numbers[:, order]
+            columns = tuple(names[place] for place in order)
+            yield _flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order]
 
 
-def _of_angles(written: WrittenOrientation, stated: Convention | None) -> Iterator[_Made]:
+def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Made]:
     """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
-    columns, numbers = written.columns, written.numbers
     suffixes = [name.rpartition("_")[2] if name.rpartition("_")[2] in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
     for unit in ANGLE:

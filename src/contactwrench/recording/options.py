@@ -1,29 +1,47 @@
-"""How a recording is written: what the reading flags say of it."""
+"""How a recording is written: what the options of reading say of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
 
 from ..errors import FileFormatError, InputError
-from .bags import open as bag_files
-from .bags.open import SUFFIXES_OF_BAGS
-from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
-from .tables.parquet import is_parquet
+from ..geometry.arrays import Array
+from .tables.table import Table
 
-SUFFIXES_OF_TEXT = (".csv", ".tsv", ".txt", ".dat", "")
+Advance: TypeAlias = Callable[[float], None]
+"""Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
+
+OF_TABLES, OF_BAGS = ("orientation",), ("wrench_topic", "pose_topic", "frames", "robot")
+"""Options that only one of the kinds has."""
+
+IN_BASE_AXES = (
+    "found a wrench in base axes without an orientation in its row, expected both in each row: record them together, "
+    "or the wrench in sensor axes"
+)
 
 
 @dataclass(frozen=True)
-class Layout:
+class Options:
     """How a recording is written.
 
-    `orientation`: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py. `wrench_frame`: sensor, or base
-    where the controller turns the wrench into base axes. `sign`: pull (what acts on the sensor), or reaction.
-    `inverse_orientation`: the file holds `R_flange_base`. `pose_file`: the second of two tables, which has the
-    orientations. Of a bag: `wrench_topic` and `pose_topic`; `frames`, (base, flange) in a tree of transforms; `robot`,
-    whose joint angles it has: a known arm's name, or a URDF as PATH[:LINK]. Raises `InputError` for a `wrench_frame`
-    and a `sign` that are none.
+    Args:
+        orientation: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
+        wrench_frame: sensor, or base where the controller turns the wrench into base axes.
+        sign: pull (what acts on the sensor), or reaction.
+        inverse_orientation: the file holds `R_flange_base`.
+        wrench_topic: of a bag, None: the only one.
+        pose_topic: of a bag, None: the only one.
+        frames: of a bag, (base, flange) in a tree of transforms.
+        robot: of a bag, whose joint angles it has: a known arm's name, or a URDF as PATH[:LINK].
+        pose_file: the second of two tables, which has the orientations.
+
+    Raises:
+        InputError: for a `wrench_frame` and a `sign` that are none.
     """
 
     orientation: str = "auto"
@@ -37,51 +55,35 @@ class Layout:
     pose_file: Path | None = None
 
     def __post_init__(self) -> None:
-        for name, value, known in (
-            ("wrench_frame", self.wrench_frame, ("sensor", "base")),
-            ("sign", self.sign, ("pull", "reaction")),
-        ):
-            if value not in known:
-                raise InputError(f"{name} is {value!r}, expected {' or '.join(known)}")
+        for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):
+            if getattr(self, name) not in known:
+                raise InputError(f"{name} is {getattr(self, name)!r}, expected {' or '.join(known)}")
+
+    def require_for(self, path: str | Path, *, bag: bool) -> None:
+        """Raise `InputError` for what is said of a table where the recording is a bag, and the other way round."""
+        kinds = ("a bag", "tables") if bag else ("a table", "bags")
+        for name in OF_TABLES if bag else OF_BAGS:
+            value = getattr(self, name)
+            if value != getattr(AS_USUAL, name):
+                raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
+
+    def R_base_flange(self, R: Array) -> Array:
+        """`R_base_flange` (n, 3, 3) of rotations as they are written."""
+        return R.transpose(0, 2, 1) if self.inverse_orientation else R
+
+    def pull(self, wrench: Array) -> Array:
+        """What acts on the sensor (n, 6), of wrenches as they are written."""
+        return -wrench if self.sign == "reaction" else wrench
+
+    def applied(self, table: Table, path: str | Path) -> Table:
+        """Wrenches in sensor axes, pull sign, and orientations of `R_base_flange`. Raises `FileFormatError`."""
+        R, wrench = self.R_base_flange(table.orientation), self.pull(table.wrench)
+        if self.wrench_frame == "base":
+            if table.lacks_orientations:
+                raise FileFormatError(f"{path}: {IN_BASE_AXES}")
+            parts = [np.einsum("nij,ni->nj", R, part) for part in (wrench[:, :3], wrench[:, 3:])]
+            wrench = np.concatenate(parts, axis=1)
+        return replace(table, wrench=wrench, orientation=R)
 
 
-AS_USUAL = Layout()
-
-
-def is_bag(path: str | Path, layout: Layout = AS_USUAL) -> bool:
-    """Whether a recording is a bag: a file by its suffix, or a folder with metadata.yaml; else it is a table, or two.
-
-    Raises `FileFormatError` for a suffix that is neither's, and `InputError` for what `layout` says of the other kind.
-    """
-    bag = _is_bag(Path(path))
-    if layout.pose_file is not None and (bag or _is_bag(layout.pose_file)):
-        raise InputError(
-            f"{path if bag else layout.pose_file}: found a bag as one of two files, expected tables: give it alone"
-        )
-    of_the_other = (
-        {"orientation": layout.orientation if layout.orientation != "auto" else None}
-        if bag
-        else {
-            "wrench_topic": layout.wrench_topic,
-            "pose_topic": layout.pose_topic,
-            "frames": layout.frames,
-            "robot": layout.robot,
-        }
-    )
-    for name, value in of_the_other.items():
-        if value is not None:
-            kinds = ("a bag", "tables") if bag else ("a table", "bags")
-            raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
-    return bag
-
-
-def _is_bag(path: Path) -> bool:
-    if path.is_dir():
-        return not is_parquet(path) and bag_files.is_bag(path)
-    suffix = path.suffix.lower()
-    if suffix not in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_BAGS):
-        raise FileFormatError(
-            f"{path}: found the suffix {suffix}, expected .csv, .parquet, .bag, .db3 or .mcap: export the recording as "
-            "one of them"
-        )
-    return bag_files.is_bag(path)
+AS_USUAL = Options()

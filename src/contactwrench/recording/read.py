@@ -1,4 +1,7 @@
-"""Recordings of every kind as streams, whole or batch by batch, and as samples."""
+"""Recordings of every kind as streams, whole or batch by batch, and as samples.
+
+The suffix tells the reader, which gives the recording in blocks; a whole file is its blocks put together.
+"""
 
 from __future__ import annotations
 
@@ -7,78 +10,134 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..samples.samples import Samples
-from ..samples.streams import OrientationStream, Streams, WrenchStream
-from .options import AS_USUAL, Layout, is_bag
-from .saturation import at_limit
+from ..samples.streams import OrientationStream, Streams, WrenchStream, at_limit
+from .bags.open import SUFFIXES_OF_BAGS, is_bag
+from .options import AS_USUAL, IN_BASE_AXES, Advance, Options
 from .tables.columns import ROWS
-from .tables.table import Table, joined, pose_tables, tables, wrench_tables
-
-Advance = Callable[[float], None]
-"""Is told the part of the recording, 0 to 1, that has been read; NaN where nobody knows its size."""
+from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from .tables.parquet import is_parquet
+from .tables.table import Table, merged, tables
 
 Tell = Callable[[str], None]
 
 
-def read_streams(path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None) -> Streams:
-    """A recording: wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`; its own times, in s.
+def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Table]:
+    """A table, or a folder of them, with wrench and orientation side by side."""
+    blocks = tables(path, options.orientation, rows)
+    return (options.applied(table, path) for table in _told(blocks, advance))
 
-    Of one table a row belongs to both streams, or to one where its other cells are empty. Raises `FileAccessError`,
-    `FileFormatError`, `InputError` and `MissingExtraError`.
+
+def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
+    """A table of wrenches, and the `pose_file` with the orientations: a block has what both hold up to one moment."""
+    pose_path = options.pose_file or path
+    wrenches = _told(tables(path, None, rows), advance)
+    poses = _told(tables(pose_path, options.orientation, rows, wrench=False), None)
+    both = merged(
+        (options.applied(table, path) for table in wrenches), (options.applied(table, pose_path) for table in poses)
+    )
+    return (_streams(wrench, pose, path, pose_path) for wrench, pose in both)
+
+
+def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
+    """A ROS bag."""
+    from .bags.read import bag_batches
+    from .urdf import arm_of
+
+    if options.wrench_frame == "base":
+        raise InputError(f"{path}: {IN_BASE_AXES}")
+    blocks = bag_batches(
+        path,
+        wrench_topic=options.wrench_topic,
+        pose_topic=options.pose_topic,
+        frames=options.frames,
+        arm=None if options.robot is None else arm_of(options.robot),
+        batch=rows,
+        advance=advance,
+    )
+    for block in blocks:
+        yield Streams(
+            replace(block.wrench, wrench=options.pull(block.wrench.wrench)),
+            replace(block.orientation, R_base_flange=options.R_base_flange(block.orientation.R_base_flange)),
+        )
+
+
+Block: TypeAlias = Table | Streams
+Reader: TypeAlias = Callable[[str | Path, Options, int, Advance | None], Iterator[Block]]
+
+READERS: dict[str, Reader] = {
+    **dict.fromkeys((*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET), table_blocks),
+    **dict.fromkeys(SUFFIXES_OF_BAGS, bag_blocks),
+}
+"""What gives a recording in blocks of about so many rows, each row once and in order, by its suffix."""
+
+
+def reader_of(path: str | Path, options: Options = AS_USUAL) -> Reader:
+    """The reader of a recording: by the suffix of a file, by what is in a folder, and of two files where `options`
+    names the second.
+
+    Raises `FileFormatError` for a suffix of none, and `InputError` for what `options` says of another kind.
     """
-    if is_bag(path, layout):
-        return _bag_as_stated(next(_bag(path, layout, None, advance)), path, layout)
-    if layout.pose_file is None:
-        table = joined(list(_told(tables(path, layout.orientation), advance)))
-        return _streams(_as_stated(table, path, layout), path)
-    wrench = joined(list(_told(wrench_tables(path), advance)))
-    poses = joined(list(_told(pose_tables(layout.pose_file, layout.orientation), None)))
-    return _streams_of_two(_as_stated(wrench, path, layout), _as_stated(poses, layout.pose_file, layout), path, layout)
+    reader = _by_name(Path(path))
+    if options.pose_file is not None:
+        if bags := [file for file in (path, options.pose_file) if _by_name(Path(file)) is bag_blocks]:
+            raise InputError(f"{bags[0]}: found a bag as one of two files, expected tables: give it alone")
+        reader = two_file_blocks
+    options.require_for(path, bag=reader is bag_blocks)
+    return reader
+
+
+def _by_name(path: Path) -> Reader:
+    if path.is_dir():
+        return bag_blocks if is_bag(path) and not is_parquet(path) else table_blocks
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise FileFormatError(
+            f"{path}: found the suffix {suffix}, expected .csv, .parquet, .bag, .db3 or .mcap: export the recording as "
+            "one of them"
+        )
+    return READERS[suffix]
+
+
+def read_streams(path: str | Path, options: Options = AS_USUAL, advance: Advance | None = None) -> Streams:
+    """A recording as it is, each stream at its own times. Of one table a row belongs to both streams, or to one where
+    its other cells are empty.
+
+    Args:
+        path: the file or folder.
+        options: how it is written.
+        advance: is told how far it is.
+
+    Returns:
+        The wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`; times in s.
+
+    Raises:
+        FileAccessError: where the file cannot be read.
+        FileFormatError: where it does not hold what it should; names row and column, or topic.
+        InputError: for options that do not fit the recording.
+        MissingExtraError: for a bag without rosbags, Parquet without pyarrow.
+    """
+    return Streams.concatenate(list(batches(path, options, advance=advance)))
 
 
 def batches(
-    path: str | Path, layout: Layout = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
 ) -> Iterator[Streams]:
     """The same in consecutive batches of at most about `rows` rows, each row once and in order; memory for one of them.
 
-    A batch of two files has what both hold up to one moment. Raises as `read_streams`, at once or at a batch.
+    Raises as `read_streams`, at once or at a batch.
     """
-    if is_bag(path, layout):
-        return (_bag_as_stated(streams, path, layout) for streams in _bag(path, layout, rows, advance))
-    if layout.pose_file is None:
-        blocks = _told(tables(path, layout.orientation, rows), advance)
-        return (_streams(_as_stated(table, path, layout), path) for table in blocks)
-    wrenches = _told(wrench_tables(path, rows), advance)
-    poses = _told(pose_tables(layout.pose_file, layout.orientation, rows), None)
-    return _merged(
-        (_as_stated(table, path, layout) for table in wrenches),
-        (_as_stated(table, layout.pose_file, layout) for table in poses),
-        path,
-        layout,
-    )
-
-
-def read_samples(
-    path: str | Path, layout: Layout = AS_USUAL, advance: Advance | None = None, tell: Tell | None = None
-) -> Samples:
-    """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
-    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read_streams`.
-    """
-    if is_bag(path, layout) or layout.pose_file is not None:
-        return _paired(read_streams(path, layout, advance), tell)
-    table = _as_stated(joined(list(_told(tables(path, layout.orientation), advance))), path, layout)
-    if _lacks_orientations(table):
-        return _paired(_streams(table, path), tell)
-    return _samples(table, path)
+    return (_as_streams(block, path) for block in reader_of(path, options)(path, options, rows, advance))
 
 
 def pairs_in_batches(
-    path: str | Path, layout: Layout = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
 ) -> Iterator[Samples] | None:
     """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
 
@@ -86,53 +145,29 @@ def pairs_in_batches(
     rows a wrench has no orientation of its own. Raises as `read_streams`, and `FileFormatError` at a later wrench
     without one.
     """
-    if is_bag(path, layout) or layout.pose_file is not None:
+    if reader_of(path, options) is not table_blocks:
         return None
-    blocks = (_as_stated(table, path, layout) for table in _told(tables(path, layout.orientation, rows), advance))
+    blocks = table_blocks(path, options, rows, advance)
     first = next(blocks)
-    return None if _lacks_orientations(first) else _pairs(chain([first], blocks), path)
+    return None if first.lacks_orientations else (_samples(table, path) for table in chain([first], blocks))
 
 
-def _pairs(blocks: Iterator[Table], path: str | Path) -> Iterator[Samples]:
-    for table in blocks:
-        if _lacks_orientations(table):
-            lacking = table.has_wrench & ~table.has_orientation
-            t = np.nan if table.t is None else table.t[lacking][0]
-            raise FileFormatError(
-                f"{path}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in the "
-                "first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
-            )
-        yield _samples(table, path)
+def read_samples(
+    path: str | Path, options: Options = AS_USUAL, advance: Advance | None = None, tell: Tell | None = None
+) -> Samples:
+    """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
+    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read_streams`.
 
-
-def _lacks_orientations(table: Table) -> bool:
-    """Whether a wrench has no orientation in its row."""
-    return bool((table.has_wrench & ~table.has_orientation).any())
-
-
-def _samples(table: Table, path: str | Path) -> Samples:
-    """The rows of a table that have a wrench, each with its orientation. Raises `FileFormatError`."""
-    pairs = table if table.has_wrench.all() else table.select(table.has_wrench)
-    try:
-        return Samples(
-            pairs.wrench,
-            pairs.orientation,
-            pairs.t,
-            pairs.position,
-            pairs.load_mass,
-            _name(path),
-            saturated=None if pairs.saturated is None else pairs.saturated == 1.0,
-        )
-    except InputError as error:
-        raise FileFormatError(f"{path}: {error}") from None
-
-
-def _paired(streams: Streams, tell: Tell | None) -> Samples:
-    """Two streams onto one clock: the delay between them, of free readings, is applied where it is significant. Where
-    the recording does not say which channels stood at their limits, its readings do.
+    The delay between two streams, of free readings, is applied where it is significant. Where a recording does not say
+    which channels stood at their limits, its readings do.
     """
+    blocks = list(reader_of(path, options)(path, options, ROWS, advance))
+    paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
+    if len(paired) == len(blocks):
+        return _samples(Table.concatenate(paired), path)
     from ..samples.delay import on_one_clock
 
+    streams = Streams.concatenate([_as_streams(block, path) for block in blocks])
     if streams.wrench.saturated is None:
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
@@ -140,114 +175,6 @@ def _paired(streams: Streams, tell: Tell | None) -> Samples:
         for note in notes:
             tell(note)
     return samples
-
-
-def _bag(path: str | Path, layout: Layout, rows: int | None, advance: Advance | None) -> Iterator[Streams]:
-    """A bag's streams as it has them, whole (None) or in batches."""
-    from .bags.read import bag_batches, bag_streams
-    from .urdf import arm_of
-
-    asked: dict[str, Any] = {
-        "wrench_topic": layout.wrench_topic,
-        "pose_topic": layout.pose_topic,
-        "frames": layout.frames,
-        "arm": None if layout.robot is None else arm_of(layout.robot),
-        "advance": advance,
-    }
-    yield from [bag_streams(path, **asked)] if rows is None else bag_batches(path, batch=rows, **asked)
-
-
-def _bag_as_stated(streams: Streams, path: str | Path, layout: Layout) -> Streams:
-    if layout.wrench_frame == "base":
-        raise InputError(f"{path}: {IN_BASE_AXES}")
-    wrench, poses = streams.wrench, streams.orientation
-    if layout.sign == "reaction":
-        wrench = replace(wrench, wrench=-wrench.wrench)
-    if layout.inverse_orientation:
-        poses = replace(poses, R_base_flange=poses.R_base_flange.transpose(0, 2, 1))
-    return Streams(wrench, poses)
-
-
-IN_BASE_AXES = (
-    "found a wrench in base axes without an orientation in its row, expected both in each row: record them together, "
-    "or the wrench in sensor axes"
-)
-
-
-def _as_stated(table: Table, path: str | Path, layout: Layout) -> Table:
-    """Wrenches in sensor axes, pull sign, and orientations of `R_base_flange`. Raises `FileFormatError`."""
-    R = table.orientation.transpose(0, 2, 1) if layout.inverse_orientation else table.orientation
-    wrench = -table.wrench if layout.sign == "reaction" else table.wrench
-    if layout.wrench_frame == "base":
-        if _lacks_orientations(table):
-            raise FileFormatError(f"{path}: {IN_BASE_AXES}")
-        wrench = np.concatenate(
-            [np.einsum("nij,ni->nj", R, wrench[:, :3]), np.einsum("nij,ni->nj", R, wrench[:, 3:])], axis=1
-        )
-    return replace(table, wrench=wrench, orientation=R)
-
-
-def _streams(table: Table, path: str | Path) -> Streams:
-    return _streams_of_two(table, table, path, AS_USUAL)
-
-
-def _streams_of_two(wrenches: Table, poses: Table, path: str | Path, layout: Layout) -> Streams:
-    """The streams of a table's rows that have a wrench, and of another's, or the same one's, that have an orientation.
-
-    Raises `FileFormatError` where there are no times.
-    """
-    read, posed = wrenches.select(wrenches.has_wrench), poses.select(poses.has_orientation)
-    if read.t is None or posed.t is None:
-        raise FileFormatError(
-            f"{path}: found no column t, expected the time of each row of a recording: add it, or use the file as a "
-            "table of poses"
-        )
-    pose_path = path if layout.pose_file is None else layout.pose_file
-    try:
-        orientation = OrientationStream(posed.t, posed.orientation, posed.position, _name(pose_path))
-    except InputError as error:
-        raise FileFormatError(f"{pose_path}: {error}") from None
-    saturated = None if read.saturated is None else read.saturated == 1.0
-    return Streams(WrenchStream(read.t, read.wrench, _name(path), read.load_mass, saturated), orientation)
-
-
-def _merged(wrenches: Iterator[Table], poses: Iterator[Table], path: str | Path, layout: Layout) -> Iterator[Streams]:
-    """Batches of two tables, in each what both hold up to the moment at which a block of one of them ends."""
-    wrench, pose = next(wrenches), next(poses)
-    without_wrench, without_pose = wrench.select(slice(0)), pose.select(slice(0))
-    more = True
-    while more:
-        until = min(_end(wrench), _end(pose))
-        read, wrench_left = _cut(wrench, until)
-        posed, pose_left = _cut(pose, until)
-        yield _streams_of_two(read, posed, path, layout)
-        wrench = wrench_left if len(wrench_left) else next(wrenches, without_wrench)
-        pose = pose_left if len(pose_left) else next(poses, without_pose)
-        more = bool(len(wrench) or len(pose))
-
-
-def _end(table: Table) -> float:
-    return float(table.t[-1]) if table.t is not None and len(table) else np.inf
-
-
-def _cut(table: Table, until: float) -> tuple[Table, Table]:
-    """The rows before the first one that is later than `until`, all where the last one is not; and the others."""
-    if table.t is None or _end(table) <= until or not len(table):
-        return table, table.select(slice(0))
-    first_later = int(np.argmax(table.t > until))
-    return table.select(slice(first_later)), table.select(slice(first_later, None))
-
-
-def _told(blocks: Iterator[tuple[Table, float]], advance: Advance | None) -> Iterator[Table]:
-    """The tables alone; how far they got is told to `advance`."""
-    for table, done in blocks:
-        yield table
-        if advance is not None:
-            advance(done)
-
-
-def _name(path: str | Path) -> str:
-    return os.fsencode(path).decode(errors="replace")
 
 
 def read(
@@ -263,28 +190,84 @@ def read(
     frames: tuple[str, str] | None = None,
     robot: str | None = None,
 ) -> Samples:
-    """Read a recording: wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`.
+    """Read a recording. Where a wrench lacks an orientation of its own, one is interpolated, after the delay between
+    the two was estimated.
 
-    `path`: a table (CSV, Parquet) of wrenches and orientations, or of wrenches alone where `pose_file` has the
-    orientations, or a bag. `orientation`: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
-    `wrench_frame`: sensor, or base where the controller turns the wrench into base axes; it is turned back by
-    `R_base_flange`, so that it comes in the flange's axes. `sign`: pull (what acts on the sensor), or reaction (what
-    the sensor exerts), which is negated. `inverse_orientation`: the file holds `R_flange_base`. Of a bag:
-    `wrench_topic` and `pose_topic`; `frames` (base, flange); `robot`, whose joint angles it has: a known arm's name, or
-    a URDF as PATH[:LINK].
+    Args:
+        path: a table (CSV, Parquet) of wrenches and orientations, or a bag.
+        orientation: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
+        wrench_frame: sensor, or base where the controller turns the wrench into base axes; it is turned back by
+            `R_base_flange`, so that it comes in the flange's axes.
+        sign: pull (what acts on the sensor), or reaction (what the sensor exerts), which is negated.
+        inverse_orientation: the file holds `R_flange_base`.
+        pose_file: a table with the orientations, where `path` has the wrenches alone.
+        wrench_topic: of a bag, None: the only one.
+        pose_topic: of a bag, None: the only one.
+        frames: of a bag, (base, flange) between which its transforms give the pose.
+        robot: of a bag, whose joint angles it has: a known arm's name, or a URDF as PATH[:LINK].
 
-    Where a wrench lacks an orientation of its own, one is interpolated, after the delay between the two was estimated.
-    Raises `FileAccessError`, `FileFormatError`, `InputError` and `MissingExtraError`.
+    Returns:
+        Wrenches in N and N m, sensor axes, pull sign, each with the orientation `R_base_flange`.
+
+    Raises:
+        FileAccessError, FileFormatError, InputError, MissingExtraError: as `read_streams`.
     """
-    layout = Layout(
-        orientation,
-        wrench_frame,
-        sign,
-        inverse_orientation,
-        wrench_topic,
-        pose_topic,
-        frames,
-        robot,
-        None if pose_file is None else Path(pose_file),
+    second = None if pose_file is None else Path(pose_file)
+    options = Options(
+        orientation, wrench_frame, sign, inverse_orientation, wrench_topic, pose_topic, frames, robot, second
     )
-    return read_samples(path, layout)
+    return read_samples(path, options)
+
+
+def _as_streams(block: Block, path: str | Path) -> Streams:
+    return block if isinstance(block, Streams) else _streams(block, block, path, path)
+
+
+def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | Path) -> Streams:
+    """The rows of a table that have a wrench, and those of another, or the same, that have an orientation. Raises
+    `FileFormatError` where there are no times.
+    """
+    wrench, pose = wrenches.select(wrenches.has_wrench), poses.select(poses.has_orientation)
+    if wrench.t is None or pose.t is None:
+        raise FileFormatError(
+            f"{path}: found no column t, expected the time of each row of a recording: add it, or use the file as a "
+            "table of poses"
+        )
+    try:
+        orientation = OrientationStream(pose.t, pose.orientation, pose.position, name_of(pose_path))
+    except InputError as error:
+        raise FileFormatError(f"{pose_path}: {error}") from None
+    saturated = None if wrench.saturated is None else wrench.saturated == 1.0
+    return Streams(WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated), orientation)
+
+
+def _samples(table: Table, path: str | Path) -> Samples:
+    """The rows that have a wrench, each with its orientation. Raises `FileFormatError`, also where one has none."""
+    if table.lacks_orientations:
+        lacking = table.has_wrench & ~table.has_orientation
+        t = np.nan if table.t is None else table.t[lacking][0]
+        raise FileFormatError(
+            f"{path}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in the "
+            "first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
+        )
+    rows = table if table.has_wrench.all() else table.select(table.has_wrench)
+    saturated = None if rows.saturated is None else rows.saturated == 1.0
+    try:
+        return Samples(
+            rows.wrench, rows.orientation, rows.t, rows.position, rows.load_mass, name_of(path), saturated=saturated
+        )
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def _told(blocks: Iterator[tuple[Table, float]], advance: Advance | None) -> Iterator[Table]:
+    """The tables alone; how far they got is told to `advance`."""
+    for table, done in blocks:
+        yield table
+        if advance is not None:
+            advance(done)
+
+
+def name_of(path: str | Path) -> str:
+    """A path as text, whatever bytes it has."""
+    return os.fsencode(path).decode(errors="replace")

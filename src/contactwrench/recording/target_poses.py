@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,15 +11,12 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry.arrays import Array
-from .tables.column_names import LENGTH
-from .tables.columns import Body, Column, optional
-from .tables.table import opened, orientations, times
-
-JOINT_ANGLE = {"": 1.0, "rad": 1.0, "deg": 180.0 / np.pi}
+from .tables.columns import ANGLE, LENGTH, TIME, optional, orientation_columns
+from .tables.table import in_seconds, in_si, open_table, rotations
 
 
 @dataclass(frozen=True, eq=False)
-class Goals:
+class TargetPoses:
     """Where an arm is to go, row by row: `joints` (n, k), rad, or, where that is None, `R_base_flange` (n, 3, 3) with
     `position` (n, 3), m, or None; `t` (n,), s, or None. A table that has joint angles is not read for its poses.
     """
@@ -28,25 +27,43 @@ class Goals:
     t: Array | None
 
 
-def read_goals(path: str | Path, joint_count: int, orientation: str = "auto") -> Goals:
-    """Read columns `q1` to `qN` (rad, or `q1_deg`), or an orientation by its columns' names as in a recording and
-    `x y z`; and `t`. Raises `FileAccessError`, and `FileFormatError` naming the file, the row and the column.
+def read_target_poses(path: str | Path, joint_count: int, orientation: str = "auto") -> TargetPoses:
+    """Read where an arm is to go.
+
+    Args:
+        path: a table with `q1` to `qN` (rad, or `q1_deg`), or an orientation by its columns' names as in a recording
+            and `x y z`; and `t`.
+        joint_count: N.
+        orientation: as in `Options`.
+
+    Raises:
+        FileAccessError: where the file cannot be read.
+        FileFormatError: naming the file, the row and the column.
     """
-    places, body = opened(path)
+    table = open_table(path)
     names = [f"q{k}" for k in range(1, joint_count + 1)]
-    joints = optional(places, names, JOINT_ANGLE, set(), body.source)
-    t = times(places, body)
-    if joints:
-        return Goals(_values(body, joints), np.empty((0, 3, 3)), None, t)
+    t_columns = optional(table, ["t"], TIME)
+    joint_columns = optional(table, names, {"": 1.0, **ANGLE})
+    if joint_columns:
+        blocks = [in_si(body, (t_columns, joint_columns)) for body in table.bodies([*t_columns, *joint_columns])]
+        t, joints = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        return TargetPoses(joints, np.empty((0, 3, 3)), None, in_seconds(t, t_columns))
+    with _or_joint_angles(names):
+        convention, angles = orientation_columns(table, orientation)
+    position_columns = optional(table, ["x", "y", "z"], LENGTH, {column.place for column in angles})
+    R, others = [], []
+    for body in table.bodies([*t_columns, *angles, *position_columns]):
+        others.append(in_si(body, (t_columns, position_columns)))
+        with _or_joint_angles(names):
+            R.append(rotations(convention, angles, in_si(body, (angles,))[0], body))
+    t, position = (np.concatenate(parts) for parts in zip(*others, strict=True))
+    return TargetPoses(None, np.concatenate(R), position if position_columns else None, in_seconds(t, t_columns))
+
+
+@contextmanager
+def _or_joint_angles(names: list[str]) -> Iterator[None]:
+    """Say, where an orientation cannot be read, that joint angles would do."""
     try:
-        R, taken = orientations(places, body, orientation)
+        yield
     except FileFormatError as error:
         raise FileFormatError(f"{error}; or give joint angles {names[0]} to {names[-1]}") from None
-    position = optional(places, ["x", "y", "z"], LENGTH, taken, body.source)
-    return Goals(None, R, _values(body, position) if position else None, t)
-
-
-def _values(body: Body, columns: list[Column]) -> Array:
-    """The columns' numbers (n, k), SI."""
-    values: Array = body.numbers(columns) / np.array([column.per_si for column in columns])
-    return values

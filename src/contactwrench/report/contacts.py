@@ -1,20 +1,21 @@
-"""The report of a compensated recording: the contact wrench over time, every contact, what was wrong with samples."""
+"""A recording's contact wrenches written, and the page about them: over time, every contact, what was wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from html import escape
 from pathlib import Path
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..calibration.text import meaningful_digits
-from ..compensate.contact_wrenches import Contact
-from ..files import write_text
+from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
+from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import TOUCHING, JudgedWrenches, Rows
+from ..recording.compensate import Treatment, compensated, write_compensated
+from ..recording.options import Advance, Options
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
-from .html import figure_html, page, paragraphs_html, table_html
+from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
 from .signals import Envelope, envelope, outline
 
 SHADE = "#f3d9a4"
@@ -33,21 +34,21 @@ class ContactLog:
         self.contacts: list[Contact] = []
         self.reasons: dict[str, tuple[int, float]] = {}
 
-    def watched(self, recording: Iterable[Rows]) -> Iterator[Rows]:
-        """The same batches, each noted as it goes by."""
+    def noted(self, recording: Iterable[ContactWrenches], every: bool = True) -> Iterator[ContactWrenches]:
+        """The same batches, each noted as it goes by; without `every` their rows are counted, no more."""
         for batch in recording:
-            if isinstance(batch, JudgedWrenches):
+            self.rows += len(batch)
+            if every:
                 self._note(batch)
             yield batch
 
-    def _note(self, batch: JudgedWrenches) -> None:
+    def _note(self, batch: ContactWrenches) -> None:
         self.contacts += batch.contacts
-        if not len(batch):
+        if batch.t is None or not len(batch):
             return
         if not np.isfinite(self.start):
             self.start = float(batch.t[0])
         self.end = float(batch.t[-1])
-        self.rows += len(batch)
         self.touching += int(np.sum(batch.contact == TOUCHING))
         self.envelope = envelope(batch.t, batch.wrench, self.envelope)
         for row in np.flatnonzero(~batch.valid).tolist():
@@ -61,6 +62,49 @@ def _kind(reason: str) -> str:
     """What is the same of all samples that lack the same: `left out` with its reason, else the first word."""
     head, _, rest = reason.partition(":")
     return rest.strip() if head == "left out" else head
+
+
+def compensate_recording(
+    path: Path,
+    options: Options,
+    calibration: Calibration,
+    treatment: Treatment,
+    output: Path,
+    report: Path | None,
+    advance: Advance | None = None,
+) -> tuple[list[str], list[str]]:
+    """Compensate a recording and write what comes out.
+
+    Args:
+        path: the recording.
+        options: how it is written.
+        calibration: of the tool.
+        treatment: what is to be done beside subtracting weight and bias.
+        output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
+        report: a page about every contact, which `treatment` must have judged.
+        advance: is told how far the reading is.
+
+    Returns:
+        What to say: what was found and written, and notes on how.
+
+    Raises:
+        ContactWrenchError: as reading, pairing, compensating and writing raise it.
+    """
+    notes: list[str] = []
+    log = ContactLog()
+    rows = log.noted(compensated(path, options, calibration, treatment, advance, notes.append), treatment.judged)
+    topic = write_compensated(output, rows, path, options, treatment.output_frame)
+    if report is not None:
+        write_contact_report(report, "Contact report", log, (str(path),))
+    lines = [summary(log)] if treatment.judged else []
+    if str(output) != STDOUT:
+        what = (
+            f"row{'' if log.rows == 1 else 's'}"
+            if topic is None
+            else f"message{'' if log.rows == 1 else 's'} of {topic}"
+        )
+        lines.append(f"Wrote the contact wrenches, {log.rows} {what}, to {output}")
+    return [*lines, *([] if report is None else [f"Wrote the report to {report}"])], notes
 
 
 def write_contact_report(path: str | Path, title: str, log: ContactLog, paragraphs: tuple[str, ...]) -> None:
@@ -123,28 +167,24 @@ def _contacts(log: ContactLog) -> str:
         f = contact.mean[:3] / force if force > 0.0 else contact.mean[:3]
         along = float(np.sqrt(f @ contact.covariance[:3, :3] @ f)) if force > 0.0 else float(std.max())
         lasts = "lasts" if contact.release is None else f"{contact.release - contact.onset:.3f}"
-        place = escape(line.reason) if line.reason else _place(line.point, line.point_covariance)
-        cells = (
+        cells = [
             f"{contact.onset - log.start:.3f}",
             lasts,
             " ± ".join(meaningful_digits(float(force), along)),
             f"{np.linalg.norm(contact.peak[:3]):.2f}",
             " ".join(f"{part:.2f}" for part in line.direction) if line.reason is None else "-",
-        )
-        rows.append(
-            f"<tr><th>{number}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}<td class='said'>{place}</td></tr>"
-        )
-    head = (
-        "<th></th><th>onset, s</th><th>length, s</th><th>mean force, N</th><th>peak, N</th><th>direction</th>"
-        "<th class='said'>nearest point of its line to the sensor's origin, mm</th>"
-    )
+            line.reason or _place(line.point, line.point_covariance),
+        ]
+        rows.append(row_html(str(number), cells, "said"))
+    titles = ["", "onset, s", "length, s", "mean force, N", "peak, N", "direction"]
+    head = head_html([*titles, "nearest point of its line to the sensor's origin, mm"], "said")
     more = len(log.contacts) - MOST_LISTED
     cut = f"<p>And {more} more.</p>" if more > 0 else ""
     said = (
         "Means over the whole contact in the sensor's axes, which turn with the arm. The line of action is that of one "
         "force; ± is one std of the mean, what the arm turned meanwhile left out."
     )
-    table = table_html(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
+    table = table_html(head + "".join(rows))
     return f"<h3>Contacts</h3>{table}{cut}<p class='unit'>{said}</p>"
 
 
@@ -157,8 +197,8 @@ def _faults(log: ContactLog) -> str:
     if not log.reasons:
         return ""
     rows = "".join(
-        f"<tr><th>{escape(kind)}</th><td>{count}</td><td>{first - log.start:.3f}</td></tr>"
+        row_html(kind, [str(count), f"{first - log.start:.3f}"])
         for kind, (count, first) in sorted(log.reasons.items(), key=lambda item: item[1][1])
     )
-    table = table_html(f"<thead><tr><th></th><th>samples</th><th>first at, s</th></tr></thead>{rows}")
+    table = table_html(head_html(["", "samples", "first at, s"]) + rows)
     return f"<h3>Samples with something wrong</h3>{table}"

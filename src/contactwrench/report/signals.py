@@ -97,7 +97,7 @@ def outline(of: Envelope) -> tuple[Array, Array]:
     held = np.isfinite(of.low).any(axis=1)
     t, low, high = np.repeat(of.t[held], 2), of.low[held], of.high[held]
     falls = np.diff(low + high, axis=0, prepend=np.inf) < 0.0
-    values = np.stack([np.where(falls, high, low), np.where(falls, low, high)], axis=1).reshape(len(t), -1)
+    values = np.stack([np.where(falls, high, low), np.where(falls, low, high)], axis=1).reshape(len(t), low.shape[1])
     step = np.diff(t)
     usual, span = (float(np.median(step[step > 0.0])), float(np.ptp(t))) if (step > 0.0).any() else (0.0, 0.0)
     gap = np.flatnonzero(step > max(10.0 * usual, 3.0 * span / MOST_BINS))

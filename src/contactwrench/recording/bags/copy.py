@@ -39,9 +39,9 @@ def write_bag_with(
     wrench_topic: str | None = None,
     topic: str | None = None,
     frame: str | None = None,
-) -> None:
+) -> str:
     """Copy a bag and add the contact wrench: a topic of `geometry_msgs/WrenchStamped`, `topic` or the wrench's own with
-    `/contact` behind it.
+    `/contact` behind it; its name.
 
     `wrenches`: arrays (m, 6), N and N m, as they come, a row for each message of the wrench's topic in the order of
     `bag_batches`; a row of NaN is written as such. Each is written behind its message, with that message's stamps and
@@ -71,6 +71,7 @@ def write_bag_with(
             _copy_mcaps(bag, parts, path_out, not kind, source, name, until)
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, until)
+    return name
 
 
 def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, source: Topic, name: str, until: Until) -> None:

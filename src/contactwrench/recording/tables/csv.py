@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import codecs
 import csv
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import NoReturn
@@ -18,15 +19,16 @@ import numpy as np
 from ...errors import FileFormatError
 from ...files import blocks_of_lines
 from ...geometry.arrays import Array
-from .columns import SATURATED, Column, places_of
+from .columns import SATURATED, Column, OpenTable, places_of
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", "")
 
 BOOLEANS = {"true": 1.0, "false": 0.0}
 
 
-def csv_bodies(path: str | Path, rows: int | None = None) -> tuple[dict[str, int], Iterator[Lines]]:
-    """The place of each column by its name, and the rows below the header: all at once, or `rows` lines at a time.
-
-    Raises `FileAccessError`, and `FileFormatError` for what is no text or has no header.
+def open_csv(path: str | Path, rows: int) -> OpenTable:
+    """A text file, `rows` lines at a time. Raises `FileAccessError`, and `FileFormatError` for what is no text or has
+    no header.
     """
     source = str(path)
     blocks = _blocks_of_text(path, source, rows)
@@ -37,16 +39,15 @@ def csv_bodies(path: str | Path, rows: int | None = None) -> tuple[dict[str, int
         blank = blank and not text.strip()
         if header is not None:
             row, delimiter, names = header
-            places = places_of(names, source)
-            first = Lines(lines[row - first_row + 1 :], row + 1, delimiter, len(names), source, done)
-            rest = (Lines(text.split("\n"), row, delimiter, len(names), source, done) for row, text, done in blocks)
-            return places, _with_rows(chain([first], rest))
+            first = (row + 1, "\n".join(lines[row - first_row + 1 :]), done)
+            bodies = (Lines(*block, delimiter, len(names), source) for block in chain([first], blocks))
+            return OpenTable(source, places_of(names, source), partial(_with_rows, bodies))
     if blank:
         raise FileFormatError(f"{source}: the file is empty, expected a header line and rows of numbers")
     raise FileFormatError(f"{source}: found comments only, expected a header line and rows of numbers")
 
 
-def _blocks_of_text(path: str | Path, source: str, rows: int | None) -> Iterator[tuple[int, str, float]]:
+def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[int, str, float]]:
     """The row at which a block of lines begins, its text, and the part of the file that ends with it."""
     row = 1
     for content, done in blocks_of_lines(path, rows):
@@ -80,25 +81,25 @@ def _header(lines: list[str], first_row: int, source: str) -> tuple[int, str, li
     return None
 
 
-def _with_rows(blocks: Iterator[Lines]) -> Iterator[Lines]:
-    """The blocks that have rows, or one without any."""
-    without, found = None, False
+def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator[Lines]:
+    """The blocks that have rows, or one without any, whatever the columns are of which numbers will be asked for."""
+    empty, any_rows = None, False
     for block in blocks:
         if len(block):
-            found = True
+            any_rows = True
             yield block
         else:
-            without = block
-    if without is not None and not found:
-        yield without
+            empty = block
+    if empty is not None and not any_rows:
+        yield empty
 
 
 class Lines:
     """Rows of a text file, by the lines that hold them. A `Body`."""
 
-    def __init__(self, lines: list[str], first_row: int, delimiter: str, width: int, source: str, done: float) -> None:
-        self._all, self._first_row, self._delimiter, self._width = lines, first_row, delimiter, width
-        self._lines = [line for line in lines if (start := line.lstrip()) and start[0] != "#"]
+    def __init__(self, first_row: int, text: str, done: float, delimiter: str, width: int, source: str) -> None:
+        self._all, self._first_row, self._delimiter, self._width = text.split("\n"), first_row, delimiter, width
+        self._lines = [line for line in self._all if (start := line.lstrip()) and start[0] != "#"]
         self.source, self.done = source, done
 
     def __len__(self) -> int:
@@ -114,7 +115,7 @@ class Lines:
         cell = _cells(self._lines[index], self._delimiter, row, self.source)[column.place]
         raise self._lack(cell, column, row)
 
-    def numbers(self, columns: list[Column], may_lack: Collection[Column] = ()) -> Array:
+    def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
 
         Raises `FileFormatError` naming row and column of what is no finite number.
@@ -175,7 +176,7 @@ class Lines:
         """Row number and text of every row of data."""
         return ((row, line) for row, line in enumerate(self._all, start=self._first_row) if _is_row(line))
 
-    def _row(self, row: int, line: str, columns: list[Column], may_lack: Collection[Column]) -> list[float]:
+    def _row(self, row: int, line: str, columns: Sequence[Column], may_lack: Collection[Column]) -> list[float]:
         """The numbers of one row, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
         cells = _cells(line, self._delimiter, row, self.source)
         if len(cells) != self._width:

@@ -6,7 +6,7 @@ Rows are counted from 1, over all files of a folder. Of pyarrow: https://arrow.a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .columns import ROWS, Column, places_of, shown
+from .columns import ROWS, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
 
 SUFFIXES = (".parquet", ".pq")
 LISTS = {
-    "wrench": ("fx", "fy", "fz", "tx", "ty", "tz"),
+    "wrench": WRENCH_COLUMNS,
     "quat_xyzw": ("qx", "qy", "qz", "qw"),
     "position": ("x", "y", "z"),
 }
@@ -47,72 +47,41 @@ def is_parquet(path: str | Path) -> bool:
     return bool(_parts(Path(path))) if Path(path).is_dir() else Path(path).suffix.lower() in SUFFIXES
 
 
-def parquet_body(path: str | Path) -> tuple[dict[str, int], Batch]:
-    """The place of each column by its name, in small letters, and all rows, of which each column is read when its
-    numbers are asked for. Raises as `parquet_bodies`.
+def open_parquet(path: str | Path, rows: int) -> OpenTable:
+    """A Parquet file, or a folder of them as one table, its files in the order of their names, numbers in these by
+    value; at most `rows` rows at a time. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`.
     """
     parts, fields, places, total = _described(path)
 
-    def records(columns: list[str]) -> list[Any]:
-        return [record for part in parts for record in _records(part, columns, total)]
-
-    return places, Batch(records, fields, str(path), 0, total, 1.0)
-
-
-def parquet_bodies(
-    path: str | Path, rows: int
-) -> tuple[dict[str, int], Callable[[Collection[Column]], Iterator[Batch]]]:
-    """The place of each column by its name, in small letters, and what reads some columns at most `rows` at a time.
-
-    A folder is read as one table, its files in the order of their names, numbers in these by value. Raises
-    `FileAccessError`, `FileFormatError` and `MissingExtraError`.
-    """
-    parts, fields, places, total = _described(path)
-
-    def batches(columns: Collection[Column]) -> Iterator[Batch]:
+    def bodies(columns: Collection[Column]) -> Iterator[Batch]:
         names = sorted({fields[column.place].column for column in columns})
         before = 0
         for part in parts:
             for record in _records(part, names, rows):
-                n = len(record)
-                yield Batch(_always([record]), fields, str(path), before, n, (before + n) / total)
-                before += n
+                yield Batch(record, fields, str(path), before, (before + len(record)) / total)
+                before += len(record)
 
-    return places, batches
+    return OpenTable(str(path), places, bodies)
 
 
-def rows_as_stored(path: str | Path, rows: int = ROWS) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
+def rows_as_stored(path: str | Path) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
     """All columns as the files have them, a record batch at a time, and which of its rows (n,) have a wrench."""
     parts, fields, places, _ = _described(path)
-    fx = next(column for name, column in ((n, Column(p, n, 1.0)) for n, p in places.items()) if name[:2] == "fx")
+    fx = next(Column(place, name, 1.0) for name, place in places.items() if name[:2] == "fx")
     for part in parts:
-        with _opened(part) as file, _readable(str(part)):
-            for record in file.iter_batches(batch_size=rows):
-                body = Batch(_always([record]), fields, str(path), 0, len(record), 1.0)
-                yield record, ~np.isnan(body.numbers([fx], may_lack=[fx])[:, 0])
-
-
-def _always(records: list[Any]) -> Callable[[list[str]], list[Any]]:
-    return lambda columns: records
+        for record in _records(part, None, ROWS):
+            yield record, ~np.isnan(Batch(record, fields, str(path), 0, 1.0).numbers([fx], may_lack=[fx])[:, 0])
 
 
 class Batch:
-    """Rows of Parquet files, in the record batches that `records` gives for some columns. A `Body`."""
+    """Rows of Parquet files in a record batch, `before` which there were so many. A `Body`."""
 
-    def __init__(
-        self,
-        records: Callable[[list[str]], list[Any]],
-        fields: list[_Field],
-        source: str,
-        before: int,
-        n: int,
-        done: float,
-    ) -> None:
-        self._records, self._fields, self._before, self._n = records, fields, before, n
+    def __init__(self, record: Any, fields: list[_Field], source: str, before: int, done: float) -> None:
+        self._record, self._fields, self._before = record, fields, before
         self.source, self.done = source, done
 
     def __len__(self) -> int:
-        return self._n
+        return len(self._record)
 
     def row_of(self, index: int) -> int:
         """The number of the index-th row, over all files, from 1."""
@@ -125,17 +94,14 @@ class Batch:
             "or leave the row out"
         )
 
-    def numbers(self, columns: list[Column], may_lack: Collection[Column] = ()) -> Array:
+    def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """The numbers (n, k) of the columns, as written; NaN where a column in `may_lack` has a null or a NaN.
 
         Raises `FileFormatError` naming row and column of what is no finite number.
         """
-        values = np.empty((self._n, len(columns)))
-        start = 0
-        for record in self._records(sorted({self._fields[column.place].column for column in columns})):
-            for k, column in enumerate(columns):
-                values[start : start + len(record), k] = self._floats(record, column, start)
-            start += len(record)
+        values = np.empty((len(self), len(columns)))
+        for k, column in enumerate(columns):
+            values[:, k] = self._floats(column)
         fine = np.isfinite(values)
         for index, k in np.argwhere(~fine) if not fine.all() else ():
             column, value = columns[k], values[index, k]
@@ -148,15 +114,15 @@ class Batch:
                 self.refuse_lack(int(index), column)
         return values
 
-    def _floats(self, record: Any, column: Column, start: int) -> Array:
-        """The numbers (m,) of a record batch, whose first row is the one at `start`; NaN for null."""
+    def _floats(self, column: Column) -> Array:
+        """The numbers (n,) of a column; NaN for null."""
         import pyarrow as pa
 
         field = self._fields[column.place]
-        values = record.column(record.schema.get_field_index(field.column))
+        values = self._record.column(self._record.schema.get_field_index(field.column))
         with _readable(self.source):
             if field.element is not None:
-                values = self._elements(values, field, start)
+                values = self._elements(values, field)
             if pa.types.is_dictionary(values.type):
                 values = values.dictionary_decode()
             kind = values.type
@@ -175,7 +141,7 @@ class Batch:
             floats = values.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             return np.asarray(floats, dtype=np.float64)
 
-    def _elements(self, lists: Any, field: _Field, start: int) -> Any:
+    def _elements(self, lists: Any, field: _Field) -> Any:
         """One element of each list. Raises `FileFormatError` for a list of another length."""
         import pyarrow.compute as pc
 
@@ -184,7 +150,7 @@ class Batch:
         if (length != expected).any():
             index = int(np.argmax(length != expected))
             raise FileFormatError(
-                f"{self.source}: row {self.row_of(start + index)}, column {field.column}: found a list of "
+                f"{self.source}: row {self.row_of(index)}, column {field.column}: found a list of "
                 f"{length[index]}, expected {expected}: complete it or leave the row out"
             )
         return pc.list_element(lists, field.element)
@@ -240,8 +206,8 @@ def _fields(schema: Any) -> list[_Field]:
     return fields
 
 
-def _records(path: Path, columns: list[str], rows: int) -> Iterator[Any]:
-    """Record batches of some columns, of at most `rows` rows."""
+def _records(path: Path, columns: list[str] | None, rows: int) -> Iterator[Any]:
+    """Record batches of some columns, or of all, of at most `rows` rows."""
     with _opened(path) as file, _readable(str(path)):
         yield from file.iter_batches(batch_size=rows, columns=columns)
 

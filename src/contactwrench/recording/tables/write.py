@@ -7,19 +7,17 @@ also `valid` (1 or 0), `contact` (1, 0, or nothing where nobody can tell) and `r
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...compensate.contact_wrenches import TOUCHING, ContactWrenches
 from ...errors import InputError
 from ...files import write_bytes, write_text
-from ...geometry.arrays import Array
-from .column_names import WRENCH_COLUMNS
-from .digits import Letters, nine_digits
+from .columns import WRENCH_COLUMNS
 from .parquet import SUFFIXES, import_parquet, is_parquet, rows_as_stored
 
 NAMES = (*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS))
@@ -28,50 +26,24 @@ PREFIX = "contact_"
 """Of the new columns' names in a Parquet file, where the recording's columns have one of their names."""
 
 LINES = 2000
-"""Formatted at once: their letters stay in the cache."""
-
-
-class ContactRows(Protocol):
-    """Contact wrenches in a row."""
-
-    @property
-    def wrench(self) -> Array:
-        """(n, 6) N and N m."""
-
-    @property
-    def std(self) -> Array:
-        """(n, 6) of the wrench."""
-
-    @property
-    def t(self) -> Array | None:
-        """(n,) s."""
-
-
-@runtime_checkable
-class Judged(Protocol):
-    """A judgement of each."""
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """(n,) whether nothing is wrong with the sample."""
-
-    @property
-    def contact(self) -> NDArray[np.int8]:
-        """(n,) 1 where something touches, 0 where nothing does, -1 where that cannot be judged."""
-
-    @property
-    def reason(self) -> Sequence[str | None]:
-        """(n) what is wrong, where something is."""
+"""Formatted at once: their text stays in the cache."""
 
 
 def write_contact_wrenches(
-    path: str | Path, batches: Iterable[ContactRows], recording: str | Path | None = None
+    path: str | Path, batches: Iterable[ContactWrenches], recording: str | Path | None = None
 ) -> None:
-    """Write one row per sample, in order; `-` is CSV on stdout. Memory for one batch.
+    """Write one row per sample, in order. Memory for one batch.
 
-    Parquet by the suffix of `path`. If `recording`, the one that was compensated, is Parquet too, its columns are kept,
-    and the new ones, named contact_fx and so on where the recording has one of their names, stand beside them: null in
-    rows without a wrench. Raises `FileAccessError`, and `InputError` where the recording has other rows.
+    Args:
+        path: `-` is CSV on stdout; Parquet by its suffix.
+        batches: what is written, part after part.
+        recording: the one that was compensated. If it is Parquet and `path` too, its columns are kept, and the new
+            ones, named contact_fx and so on where it has one of their names, stand beside them: null in rows without a
+            wrench.
+
+    Raises:
+        FileAccessError: where the file cannot be written.
+        InputError: where the recording has other rows.
     """
     if Path(path).suffix.lower() not in SUFFIXES:
         write_text(path, _csv(iter(batches)))
@@ -81,40 +53,32 @@ def write_contact_wrenches(
         write_bytes(Path(path), _parquet(map(_columns, batches)))
 
 
-def _csv(batches: Iterator[ContactRows]) -> Iterator[str]:
+def _csv(batches: Iterator[ContactWrenches]) -> Iterator[str]:
+    """By one `%` for many lines: Python writes a number faster than numpy can do anything to a text."""
     first = next(batches, None)
     if first is None:
         return
-    names = [*(["t"] if first.t is not None else []), *NAMES, *(JUDGEMENT if isinstance(first, Judged) else [])]
-    yield ",".join(names) + "\n"
+    with_t, judged = first.t is not None, first.judged
+    yield ",".join([*(["t"] if with_t else []), *NAMES, *(JUDGEMENT if judged else [])]) + "\n"
+    line = ",".join([*(["%r"] if with_t else []), *(["%.9g"] * len(NAMES)), *(["%d,%s,%s"] if judged else [])]) + "\n"
     for batch in chain([first], batches):
-        for start in range(0, len(batch.wrench), LINES):
+        columns = [*([] if batch.t is None else [batch.t]), *batch.wrench.T, *batch.std.T]
+        for start in range(0, len(batch), LINES):
             some = slice(start, start + LINES)
-            cells = [nine_digits(column) for part in (batch.wrench, batch.std) for column in part[some].T]
-            if batch.t is not None:
-                cells.insert(0, _letters([repr(t).encode() for t in batch.t[some].tolist()]))
-            if isinstance(batch, Judged):
-                cells.append(_letters(_judgements(batch, some)))
-            yield _lines(cells)
+            cells = [column[some].tolist() for column in columns]
+            if batch.judged:
+                cells += _judgement(batch, some)
+            yield line * len(cells[0]) % tuple(chain.from_iterable(zip(*cells, strict=True)))
 
 
-def _lines(cells: list[Letters]) -> str:
-    """The lines of cells (n, width), which hold zeros beside their letters."""
-    comma, end = (np.full((len(cells[0]), 1), ord(letter), np.uint8) for letter in ",\n")
-    between = [letters for cell in cells for letters in (cell, comma)][:-1]
-    return np.hstack([*between, end]).tobytes().translate(None, b"\0").decode()
-
-
-def _letters(texts: list[bytes]) -> Letters:
-    padded = np.array(texts, dtype=np.bytes_)
-    return padded.view(np.uint8).reshape(len(texts), padded.itemsize)
-
-
-def _judgements(batch: Judged, some: slice) -> list[bytes]:
-    """The cells of the judgements, of each sample in one."""
+def _judgement(batch: ContactWrenches, some: slice) -> list[list[Any]]:
+    """The cells of some samples' judgement, column by column."""
     contact = ("0", "1", "")  # the last also stands at place -1
-    of_each = zip(batch.valid[some].tolist(), batch.contact[some].tolist(), batch.reason[some], strict=True)
-    return [f"{valid:d},{contact[touches]},{_quoted(reason)}".encode() for valid, touches, reason in of_each]
+    return [
+        batch.valid[some].tolist(),
+        [contact[touches] for touches in batch.contact[some].tolist()],
+        [_quoted(reason) for reason in batch.reason[some]],
+    ]
 
 
 def _quoted(reason: str | None) -> str:
@@ -123,21 +87,21 @@ def _quoted(reason: str | None) -> str:
     return '"' + reason.replace('"', '""') + '"' if any(letter in reason for letter in ',"\n') else reason
 
 
-def _columns(batch: ContactRows) -> dict[str, Any]:
+def _columns(batch: ContactWrenches) -> dict[str, Any]:
     """The columns by their names, as pyarrow takes them."""
     values = np.hstack([batch.wrench, batch.std])
     columns: dict[str, Any] = {} if batch.t is None else {"t": batch.t}
     columns |= {name: values[:, k] for k, name in enumerate(NAMES)}
-    if isinstance(batch, Judged):
+    if batch.judged:
         import pyarrow as pa
 
         columns["valid"] = batch.valid
-        columns["contact"] = pa.array(batch.contact == 1, mask=batch.contact < 0)
+        columns["contact"] = pa.array(batch.contact == TOUCHING, mask=batch.contact < 0)
         columns["reason"] = pa.array(batch.reason, pa.string())
     return columns
 
 
-def _beside(recording: str | Path, batches: Iterator[ContactRows]) -> Iterator[dict[str, Any]]:
+def _beside(recording: str | Path, batches: Iterator[ContactWrenches]) -> Iterator[dict[str, Any]]:
     """The recording's columns and, in the rows that have a wrench, the new ones."""
     import pyarrow as pa
 
