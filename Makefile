@@ -35,7 +35,8 @@ lint: $(DEV)/ready
 types: $(DEV)/ready
 	$(DEV)/bin/mypy
 
-docs: $(DEV)/ready  ## every link resolves and every code block of README and docs/ runs
+docs: $(DEV)/ready  ## site/, the guide and the API; every link resolves and every code block of the pages runs
+	NO_MKDOCS_2_WARNING=1 $(DEV)/bin/mkdocs build --strict --quiet
 	$(DEV)/bin/python -m pytest tests/test_docs.py
 
 check: lint types test-quick  ## one's own loop
@@ -59,4 +60,4 @@ lock: $(DEV)/ready  ## exact versions with hashes, no addresses
 	$(LOCK) --group dev -o requirements-dev.lock
 
 clean:
-	rm -rf .venv contactwrench-demo contactwrench-experiment
+	rm -rf .venv site contactwrench-demo contactwrench-experiment

@@ -19,7 +19,7 @@ from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.recording.compensate import Treatment, compensated
 from contactwrench.recording.options import Options
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.world import Array, noisy_readings, random_rotations
 
 from .accuracy import NOISE, TABLE_V
@@ -65,6 +65,14 @@ def _by_rosbags(path: Path) -> Iterator[object]:
         yield from reader.messages(connections=reader.connections)
 
 
+def _by_mcap(path: Path) -> Iterator[object]:
+    """The messages of an MCAP one by one, not decoded."""
+    from mcap.reader import make_reader
+
+    with path.open("rb") as file:
+        yield from make_reader(file).iter_messages()
+
+
 def _memory(path: Path, calibration: cw.Calibration) -> float:
     """Bytes: what Python and numpy allocate for it in batches, or what the process' peak grows by, if more."""
     peak_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -89,6 +97,8 @@ def _figures(seconds: float) -> Iterator[Row]:
             yield Row(f"{kind}: read", read, "s", most=3.0 * share, remark=size)
             yield Row(f"{kind}: read, on one clock, compensated, with std", both, "s", most=5.0 * share)
             yield Row(f"{kind}: messages by rosbags, not decoded", _seconds(_by_rosbags(path)), "s")
+            if kind == ".mcap":
+                yield Row(f"{kind}: messages by mcap, not decoded", _seconds(_by_mcap(path)), "s")
             extra = _memory(path, calibration) / MIB
             yield Row(f"{kind}: extra memory of all that", extra, "MiB", most=64.0, remark=f"of {size}")
             start = time.perf_counter()

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from contactwrench.samples.delay import Delay, estimate_delay
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.samples.synchronize import synchronize
 from tests.support.moving import bound_of, gravity_alone, rig_recording, two_streams
 

@@ -17,7 +17,8 @@ import contactwrench as cw
 from contactwrench.assess.interpretations import as_read
 from tests.support.measured_sets import measured_sets
 
-from .diagnose import File, diagnosed, likeness
+from .diagnose import diagnosed, likeness
+from .mistakes import File
 from .table import Row
 
 INDEPENDENT = {
@@ -71,7 +72,7 @@ def ranks(samples: cw.Samples) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for mistake, file in read_wrongly(samples).items():
             found, diagnosis = diagnosed(file, Path(folder))
-            ranked = [likeness(file, *as_read(found, one.reading)) for one in diagnosis.ranked]
+            ranked = [likeness(file, *as_read(found, one.interpretation)) for one in diagnosis.ranked]
             rank = next((k for k, like in enumerate(ranked, start=1) if like != "wrong"), 0)
             tied = rank and ranked[rank - 1] == "class"
             remark = f"tied with {len(diagnosis.alike)} that free air cannot tell from it" if tied else ""

@@ -11,7 +11,7 @@ from importlib.resources import files
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.assess.plan import Expected, Plan, expected_tool, plan, recorded_poses
+from contactwrench.assess.plan import Expected, Plan, expected_tool, plan, recorded_orientations
 from contactwrench.assess.robot_arms import ARMS, reach
 from tests.support.world import DOWN, Array, Rig, derivatives, random_rotations
 
@@ -82,7 +82,7 @@ def after_the_paper() -> Iterator[Row]:
     does not know.
     """
     samples = cw.read(PAPER)
-    paper = recorded_poses(samples)
+    paper = recorded_orientations(samples)
     for model, least in (("yaw", 2.5), ("auto", 2.5), ("mount", 4.0), ("mount+base", None)):
         added = _after(samples, expected_tool(samples, model), model).R_base_flange
         before, after = (
@@ -93,7 +93,7 @@ def after_the_paper() -> Iterator[Row]:
 
 
 def _after(samples: cw.Samples, expected: Expected, model: str) -> Plan:
-    return plan(2, expected, model=model, recorded=recorded_poses(samples))
+    return plan(2, expected, model=model, recorded=recorded_orientations(samples))
 
 
 def durations() -> Iterator[Row]:

@@ -10,7 +10,7 @@ import numpy as np
 
 import contactwrench as cw
 from contactwrench.samples.recorded_poses import is_stream
-from contactwrench.samples.still_segments import still_stretches
+from contactwrench.samples.still_segments import still_segments
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import Settings, changed
 from contactwrench.simulate.trajectory import exciting
@@ -52,10 +52,10 @@ class Count:
 
 
 def counted(runs: Iterable[Run]) -> Count:
-    """What `still_stretches` makes of runs."""
+    """What `still_segments` makes of runs."""
     count = Count(0, 0, 0, 0, [])
     for one in runs:
-        found = still_stretches(one.samples)
+        found = still_segments(one.samples)
         seen = set()
         for stretch in found.accepted:
             middle = 0.5 * (stretch.t_start + stretch.t_end)
@@ -95,7 +95,7 @@ def invented_in_motion(runs: int) -> Iterator[Row]:
                 slice(round(100.0 * seconds), -round(100.0 * seconds))
             )  # it begins and ends at rest
             streams += is_stream(moving)
-            found += len(still_stretches(moving).accepted)
+            found += len(still_segments(moving).accepted)
             minutes += 0.8 * seconds / 60.0
         yield Row(f"an exciting motion of {seconds:g} s: stretches a minute", found / minutes, most=0.1)
         yield Row(f"an exciting motion of {seconds:g} s: taken for a stream", 100.0 * streams / runs, "%", least=100.0)
@@ -106,10 +106,10 @@ def seconds_taken() -> Iterator[Row]:
     one = run(stops=120, stop=3.0, move=2.0, seed=1).samples
     few = one.select(slice(None, None, 30))
     minutes = f"{len(one):,} rows at 1 kHz"
-    yield Row(f"{minutes}: still stretches", median_seconds(lambda: still_stretches(one), 3), "s", most=1.0)
+    yield Row(f"{minutes}: still stretches", median_seconds(lambda: still_segments(one), 3), "s", most=1.0)
     yield Row(f"{minutes}: stream or table", median_seconds(lambda: is_stream(one), 3), "s", most=1.0)
     yield Row(f"{minutes}: calibrate", median_seconds(lambda: cw.calibrate(one), 1), "s")
-    yield Row(f"{len(few):,} rows: still stretches", median_seconds(lambda: still_stretches(few), 3), "s", most=0.1)
+    yield Row(f"{len(few):,} rows: still stretches", median_seconds(lambda: still_segments(few), 3), "s", most=0.1)
 
 
 def tables(quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:

@@ -9,8 +9,7 @@ import numpy as np
 
 import contactwrench as cw
 from contactwrench.errors import MissingExtraError
-from contactwrench.simulate.kinematics import HOME
-from contactwrench.simulate.poses import paper_joints
+from contactwrench.simulate.kinematics import HOME, paper_joints
 from contactwrench.simulate.recording import record_poses
 from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Settings

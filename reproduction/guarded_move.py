@@ -13,8 +13,7 @@ import numpy as np
 
 from contactwrench.geometry.arrays import Array
 from contactwrench.geometry.rotations import rotation_exp
-from contactwrench.simulate.kinematics import flange_jacobian, flange_pose
-from contactwrench.simulate.poses import random_joints
+from contactwrench.simulate.kinematics import flange_jacobian, flange_pose, random_joints
 from contactwrench.simulate.rig import Rig, build
 
 from .closed_loop import PERIOD, ClosedLoop, ToContact, Trace

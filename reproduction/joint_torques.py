@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from contactwrench.geometry.arrays import Array
 from contactwrench.simulate.joint_torque import SHARE_OF_GAIN, SHARE_OF_OFFSET, sensor_jacobians
-from contactwrench.simulate.kinematics import flange_pose
-from contactwrench.simulate.poses import paper_joints
+from contactwrench.simulate.kinematics import flange_pose, paper_joints
 from contactwrench.simulate.rig import Rig, build
 from contactwrench.simulate.settings import JointTorque, Settings
 

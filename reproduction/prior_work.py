@@ -28,7 +28,7 @@ from contactwrench.geometry.arrays import Array, read_only
 from contactwrench.geometry.rotations import rotations_about_z
 from contactwrench.geometry.wrench import cross_matrix
 from contactwrench.samples.samples import Samples
-from contactwrench.simulate.poses import joints_through
+from contactwrench.simulate.kinematics import joints_through
 from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Base, Settings
 

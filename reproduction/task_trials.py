@@ -15,8 +15,7 @@ import numpy as np
 from contactwrench.errors import MissingExtraError
 from contactwrench.estimation.calibrate import calibrate
 from contactwrench.geometry.arrays import Array
-from contactwrench.simulate.kinematics import HOME
-from contactwrench.simulate.poses import paper_joints
+from contactwrench.simulate.kinematics import HOME, paper_joints
 from contactwrench.simulate.recording import record_poses
 from contactwrench.simulate.rig import Rig, build
 from contactwrench.simulate.settings import Settings

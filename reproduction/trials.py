@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from contactwrench.errors import ContactWrenchError
 from contactwrench.geometry.arrays import Array, read_only
 from contactwrench.samples.samples import Samples
-from contactwrench.simulate.poses import joints_through, paper_joints
+from contactwrench.simulate.kinematics import joints_through, paper_joints
 from contactwrench.simulate.recording import read_poses, true_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
 from contactwrench.simulate.settings import Recording, Settings

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from contactwrench.geometry.arrays import Array
-from contactwrench.simulate.poses import joints_through
+from contactwrench.simulate.kinematics import joints_through
 from contactwrench.simulate.rig import build
 
 from .part import Measured, Part, Table, mean, root_mean_square, share

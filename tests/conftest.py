@@ -1,10 +1,16 @@
-"""Property tests draw the same examples at every run, so a red run can be repeated; `make explore` draws new ones."""
+"""One thread for linear algebra, as a test has a core to itself; property tests draw the same examples at every run.
+
+`make explore` draws new examples.
+"""
 
 from __future__ import annotations
 
 import os
 
 from hypothesis import settings
+
+for library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 settings.register_profile("same_every_time", derandomize=True, database=None, deadline=None)
 settings.register_profile("explore", database=None, deadline=None, print_blob=True)

@@ -14,7 +14,8 @@ class ContactWrenchError(Exception):
 class InputError(ContactWrenchError, ValueError):
     """Values that cannot be what they are given as: a shape, a NaN, a matrix that is no rotation.
 
-    `row` is the index of the first row that is wrong, where there is one, so that a reader can name its line.
+    Attributes:
+        row: index of the first row that is wrong, where there is one.
     """
 
     def __init__(self, message: str, row: int | None = None) -> None:

@@ -15,10 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
+from hypothesis import example as hypothesis_example
 
 import contactwrench as cw
-from contactwrench.assess.diagnose import PUSH, SEE_BASE, SEE_COM, Diagnosis, diagnose
-from contactwrench.assess.interpretations import as_read
+from benchmarks.diagnose import few_left_alone
+from contactwrench.assess.diagnose import Diagnosis, diagnose
+from contactwrench.assess.interpretations import PUSH, SEE_BASE, SEE_COM, as_read
 from contactwrench.assess.screening import Orientations, screen
 from contactwrench.recording.interpretations import interpretations
 from contactwrench.recording.options import Options
@@ -103,7 +105,7 @@ def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> No
     rig, R, rng = example(5)
     diagnosis = found_in(tmp_path, replace(RIGHT, wrench=spoil).text(R, noisy_readings(rig, R, NOISE, rng)))
     assert not diagnosis.read_rightly
-    assert (diagnosis.best.reading.flags, diagnosis.best.reading.mends) == ((), (words,))
+    assert (diagnosis.best.interpretation.flags, diagnosis.best.interpretation.mends) == ((), (words,))
     assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
     assert diagnosis.best.explained
 
@@ -118,7 +120,7 @@ def test_orientations_shifted_by_a_pose_are_found(shift: int, whose: str, rows: 
     content = RIGHT.text(np.repeat(R[1:-1], rows, axis=0), np.repeat(late, rows, axis=0))
     diagnosis = found_in(tmp_path, content)
     assert diagnosis.n == 22
-    assert diagnosis.best.reading.mends == (SHIFTED.format(whose),)
+    assert diagnosis.best.interpretation.mends == (SHIFTED.format(whose),)
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
 
 
@@ -126,8 +128,10 @@ def test_angles_under_a_wrong_unit_are_renamed(tmp_path: Path) -> None:
     rig, R, rng = example(7)
     wrong = Written(("a_deg", "b_deg", "c_deg"), euler("ZYX", degrees=False))
     diagnosis = found_in(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
-    assert diagnosis.best.reading.flags == ("--orientation kuka_abc",)
-    assert diagnosis.best.reading.mends == ("the angles in rad (rename a_deg, b_deg, c_deg to a_rad, b_rad, c_rad)",)
+    assert diagnosis.best.interpretation.flags == ("--orientation kuka_abc",)
+    assert diagnosis.best.interpretation.mends == (
+        "the angles in rad (rename a_deg, b_deg, c_deg to a_rad, b_rad, c_rad)",
+    )
 
 
 def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
@@ -135,7 +139,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
     text = RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)).replace("tx,ty,tz", "tx_nmm,ty_nmm,tz_nmm", 1)
     diagnosis = found_in(tmp_path, text)
     words = "the torque in N m (rename tx_nmm, ty_nmm, tz_nmm to tx, ty, tz)"
-    assert diagnosis.best.reading.mends == (words,)
+    assert diagnosis.best.interpretation.mends == (words,)
     assert diagnosis.best.com == pytest.approx(rig.com, abs=2e-3)
 
 
@@ -144,6 +148,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=seeds)
+@hypothesis_example(seed=10930)
 def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) -> None:
     """Five poses or more, a tool that weighs next to nothing, a base that leans a little, a pose in contact."""
     rng = np.random.default_rng(seed)
@@ -159,9 +164,15 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
         wrench[0] += rng.normal(size=6) * np.repeat([3.0, 0.3], 3)
     kuka = Written(("a", "b", "c"), euler("ZYX"))
     diagnosis = found_in(tmp_path, (kuka if rng.random() < 0.5 else RIGHT).text(R, wrench))
-    best = diagnosis.best.reading
+    best = diagnosis.best.interpretation
     assert not best.mends
     assert best.flags in ((), ("--model mount+base",))
+
+
+@pytest.mark.parametrize("seed", [51, 1500, 1545, 1628, 1706])
+def test_right_files_of_few_poses_are_left_alone(seed: int, tmp_path: Path) -> None:
+    """Light tools, noise, a pose in contact: of the 2,000 that the benchmark makes, those that were once mended."""
+    assert few_left_alone(seed, tmp_path)
 
 
 @pytest.mark.parametrize("path", [PANDA, PAPER], ids=["panda", "paper"])
@@ -177,7 +188,7 @@ def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
     diagnosis = found_in(tmp_path, content, ceiling.down, sign="reaction", wrench_frame="base")
     assert diagnosis.read_rightly
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
-    assert diagnosis.best.reading.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
+    assert diagnosis.best.interpretation.flags == ("--wrench-frame base", "--sign reaction", "--gravity 0,0,1")
 
 
 # What free air cannot tell
@@ -219,10 +230,10 @@ def test_a_robot_on_a_wall_looks_like_two_wrong_flags(way: Written, down: list[f
     rig, R, rng = example(12)
     rig = replace(rig, down=np.array(down))
     diagnosis = found_in(tmp_path, way.text(R, noisy_readings(rig, R, NOISE, rng)))
-    on_wall = next(fit for fit in diagnosis.ranked if fit.reading.flags == ("--model mount+base",))
+    on_wall = next(fit for fit in diagnosis.ranked if fit.interpretation.flags == ("--model mount+base",))
     assert np.rad2deg(on_wall.lean) == pytest.approx(90.0, abs=1.5)
     assert on_wall.weight == pytest.approx(rig.weight, abs=0.1)
-    assert on_wall is diagnosis.best or on_wall.reading in diagnosis.alike[: diagnosis.likely]
+    assert on_wall is diagnosis.best or on_wall.interpretation in diagnosis.alike[: diagnosis.likely]
     assert SEE_BASE in diagnosis.observations
 
 
@@ -230,7 +241,7 @@ def test_a_base_that_leans_is_found(tmp_path: Path) -> None:
     rig, R, rng = example(12)
     rig = replace(rig, weight=20.0, down=tilted_down(np.deg2rad(20.0), rng))
     diagnosis = found_in(tmp_path, RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
-    assert diagnosis.best.reading.flags == ("--model mount+base",)
+    assert diagnosis.best.interpretation.flags == ("--model mount+base",)
     assert np.rad2deg(diagnosis.best.lean) == pytest.approx(20.0, abs=0.5)
 
 
@@ -242,10 +253,11 @@ def test_screening_is_exact_without_noise() -> None:
     left = screen(
         [Orientations(R, slice(None))], wrench, np.array([np.eye(6), negative]), np.array([False, False]), rig.down
     )
-    assert np.sqrt(left.force[0, :, :]) == pytest.approx(np.sqrt(left.force[0, ::-1, ::-1]))
-    assert np.sqrt(left.force[0, 0, 0]) < 1e-5 * rig.weight
-    assert np.sqrt(left.torque[0, 0, 0]) < 1e-5
-    assert np.sqrt(left.force[0, 0, 1]) > 0.2 * rig.weight
+    root_mean_square = np.sqrt(left.squares / left.dof)[0]
+    assert root_mean_square == pytest.approx(root_mean_square[::-1, ::-1])
+    assert root_mean_square[0, 0, 0] < 1e-5 * rig.weight
+    assert root_mean_square[0, 0, 1] < 1e-5
+    assert root_mean_square[0, 1, 0] > 0.2 * rig.weight
 
 
 # The program

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 import contactwrench as cw
 from benchmarks.accuracy import NOISE, TABLE_V
 from benchmarks.plan import A_KILOGRAM, DECENT, MODELS, after_the_paper, mean_variances, weighed
-from contactwrench.assess.experiment_design import chosen_experiments
-from contactwrench.assess.plan import APART, CANDIDATES, Expected, Plan, expected_tool, plan, recorded_poses
+from contactwrench.assess.experiment_design import chosen_experiments, short_order
+from contactwrench.assess.plan import APART, CANDIDATES, Expected, Plan, expected_tool, plan, recorded_orientations
 from contactwrench.assess.robot_arms import ARMS, flange_orientation, reach
-from contactwrench.assess.visiting_order import short_order
 from contactwrench.errors import InputError
 from contactwrench.geometry.rotations import spread_rotations
 from contactwrench.model import RigidTool
@@ -163,8 +162,8 @@ def test_gravity_is_where_it_is_said_to_be() -> None:
 
 def test_poses_with_a_load_do_not_count() -> None:
     samples = replace(cw.read(PAPER), load_mass=np.array([0.0, 0.2, 0.0, 0.0, 0.0, 0.5]))
-    assert len(recorded_poses(samples)) == 4
-    assert len(recorded_poses(cw.read(PAPER))) == 6
+    assert len(recorded_orientations(samples)) == 4
+    assert len(recorded_orientations(cw.read(PAPER))) == 6
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
-from contactwrench.compensate.contact_wrenches import ContactWrenchBatch
+from contactwrench.compensate.contact_wrenches import ContactWrenches
 from contactwrench.compensate.filters import LowPass
 from contactwrench.errors import InputError, MissingExtraError
 from tests.support.live import RATE, calibrated, free, still, swinging, times
@@ -39,7 +39,7 @@ def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
     return cw.Compensator(calibration, noise=NOISE, **({"rate": RATE, "fast": False} | settings))
 
 
-def _same(one: ContactWrenchBatch, other: ContactWrenchBatch) -> None:
+def _same(one: ContactWrenches, other: ContactWrenches) -> None:
     for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold"):
         assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True), name
     assert one.reason == other.reason

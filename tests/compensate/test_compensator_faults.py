@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.compensate.contact_wrenches import ContactWrenchBatch
+from contactwrench.compensate.contact_wrenches import ContactWrenches
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE
 from tests.support.world import Array, readings
@@ -18,7 +18,7 @@ from tests.support.world import Array, readings
 N = 3000
 
 
-def _run(R: Array, change: Callable[[Array], object] | None = None, **settings: Any) -> ContactWrenchBatch:
+def _run(R: Array, change: Callable[[Array], object] | None = None, **settings: Any) -> ContactWrenches:
     """A free tool at orientations (n, 3, 3), its readings changed."""
     calibration, rig, rng = calibrated(1)
     wrench = free(rig, R, rng)
@@ -32,7 +32,7 @@ def _compensator(calibration: cw.Calibration, **settings: Any) -> cw.Compensator
     return cw.Compensator(calibration, **(usual | settings))
 
 
-def _words(batch: ContactWrenchBatch) -> set[str]:
+def _words(batch: ContactWrenches) -> set[str]:
     return {reason.partition(":")[0] for reason in batch.reason if reason}
 
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2, f
 import contactwrench as cw
 from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
 from contactwrench.compensate.contact_detection import satterthwaite, thresholds, whitening
-from contactwrench.compensate.contact_wrenches import Contact, ContactWrenchBatch
+from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.compensate.filters import LowPass
 from contactwrench.compensate.noise import noise_of_sample
 from contactwrench.errors import InputError
@@ -99,7 +99,7 @@ def test_false_alarms_are_as_many_as_stated(settings: dict[str, Any]) -> None:
 
 def _pushed(
     seed: int, push: Array, begin: int = 500, end: int = 900, **settings: Any
-) -> tuple[ContactWrenchBatch, Contact | None]:
+) -> tuple[ContactWrenches, Contact | None]:
     calibration, rig, rng = calibrated(seed)
     R = swinging(rng, 1500)
     wrench = free(rig, R, rng)

@@ -360,17 +360,18 @@ def test_a_bag_that_is_damaged_anywhere_is_read_or_refused_in_one_line(
             assert "\n" not in str(error)  # noqa: PT017
 
 
-def test_without_rosbags_the_command_that_installs_it_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("missing", ["rosbags", "mcap"])
+def test_without_a_library_the_command_that_installs_it_is_named(tmp_path: Path, missing: str) -> None:
     path = write_bag(tmp_path / "run.mcap", [READING, POSE])
     script = (
-        "import sys; sys.modules['rosbags'] = None\n"
+        f"import sys; sys.modules[{missing!r}] = None\n"
         "from contactwrench.errors import MissingExtraError\n"
-        "from contactwrench.recording.bags import bag_streams\n"
+        "from contactwrench.recording.bags.read import bag_streams\n"
         f"try: bag_streams({str(path)!r})\n"
         "except MissingExtraError as error: print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout == ("a ROS bag needs rosbags, which is not installed: pip install 'contactwrench[bags]'\n")
+    assert done.stdout == f"a ROS bag needs {missing}, which is not installed: pip install 'contactwrench[bags]'\n"
 
 
 def test_joint_states_are_not_poses(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactwrench.errors import InputError
-from contactwrench.recording.bags.chunks import joined
-from contactwrench.recording.bags.message_layout import MessageLayout, alike, layout_of_message
+from contactwrench.recording.bags.message_layout import MessageLayout, alike, joined, layout_of_message
 from tests.support.bags import JOINT_STATE, ODOMETRY, POSE_STAMPED, ROS1, ROS2, TF, WRENCH_STAMPED, built
 
 TYPES = (

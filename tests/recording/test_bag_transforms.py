@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from contactwrench.errors import FileFormatError
 from contactwrench.recording.bags.read import bag_batches, bag_streams
-from contactwrench.samples.streams import OrientationStream
+from contactwrench.samples.samples import OrientationStream
 from tests.support.bags import (
     KINDS,
     START,

@@ -20,7 +20,7 @@ from contactwrench.errors import ContactWrenchError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.read import bag_batches, bag_streams
 from contactwrench.recording.bags.write import write_streams_bag
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.bags import (
     KINDS,
     ROS1,
@@ -189,7 +189,7 @@ def test_types_without_definition_are_copied(tmp_path: Path) -> None:
     assert len(bag_streams(out, wrench_topic="/wrench/contact").wrench) == 120
 
 
-@pytest.mark.parametrize("compression", ["NONE", "LZ4"])
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
 def test_an_mcap_of_the_mcap_package_is_copied_record_by_record(tmp_path: Path, compression: str) -> None:
     """Times of publication and sequence numbers too; the file is in order for those who read it from front to back."""
     from mcap.reader import NonSeekingReader, make_reader
@@ -226,6 +226,39 @@ def test_an_mcap_of_the_mcap_package_is_copied_record_by_record(tmp_path: Path, 
         old.message_start_time,
         old.message_end_time,
     )
+
+
+def test_attachments_metadata_and_channels_without_messages_of_an_mcap_stay(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    path, out = tmp_path / "run.mcap", tmp_path / "out.mcap"
+    text, _ = ROS2.generate_msgdef(WRENCH_STAMPED, ros_version=2)
+    with path.open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start(profile="ros2", library="a recorder")
+        schema = writer.register_schema(WRENCH_STAMPED, "ros2msg", text.encode())
+        quality = {"offered_qos_profiles": "", "mine": "yes"}
+        channels = [writer.register_channel(name, "cdr", schema, quality) for name in ("/wrench", "/never")]
+        writer.add_attachment(3, 4, "photo.jpg", "image/jpeg", b"a photo")
+        writer.add_metadata("robot", {"name": "left", "cell": "7"})
+        for k in range(3):
+            writer.add_message(channels[0], ns(k), serialized(wrench_stamped(k, np.ones(6))), ns(k) - 9, 40 + k)
+        writer.finish()
+    write_bag_with(path, out, [np.zeros((3, 6))])
+
+    def around(file: Path) -> list[Any]:
+        with file.open("rb") as stream:
+            reader = make_reader(stream)
+            summary = reader.get_summary()
+            assert summary is not None
+            known = [summary.channels[number] for number in channels]
+            return [known, *reader.iter_attachments(), *reader.iter_metadata(), reader.get_header(), summary.schemas]
+
+    assert around(out) == around(path)
+    with out.open("rb") as stream:
+        added = [(c.metadata, m.sequence) for _, c, m in make_reader(stream).iter_messages(["/wrench/contact"])]
+    assert added == [(quality, k) for k in range(3)]
 
 
 def test_a_recording_split_into_files_is_copied_file_by_file(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from contactwrench.recording.bags.read import bag_batches, bag_streams
-from contactwrench.samples.streams import Streams
+from contactwrench.samples.samples import Streams
 from tests.support.bags import (
     KINDS,
     ODOMETRY,
@@ -185,4 +185,17 @@ def test_a_bag_of_ros2_without_definitions_is_read_by_those_of_ros(tmp_path: Pat
     path = write_bag(tmp_path / "run.db3", messages)
     with closing(sqlite3.connect(path)) as base:
         base.executescript("DROP TABLE message_definitions; UPDATE schema SET schema_version = 3;")
+    _same(bag_streams(path), wrench, R, position)
+
+
+def test_an_index_of_ros1_may_point_before_the_connections_of_its_first_message(tmp_path: Path) -> None:
+    """So some recorders write it; readers pass over what is no message."""
+    messages, wrench, R, position = recording(50)
+    path = write_bag(tmp_path / "run.bag", messages)
+    _same(bag_streams(path), wrench, R, position)
+    content = path.read_bytes()
+    stamp = b"".join(part.to_bytes(4, "little") for part in divmod(messages[0].stamp, 10**9))
+    first = content.index(stamp, content.index(b"count=\x05\x00\x00\x00")) + len(stamp)
+    assert content[first : first + 4] != bytes(4)
+    path.write_bytes(content[:first] + bytes(4) + content[first + 4 :])
     _same(bag_streams(path), wrench, R, position)

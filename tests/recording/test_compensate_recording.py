@@ -321,7 +321,7 @@ def test_a_bag_comes_back_with_the_contact_wrench_beside_it(
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     from contactwrench.recording.bags.read import bag_streams
     from contactwrench.recording.bags.write import write_streams_bag
-    from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+    from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 
     t, wrench, t_pose = recording(3.0)
     poses = OrientationStream(t_pose, attitude(t_pose - 100.0))
@@ -342,7 +342,7 @@ def test_a_bag_comes_back_with_the_contact_wrench_beside_it(
 def test_reading_a_bag_tells_how_far_it_is(tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     from contactwrench.recording.bags.write import write_streams_bag
-    from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+    from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 
     t, wrench, t_pose = recording(3.0)
     for suffix in (".mcap", ".db3", ".bag"):

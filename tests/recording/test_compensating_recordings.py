@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.recording.bags.write import write_streams_bag
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
 from tests.support.world import Array

@@ -152,6 +152,17 @@ def test_a_table_with_times_and_one_without(tmp_path: Path, capsys: pytest.Captu
     assert found.rate == pytest.approx(100.0)
 
 
+def test_a_table_of_several_blocks_is_one(tmp_path: Path) -> None:
+    t = 1e-3 * np.arange(40_000)
+    t[35_000:] += 7.0
+    path = written(tmp_path, "t,fx\n" + "".join(f"{at},1\n" for at in t.tolist()))
+    told: list[float] = []
+    found = table_contents(path, told.append)
+    assert found.rhythm is not None
+    assert (found.rows, found.rhythm.count, told[-1]) == (40_000, 40_000, 1.0)
+    assert found.rhythm.longest_gap == pytest.approx(7.001)
+
+
 def test_the_rhythm_of_few_and_of_equal_times() -> None:
     assert rhythm(np.empty(0), 0.0).count == 0
     assert rhythm(np.array([3.0]), 1.0).first == 2.0

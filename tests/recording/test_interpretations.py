@@ -58,7 +58,7 @@ def test_rows_with_a_load_are_left_out(tmp_path: Path) -> None:
     rows = np.column_stack([-wrench, quat(R), load])
     diagnosis = diagnose(interpretations(written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), rows))))
     assert diagnosis.n == 6
-    assert diagnosis.best.reading.flags == ("--sign reaction",)
+    assert diagnosis.best.interpretation.flags == ("--sign reaction",)
 
 
 def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
@@ -72,3 +72,15 @@ def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
     assert stated.R_base_flange[0] == pytest.approx(R[0], abs=1e-9)
     assert stated.R_base_flange[-1] == pytest.approx(R[-1], abs=1e-9)
     assert diagnose(found).read_rightly
+
+
+def test_a_file_of_several_blocks_is_one(tmp_path: Path) -> None:
+    """Its rows are counted through, and one that is no rotation leaves nothing stated."""
+    R = np.repeat(random_rotations(8, np.random.default_rng(2)), 5000, axis=0)
+    lines = csv_text((*WRENCH, *QUAT), np.column_stack([np.ones((len(R), 6)), quat(R)])).splitlines()
+    whole = interpretations(written(tmp_path, "\n".join(lines)))
+    assert (len(whole.wrench), whole.given, whole.complaint) == (8, 0, None)
+    lines[39_000] = "1,1,1,1,1,1,0,0,0,2"
+    broken = interpretations(written(tmp_path, "\n".join(lines)))
+    assert broken.given is None
+    assert str(broken.complaint).startswith(f"{tmp_path / 'poses.csv'}: row 39001, columns qx,qy,qz,qw: found")

@@ -16,7 +16,7 @@ from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
 from contactwrench.recording.options import Options
 from contactwrench.recording.read import batches, pairs_in_batches, read_streams
 from contactwrench.recording.tables.csv import open_csv
-from contactwrench.samples.streams import Streams
+from contactwrench.samples.samples import Streams
 from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.support.recordings import MATRIX, PANDA, WRENCH, Array, csv_text, run, written
 from tests.support.world import random_rotations
@@ -60,7 +60,7 @@ def assert_same(found: Streams, R: Array, posed: Array | slice) -> None:
 
 
 def joined(parts: list[Streams]) -> Streams:
-    from contactwrench.samples.streams import OrientationStream, WrenchStream
+    from contactwrench.samples.samples import OrientationStream, WrenchStream
 
     wrench, poses = [part.wrench for part in parts], [part.orientation for part in parts]
     position = None

@@ -20,7 +20,7 @@ from contactwrench.simulate.joint_torque import (
     sensor_jacobians,
     torque_against,
 )
-from contactwrench.simulate.poses import paper_joints, random_joints
+from contactwrench.simulate.kinematics import paper_joints, random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
 from contactwrench.simulate.settings import Base, JointTorque, Mounting, Noise, Sensor, Settings, Tool

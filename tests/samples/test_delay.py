@@ -20,13 +20,14 @@ from contactwrench.samples.delay import (
     on_one_clock,
     with_delay_of_rows,
 )
-from contactwrench.samples.samples import Samples
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from tests.support.moving import gravity_alone, rig_recording, two_streams
 from tests.support.recordings import Array
 
 TRUE = 0.0137
 """Of `gravity_alone`, s."""
+NEAR = 0.1
+"""Searched to both sides, s, where the range is not what is asked: ten times less work than the default."""
 
 
 def _shifted(streams: Streams, by: float) -> Streams:
@@ -62,35 +63,40 @@ def test_any_tool_mounting_and_base(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
-    streams = gravity_alone(seed)
+    streams = gravity_alone(seed, duration=20.0)
     Q = Rotation.random(random_state=seed).as_matrix()
     turned = _turned(streams, Q @ streams.orientation.R_base_flange)
-    before = estimate_delay(streams, within=0.2)
-    after = estimate_delay(turned, gravity=Q @ [0.0, 0.0, -1.0], within=0.2)
+    before = estimate_delay(streams, within=NEAR)
+    after = estimate_delay(turned, gravity=Q @ [0.0, 0.0, -1.0], within=NEAR)
     assert after.value == pytest.approx(before.value, abs=1e-8)
     assert after.std == pytest.approx(before.std, rel=1e-5)
-    unstated = estimate_delay(turned, within=0.2)
+    unstated = estimate_delay(turned, within=NEAR)
     assert unstated.value == pytest.approx(before.value, abs=before.std)
 
 
 def test_units_and_axes_of_the_sensor_do_not_matter() -> None:
     streams = gravity_alone(4)
     mixed = streams.wrench.wrench @ (np.eye(6) + 0.1 * np.random.default_rng(0).normal(size=(6, 6)))
-    before, after = estimate_delay(streams), estimate_delay(_read(streams, 1e3 * mixed))
+    before, after = (estimate_delay(one, within=NEAR) for one in (streams, _read(streams, 1e3 * mixed)))
     assert abs(after.value - before.value) < 2.0 * before.std
 
 
 @pytest.mark.parametrize("over", [0.0, 0.2])
 def test_two_standard_deviations_cover(over: float) -> None:
-    """Of 12 recordings at 95 % fewer than 10 are inside once in 50 times; benchmarks/clock_delay.py counts many."""
-    found = [estimate_delay(gravity_alone(seed, noise=5.0, correlated_over=over), within=0.1) for seed in range(12)]
+    """Of 8 recordings at 95 % fewer than 6 are inside once in 170 times; benchmarks/clock_delay.py counts many."""
+    found = [
+        estimate_delay(gravity_alone(seed, duration=15.0, noise=5.0, correlated_over=over), within=NEAR)
+        for seed in range(8)
+    ]
     off = np.array([one.value - TRUE for one in found]) / np.array([one.std for one in found])
-    assert np.sum(np.abs(off) < 2.0) >= 10
+    assert np.sum(np.abs(off) < 2.0) >= 6
     assert np.std(off) > 0.5
 
 
 def test_correlated_noise_widens_the_std() -> None:
-    white, slow = (estimate_delay(gravity_alone(3, noise=5.0, correlated_over=over)) for over in (0.0, 0.2))
+    white, slow = (
+        estimate_delay(gravity_alone(3, noise=5.0, correlated_over=over), within=NEAR) for over in (0.0, 0.2)
+    )
     assert white.std < 1.3 * white.bound
     assert slow.std > 2.5 * slow.bound
 
@@ -101,7 +107,7 @@ def test_contacts_count_little() -> None:
     wrench = streams.wrench.wrench.copy()
     for start in (300, 900, 1500, 2100, 2600):
         wrench[start : start + 100] += rng.normal(size=6) * [8.0, 8.0, 8.0, 0.5, 0.5, 0.5]
-    found = estimate_delay(_read(streams, wrench))
+    found = estimate_delay(_read(streams, wrench), within=NEAR)
     assert abs(found.value - TRUE) < 0.002
     assert found.significant
 
@@ -120,7 +126,7 @@ def test_a_single_axis_tells_it() -> None:
     force = -5.0 * R[:, 2]
     wrench = np.concatenate([force, 0.05 * force], axis=1)
     wrench += np.random.default_rng(7).normal(size=wrench.shape) * 0.02
-    found = estimate_delay(_turned(_read(streams, wrench), R))
+    found = estimate_delay(_turned(_read(streams, wrench), R), within=NEAR)
     assert abs(found.value - TRUE) < 0.002
 
 
@@ -130,13 +136,13 @@ def test_poses_that_were_held_make_no_delay() -> None:
     t = np.arange(0.0, 29.9, 0.001)
     shown = 2 * ((t + 1e-9) // 0.02).astype(int)
     held = Streams(streams.wrench, OrientationStream(t, streams.orientation.R_base_flange[shown]))
-    assert estimate_delay(held).value == pytest.approx(TRUE, abs=0.001)
+    assert estimate_delay(held, within=NEAR).value == pytest.approx(TRUE, abs=0.001)
 
 
 # What cannot be told
 
 
-def _reason(streams: Streams, within: float = 1.0) -> str:
+def _reason(streams: Streams, within: float = 0.3) -> str:
     found = estimate_delay(streams, within=within)
     assert not found.significant
     assert found.reason is not None
@@ -150,7 +156,7 @@ def test_an_arm_at_rest_tells_nothing() -> None:
     assert _reason(_turned(streams, R)) == "the arm turns by less than 2 deg"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_turning_about_the_vertical_tells_nothing(seed: int) -> None:
     streams = gravity_alone(seed)
     about = Rotation.from_rotvec(np.sin(streams.orientation.t)[:, None] * [0.0, 0.0, 1.5])
@@ -259,20 +265,21 @@ def test_words_for_either_side() -> None:
 @pytest.mark.parametrize("base", [0.0, 4.0])
 def test_accelerations_and_a_leaning_base_make_no_delay(kind: str, base: float) -> None:
     rec = rig_recording(kind, 10.0, 1, f"base.tilt_deg=[{base},{-base}]", "tool.mass=1.0")
-    found = estimate_delay(two_streams(rec))
+    found = estimate_delay(two_streams(rec), within=NEAR)
     assert found.value == pytest.approx(0.004, abs=0.001)
     assert abs(found.value - 0.004) < 4.0 * found.std
     assert found.significant
 
 
 def test_a_filter_of_the_sensor_adds_its_group_delay() -> None:
-    found = estimate_delay(two_streams(rig_recording("sweeping", 10.0, 1, "sensor.low_pass=10", "tool.mass=1.0")))
+    rec = rig_recording("sweeping", 10.0, 1, "sensor.low_pass=10", "tool.mass=1.0")
+    found = estimate_delay(two_streams(rec), within=NEAR)
     assert found.value == pytest.approx(0.004 + 1.0 / (2.0 * np.pi * 10.0), abs=0.002)
 
 
 def test_where_positions_are_missing_whole_arm_motions_tell_little() -> None:
     rec = rig_recording("exciting", 10.0, 0)
-    with_positions, without = (estimate_delay(two_streams(rec, position=given)) for given in (True, False))
+    with_positions, without = (estimate_delay(two_streams(rec, position=given), within=NEAR) for given in (True, False))
     assert with_positions.std < 0.001
     assert not without.significant
     assert abs(without.value - 0.004) < 2.0 * without.std
@@ -283,7 +290,7 @@ def test_noise_that_is_correlated_widens_it_further_where_positions_are_missing(
         streams = gravity_alone(3, noise=5.0, correlated_over=over)
         pose = streams.orientation
         missing = Streams(streams.wrench, OrientationStream(pose.t, pose.R_base_flange))
-        known, unknown = (estimate_delay(one, within=0.2).std for one in (streams, missing))
+        known, unknown = (estimate_delay(one, within=NEAR).std for one in (streams, missing))
         assert unknown == pytest.approx(factor * known, rel=1e-3)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.samples.poses import moments_of_poses, poses_from_samples
+from contactwrench.samples.poses import Pose, averaged, label_orientations, moments_of_poses
 from tests.support.rigs import seeds
 from tests.support.world import Array, random_rotations
 
@@ -21,12 +21,16 @@ def _turned(R: Array, degrees: float, rng: np.random.Generator) -> Array:
     return turned
 
 
+def _poses(samples: cw.Samples) -> tuple[Pose, ...]:
+    return averaged(samples, label_orientations(samples.R_base_flange))
+
+
 @pytest.mark.parametrize(("degrees", "poses"), [(0.02, 1), (0.15, 1), (0.25, 2), (2.0, 2)])
 def test_rows_within_a_fifth_of_a_degree_are_one_pose(degrees: float, poses: int) -> None:
     rng = np.random.default_rng(1)
     for R in random_rotations(20, rng):
         both = np.stack([R, _turned(R[None], degrees, rng)[0]])
-        assert len(poses_from_samples(cw.Samples(rng.normal(size=(2, 6)), both))) == poses
+        assert len(_poses(cw.Samples(rng.normal(size=(2, 6)), both))) == poses
 
 
 @settings(deadline=None, max_examples=25)
@@ -36,7 +40,7 @@ def test_visits_are_gathered_whatever_their_order(seed: int, poses: int, rows: i
     R, wrench = random_rotations(poses, rng), rng.normal(size=(poses * rows, 6))
     of_row = rng.permutation(np.repeat(np.arange(poses), rows))
     t = np.linspace(0.0, 5.0, poses * rows)
-    found = poses_from_samples(cw.Samples(wrench, _turned(R[of_row], 0.03, rng), t=t))
+    found = _poses(cw.Samples(wrench, _turned(R[of_row], 0.03, rng), t=t))
     first = list(dict.fromkeys(of_row.tolist()))
     assert len(found) == poses
     for pose, number in zip(found, first, strict=True):
@@ -54,24 +58,24 @@ def test_visits_are_gathered_whatever_their_order(seed: int, poses: int, rows: i
 def test_a_million_rows_at_a_few_orientations_are_a_few_poses() -> None:
     rng = np.random.default_rng(3)
     R = np.repeat(random_rotations(5, rng), 200_000, axis=0)
-    found = poses_from_samples(cw.Samples(np.zeros((len(R), 6)), R))
+    found = _poses(cw.Samples(np.zeros((len(R), 6)), R))
     assert [pose.n for pose in found] == [200_000] * 5
 
 
 def test_no_rows_no_poses() -> None:
-    assert poses_from_samples(cw.Samples(np.empty((0, 6)), np.empty((0, 3, 3)))) == ()
+    assert _poses(cw.Samples(np.empty((0, 6)), np.empty((0, 3, 3)))) == ()
 
 
 def test_poses_without_times() -> None:
     rng = np.random.default_rng(4)
-    (pose,) = poses_from_samples(cw.Samples(rng.normal(size=(1, 6)), random_rotations(1, rng)))
+    (pose,) = _poses(cw.Samples(rng.normal(size=(1, 6)), random_rotations(1, rng)))
     assert pose.t_start is None
     assert pose.t_end is None
 
 
 def test_poses_cannot_be_changed() -> None:
     rng = np.random.default_rng(5)
-    (pose,) = poses_from_samples(cw.Samples(rng.normal(size=(1, 6)), random_rotations(1, rng)))
+    (pose,) = _poses(cw.Samples(rng.normal(size=(1, 6)), random_rotations(1, rng)))
     with pytest.raises(ValueError, match="read-only"):
         pose.wrench[0] = 1.0
 

@@ -18,8 +18,8 @@ from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose
 from contactwrench.samples.recorded_poses import is_stream, resting_poses
-from contactwrench.samples.still_segments import still_stretches
-from contactwrench.simulate.poses import random_joints
+from contactwrench.samples.still_segments import still_segments
+from contactwrench.simulate.kinematics import random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Settings, changed
@@ -227,9 +227,10 @@ def test_the_picture_of_a_long_recording_stays_small() -> None:
         np.tile(s.wrench, (6, 1)), np.tile(s.R_base_flange, (6, 1, 1)),
         np.concatenate([s.t + 60.0 * k for k in range(6)]),
     )  # fmt: skip
-    svg = signals_over_time(cw.calibrate(long, "mount"), long, still_stretches(long))
+    calibration, still = cw.calibrate(s, "mount"), still_segments(long)
+    svg = signals_over_time(calibration, long, still)
     assert len(svg) < 300_000
-    assert svg == signals_over_time(cw.calibrate(long, "mount"), long, still_stretches(long))
+    assert svg == signals_over_time(calibration, long, still)
 
 
 def test_a_table_of_poses_has_no_picture_of_the_recording(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.samples.recorded_poses import is_stream
-from contactwrench.samples.still_segments import StillStretches, still_stretches
+from contactwrench.samples.still_segments import StillSegments, still_segments
 from tests.support.measured_sets import SHARED
 from tests.support.rigs import seeds
 from tests.support.runs import Run, run
@@ -41,14 +41,14 @@ WAYS: dict[str, dict[str, object]] = {
 
 
 @cache
-def recorded(way: str) -> tuple[Run, StillStretches]:
+def recorded(way: str) -> tuple[Run, StillSegments]:
     made = run(stops=8, seed=3, **WAYS[way])  # type: ignore[arg-type]
-    return made, still_stretches(made.samples)
+    return made, still_segments(made.samples)
 
 
-def disturbed(disturb: Callable[[Array, Array], Array]) -> tuple[Run, StillStretches]:
+def disturbed(disturb: Callable[[Array, Array], Array]) -> tuple[Run, StillSegments]:
     made = run(stops=6, seed=4, settings=FILTER, disturb=disturb)
-    return made, still_stretches(made.samples)
+    return made, still_segments(made.samples)
 
 
 def pushed(begin: float, end: float, newton: float) -> Callable[[Array, Array], Array]:
@@ -104,7 +104,7 @@ def test_correlated_readings_count_for_fewer() -> None:
     t = np.arange(len(R)) / 1000.0
     expected = {"white": 1.0, "slow": 39.0}  # (1 + 0.95) / (1 - 0.95), the sum of a first-order correlation
     for name, wrench in (("white", white), ("slow", slow)):
-        found = still_stretches(cw.Samples(wrench, R, t))
+        found = still_segments(cw.Samples(wrench, R, t))
         worth = [one.n / one.independent for one in found.accepted]
         assert len(worth) >= 19
         assert np.median(worth) == pytest.approx(expected[name], rel=0.35)
@@ -125,7 +125,7 @@ def test_a_bump_that_hardly_shows_leaves_two_stretches_that_touch() -> None:
     rng = np.random.default_rng(1)
     wrench = 0.05 * rng.normal(size=(1500, 6))
     wrench[750, 0] += 2.0
-    found = still_stretches(cw.Samples(wrench, np.tile(np.eye(3), (1500, 1, 1)), np.arange(1500) / 500.0))
+    found = still_segments(cw.Samples(wrench, np.tile(np.eye(3), (1500, 1, 1)), np.arange(1500) / 500.0))
     before, after = found.accepted
     assert before.last + 1 == after.first
     assert found.rejected == ()
@@ -177,21 +177,21 @@ def hold(seconds: float, rate: float, seed: int = 0) -> tuple[Array, Array, Arra
 @pytest.mark.parametrize("since", [0.0, 1.7e9])
 def test_a_recording_of_one_pose_is_one_stretch(rate: float, since: float) -> None:
     t, R, wrench, _ = hold(20.0, rate)
-    found = still_stretches(cw.Samples(wrench, R, since + t))
+    found = still_segments(cw.Samples(wrench, R, since + t))
     assert [(one.first, one.last) for one in found.accepted] == [(0, len(t) - 1)]
 
 
 def test_a_gap_ends_a_stretch() -> None:
     t, R, wrench, _ = hold(4.0, 500.0)
     t[1000:] += 30.0
-    found = still_stretches(cw.Samples(wrench, R, t))
+    found = still_segments(cw.Samples(wrench, R, t))
     assert [(one.first, one.last) for one in found.accepted] == [(0, 999), (1000, 1999)]
 
 
 def test_times_that_jump_back_end_a_stretch() -> None:
     t, R, wrench, _ = hold(4.0, 500.0)
     t[1000:] -= 1.0
-    assert len(still_stretches(cw.Samples(wrench, R, t)).accepted) == 2
+    assert len(still_segments(cw.Samples(wrench, R, t)).accepted) == 2
 
 
 def test_a_saturated_stretch_is_left_out() -> None:
@@ -201,7 +201,7 @@ def test_a_saturated_stretch_is_left_out() -> None:
     saturated = np.zeros(2000, dtype=bool)
     saturated[1200:1210] = True
     object.__setattr__(samples, "saturated", saturated)
-    found = still_stretches(samples)
+    found = still_segments(samples)
     assert len(found.accepted) == 1
     assert found.rejected[0].rejected == "saturated: 10 of 1000 rows stand at the sensor's limit"
 
@@ -211,7 +211,7 @@ def test_a_saturated_stretch_is_left_out() -> None:
 def test_an_arm_that_creeps_does_not_stand(speed_deg: float, still: bool, rate: float) -> None:
     t, R, wrench, _ = hold(40.0, rate)
     turn = Rotation.from_rotvec(np.outer(t, np.deg2rad(speed_deg) * np.array([0.6, 0.0, 0.8]))).as_matrix()
-    found = still_stretches(cw.Samples(wrench, R @ turn, t))
+    found = still_segments(cw.Samples(wrench, R @ turn, t))
     assert (len(found.accepted) > 0) == still
     if speed_deg == 0.05:
         assert [one.rejected for one in found.rejected] == ["the arm creeps: it turns by 2 deg in 40 s"]
@@ -223,7 +223,7 @@ def test_a_stop_that_is_too_short_says_how_long_is_needed() -> None:
     assert s.t is not None
     shortened = (s.t < THIRD_STOP + 0.06) | (s.t > THIRD_STOP + 2.0 - 0.06)  # with the slow ends of the moves 0.25 s
     t = np.arange(shortened.sum()) / 100.0
-    found = still_stretches(cw.Samples(s.wrench[shortened], s.R_base_flange[shortened], t))
+    found = still_segments(cw.Samples(s.wrench[shortened], s.R_base_flange[shortened], t))
     assert len(found.accepted) == 7
     (short,) = found.rejected
     assert THIRD_STOP - 0.1 < short.t_start < short.t_end < THIRD_STOP + 0.3
@@ -233,7 +233,7 @@ def test_a_stop_that_is_too_short_says_how_long_is_needed() -> None:
 def test_samples_without_times_are_refused() -> None:
     _, R, wrench, _ = hold(4.0, 500.0)
     with pytest.raises(cw.ContactWrenchError) as refusal:
-        still_stretches(cw.Samples(wrench, R))
+        still_segments(cw.Samples(wrench, R))
     assert str(refusal.value) == "arrays: found no times, expected a column t: stillness shows in time only"
 
 
@@ -245,7 +245,7 @@ def test_what_is_still_depends_on_no_frame_no_unit_of_force_and_no_clock(seed: i
     s = made.samples
     assert s.t is not None
     turned = R_world_base @ s.R_base_flange @ R_flange_tool
-    again = still_stretches(cw.Samples(unit * s.wrench, turned, since + s.t))
+    again = still_segments(cw.Samples(unit * s.wrench, turned, since + s.t))
     for one, other in zip(found.accepted, again.accepted, strict=True):
         assert abs(one.first - other.first) <= 1
         assert abs(one.last - other.last) <= 1
@@ -255,7 +255,7 @@ def test_what_is_still_depends_on_no_frame_no_unit_of_force_and_no_clock(seed: i
 def test_a_measured_recording_at_rest_is_one_stretch() -> None:
     wrench = np.loadtxt(SHARED / "kuka_atigamma" / "0-steady-state_wrench.csv", delimiter=",", skiprows=1)
     R = np.repeat(np.eye(3)[None], len(wrench), axis=0)
-    found = still_stretches(cw.Samples(wrench, R, np.arange(len(wrench)) / 698.0))
+    found = still_segments(cw.Samples(wrench, R, np.arange(len(wrench)) / 698.0))
     (whole,) = found.accepted
     assert whole.n > 0.8 * len(wrench)
     assert whole.independent < 0.5 * whole.n
@@ -270,6 +270,6 @@ def test_a_measured_motion_stands_at_its_ends_only() -> None:
     row = np.clip(np.searchsorted(at, t), 0, len(at) - 1)
     samples = cw.Samples(wrench[:, 1:], pose[row, 1:].reshape(-1, 3, 3), t)
     assert is_stream(samples)
-    found = still_stretches(samples)
+    found = still_segments(samples)
     assert all(one.t_start > 5.0 or one.t_end < 0.3 for one in (*found.accepted, *found.rejected))
     assert any(one.t_start > 5.0 for one in found.accepted)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from contactwrench.errors import InputError
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.samples.synchronize import Synchronized, synchronize, synchronized
 from tests.support.moving import smooth_rotations
 from tests.support.recordings import Array, generic_rotations

@@ -19,7 +19,8 @@ FILELESS = ("geometry", "samples", "calibration", "estimation", "compensate", "a
 OUTSIDE_WORLD = {
     *("asyncio", "fileinput", "glob", "http", "io", "logging", "mmap", "multiprocessing", "os", "pathlib", "requests"),
     *("rclpy", "rospy", "rosbags", "select", "selectors", "shutil", "socket", "sqlite3", "ssl", "subprocess"),
-    *("tempfile", "time", "typer", "rich", "urllib", "websockets", "matplotlib", "msgspec", "mujoco", "pyarrow"),
+    *("tempfile", "time", "typer", "rich", "urllib", "websockets", "matplotlib", "mcap", "msgspec", "mujoco"),
+    "pyarrow",
 }
 """Files, network, clocks and user interfaces: numerics import none of them."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contactwrench.samples.streams import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.simulate.recording import Recorded, record_motion
 from contactwrench.simulate.settings import Settings, changed
 from contactwrench.simulate.trajectory import exciting, sweeping

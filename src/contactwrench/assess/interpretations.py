@@ -5,11 +5,34 @@ They are made where files are read (recording/interpretations.py), and judged in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array
+
+DOWN = (0.0, 0.0, -1.0)
+
+COST_OF_CHANGE = 2.0 * float(np.log(20.0))
+"""-2 log of the prior probability of one change from what was stated."""
+
+REVERSED_SIGN = 1.0
+REVERSED_GRAVITY = 1.2
+"""What a change costs, in changes as likely as a wrong flag."""
+
+LEANING_FLAG = "--model mount+base"
+
+PUSH = (
+    "push the tool by hand along +x, +y and +z of the sensor: if fx, fy and fz rise, each in its turn, sign and axes "
+    "are as the file names them; if all fall, --sign reaction; if one falls, it is reversed; if another one moves, the "
+    "two are exchanged"
+)
+SEE_COM = "see where the tool's centre of mass really lies: on which side of the sensor, and how far away"
+SEE_POSE = "bring the arm to a pose whose axes you can see, tilted about two of them, and try the conventions on it"
+SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on the ceiling"
+"""Observations that tell apart what free air cannot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +91,47 @@ class Readings:
     torque_units: tuple[TorqueUnit, ...] = ()
     complaint: str | None = None
 
+    @property
+    def down(self) -> Array:
+        """The direction of gravity (3,) in base axes, as stated."""
+        return np.array(DOWN) if self.gravity is None else np.asarray(self.gravity)
+
+    def interpretation(
+        self, orientation: int, wrench: int, negative: int, *, by_gravity: bool = False, unit: TorqueUnit | None = None
+    ) -> Interpretation:
+        """One way to read the file: of `orientations` and `wrenches` by their indices, the sign reversed where
+        `negative`, or `by_gravity` the direction of gravity in its stead.
+        """
+        o, w = self.orientations[orientation], self.wrenches[wrench]
+        reaction = bool(negative) != by_gravity
+        flags = (*o.flags, *w.flags, *(["--sign reaction"] if reaction else []))
+        if by_gravity:
+            flags = (*flags, f"--gravity {negated(self.down)}")
+        elif self.gravity is not None:
+            flags = (*flags, f"--gravity {negated(-self.down)}")
+        cost = o.cost + w.cost + REVERSED_SIGN * (reaction != (self.sign == "reaction"))
+        cost += REVERSED_GRAVITY * by_gravity + (unit.cost if unit else 0.0)
+        mends = (*o.mends, *w.mends, *([unit.mend] if unit else []))
+        factor = unit.factor if unit else 1.0
+        return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
+
+    def observations(self, best: Interpretation, others: Sequence[Interpretation]) -> tuple[str, ...]:
+        """What would tell the best from the others."""
+
+        def forces(interpretation: Interpretation) -> Array:
+            return self.wrenches[interpretation.wrench].matrix[:3] * (-1.0 if interpretation.negated else 1.0)
+
+        decisive = {
+            PUSH: any(not np.array_equal(forces(other), forces(best)) for other in others),
+            SEE_COM: any(other.wrench != best.wrench or other.torque_factor != best.torque_factor for other in others),
+            SEE_POSE: any(other.orientation != best.orientation for other in others),
+            SEE_BASE: any(LEANING_FLAG in other.flags or other.reversed_gravity for other in (best, *others)),
+        }
+        return tuple(observation for observation, decides in decisive.items() if decides)
+
 
 @dataclass(frozen=True)
-class Reading:
+class Interpretation:
     """One way to read a file: the `flags` that make it so, all of them, and the `mends` that no flag makes.
 
     `orientation`, `wrench` are indices into `Readings`; `negated`: the readings as they stand in the file;
@@ -87,13 +148,20 @@ class Reading:
     reversed_gravity: bool
     torque_factor: float = 1.0
 
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Its indices in what screening makes of all ways to read the file: orientation, wrench, sign."""
+        return self.orientation, self.wrench, int(self.negated != self.reversed_gravity)
 
-def as_read(readings: Readings, reading: Reading) -> tuple[Array, Array]:
-    """`R_base_flange` (m, 3, 3) and the wrench (m, 6), N and N m, sensor axes, pull sign, that a reading makes."""
-    o, w = readings.orientations[reading.orientation], readings.wrenches[reading.wrench]
-    in_si = np.repeat([1.0, reading.torque_factor], 3)[:, None] * w.matrix
+
+def as_read(readings: Readings, interpretation: Interpretation) -> tuple[Array, Array]:
+    """`R_base_flange` (m, 3, 3) and the wrench (m, 6), N and N m, sensor axes, pull sign, by an interpretation."""
+    o, w = readings.orientations[interpretation.orientation], readings.wrenches[interpretation.wrench]
+    in_si = np.repeat([1.0, interpretation.torque_factor], 3)[:, None] * w.matrix
     R = o.R_base_flange
-    return R, _read_wrench(readings.wrench[o.rows], -in_si if reading.negated else in_si, R if w.in_base else None)
+    return R, _read_wrench(
+        readings.wrench[o.rows], -in_si if interpretation.negated else in_si, R if w.in_base else None
+    )
 
 
 def _read_wrench(wrench: Array, matrix: Array, R_base_flange: Array | None) -> Array:

@@ -3,7 +3,7 @@
 Every pose adds its information `J^T W J` about the parameters (J the derivative of its reading, W the inverse variance
 of the noise), and the covariance C of the parameters is the inverse of the sum. What the user uses is the contact
 wrench, and a calibration adds the variance `J C J^T` to it; its mean over all orientations is `trace(C M)`, and the
-planned poses are those that make it least (exchange.py).
+planned poses are those that make it least (experiment_design.py).
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from ..calibration.observability import LEVER, natural_jacobian, require_separab
 from ..errors import AmbiguityError, InputError, UnobservableError
 from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
 from ..estimation.calibrate import calibrate
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.rotations import spread_rotations
 from ..geometry.wrench import unit_direction
 from ..model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
-from .experiment_design import chosen_experiments
+from .experiment_design import chosen_experiments, short_order
 from .robot_arms import Reach
-from .visiting_order import short_order
 
 MODELS = ("auto", "yaw", "mount", "mount+base")
 MOST_POSES = 100
@@ -56,7 +55,7 @@ seven times as long and gains less than one per cent in the standard deviation.
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class Expected(Frozen):
     """What the poses are planned for: the tool, the standard deviations (6,) of a pose's reading, the recording that
     both were fitted to (None: assumed), and why a recording could not be (None: it could, or there is none).
     """
@@ -80,7 +79,7 @@ class Accuracy:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Frozen):
     """The next poses, in order.
 
     `recorded` is how many poses come before. `R_base_flange` (n, 3, 3); `joints` (n, k) rad or None; `turn` (n,) rad,
@@ -102,11 +101,6 @@ class Plan:
     around: Array | None = None
     anywhere: Accuracy | None = None
 
-    def __post_init__(self) -> None:
-        for name in ("R_base_flange", "turn", "joints", "around"):
-            value = getattr(self, name)
-            object.__setattr__(self, name, None if value is None else read_only(value))
-
     def __len__(self) -> int:
         return len(self.R_base_flange)
 
@@ -114,7 +108,13 @@ class Plan:
 def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: ArrayLike | None = None) -> Expected:
     """The tool and noise to plan for: fitted to `samples`; or assumed, where there are none or too few to tell.
 
-    `gravity`: direction (3,) in base axes, default down. Raises `InputError` for unusable arguments.
+    Args:
+        samples: a recording.
+        model: that is fitted to it.
+        gravity: direction (3,), base axes; None: down.
+
+    Raises:
+        InputError: unusable arguments.
     """
     _require_model(model)
     d = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)
@@ -131,7 +131,7 @@ def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: 
     return Expected(tool, cal.noise, fitted_to=samples.source)
 
 
-def recorded_poses(samples: Samples) -> Array:
+def recorded_orientations(samples: Samples) -> Array:
     """The orientations (m, 3, 3) of the contact-free poses in a recording, in the order of their first rows."""
     samples, _ = samples.unsaturated()
     free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
@@ -146,14 +146,21 @@ def plan(
     recorded: Array | None = None,
     reach: Reach | None = None,
 ) -> Plan:
-    """The `n` orientations that, after those `recorded` (m, 3, 3), make the contact wrench most certain.
+    """The `n` orientations that, after those `recorded`, make the contact wrench most certain.
 
     "Most certain": least variance from the calibration, of the force and of the torque at a lever of 50 mm, on average
-    over all orientations. `model` is what will be fitted: yaw, mount, mount+base, or auto, which expects small tilts of
-    mounting and base. `reach`: choose only from what a robot's wrist reaches. Poses are `APART`, and in an order in
-    which the flange (or, with a robot, the joint that turns most) turns little in all.
+    over all orientations. Poses are `APART`, and in an order in which the flange (or, with a robot, the joint that
+    turns most) turns little in all.
 
-    Raises `InputError` for a model or a number that cannot be planned for, and where no orientation is left.
+    Args:
+        n: how many.
+        expected: tool and noise; None: assumed.
+        model: that will be fitted: yaw, mount, mount+base, or auto, which expects small tilts of mounting and base.
+        recorded: orientations (m, 3, 3) of the poses that come before; None: none.
+        reach: what a robot's wrist reaches, to choose only from that.
+
+    Raises:
+        InputError: a model or a number that cannot be planned for, or no orientation is left.
     """
     _require_model(model)
     if not 1 <= n <= MOST_POSES:
@@ -163,7 +170,7 @@ def plan(
     free = spread_rotations(*CANDIDATES)
     R = free if reach is None else reach.R_base_flange
     chosen = _chosen(n, expected, model, recorded, R)
-    order, turn = _in_order(R[chosen], recorded, None if reach is None else reach.joints[chosen], reach)
+    order, turn = _in_order(R[chosen], recorded, reach, chosen)
     chosen = [chosen[k] for k in order]
     anywhere = None
     if reach is not None:
@@ -249,13 +256,14 @@ def _accuracy(expected: Expected, model: str, R_base_flange: Array) -> Accuracy 
     return Accuracy(*(float(np.sqrt(value)) for value in (force.mean(), torque.mean(), force.max(), torque.max())))
 
 
-def _in_order(R: Array, recorded: Array, joints: Array | None, reach: Reach | None) -> tuple[list[int], Array]:
+def _in_order(R: Array, recorded: Array, reach: Reach | None, chosen: list[int]) -> tuple[list[int], Array]:
     """The order of the poses (n, 3, 3), and the rotation from each to the one before it (n,), rad."""
     start = recorded[-1:] if reach is None else reach.R_base_flange[:1]
     between, from_start = _angles(R, R), _angles(start, R)
-    if joints is None or reach is None:
+    if reach is None:
         order = short_order(between, from_start[0] if len(start) else None)
     else:
+        joints = reach.joints[chosen]
         order = short_order(_largest_move(joints, joints), _largest_move(reach.around[None], joints)[0])
     first = from_start[0, order[0]] if len(start) else np.nan
     return order, np.r_[first, between[order[:-1], order[1:]]]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from ..geometry.wrench import cross_matrix
 
 WRIST = 3
@@ -31,7 +31,7 @@ TYPED_DIGITS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class Arm(Frozen):
     """The rotations of an arm with k revolute joints: `R_before[0] exp(axis[0] q1) R_before[1] ... R_last_flange`.
 
     `R_before` (k, 3, 3) from each joint's frame to the one before it, at rest; `axis` (k, 3) unit vectors in the
@@ -49,26 +49,18 @@ class Arm:
     source: str
     joint_names: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        for name in ("R_before", "axis", "R_last_flange", "limits", "home"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
     def __len__(self) -> int:
         return len(self.axis)
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class Reach(Frozen):
     """Orientations that an arm's wrist reaches: `R_base_flange` (m, 3, 3), at `joints` (m, k) rad, `around` (k,)."""
 
     arm: str
     around: Array
     R_base_flange: Array
     joints: Array
-
-    def __post_init__(self) -> None:
-        for name in ("around", "R_base_flange", "joints"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def flange_orientation(arm: Arm, joints: Array) -> Array:
@@ -83,12 +75,18 @@ def flange_orientation(arm: Arm, joints: Array) -> Array:
 
 
 def reach(arm: Arm, around: Array | None = None) -> Reach:
-    """What the arm's wrist reaches while its other joints stay as in `around` (k,), rad; None: its home.
+    """What the arm's wrist reaches while its other joints stay: orientations at least `SPACING` apart.
 
-    Orientations at least `SPACING` apart, each at the configuration nearest to `around` that was found for it, the
-    nearest first (which is `around` itself); no joint closer than `MARGIN` to a limit, unless it stands there, or
-    further than half a turn from where it stands. Collisions of the arm with itself, its cables or its surroundings are
-    not known here. Raises `InputError` for a wrong number of joints and for one outside its limits.
+    Each comes at the configuration nearest to `around` that was found for it, the nearest first (which is `around`
+    itself). No joint is closer than `MARGIN` to a limit, unless it stands there, or further than half a turn from where
+    it stands. Collisions of the arm with itself, its cables or its surroundings are not known here.
+
+    Args:
+        arm: the arm, with k joints.
+        around: joints (k,), rad, where it stands; None: its home.
+
+    Raises:
+        InputError: a wrong number of joints, or one outside its limits.
     """
     start = np.round(arm.home if around is None else within_limits(arm, around), TYPED_DIGITS)
     wrist = min(WRIST, len(arm))
@@ -131,9 +129,9 @@ def _apart(R: Array, angle: float) -> list[int]:
     flat = R.reshape(-1, 9)
     most = 1.0 + 2.0 * np.cos(angle)  # the trace of the rotation from one to the other
     kept, count, indices = np.empty_like(flat), 0, []
-    for index, one in enumerate(flat):
-        if count == 0 or (kept[:count] @ one).max() <= most:
-            kept[count] = one
+    for index, rotation in enumerate(flat):
+        if count == 0 or (kept[:count] @ rotation).max() <= most:
+            kept[count] = rotation
             count += 1
             indices.append(index)
     return indices
@@ -153,72 +151,51 @@ def _about_x(quarter_deg: int) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def _arm(name: str, twists: tuple[int, ...], limits: ArrayLike, home: tuple[int, ...], source: str) -> Arm:
-    """An arm by its Denavit-Hartenberg twists, deg: `Rx(twist 0) Rz(q1) Rx(twist 1) ... Rz(qk) Rx(twist k)`; `limits`
-    rad, (k, 2) or (k,) for the same on both sides; `home` deg, flange down and forearm level, so that every tilt is
-    within the wrist's reach.
+def _arms(
+    names: tuple[str, ...], twists: tuple[int, ...], limits: Array, home: tuple[int, ...], source: str
+) -> dict[str, Arm]:
+    """Arms with one wrist, by their Denavit-Hartenberg twists, deg: `Rx(twist 0) Rz(q1) Rx(twist 1) ... Rx(twist k)`.
+
+    `limits` rad, (2, k), or (k,) for the same on both sides; `home` deg, flange down and forearm level, so that every
+    tilt is within the wrist's reach.
     """
     R = np.array([_about_x(twist) for twist in twists])
     axis = np.tile([0.0, 0.0, 1.0], (len(home), 1))
-    ends = np.asarray(limits, dtype=np.float64)
-    ends = np.stack([-ends, ends], axis=1) if ends.ndim == 1 else ends
-    return Arm(name, R[:-1], axis, R[-1], ends, np.deg2rad(home), source)
+    lowest, highest = limits if limits.ndim == 2 else (-limits, limits)
+    ends = np.stack([lowest, highest], axis=1)
+    return {name: Arm(name, R[:-1], axis, R[-1], ends, np.deg2rad(home), source) for name in names}
 
 
-def _iiwa(name: str) -> Arm:
-    return _arm(
-        name,
-        (0, -90, 90, 90, -90, -90, 90, 0),
-        np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]),
-        (0, 30, 0, -60, 0, 90, 0),
-        "KUKA, LBR iiwa 7 R800, LBR iiwa 14 R820, Specification: axis data",
-    )
+IIWA_LIMITS = np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0])
+PANDA_LIMITS = np.array(
+    [
+        [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973],
+        [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973],
+    ]
+)
+FR3_LIMITS = np.array(
+    [
+        [-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159],
+        [2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159],
+    ]
+)
+FRANKA_TWISTS, FRANKA_HOME = (0, -90, 90, 90, -90, 90, 90, 0), (0, -45, 0, -135, 0, 90, 45)
+KUKA = "KUKA, LBR iiwa 7 R800, LBR iiwa 14 R820, Specification: axis data"
+UNIVERSAL_ROBOTS = (
+    "Universal Robots, DH parameters for calculations of kinematics and dynamics; user manual: joint ranges"
+)
+FRANKA = "Franka Robotics, Franka Control Interface documentation: robot and interface specifications"
 
-
-def _universal_robots(name: str) -> Arm:
-    return _arm(
-        name,
+ARMS: dict[str, Arm] = {
+    **_arms(("iiwa7", "iiwa14"), (0, -90, 90, 90, -90, -90, 90, 0), IIWA_LIMITS, (0, 30, 0, -60, 0, 90, 0), KUKA),
+    **_arms(
+        ("ur3e", "ur5e", "ur10e", "ur16e", "ur20"),
         (0, 90, 0, 0, 90, -90, 0),
         np.deg2rad(np.full(6, 360.0)),
         (0, -90, 90, -90, -90, 0),
-        "Universal Robots, DH parameters for calculations of kinematics and dynamics; user manual: joint ranges",
-    )
-
-
-def _franka(name: str, limits: list[tuple[float, float]]) -> Arm:
-    return _arm(
-        name,
-        (0, -90, 90, 90, -90, 90, 90, 0),
-        limits,
-        (0, -45, 0, -135, 0, 90, 45),
-        "Franka Robotics, Franka Control Interface documentation: robot and interface specifications",
-    )
-
-
-_PANDA_LIMITS = [
-    (-2.8973, 2.8973),
-    (-1.7628, 1.7628),
-    (-2.8973, 2.8973),
-    (-3.0718, -0.0698),
-    (-2.8973, 2.8973),
-    (-0.0175, 3.7525),
-    (-2.8973, 2.8973),
-]
-_FR3_LIMITS = [
-    (-2.7437, 2.7437),
-    (-1.7837, 1.7837),
-    (-2.9007, 2.9007),
-    (-3.0421, -0.1518),
-    (-2.8065, 2.8065),
-    (0.5445, 4.5169),
-    (-3.0159, 3.0159),
-]
-
-ARMS: dict[str, Arm] = {
-    "iiwa7": _iiwa("iiwa7"),
-    "iiwa14": _iiwa("iiwa14"),
-    **{name: _universal_robots(name) for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20")},
-    "panda": _franka("panda", _PANDA_LIMITS),
-    "fr3": _franka("fr3", _FR3_LIMITS),
+        UNIVERSAL_ROBOTS,
+    ),
+    **_arms(("panda",), FRANKA_TWISTS, PANDA_LIMITS, FRANKA_HOME, FRANKA),
+    **_arms(("fr3",), FRANKA_TWISTS, FR3_LIMITS, FRANKA_HOME, FRANKA),
 }
 """By name. Twists and limits are the makers' figures; `source` says where they stand."""

@@ -1,8 +1,8 @@
 """How well a rigid tool can explain thousands of readings of one file, all at once.
 
-A reading is one of the orientation's columns times one of the wrench's. For each, the mounting that explains the
-forces best is a Procrustes rotation (Kabsch, 1976; estimation/initial_guess.py). With it held the torques are linear
-in weight * com: so second moments of the centred rows decide, and nothing is iterated.
+An interpretation is one of the orientation's columns times one of the wrench's. For each, the mounting that explains
+the forces best is a Procrustes rotation (Kabsch, 1976; see estimation/initial_guess.py), and with it held the torques
+are linear in weight * com: so second moments of the centred rows decide, and nothing is iterated.
 
     sum |F - G Q r - F0|^2  is least for  G = tr(Q M_F) / S,   M_F = sum r F^T,   S = sum |r|^2,   Q = R_flange_sensor^T
 
@@ -14,45 +14,58 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
+from .interpretations import COST_OF_CHANGE, REVERSED_SIGN, Interpretation, Readings
 
 LEAST_TILT = 1e-6
-"""Of the squared gravity directions, on average: a reading in which gravity moves less explains nothing."""
+"""Of the squared gravity directions, on average: an interpretation in which gravity moves less explains nothing."""
 
-FORCE_PARAMETERS = 7
-TORQUE_PARAMETERS = 6
+PARAMETERS = np.array([7.0, 6.0])
 """Of model mount: weight, mounting and bias weigh on the forces; weight * com and bias on the torques."""
 
 NOTHING_LEFT = 1e-6
 """Of the readings' scatter: where all is explained, the digits of the numbers in a file still leave that much."""
 
+MOST_FITTED, LEAST_FITTED = 12, 2
+NOT_FITTED = 60.0
+"""-2 log of the odds by which screening may be worse than at its best, and its interpretation still be fitted."""
+
+SAME_FIT = 1e-6
+"""Relative: readings of which screening leaves sums of squares this close are one class, see docs/method.md."""
+
+SAME_ODDS = 1e-3
+"""Readings of a class differ by less: the first of them is taken, whatever the rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Orientations:
-    """One reading of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows` (m,)."""
+    """One interpretation of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows`
+    (m,).
+    """
 
     R_base_flange: Array
-    rows: slice
+    rows: slice | NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Unexplained:
-    """Variances of a component of force (N^2) and torque (N^2 m^2) that a rigid tool leaves, for every reading.
+    """What a rigid tool leaves, for every interpretation: arrays (orientations, wrenches, 2, 2), the last axis for
+    force (N^2) and torque (N^2 m^2), the one before for the readings and the negated readings.
 
-    Arrays (orientations, wrenches, 2), the last axis for the readings and the negated readings.
+    `squares`: the sum of squares that is left; `dof` (orientations, 1, 1, 2): of how many degrees of freedom.
     """
 
-    force: Array
-    torque: Array
+    squares: Array
+    dof: Array
 
 
 def screen(
     orientations: list[Orientations], wrench: Array, matrices: Array, in_base: Array, gravity_direction: Array
 ) -> Unexplained:
-    """What a rigid tool leaves of each reading of `wrench` (n, 6), the file's columns.
+    """What a rigid tool leaves of each interpretation of `wrench` (n, 6), the file's columns.
 
     `matrices` (k, 6, 6) turn the columns into fx..tz, in base axes where `in_base` (k,), and then turned back.
     """
@@ -82,29 +95,89 @@ def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Unexpla
     inverse_inertia = np.linalg.pinv(inertia, rcond=1e-9, hermitian=True)[:, None]
     U, s, Vt = np.linalg.svd(cross[:, :, 0])
     handedness = np.linalg.det(U @ Vt)
-    force, torque = np.empty((*total.shape[:2], 2)), np.empty((*total.shape[:2], 2))
+    squares = np.empty((*total.shape[:2], 2, 2))
     for k, sign in enumerate((1.0, -1.0)):
         last = sign * handedness
         pull = s[..., 0] + s[..., 1] + last * s[..., 2]
-        force[..., k] = total[..., 0] - pull**2 / spread[:, None]
+        squares[..., k, 0] = total[..., 0] - pull**2 / spread[:, None]
         R_flange_sensor = sign * U @ (np.stack([np.ones_like(last), np.ones_like(last), last], axis=-1)[..., None] * Vt)
         across = sign * cross[:, :, 1] @ np.swapaxes(R_flange_sensor, -1, -2)
         moment = np.stack([across[..., i, j] - across[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
         explained = np.einsum("vki,vkij,vkj->vk", moment, inverse_inertia * moving[:, None, None, None], moment)
-        torque[..., k] = total[..., 1] - explained
-    least = NOTHING_LEFT**2 * total[:1, :1]
-    dof = 3.0 * n[:, None, None]
-    return Unexplained(
-        np.maximum(force, least[..., :1]) / (dof - FORCE_PARAMETERS),
-        np.maximum(torque, least[..., 1:]) / (dof - TORQUE_PARAMETERS),
-    )
+        squares[..., k, 1] = total[..., 1] - explained
+    least = NOTHING_LEFT**2 * total[0, 0]
+    return Unexplained(np.maximum(squares, least), (3.0 * n[:, None] - PARAMETERS)[:, None, None])
 
 
-def misfit(force: ArrayLike, torque: ArrayLike, n: int) -> Array:
-    """-2 log likelihood, up to a constant, of a fit that leaves these variances in n poses, its parameters counted.
+def scatter_of(wrench: Array, matrices: Array) -> Array:
+    """The variance (k, 2) of a component of force and of torque in the columns (n, 6), read by `matrices` (k, 6, 6)."""
+    variance = np.maximum(np.var(wrench, axis=0, ddof=1), 1e-300)
+    kinds: Array = (matrices**2 @ variance).reshape(-1, 2, 3).mean(axis=2)
+    return kinds
 
-    The variances are not known beforehand: they are integrated out under Jeffreys' prior. The scale of the torques is
-    their unit in the file, so that no reading of that unit gains by it.
+
+def misfit(squares: Array, dof: Array, scatter: Array) -> Array:
+    """-2 log likelihood of fits that leave `squares` (..., 2) of force and torque in `dof` degrees of freedom, against
+    that of no tool, which leaves their `scatter`: so a row that an explanation leaves out counts as unexplained.
+
+    The variances are not known beforehand: they are integrated out under Jeffreys' prior, the parameters with them, so
+    that what few degrees of freedom leave by chance counts for little.
     """
-    least: Array = (3 * n - FORCE_PARAMETERS) * np.log(force) + (3 * n - TORQUE_PARAMETERS) * np.log(torque)
+    least: Array = np.sum(dof * np.log(squares / (dof * scatter)), axis=-1)
     return least
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What screening makes of all ways to read a file, by orientation, wrench and sign: the logarithm of the sums of
+    squares left of force and torque (..., 2), and `odds`, -2 log of the odds against an interpretation, its changes
+    counted.
+    """
+
+    readings: Readings
+    log_squares: Array
+    odds: Array
+
+    @property
+    def given(self) -> Interpretation:
+        """The stated interpretation."""
+        return self.readings.interpretation(self.readings.given or 0, 0, int(self.readings.sign == "reaction"))
+
+    def classes(self) -> list[tuple[int, int, int]]:
+        """Places of the most promising readings, one of each class, best first."""
+        places: list[tuple[int, int, int]] = []
+        left = self.odds.copy()
+        while len(places) < MOST_FITTED and (least := left.min()) < np.inf:
+            if len(places) >= LEAST_FITTED and least > self.odds.min() + NOT_FITTED:
+                break
+            first = np.argmax(left <= least + SAME_ODDS)
+            orientation, wrench, negative = (int(k) for k in np.unravel_index(first, left.shape))
+            places.append((orientation, wrench, negative))
+            left[self.class_of(places[-1])] = np.inf
+        return places
+
+    def class_of(self, place: tuple[int, int, int]) -> NDArray[np.bool_]:
+        """Which readings screening cannot tell from the one at `place`."""
+        same: NDArray[np.bool_] = (np.abs(self.log_squares - self.log_squares[place]) < SAME_FIT).all(axis=-1)
+        return same
+
+
+def screened(readings: Readings) -> Screened:
+    """All ways to read a file, judged in closed form."""
+    matrices = np.array([w.matrix for w in readings.wrenches])
+    left = screen(
+        [Orientations(o.R_base_flange, o.rows) for o in readings.orientations],
+        readings.wrench,
+        matrices,
+        np.array([w.in_base for w in readings.wrenches]),
+        readings.down,
+    )
+    changed_sign = np.array([readings.sign == "reaction", readings.sign == "pull"], dtype=np.float64)
+    costs = (
+        np.array([o.cost for o in readings.orientations])[:, None, None]
+        + np.array([w.cost for w in readings.wrenches])[:, None]
+        + REVERSED_SIGN * changed_sign
+    )
+    scatter = scatter_of(readings.wrench, matrices)[:, None]
+    odds = misfit(left.squares, left.dof, scatter) + COST_OF_CHANGE * costs
+    return Screened(readings, np.log(left.squares), odds)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..compensate.contact_noise import noise_dof, reading_variance
+from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import cross_matrix

@@ -41,22 +41,40 @@ WEAK_SHARE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A calibrated tool on a sensor.
+    """A calibrated tool on a sensor: what was identified, with its uncertainty. Made by `calibrate` or `load`.
 
-    `requested_model`, `model`: what was asked for and what was fitted; `weight` N, `mass` kg, `com` (3,) m (sensor
-    frame), `bias` (6,) N and N m, `R_flange_sensor` (3, 3), `yaw` rad (the paper's theta), `gravity_direction` (3,)
-    in base axes. `B` (6, 4) gives the free wrench `B @ [r, 1]`; `B_covariance` (24, 24) of B row-major.
-    `parameters` (p,) under `parameter_names`, with `covariance` (p, p); the small rotations mount_x..z and
-    gravity_a..b are zero at the optimum. For `affine` weight, mass, com, R_flange_sensor and yaw are None; `paper`
-    also carries `weight_xy` and `weight_z`.
-
-    `noise` (6,) standard deviation of one pose's reading; `residual_rms` (6,); `held_out_rms` (6,) of the readings
-    against the fit to the other poses, or None where no pose can be spared; `reduced_chi2` of the residuals against
-    the noise that was given or that the rows' scatter explains (about 1 where neither is there, as the noise is then
-    estimated from the residuals); `dof` of the variances, for Student's t (0: the noise was taken at its word).
-    `poses` it was fitted on, or, beyond 10,000, their `moments`. `parameter_dof` (p,), those of each parameter, of
-    which `dof` is the least. `assumptions` that `auto` made, in words, and the `alternatives`, what other models give.
-    `delay` s: how much later than the orientation the wrench is stamped, and `delay_std`; None where it was not asked.
+    Attributes:
+        requested_model: what was asked for.
+        model: what was fitted.
+        weight: N; None for `affine`, and so are mass, com, R_flange_sensor and yaw.
+        mass: kg, the weight over `g`.
+        com: centre of mass (3,), m, sensor axes.
+        bias: reading without any load (6,), N and N m, sensor axes.
+        R_flange_sensor: the mounting (3, 3), from sensor to flange axes.
+        yaw: rad, the paper's theta, about the sensor's z.
+        gravity_direction: unit vector (3,), base axes.
+        B: (6, 4), N and N m; the free wrench is `B @ [r, 1]` with `r = R_base_flange.T @ gravity_direction`.
+        B_covariance: of B row by row, (24, 24).
+        parameter_names: p of them, in the order of every covariance.
+        parameters: (p,); the small rotations mount_x..z and gravity_a..b, rad, are zero at the optimum.
+        covariance: of the parameters, (p, p).
+        noise: standard deviation of one pose's reading (6,), N and N m.
+        residual_rms: of the poses used (6,), N and N m.
+        held_out_rms: of each pose against the fit to the others (6,), N and N m; None where none can be spared.
+        reduced_chi2: of the residuals, against the noise given or the rows' scatter; about 1 where neither is there.
+        dof: degrees of freedom for Student's t, the least of `parameter_dof`; 0 where the noise was taken at its word.
+        observability: rank, singular values, condition, tilt range (rad), and what trades off with what.
+        warnings: in words.
+        provenance: program, source, rows, g, options of reading, time.
+        poses: used and left out; empty beyond 10,000.
+        moments: sums that stand for the poses beyond 10,000.
+        weight_xy: N, of `paper`: from fx and fy.
+        weight_z: N, of `paper`: from fz.
+        parameter_dof: degrees of freedom of each parameter's variance (p,).
+        assumptions: of `auto`, in words.
+        alternatives: what other models make of the same poses.
+        delay: s, of the wrench's stamps behind the orientation's; None where it was not estimated.
+        delay_std: s.
     """
 
     requested_model: str
@@ -164,8 +182,14 @@ class Calibration:
         return None if self.R_flange_sensor is None else bool(self.R_flange_sensor[2, 2] >= 0.0)
 
     def t_quantile(self, level: float = 0.95, dof: float | None = None) -> float:
-        """How many standard deviations a two-sided interval of that level reaches (Student's t with `dof`; by default
-        the fewest of any parameter).
+        """How many standard deviations a two-sided interval reaches, by Student's t.
+
+        Args:
+            level: probability that it holds the truth.
+            dof: degrees of freedom; None: the fewest of any parameter.
+
+        Returns:
+            Standard deviations.
         """
         from scipy.special import ndtri, stdtrit
 
@@ -174,9 +198,17 @@ class Calibration:
         return float(stdtrit(behind, upper) if behind > 0.0 else ndtri(upper))
 
     def interval(self, name: str, level: float = 0.95) -> tuple[Any, Any]:
-        """Lower and upper end of the two-sided interval of `weight`, `com`, `bias` or `yaw`, in their units.
+        """Two-sided interval of a parameter.
 
-        Raises `InputError` for another name, and for what the model does not estimate.
+        Args:
+            name: `weight`, `com`, `bias` or `yaw`.
+            level: probability that it holds the truth.
+
+        Returns:
+            Its lower and upper end, with the shape and unit of the parameter.
+
+        Raises:
+            InputError: another name, or what the model does not estimate.
         """
         if not 0.0 < level < 1.0:
             raise InputError(f"level is {level!r}, expected between 0 and 1, as in 0.95")
@@ -198,28 +230,68 @@ class Calibration:
         return [float(self.parameter_dof[k]) for k in parts]
 
     def predict(self, orientation: OrientationLike) -> Array:
-        """What a free tool reads, (n, 6) or (6,), at `R_base_flange`: matrices, quaternions or a scipy Rotation."""
+        """What a free tool reads.
+
+        Args:
+            orientation: `R_base_flange`: matrices (n, 3, 3), quaternions x, y, z, w (n, 4), or a scipy Rotation.
+
+        Returns:
+            Free wrench (n, 6), N and N m, sensor axes; (6,) of a single orientation.
+
+        Raises:
+            InputError: a wrong shape, or what is no rotation.
+        """
         R, single = rotation_matrices(orientation)
         wrench = free_wrench(self.B, gravity_in_flange(R, self.gravity_direction))
         return wrench[0] if single else wrench
 
     def compensate(self, wrench: ArrayLike, orientation: OrientationLike, out: Array | None = None) -> Array:
-        """The contact wrench, (n, 6) or (6,), sensor axes, of readings at `R_base_flange`; see compensate.py."""
+        """What is left of readings without the tool's weight and the bias.
+
+        Args:
+            wrench: readings (n, 6) or (6,), N and N m, sensor axes, pull sign.
+            orientation: `R_base_flange` of each, or one for all: as of `predict`.
+            out: where to write; may be `wrench` itself.
+
+        Returns:
+            Contact wrench (n, 6) or (6,), N and N m, sensor axes, about the sensor's origin.
+
+        Raises:
+            InputError: shapes that do not pair, or what is no rotation.
+        """
         return compensate(self.B, self.gravity_direction, wrench, orientation, out)
 
     def stepper(self) -> Step:
-        """A function for one sample of plain floats: `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`; under 1 us."""
+        """A function for one sample of plain floats, under 1 us.
+
+        Returns:
+            `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`, which gives the contact wrench as six floats.
+        """
         return stepper(self.B, self.gravity_direction)
 
     def wrench_covariance(self, orientation: OrientationLike) -> Array:
-        """Covariance (n, 6, 6) or (6, 6) of the free wrench, and so of a contact wrench, from the calibration alone."""
+        """Covariance of a contact wrench from the calibration alone.
+
+        Args:
+            orientation: `R_base_flange`, as of `predict`.
+
+        Returns:
+            (n, 6, 6) or (6, 6), in N and N m squared, sensor axes.
+        """
         R, single = rotation_matrices(orientation)
         J = self.free_wrench_jacobian(R)
         covariance: Array = J @ self.covariance @ J.transpose(0, 2, 1)
         return covariance[0] if single else covariance
 
     def wrench_std(self, orientation: OrientationLike) -> Array:
-        """Standard deviation (n, 6) or (6,) of a contact wrench from the calibration alone, N and N m."""
+        """Standard deviation of a contact wrench from the calibration alone.
+
+        Args:
+            orientation: `R_base_flange`, as of `predict`.
+
+        Returns:
+            (n, 6) or (6,), N and N m, sensor axes.
+        """
         R, single = rotation_matrices(orientation)
         variance = np.empty((len(R), 6))
         for start in range(0, len(R), ROWS_AT_ONCE):
@@ -229,7 +301,14 @@ class Calibration:
         return std[0] if single else std
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
-        """Derivative (n, 6, p) of the free wrench with respect to `parameters`, at orientations (n, 3, 3)."""
+        """Derivative of the free wrench with respect to `parameters`.
+
+        Args:
+            R_base_flange: matrices (n, 3, 3).
+
+        Returns:
+            (n, 6, p), sensor axes.
+        """
         if self.weight is None or self.com is None or self.R_flange_sensor is None:
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
         tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
@@ -258,7 +337,14 @@ class Calibration:
         )
 
     def with_gravity(self, gravity: Array | None) -> Calibration:
-        """The calibration for a base in which gravity has another direction (3,), known exactly; None: as it is."""
+        """The calibration for a base in which gravity has another direction, known exactly.
+
+        Args:
+            gravity: direction (3,), base axes; None: as it is.
+
+        Returns:
+            The same tool, mounting and bias.
+        """
         if gravity is None:
             return self
         d = unit_direction(gravity)
@@ -274,20 +360,45 @@ class Calibration:
         )
 
     def diff(self, other: Calibration) -> Difference:
-        """What changed from this calibration to `other`, with the standard deviation of each change."""
+        """What changed from this calibration to `other`.
+
+        Args:
+            other: of the same sensor, later.
+
+        Returns:
+            The changes, each with its standard deviation, and what they mean; print it.
+        """
         from .difference import difference
 
         return difference(self, other)
 
     def save(self, path: str | Path) -> None:
-        """Write the calibration as JSON (design: section 6). Raises `FileAccessError`; never a partial file."""
+        """Write the calibration as JSON; never a partial file.
+
+        Args:
+            path: of the file, which is replaced.
+
+        Raises:
+            FileAccessError: it cannot be written.
+        """
         from .file import save
 
         save(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
-        """Read a calibration file. Raises `FileAccessError` and `FileFormatError`, naming what is wrong with it."""
+        """Read a calibration file.
+
+        Args:
+            path: what `save` wrote.
+
+        Returns:
+            The calibration, every number as it was.
+
+        Raises:
+            FileAccessError: the file cannot be opened.
+            FileFormatError: it is no calibration; the message names what is wrong with it.
+        """
         from .file import load
 
         return load(path)

@@ -47,7 +47,7 @@ def plan(
     gravity: options.Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
-    from ..assess.plan import expected_tool, recorded_poses
+    from ..assess.plan import expected_tool, recorded_orientations
     from ..assess.plan import plan as choose
     from ..files import require_distinct, write_text
     from ..recording.urdf import urdf_file
@@ -69,7 +69,7 @@ def plan(
         n,
         expected_tool(samples, model, options.gravity_direction(gravity)),
         model=model,
-        recorded=None if samples is None else recorded_poses(samples),
+        recorded=None if samples is None else recorded_orientations(samples),
         reach=_reach(robot, around),
     )
     if output is not None:

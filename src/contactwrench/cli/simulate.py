@@ -102,7 +102,7 @@ def simulate(
 def _write_bag(output: Path, recorded: Recorded) -> None:
     """Wrench and pose as streams of their own, the pose at its own rate; a bag that is there is replaced."""
     from ..recording.bags.write import write_streams_bag
-    from ..samples.streams import OrientationStream, Streams, WrenchStream
+    from ..samples.samples import OrientationStream, Streams, WrenchStream
 
     plan = recorded.settings.recording
     posed = slice(None, None, max(round(plan.rate / plan.pose_rate), 1))
@@ -120,7 +120,7 @@ def _static(
 
 def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Generator) -> Array:
     """Joints (n, 7) of the poses that are asked for."""
-    from ..simulate.poses import joints_through, paper_joints, random_joints
+    from ..simulate.kinematics import joints_through, paper_joints, random_joints
     from ..simulate.rig import JOINTS, build
 
     kind, colon, count = poses.partition(":")

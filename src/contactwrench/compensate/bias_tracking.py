@@ -12,105 +12,195 @@ knows, which decays with the angle between two orientations. Only z is estimated
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from math import asin, exp, sqrt
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.rotations import rotation_angle
+from ..model import AXES
+from ..samples.poses import SAME_POSE_ANGLE
+from ..samples.samples import Samples
 from ..statistics import square_root
+from .state import Matrix, Row, State, kernel
 
 TYPICAL_DRIFT = np.array([0.05, 0.05, 0.05, 0.0025, 0.0025, 0.0025])
 """N and N m: std of a warm sensor's random walk after one hour."""
 HOUR = 3600.0
 ALIKE = 0.5
 """rad: orientations this far apart share 1/e of what poses differ by."""
+LEAST_PIVOT = 1e-14
+"""Of a covariance, over its diagonal: less is rounding."""
 
 
-class CalibrationError:
-    """How wrong a calibration is at an orientation: `H(R)` (6, q), with `H H^T` the covariance of its free wrench,
-    and `between` (6,), the variances of what poses differ by.
-
-    The free wrench's derivative is linear in the entries of R, so that eleven evaluations give it everywhere.
+def calibration_error(calibration: Calibration) -> tuple[Array, Array]:
+    """How wrong a calibration with q parameters is at an orientation: H (6, q) of the identity, and its derivatives
+    (6, q, 9) to the nine entries of R, in which the free wrench is linear. `H H^T` is the free wrench's covariance.
     """
-
-    def __init__(self, calibration: Calibration, between: Array) -> None:
-        corners = np.vstack([np.zeros((1, 9)), np.eye(9)]).reshape(10, 3, 3)
-        root = square_root(calibration.covariance)
-        H = calibration.free_wrench_jacobian(corners) @ root
-        self._at_zero = np.ascontiguousarray(H[0].ravel())
-        self._slope = np.ascontiguousarray((H[1:] - H[0]).reshape(9, -1))
-        self._shape = H.shape[1:]
-        self.between = np.diag(between)
-
-    def root(self, R_base_flange: Array) -> Array:
-        """H (6, q) at `R_base_flange` (3, 3)."""
-        H: Array = (R_base_flange.ravel() @ self._slope + self._at_zero).reshape(self._shape)
-        return H
+    corners = np.vstack([np.zeros((1, 9)), np.eye(9), np.eye(3).reshape(1, 9)]).reshape(11, 3, 3)
+    H = calibration.free_wrench_jacobian(corners) @ square_root(calibration.covariance)
+    return H[10], np.moveaxis(H[1:10] - H[0], 0, -1)
 
 
-@dataclass(frozen=True, eq=False)
-class Offset:
-    """The offset `value` (6,) at orientation `R_base_flange` and time `t`; `covariance` (6, 6) of its error, and that
-    error's covariance `with_calibration` (6, q) with eta and `with_pose` (6, 6) with u; `H` (6, q) there.
+def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_base_flange: Array, now: float) -> None:
+    """An offset where nothing of before counts: its `mean` (6,), the `covariance` (6, 6) of its error, and that error's
+    covariances `H` (6, q) with eta and `between` (6, 6) with u.
     """
-
-    value: Array
-    covariance: Array
-    with_calibration: Array
-    with_pose: Array
-    H: Array
-    R_base_flange: Array
-    t: float
-
-
-def calibrated(error: CalibrationError, R_base_flange: Array, t: float) -> Offset:
-    """The offset as the calibration leaves it: none that is known."""
-    H = error.root(R_base_flange)
-    return Offset(np.zeros(6), H @ H.T + error.between, H, error.between, H, R_base_flange, t)
+    s.offset_time, s.stale, s.clean_blocks = now, True, 0
+    s.offset[:], s.offset_R[:] = mean.tolist(), R_base_flange.ravel().tolist()
+    for into, values in (
+        (s.offset_covariance, covariance),
+        (s.with_calibration, H),
+        (s.with_pose, between),
+    ):
+        for row, numbers in zip(into, values.tolist(), strict=True):
+            row[: len(numbers)] = numbers
 
 
-def predicted(offset: Offset, error: CalibrationError, walk: Array, R_base_flange: Array, t: float) -> Offset:
-    """The offset at another orientation and time; `walk` (6,) is the drift's variance after one second. A clock that
-    went back adds nothing.
+@kernel
+def dot(a: Row, b: Row, n: int) -> float:
+    """The sum of n products."""
+    total = 0.0
+    for k in range(n):
+        total += a[k] * b[k]
+    return total
+
+
+@kernel
+def predict(s: State, R: Row, now: float) -> float:
+    """Write the offset's `systematic` covariance at another orientation and time, and the `change` of H on the way
+    there; what u there shares with u here. A clock that went back adds nothing.
     """
-    covariance = offset.covariance + np.diag(walk * max(t - offset.t, 0.0))
-    apart = R_base_flange - offset.R_base_flange
-    squared = float(np.vdot(apart, apart))
-    if squared == 0.0:
-        return replace(offset, covariance=covariance, t=t)
-    H = error.root(R_base_flange)
-    change = H - offset.H
-    kept = float(np.exp(-2.0 / ALIKE * np.arcsin(min(1.0, np.sqrt(squared / 8.0)))))
-    along = change @ offset.with_calibration.T - (1.0 - kept) * offset.with_pose
-    covariance += along + along.T + change @ change.T + 2.0 * (1.0 - kept) * error.between
-    return Offset(
-        offset.value,
-        covariance,
-        offset.with_calibration + change,
-        kept * offset.with_pose + (1.0 - kept) * error.between,
-        H,
-        R_base_flange,
-        t,
+    passed, apart, squared = max(now - s.offset_time, 0.0), s.apart, 0.0
+    for k in range(9):
+        apart[k] = R[k] - s.offset_R[k]
+        squared += apart[k] * apart[k]
+    a, b, c, d, e, f, g, h, i = apart[0], apart[1], apart[2], apart[3], apart[4], apart[5], apart[6], apart[7], apart[8]
+    lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
+    for row in range(6):
+        change, slopes = s.change[row], s.H_slope[row]
+        for k in range(n):
+            m = slopes[k]
+            change[k] = a * m[0] + b * m[1] + c * m[2] + d * m[3] + e * m[4] + f * m[5] + g * m[6] + h * m[7] + i * m[8]
+    for row in range(6):
+        change, before = s.change[row], s.with_calibration[row]
+        for k in range(row + 1):
+            across = dot(change, s.with_calibration[k], n) + dot(s.change[k], before, n) + dot(change, s.change[k], n)
+            across -= lost * (s.with_pose[row][k] + s.with_pose[k][row])
+            s.systematic[row][k] = s.systematic[k][row] = s.offset_covariance[row][k] + across
+        s.systematic[row][row] += s.walk[row] * passed + 2.0 * lost * s.between[row]
+    return lost
+
+
+@kernel
+def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
+    """The mean (6,) of free samples at an orientation and time goes into the offset, with its white noise's variance
+    (6,). The error's covariances with eta and u shrink with it; those two stay as they were.
+    """
+    lost, left, column = predict(s, R, now), s.left, s.column
+    s.offset_time = now
+    for k in range(9):
+        s.offset_R[k] = R[k]
+    whiten(s.systematic, variance, s.whitening)
+    # What is left of an error is `variance (C + variance)^-1` of it.
+    for i in range(6):
+        for k in range(6):
+            inverse = 0.0
+            for j in range(max(i, k), 6):
+                inverse += s.whitening[j][i] * s.whitening[j][k]
+            left[i][k] = variance[i] * inverse
+        for k in range(s.parameters):
+            s.with_calibration[i][k] += s.change[i][k]
+        for k in range(6):
+            s.with_pose[i][k] *= 1.0 - lost
+        s.with_pose[i][i] += lost * s.between[i]
+        column[i] = s.offset[i] - mean[i]
+    for i in range(6):
+        s.offset[i] = mean[i] + dot(left[i], column, 6)
+    shrink(left, s.systematic, column, 6)
+    shrink(left, s.with_pose, column, 6)
+    shrink(left, s.with_calibration, column, s.parameters)
+    for i in range(6):
+        for k in range(6):
+            s.offset_covariance[i][k] = 0.5 * (s.systematic[i][k] + s.systematic[k][i])
+
+
+@kernel
+def shrink(left: Matrix, M: Matrix, column: Row, columns: int) -> None:
+    """`left @ M` in place of M (6, columns)."""
+    for k in range(columns):
+        for i in range(6):
+            column[i] = M[i][k]
+        for i in range(6):
+            M[i][k] = dot(left[i], column, 6)
+
+
+@kernel
+def whiten(covariance: Matrix, noise: Row, W: Matrix) -> None:
+    """Write the lower triangular W (6, 6) with `W S W^T = 1` for S, the covariance with the variances of a noise on its
+    diagonal: Cholesky's root of S, and then its inverse in place.
+    """
+    for i in range(6):
+        row, variance = W[i], covariance[i][i] + noise[i]
+        for j in range(i):
+            row[j] = (covariance[i][j] - dot(row, W[j], j)) / W[j][j]
+        row[i] = sqrt(max(variance - dot(row, row, i), LEAST_PIVOT * variance))
+    for i in range(6):
+        row = W[i]
+        row[i] = 1.0 / row[i]
+        for j in range(i):
+            total = 0.0
+            for k in range(j, i):
+                total += row[k] * W[k][j]
+            row[j] = -total * row[i]
+
+
+LEAST_SAMPLES = 10
+MOST_SCATTER = 2.0
+"""Times the noise, beyond what chance gives to so few samples."""
+MOST_MOVED = 5.0
+"""Standard deviations between the means of the two halves."""
+
+
+def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple[Array, Array]:
+    """What the calibration leaves of the samples on average (6,), and their orientation (3, 3).
+
+    `noise` (6,): std of one sample. Raises `InputError` where they turn, scatter or move by more than noise does, or
+    are too few.
+    """
+    n = len(samples)
+    if n < LEAST_SAMPLES:
+        raise InputError(f"no new zero: found {n} samples, expected at least {LEAST_SAMPLES} at rest")
+    R = samples.R_base_flange
+    angle = max(rotation_angle(R[0].T @ R[k]) for k in (n // 2, n - 1, _farthest(R)))
+    if angle > SAME_POSE_ANGLE:
+        raise InputError(
+            f"no new zero: the arm turns by {np.degrees(angle):.2g} deg in these samples, expected at most "
+            f"{np.degrees(SAME_POSE_ANGLE):.2g}; hold it still"
+        )
+    left = calibration.compensate(samples.wrench, R)
+    scatter = left.std(axis=0, ddof=1) / noise
+    most = MOST_SCATTER * (1.0 + 2.0 / np.sqrt(n))
+    if scatter.max() > most:
+        axis = int(np.argmax(scatter))
+        raise InputError(
+            f"no new zero: {AXES[axis]} scatters {scatter[axis]:.3g} times its noise, expected at most {most:.2g}; "
+            "keep everything away from the tool, and the arm still"
+        )
+    half = n // 2
+    moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / (
+        noise * np.sqrt(1.0 / half + 1.0 / (n - half))
     )
+    if moved.max() > MOST_MOVED:
+        axis = int(np.argmax(moved))
+        raise InputError(
+            f"no new zero: {AXES[axis]} moves by {moved[axis]:.3g} standard deviations between the halves of these "
+            f"samples, expected at most {MOST_MOVED:g}; wait until nothing touches the tool"
+        )
+    return left.mean(axis=0), R[half]
 
 
-def updated(offset: Offset, mean: Array, variance: Array) -> Offset:
-    """The offset after the mean (6,) of free samples at its orientation and time, with the white noise's `variance`
-    (6,) of that mean. The error's covariances with eta and u shrink with it; those two stay as they were.
-    """
-    left = np.linalg.solve(offset.covariance + np.diag(variance), np.diag(variance)).T
-    covariance = left @ offset.covariance
-    return replace(
-        offset,
-        value=mean + left @ (offset.value - mean),
-        covariance=0.5 * (covariance + covariance.T),
-        with_calibration=left @ offset.with_calibration,
-        with_pose=left @ offset.with_pose,
-    )
-
-
-def zeroed(error: CalibrationError, mean: Array, variance: Array, R_base_flange: Array, t: float) -> Offset:
-    """The offset where nothing before counts, only the mean (6,) of free samples, `variance` (6,): a new zero."""
-    H = error.root(R_base_flange)
-    return Offset(mean, np.diag(variance), np.zeros_like(H), np.zeros((6, 6)), H, R_base_flange, t)
+def _farthest(R: Array) -> int:
+    return int(np.argmax(np.sum((R - R[0]) ** 2, axis=(1, 2))))

@@ -1,38 +1,27 @@
-"""Is something touching? Chi-square of a contact wrench against its own covariance, at a stated false-alarm rate."""
+"""Is something touching? Chi-square of a contact wrench against its own covariance, at a stated false-alarm rate; when
+a contact begins and ends, and what it was.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from math import log, nan
 
 import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from .state import THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
-_LOG_DOF = np.linspace(np.log(0.5), np.log(1e6), 400)
+FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
+ENDED, RATE_FOUND, COVARIANCE = 1, 2, 4
+"""Events of a sample: a contact ended, the rate is known, the covariance is another."""
 
 
-@dataclass(frozen=True, eq=False)
-class Thresholds:
-    """Of the statistic, over the logarithm of the degrees of freedom behind its covariance: above `contact` a sample
-    is taken for a contact, below `release` for free.
-    """
-
-    contact: Array
-    release: Array
-
-    def at(self, dof: float) -> tuple[float, float]:
-        """Both at `dof`; 0: the covariance is known."""
-        if dof == 0.0:
-            return float(self.contact[-1]), float(self.release[-1])
-        x = np.log(dof)
-        return float(np.interp(x, _LOG_DOF, self.contact)), float(np.interp(x, _LOG_DOF, self.release))
-
-
-def thresholds(false_alarm_rate: float) -> Thresholds:
-    """For 6 axes: 6 F(6, dof), which is chi-square where the covariance is known.
+def thresholds(false_alarm_rate: float) -> tuple[Array, Array]:
+    """Of the statistic, over the logarithm of the degrees of freedom behind its covariance: above the first a sample is
+    taken for a contact, below the second for free. For 6 axes: 6 F(6, dof), chi-square where the covariance is known.
 
     Raises `InputError` unless the rate lies between 1e-9 and `RELEASE_RATE`.
     """
@@ -40,28 +29,140 @@ def thresholds(false_alarm_rate: float) -> Thresholds:
 
     if not 1e-9 <= false_alarm_rate <= RELEASE_RATE:
         raise InputError(f"false-alarm rate is {false_alarm_rate:g}, expected 1e-9 to {RELEASE_RATE:g} per sample")
-    contact, release = (6.0 * fdtri(6.0, np.exp(_LOG_DOF), 1.0 - rate) for rate in (false_alarm_rate, RELEASE_RATE))
-    return Thresholds(contact, release)
+    dof = np.exp(np.linspace(FIRST_LOG_DOF, LAST_LOG_DOF, THRESHOLDS))
+    contact, release = (6.0 * fdtri(6.0, dof, 1.0 - rate) for rate in (false_alarm_rate, RELEASE_RATE))
+    return contact, release
 
 
-def whitening(covariance: Array) -> Array:
-    """The lower triangular W (6, 6) with `W S W^T = 1`: the statistic is `|W f|^2`.
-
-    By LAPACK itself, as this is on the way of a sample: numpy's checks take longer than the work. Raises numpy's
-    `LinAlgError` where the covariance is none.
-    """
-    from scipy.linalg.lapack import dpotrf, dtrtri
-
-    root, wrong = dpotrf(covariance, lower=1, clean=1)
-    if wrong:
-        raise np.linalg.LinAlgError("the covariance of a contact wrench is not positive definite")
-    W: Array = dtrtri(root, lower=1)[0]
-    return W
+@kernel
+def threshold_at(table: Row, dof: float) -> float:
+    """A threshold between its knots; `dof` 0: the covariance is known."""
+    if dof == 0.0:
+        return table[THRESHOLDS - 1]
+    place = (log(dof) - FIRST_LOG_DOF) * ((THRESHOLDS - 1) / (LAST_LOG_DOF - FIRST_LOG_DOF))
+    place = min(max(place, 0.0), THRESHOLDS - 1.0)
+    knot = min(int(place), THRESHOLDS - 2)
+    return table[knot] + (place - knot) * (table[knot + 1] - table[knot])
 
 
-def satterthwaite(W: Array, estimated: Array, dof: float) -> float:
+@kernel
+def satterthwaite(W: Matrix, estimated: Matrix, dof: float) -> float:
     """Degrees of freedom behind a covariance of which the part `estimated` (6, 6) rests on `dof` (0: all is known) and
     the rest is known, by its mean share of the variance (Satterthwaite, 1946).
     """
-    share = min(float(np.vdot(W @ estimated, W)) / 6.0, 1.0)
-    return dof / max(share * share, 1e-12) if dof > 0.0 else 0.0
+    if dof == 0.0:
+        return 0.0
+    share = 0.0
+    for i in range(6):
+        row = W[i]
+        for j in range(i + 1):
+            along = 0.0
+            for k in range(i + 1):
+                along += estimated[j][k] * row[k]
+            share += row[j] * along
+    share = min(share / 6.0, 1.0)
+    return dof / max(share * share, 1e-12)
+
+
+@kernel
+def statistic_of(f: Row, W: Matrix) -> float:
+    """`|W f|^2` of a contact wrench f; written out, as a loop costs plain Python twice as much."""
+    fx, fy, fz, tx, ty, tz = f[0], f[1], f[2], f[3], f[4], f[5]
+    b, c, d, e, g = W[1], W[2], W[3], W[4], W[5]
+    u = W[0][0] * fx
+    v = b[0] * fx + b[1] * fy
+    w = c[0] * fx + c[1] * fy + c[2] * fz
+    x = d[0] * fx + d[1] * fy + d[2] * fz + d[3] * tx
+    y = e[0] * fx + e[1] * fy + e[2] * fz + e[3] * tx + e[4] * ty
+    z = g[0] * fx + g[1] * fy + g[2] * fz + g[3] * tx + g[4] * ty + g[5] * tz
+    return u * u + v * v + w * w + x * x + y * y + z * z
+
+
+@kernel
+def detect(s: State, sample: Sample, settling: Matrix) -> None:
+    """The contact, with hysteresis: it begins with the first of a run of samples above one threshold, and ends with the
+    first of a run below another; a run lasts the minimum duration, and two samples.
+    """
+    now = sample.time
+    if not s.touching:
+        if not sample.statistic > s.fire:
+            s.run = 0
+            if s.free_time != s.free_time:
+                s.free_time = now
+            elif now - s.free_time >= s.minimum_duration:
+                s.known_free = True
+            return
+        s.spoiled = True
+        s.free_time = nan
+        if s.run == 0:
+            s.run_time = now
+            s.contact_rows = 0.0
+            s.peak_statistic = -1.0
+            for k in range(6):
+                s.contact_sum[k] = 0.0
+        s.run += 1
+        gather(s, sample)
+        if s.run >= 2 and now - s.run_time >= s.minimum_duration:
+            s.touching = True
+            s.onset = s.run_time
+            s.onset_seen = s.known_free
+            s.quiet = 0
+        return
+    s.spoiled = True
+    if sample.statistic > s.end:
+        s.quiet = 0
+        gather(s, sample)
+        return
+    if s.quiet == 0:
+        s.quiet_time = now
+    s.quiet += 1
+    if s.quiet >= 2 and now - s.quiet_time >= s.minimum_duration:
+        s.run = 0
+        s.free_time = s.quiet_time
+        s.known_free = True
+        end_contact(s, sample, settling, s.quiet_time)
+
+
+@kernel
+def gather(s: State, sample: Sample) -> None:
+    """Add a sample to the contact's mean, and keep the one that stands out most."""
+    s.contact_rows += 1.0
+    stands_out = sample.statistic > s.peak_statistic
+    if stands_out:
+        s.peak_statistic = sample.statistic
+    wrench, total, peak = sample.wrench, s.contact_sum, s.peak
+    for k in range(6):
+        total[k] += wrench[k]
+        if stands_out:
+            peak[k] = wrench[k]
+
+
+@kernel
+def end_contact(s: State, sample: Sample, settling: Matrix, now: float) -> None:
+    """The contact is over, and kept as the last one."""
+    s.touching = False
+    s.release = now
+    sample.events |= ENDED
+    keep_contact(s, settling)
+
+
+@kernel
+def keep_contact(s: State, settling: Matrix) -> None:
+    """The contact so far: its mean, with the covariance of that, and its peak."""
+    rows, held, settled = s.contact_rows, readings_held(s), settling[len(settling) - 1]
+    for i in range(6):
+        s.contact_peak[i] = s.peak[i]
+        s.contact_mean[i] = s.contact_sum[i] / rows
+        for j in range(6):
+            s.contact_covariance[i][j] = s.systematic[i][j]
+        share = min(settled[i] * held / s.noise_variance[i], 1.0)
+        s.contact_covariance[i][i] += s.noise_variance[i] * share / (1.0 + (rows - 1.0) * share)
+
+
+@kernel
+def readings_held(s: State) -> float:
+    """For how many samples one reading of the sensor stands, where a driver repeats each: so much less do a filter
+    and a mean reduce the noise.
+    """
+    held = s.new_usual / s.interval
+    return held if held > 1.5 else 1.0

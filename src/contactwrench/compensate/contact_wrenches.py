@@ -1,4 +1,4 @@
-"""What comes out of a running Compensator: contact wrenches, contacts, a new zero."""
+"""What compensation gives: contact wrenches, one or a table of them, contacts, a new zero."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array, Rows, column, read_only
-from ..model import AXES
 from .line_of_action import LineOfAction, line_of_action
 
 NOT_KNOWN = read_only(np.full(6, np.nan))
 """The std of a wrench that cannot be computed."""
+NOT_GIVEN: Any = None
+"""Of a column: left out, or filled in."""
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 """Of the column `contact`."""
-UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +62,6 @@ class Contact:
         return line_of_action(self.mean, self.covariance)
 
 
-def _where_judged(kind: Any) -> Any:
-    return field(default=None, metadata=column(kind=kind))
-
-
 @dataclass(frozen=True, eq=False)
 class ContactWrenches(Rows):
     """Contact wrenches of n samples: `wrench` and its `std` (n, 6), N and N m, at `t` (n,) s; NaN where there is none.
@@ -83,13 +79,13 @@ class ContactWrenches(Rows):
     std: Array = field(metadata=column(6))
     t: Array | None = field(default=None, metadata=column())
     judged: bool = False
-    valid: NDArray[np.bool_] = _where_judged(np.bool_)
-    reason: tuple[str | None, ...] = _where_judged(object)
-    contact: NDArray[np.int8] = _where_judged(np.int8)
+    valid: NDArray[np.bool_] = field(default=NOT_GIVEN, metadata=column(kind=np.bool_))
+    reason: tuple[str | None, ...] = field(default=NOT_GIVEN, metadata=column(kind=object))
+    contact: NDArray[np.int8] = field(default=NOT_GIVEN, metadata=column(kind=np.int8))
     contacts: tuple[Contact, ...] = ()
-    statistic: Array = _where_judged(np.float64)
-    threshold: Array = _where_judged(np.float64)
-    covariance_of: NDArray[np.intp] | None = _where_judged(np.intp)
+    statistic: Array = field(default=NOT_GIVEN, metadata=column(kind=np.float64))
+    threshold: Array = field(default=NOT_GIVEN, metadata=column(kind=np.float64))
+    covariance_of: NDArray[np.intp] = field(default=NOT_GIVEN, metadata=column(kind=np.intp))
     covariance: Array | None = None
 
     def __post_init__(self) -> None:
@@ -103,37 +99,9 @@ class ContactWrenches(Rows):
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """All rows and contacts, part after part, without the covariances."""
-        joined = super().concatenate([replace(part, covariance_of=None, covariance=None) for part in parts])
+        plain: dict[str, Any] = {"covariance_of": None, "covariance": None}
+        joined = super().concatenate([replace(part, **plain) for part in parts])
         return replace(joined, contacts=tuple(contact for part in parts for contact in part.contacts))
-
-
-@dataclass(frozen=True, eq=False)
-class ContactWrenchBatch:
-    """The contact wrenches of n samples in a row: `wrench`, `std` (n, 6), `t`, `valid`, `contact` (n,), `reason` (n).
-
-    `contact` is 1 in contact, 0 free, -1 where that cannot be judged. `statistic` (n,) is what the test compares with
-    `threshold` (n,), before hysteresis. `contacts`: those that ended in this batch. `covariance` (m, 6, 6): the
-    wrench's, one after the other, of which `covariance_of` (n,) is each sample's.
-    """
-
-    wrench: Array
-    std: Array
-    t: Array
-    valid: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    reason: tuple[str | None, ...]
-    contact: np.ndarray[tuple[int], np.dtype[np.int8]]
-    statistic: Array
-    threshold: Array
-    contacts: tuple[Contact, ...]
-    covariance: Array
-    covariance_of: NDArray[np.intp]
-
-    def __post_init__(self) -> None:
-        for name in ("wrench", "std", "t", "valid", "contact", "statistic", "threshold", "covariance", "covariance_of"):
-            getattr(self, name).flags.writeable = False
-
-    def __len__(self) -> int:
-        return len(self.t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,23 +116,3 @@ class Zero:
     def __post_init__(self) -> None:
         for name in ("shift", "std"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-
-
-def reason_of(fault: int, detail: float, channel: int) -> str | None:
-    """A fault of the kernel in words; None where there is none."""
-    axis, unit = (AXES[channel], UNITS[channel]) if channel >= 0 else ("", "")
-    return (
-        None,
-        f"time: {detail:g} is no time",
-        f"time: {detail:.6f} s again",
-        f"reading: {axis} is {detail:g}",
-        "orientation: not a number",
-        f"orientation: its squared length is {detail:.6g}, expected 1 within 2 %",
-        f"time: jumped back by {detail:.6g} s",
-        f"gap: nothing for {detail:.6g} s, filters start anew",
-        f"overload: {axis} reads {detail:.6g} {unit}, at or beyond its range",
-        f"stuck: {axis} has not moved for {detail:.0f} readings while others did",
-        f"stuck: the whole reading has not moved for {detail:.3g} s",
-        f"frozen: the orientation has not moved for {detail:.3g} s",
-        f"orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
-    )[fault]

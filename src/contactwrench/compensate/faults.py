@@ -1,63 +1,110 @@
-"""Faults that a single sample does not show: a channel or an orientation that stands still.
-
-Part of the kernel: see kernel.py.
-"""
+"""What is wrong with a sample: what it shows by itself, and channels or an orientation that stand still."""
 
 from __future__ import annotations
 
 from math import erf, inf, log, sqrt
 
-from . import state as slot
-from .state import Numbers
+from ..model import AXES
+from .state import Row, Sample, State, kernel
 
-TURNED_FAR = 0.0152
-"""Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
+# From `BACK` on the numbers are computed all the same.
+FINE, NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP = range(8)
+OVERLOAD, STUCK, STILL, FROZEN, NO_PAST = range(8, 13)
+
+UNITS = ("N", "N", "N", "N m", "N m", "N m")
+
 SQUARED_TOLERANCE = 0.02
-"""As in compensate.py: an orientation may be off unit length by 1 %."""
+"""As in subtract.py: an orientation may be off unit length by 1 %."""
 LEAST_REPEATS = 100.0
 CHANCE_OF_REPEATS = 207.0
 """-10 log 1e-9: a run of repeated values that independent noise gives once in 10^9, ten times over, as noise that was
 filtered moves that much more slowly."""
-LOG_SAME_UNSEEN = -0.0207
-"""Of a channel that never moved: it may repeat 10,000 times."""
 BRAKING = 20.0
 """rad/s^2: no arm stops a turn faster."""
 
 
-def rotation(orientation: Numbers, memory: Numbers) -> float:
-    """Write the rotation matrix of a quaternion x, y, z, w or of a row-major matrix; its squared length, 1 expected,
-    or, of a matrix that is not square and right-handed, how far it is off in place of that.
-    """
-    if len(orientation) == 4:
-        x, y, z, w = orientation[0], orientation[1], orientation[2], orientation[3]
-        squared = x * x + y * y + z * z + w * w
-        if not abs(squared - 1.0) <= SQUARED_TOLERANCE:
-            return squared
-        two = 2.0 / squared
-        xx, yy, zz = two * x * x, two * y * y, two * z * z
-        xy, xz, yz = two * x * y, two * x * z, two * y * z
-        wx, wy, wz = two * w * x, two * w * y, two * w * z
-        memory[slot.R_NEXT] = 1.0 - yy - zz
-        memory[slot.R_NEXT + 1] = xy - wz
-        memory[slot.R_NEXT + 2] = xz + wy
-        memory[slot.R_NEXT + 3] = xy + wz
-        memory[slot.R_NEXT + 4] = 1.0 - xx - zz
-        memory[slot.R_NEXT + 5] = yz - wx
-        memory[slot.R_NEXT + 6] = xz - wy
-        memory[slot.R_NEXT + 7] = yz + wx
-        memory[slot.R_NEXT + 8] = 1.0 - xx - yy
+def reason_of(fault: int, detail: float, channel: int) -> str | None:
+    """A fault of a sample in words; None where there is none."""
+    axis, unit = (AXES[channel], UNITS[channel]) if channel >= 0 else ("", "")
+    return (
+        None,
+        f"time: {detail:g} is no time",
+        f"time: {detail:.6f} s again",
+        f"reading: {axis} is {detail:g}",
+        "orientation: not a number",
+        f"orientation: its squared length is {detail:.6g}, expected 1 within 2 %",
+        f"time: jumped back by {detail:.6g} s",
+        f"gap: nothing for {detail:.6g} s, filters start anew",
+        f"overload: {axis} reads {detail:.6g} {unit}, at or beyond its range",
+        f"stuck: {axis} has not moved for {detail:.0f} readings while others did",
+        f"stuck: the whole reading has not moved for {detail:.3g} s",
+        f"frozen: the orientation has not moved for {detail:.3g} s",
+        f"orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
+    )[fault]
+
+
+@kernel
+def unreadable(s: State, sample: Sample, width: int) -> tuple[int, float, int]:
+    """What keeps a sample from being computed at all, with a figure and the channel; writes its rotation matrix."""
+    now, reading = sample.time, sample.reading
+    if now - now != 0.0:
+        return NO_TIME, now, -1
+    if now == s.time:
+        return REPEATED, now, -1
+    total = reading[0] + reading[1] + reading[2] + reading[3] + reading[4] + reading[5]
+    if total - total != 0.0:
+        for k in range(6):
+            if reading[k] - reading[k] != 0.0:
+                return NO_READING, reading[k], k
+    squared = from_quaternion(sample.orientation, s.R) if width == 4 else from_matrix(sample.orientation, s.R)
+    if squared - squared != 0.0:
+        return NO_ORIENTATION, squared, -1
+    if abs(squared - 1.0) > SQUARED_TOLERANCE:
+        return NO_ROTATION, squared, -1
+    return FINE, 0.0, -1
+
+
+@kernel
+def from_quaternion(quat_xyzw: Row, R: Row) -> float:
+    """Write the rotation matrix of a quaternion x, y, z, w; its squared length."""
+    x, y, z, w = quat_xyzw[0], quat_xyzw[1], quat_xyzw[2], quat_xyzw[3]
+    squared = x * x + y * y + z * z + w * w
+    if not abs(squared - 1.0) <= SQUARED_TOLERANCE:
         return squared
-    a, b, c = orientation[0], orientation[1], orientation[2]
-    d, e, f = orientation[3], orientation[4], orientation[5]
-    g, h, i = orientation[6], orientation[7], orientation[8]
-    lengths = (a * a + b * b + c * c, d * d + e * e + f * f, g * g + h * h + i * i)
-    total = lengths[0] + lengths[1] + lengths[2]
+    two = 2.0 / squared
+    tx, ty, tz = two * x, two * y, two * z
+    xx, yy, zz = tx * x, ty * y, tz * z
+    xy, xz, yz = tx * y, tx * z, ty * z
+    wx, wy, wz = two * w * x, two * w * y, two * w * z
+    R[0] = 1.0 - yy - zz
+    R[1] = xy - wz
+    R[2] = xz + wy
+    R[3] = xy + wz
+    R[4] = 1.0 - xx - zz
+    R[5] = yz - wx
+    R[6] = xz - wy
+    R[7] = yz + wx
+    R[8] = 1.0 - xx - yy
+    return squared
+
+
+@kernel
+def from_matrix(given: Row, R: Row) -> float:
+    """Write the rotation matrix as it was given, row-major; its squared length, 1 expected, or, where it is not square
+    and right-handed, how far it is off in place of that.
+    """
+    a, b, c = given[0], given[1], given[2]
+    d, e, f = given[3], given[4], given[5]
+    g, h, i = given[6], given[7], given[8]
+    first, second, third = a * a + b * b + c * c, d * d + e * e + f * f, g * g + h * h + i * i
+    total = first + second + third
     if total - total != 0.0:
         return total
-    worst = lengths[0]
-    for length in lengths:
-        if abs(length - 1.0) > abs(worst - 1.0):
-            worst = length
+    worst = first
+    if abs(second - 1.0) > abs(worst - 1.0):
+        worst = second
+    if abs(third - 1.0) > abs(worst - 1.0):
+        worst = third
     if not abs(worst - 1.0) <= SQUARED_TOLERANCE:
         return worst
     # The third row of a rotation is the cross product of the others.
@@ -65,40 +112,62 @@ def rotation(orientation: Numbers, memory: Numbers) -> float:
     if off > 3.0 * SQUARED_TOLERANCE or abs(a * d + b * e + c * f) > SQUARED_TOLERANCE:
         return 1.0 + off + abs(a * d + b * e + c * f)
     for k in range(9):
-        memory[slot.R_NEXT + k] = orientation[k]
+        R[k] = given[k]
     return worst
 
 
-def turned(memory: Numbers) -> bool:
+@kernel
+def interrupted(s: State, now: float) -> tuple[int, float]:
+    """Whether time jumped back or left a gap, and how far."""
+    passed = now - s.time
+    if passed < 0.0:
+        return BACK, -passed
+    if passed > s.longest_gap:
+        return GAP, passed
+    return FINE, 0.0
+
+
+@kernel
+def turned(s: State) -> bool:
     """Whether the orientation differs from the last one, in any digit."""
+    R, last = s.R, s.last_R
     for k in range(9):  # noqa: SIM110, a generator is not compiled
-        if memory[slot.R_NEXT + k] != memory[slot.R_NOW + k]:
+        if R[k] != last[k]:
             return True
     return False
 
 
-def far(memory: Numbers) -> bool:
-    """Whether the orientation is too far from the one that the covariances belong to."""
-    squared = 0.0
-    for k in range(9):
-        apart = memory[slot.R_NEXT + k] - memory[slot.R_REFRESHED + k]
-        squared += apart * apart
-    return squared > TURNED_FAR
+@kernel
+def standing_still(s: State, sample: Sample, changed: bool) -> tuple[int, float, int]:
+    """What else is wrong with a sample that can be computed, with a figure and the channel; notes what moved."""
+    frozen = frozen_for(s, changed, sample.time)
+    stuck = stuck_channel(s, sample.reading, sample.time)
+    if frozen > 0.0:
+        return FROZEN, frozen, -1
+    if stuck == 6:
+        return STILL, sample.time - s.new_time, -1
+    if stuck >= 0:
+        return STUCK, s.repeats[stuck], stuck
+    for k in range(6):
+        if abs(sample.reading[k]) >= s.ranges[k]:
+            return OVERLOAD, sample.reading[k], k
+    return FINE, 0.0, -1
 
 
-def watched_orientation(memory: Numbers, changed: bool, now: float) -> float:
+@kernel
+def frozen_for(s: State, changed: bool, now: float) -> float:
     """Take the new orientation over; the time (s) for which it has been frozen, or 0.
 
     An orientation that repeats is usual: poses come more rarely than readings, and an arm may be quite still. It is
     frozen where it has repeated for longer than poses take to come, although the arm was turning too fast to stop in
     that time; or for much longer than ever before, although at rest it always jittered.
     """
-    usual = memory[slot.TURN_USUAL]
-    since = now - memory[slot.TURN_TIME]
+    usual = s.turn_usual
+    since = now - s.turn_time
     if not changed:
-        if memory[slot.STEADY] != 0.0 and since > max(5.0 * usual, 0.02):
+        if s.steady and since > max(5.0 * usual, 0.02):
             return since
-        if memory[slot.JITTER] >= 50.0 and since > max(20.0 * usual, 5.0 * memory[slot.LONGEST_REST], 0.2):
+        if s.jitter >= 50.0 and since > max(20.0 * usual, 5.0 * s.longest_rest, 0.2):
             return since
         return 0.0
     if since <= 0.0:
@@ -106,60 +175,62 @@ def watched_orientation(memory: Numbers, changed: bool, now: float) -> float:
     if usual == 0.0:
         usual = since
     usual += 0.05 * (min(since, 5.0 * usual) - usual)
+    R, last, turn = s.R, s.last_R, s.last_turn
     squared = along = 0.0
     for k in range(9):
-        new = memory[slot.R_NEXT + k]
-        step = new - memory[slot.R_NOW + k]
+        new = R[k]
+        step = new - last[k]
         squared += step * step
-        along += step * memory[slot.R_STEP + k]
-        memory[slot.R_STEP + k] = step
-        memory[slot.R_NOW + k] = new
-    before = memory[slot.STEP_SQUARED]
-    memory[slot.STEP_SQUARED] = squared
+        along += step * turn[k]
+        turn[k] = step
+        last[k] = new
+    straight = along > 0.5 * sqrt(squared * s.turn_squared)
+    s.turn_squared = squared
     speed = sqrt(0.5 * squared) / since
-    straight = along > 0.5 * sqrt(squared * before)
-    memory[slot.STEADY] = 1.0 if straight and min(speed, memory[slot.SPEED]) > BRAKING * max(since, usual) else 0.0
-    memory[slot.LONGEST_REST] = max(memory[slot.LONGEST_REST], since)
+    s.steady = straight and min(speed, s.speed) > BRAKING * max(since, usual)
+    s.longest_rest = max(s.longest_rest, since)
     if along < 0.0 and speed < 0.05:
-        memory[slot.JITTER] += 1.0
-    memory[slot.SPEED] = speed
-    memory[slot.TURN_USUAL] = usual
-    memory[slot.TURN_TIME] = now
+        s.jitter += 1.0
+    s.speed = speed
+    s.turn_usual = usual
+    s.turn_time = now
     return 0.0
 
 
-def watched_reading(tool: Numbers, memory: Numbers, reading: Numbers, now: float) -> int:
+@kernel
+def stuck_channel(s: State, reading: Row, now: float) -> int:
     """The channel that has stood still for longer than its noise and its quantum allow, 6 for all together, or -1.
 
     Where all six repeat the reading itself was repeated, as a driver does that runs faster than the sensor; that
     is a fault only where it lasts.
     """
+    last, repeats = s.last_reading, s.repeats
     same = 0
-    while same < 6 and reading[same] == memory[slot.LAST + same]:
+    while same < 6 and reading[same] == last[same]:
         same += 1
-    since = now - memory[slot.NEW_TIME]
+    since = now - s.new_time
     if same == 6:
         chance = 0.0
         for k in range(6):
-            chance -= memory[slot.LOG_SAME + k]
+            chance -= s.log_same[k]
         allowed = max(LEAST_REPEATS, CHANCE_OF_REPEATS / chance) if chance > 0.0 else inf
-        return 6 if since > max(0.2, 20.0 * memory[slot.NEW_USUAL], allowed * min(memory[slot.NEW_USUAL], 0.01)) else -1
-    memory[slot.NEW_USUAL] += 0.05 * (min(since, 1.0) - memory[slot.NEW_USUAL])
-    memory[slot.NEW_TIME] = now
-    stuck = -1
+        return 6 if since > max(0.2, 20.0 * s.new_usual, allowed * min(s.new_usual, 0.01)) else -1
+    s.new_usual += 0.05 * (min(since, 1.0) - s.new_usual)
+    s.new_time = now
+    quantum, stuck = s.quantum, -1
     for k in range(6):
         value = reading[k]
-        step = abs(value - memory[slot.LAST + k])
+        step = abs(value - last[k])
         if step == 0.0:
-            memory[slot.REPEATS + k] += 1.0
-            allowed = CHANCE_OF_REPEATS / -memory[slot.LOG_SAME + k] if memory[slot.LOG_SAME + k] < 0.0 else inf
-            if memory[slot.REPEATS + k] > max(LEAST_REPEATS, allowed):
+            repeats[k] += 1.0
+            allowed = CHANCE_OF_REPEATS / -s.log_same[k] if s.log_same[k] < 0.0 else inf
+            if repeats[k] > max(LEAST_REPEATS, allowed):
                 stuck = k
         else:
-            memory[slot.REPEATS + k] = 0.0
-            memory[slot.LAST + k] = value
-            if step < memory[slot.QUANTUM + k]:
-                memory[slot.QUANTUM + k] = step
-                same_bin = erf(step / (2.8284271247461903 * tool[slot.NOISE + k]))
-                memory[slot.LOG_SAME + k] = log(same_bin) if same_bin > 0.0 else -700.0
+            repeats[k] = 0.0
+            last[k] = value
+            if step < quantum[k]:
+                quantum[k] = step
+                same_bin = erf(step / sqrt(8.0 * s.noise_variance[k]))
+                s.log_same[k] = log(same_bin) if same_bin > 0.0 else -700.0
     return stuck

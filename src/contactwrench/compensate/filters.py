@@ -1,6 +1,5 @@
-"""Low-pass filters as second-order sections, what they leave of white noise, and both ways along a recording.
-
-A sample at a time they run in kernel.py; the coefficients are scipy's (`scipy.signal.butter`).
+"""Low-pass filters as second-order sections, what they leave of white noise, both ways along a recording and a sample
+at a time; and the pose at the wrench's moment. The coefficients are scipy's (`scipy.signal.butter`).
 """
 
 from __future__ import annotations
@@ -12,6 +11,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..samples.synchronize import default_gap
+from ..samples.timestamps import SORTED_WITHIN
+from .state import SECTIONS, Matrix, Row, State, kernel
 
 ORDERS = (1, 2, 3, 4)
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
@@ -99,3 +101,90 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
         raise InputError(f"found {len(values)} rows, expected at least {least} to filter both ways")
     filtered: Array = sosfiltfilt(sections, values, axis=0)
     return filtered
+
+
+def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:
+    """A recording filtered both ways, each section between gaps by itself, in the order of its stamps.
+
+    Args:
+        t: (n,) s, 2 or more.
+        values: (n, k); rows that are not finite stay as they are.
+        low_pass: a section that is too short to start it on becomes its mean.
+
+    Raises:
+        InputError: for times without a rate, and a cut-off that is too high for theirs.
+    """
+    finite = np.isfinite(values).all(axis=1)
+    known = t[finite]
+    steps = np.diff(known)
+    cut = (steps > default_gap(known)) | (steps <= -SORTED_WITHIN)
+    spacing = float(steps[~cut].mean()) if not cut.all() else 0.0
+    if not spacing > 0.0:
+        raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
+    filtered, least = values[finite], least_rows(low_pass.sections(1.0 / spacing))
+    for section in np.split(np.arange(len(known)), np.flatnonzero(cut) + 1):
+        rows = section[np.argsort(known[section], kind="stable")]
+        long = len(rows) >= least
+        filtered[rows] = zero_phase(filtered[rows], low_pass, 1.0 / spacing) if long else filtered[rows].mean(axis=0)
+    result = values.copy()
+    result[finite] = filtered
+    return result
+
+
+@kernel
+def as_the_wrench_is_stamped(
+    s: State, ring: Matrix, fresh: bool, now: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Down in the flange as it was when the wrench was measured.
+
+    A wrench that lags belongs to an orientation of before, between two that are kept. For one that leads, the pose
+    being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
+    delay times (delay + the time looked back).
+    """
+    size = len(ring)
+    if fresh:
+        s.ring_next = s.ring_at = 0
+    newest, at = s.ring_next, s.ring_at
+    entry = ring[newest]
+    entry[0], entry[1], entry[2], entry[3] = now, x, y, z
+    s.ring_next = (newest + 1) % size
+    if at == newest and not fresh:
+        at = (newest + 1) % size
+    wanted = now - s.look_back
+    while at != newest and ring[(at + 1) % size][0] <= wanted:
+        at = (at + 1) % size
+    s.ring_at = at
+    older = ring[at]
+    later = older if at == newest else ring[(at + 1) % size]
+    share = (wanted - older[0]) / (later[0] - older[0]) if later[0] > older[0] else 0.0
+    share = max(share, 0.0)
+    xb = older[1] + share * (later[1] - older[1])
+    yb = older[2] + share * (later[2] - older[2])
+    zb = older[3] + share * (later[3] - older[3])
+    if s.delay > 0.0:
+        return xb, yb, zb
+    past = min(s.look_back, now - older[0])
+    ahead = -s.delay / past if past > 0.0 else 0.0
+    return x + ahead * (x - xb), y + ahead * (y - yb), z + ahead * (z - zb)
+
+
+@kernel
+def low_pass(filter: Matrix, memory: Matrix, values: Row, count: int, fresh: bool) -> None:
+    """Filter `count` values in place: second-order sections, transposed direct form II. A `fresh` filter starts as if
+    these values had been there for ever.
+    """
+    for section in range(SECTIONS):
+        c, first, second = filter[section], memory[2 * section], memory[2 * section + 1]
+        b0, b1, b2, a1, a2 = c[0], c[1], c[2], c[3], c[4]
+        if b0 == 0.0:
+            return
+        for k in range(count):
+            x = values[k]
+            if fresh:
+                steady = x * (b0 + b1 + b2) / (1.0 + a1 + a2)
+                first[k] = steady - b0 * x
+                second[k] = b2 * x - a2 * steady
+            y = b0 * x + first[k]
+            first[k] = b1 * x - a1 * y + second[k]
+            second[k] = b2 * x - a2 * y
+            values[k] = y

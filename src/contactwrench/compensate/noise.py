@@ -1,4 +1,4 @@
-"""The noise of one sample, and what a filter and a mean leave of it."""
+"""The noise that the calibration itself does not explain: of one sample, behind a filter, and of a mean."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..estimation.noise import pooled_scatter
+from ..estimation.noise import pooled_scatter, variance_of_means
 from ..geometry.arrays import Array
+from ..samples.poses import Pose
 from .filters import LowPass
 
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 """N and N m: less noise than this no sensor has, and rounding begins to count."""
+PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+"""A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm."""
 LEAST_ROWS = 10
 LEAST_BLOCKS = 5
 
@@ -78,6 +81,7 @@ def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> Sample
 
 def _given(noise: ArrayLike) -> tuple[Array, Array | None]:
     values = np.asarray(noise, dtype=np.float64)
+    values = values * PER_NEWTON if values.ndim == 0 else values
     is_recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= LEAST_ROWS
     if not (is_recording or values.shape == (6,)) or not np.isfinite(values).all():
         raise InputError(
@@ -89,3 +93,17 @@ def _given(noise: ArrayLike) -> tuple[Array, Array | None]:
     if (values < 0.0).any():
         raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
     return np.square(values), None
+
+
+def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:
+    """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
+    sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
+    """
+    rows = np.array([pose.n for pose in poses], dtype=np.float64)
+    return variance_of_means(calibration.noise, calibration.fitted_poses, rows)
+
+
+def noise_dof(calibration: Calibration) -> float:
+    """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
+    n = len(calibration.fitted_poses) if calibration.moments is None else calibration.moments.n
+    return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0

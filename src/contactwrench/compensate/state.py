@@ -1,43 +1,188 @@
-"""Where each number of a running Compensator stands in the flat sequences that its kernel works on."""
+"""What a running Compensator knows, and a sample: one declaration each, attributes for plain Python, a numpy record for
+numba. The functions that work on them are marked by `kernel`: one source for both, so that they keep to what numba
+compiles: numbers, lists as `s.offset[k]` and `s.systematic[i][j]`, and loops.
+"""
+# ruff: noqa: RUF009, `numbers` gives a field
 
 from __future__ import annotations
 
-from collections.abc import MutableSequence
-from typing import TypeAlias
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from math import inf, nan
+from typing import Any, TypeAlias, TypeVar
 
-Numbers: TypeAlias = MutableSequence[float]
+import numpy as np
 
-# What is wrong with a sample; from `BACK` on its numbers are computed all the same.
-FINE, NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP = range(8)
-OVERLOAD, STUCK, STILL, FROZEN, NO_PAST = range(8, 13)
+Row: TypeAlias = list[float]
+Matrix: TypeAlias = list[list[float]]
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-# Why `advance` stopped.
-REFRESH, RELEASED, BLOCK, RATE = 1, 2, 4, 8
+PARAMETERS = 24
+"""Of a calibration, at most: those of `affine`."""
+THRESHOLDS = 400
+"""Knots of the thresholds over the degrees of freedom."""
+INTERVALS = 24
+"""Between stamps, from which the rate is taken."""
+SECTIONS = 2
+"""Second-order sections of a filter, at most; where the first coefficient is 0 there is none."""
+LOG_SAME_UNSEEN = -0.0207
+"""Of a channel that never moved: it may repeat 10,000 times."""
 
-# What starts anew with the next good sample.
-WRENCH_ALONE, WHOLLY = 1.0, 2.0
+KERNEL: list[Callable[..., Any]] = []
 
-# Columns of a row of `out`; the contact wrench comes first.
-CONTACT, FAULT, DETAIL, CHANNEL, STATISTIC, OUT = 6, 7, 8, 9, 10, 11
 
-# `tool`: what never changes.
-GRAIN, RANGES, NOISE, WARMTH, DOWN, DELAY, LOOK_BACK, MINIMUM = 0, 18, 24, 30, 36, 39, 40, 41
+def kernel(function: Function) -> Function:
+    """Mark a function that runs both plain and compiled."""
+    KERNEL.append(function)
+    return function
 
-# `live`: what compensator.py renews.
-BIAS, WHITENING, FIRE, QUIET_BELOW, LONGEST_GAP, LIVE_SIZE = 0, 6, 27, 28, 29, 30
 
-# `filters`: the low-pass and the sensor's own filter, each a number of sections and five coefficients of each.
-LOWPASS, SENSOR, FILTERS_SIZE = 0, 11, 22
+def numbers(*shape: int, fill: float = 0.0) -> Any:
+    """A field of so many floats: a list, or a list of rows."""
+    return field(default_factory=lambda: np.full(shape, fill).tolist(), metadata={"shape": shape})
 
-# `memory`
-ASK, TIME, STARTED, FRESH, READY, STALE, SINCE, STAMPS = range(8)
-TOUCHING, RUN, RUN_TIME, QUIET, QUIET_TIME, FREE_TIME, KNOWN_FREE, ONSET, ONSET_SEEN, RELEASE = range(8, 18)
-BLOCK_TIME, BLOCK_ROWS, SPOILED, HEAT, FIRST_HEAT = range(18, 23)
-NEW_TIME, NEW_USUAL, TURN_TIME, TURN_USUAL, SPEED, STEADY, JITTER, LONGEST_REST = range(23, 31)
-RING_NEXT, RING_FILLED, RING_AT, PEAK_STATISTIC, SUM_ROWS = range(31, 36)
-INTERVALS = 36
-N_INTERVALS = 24
-R_NEXT, R_NOW, R_STEP, R_REFRESHED = 60, 69, 78, 87
-DOWN_IN_FLANGE, WRENCH, BLOCK_SUM, SUM, PEAK = 96, 99, 105, 111, 117
-LAST, REPEATS, QUANTUM, LOG_SAME = 123, 129, 135, 141
-LOWPASS_STATE, SENSOR_STATE, NEXT_TIME, STEP_SQUARED, POSES_FROM, MEMORY_SIZE = 147, 171, 183, 184, 185, 186
+
+@dataclass(slots=True)
+class Sample:
+    """A sample: what is given, and what the step makes of it."""
+
+    reading: Row = numbers(6)
+    orientation: Row = numbers(9)
+    time: float = nan
+    temperature: float = nan
+    wrench: Row = numbers(6)
+    wrench_std: Row = numbers(6)
+    statistic: float = nan
+    threshold: float = nan
+    contact: int = -1
+    fault: int = 0
+    detail: float = 0.0
+    channel: int = -1
+    events: int = 0
+    said: int = 0
+
+
+@dataclass(slots=True)
+class State:
+    """Settings, and what is known from sample to sample. Orientations are row-major lists of 9 numbers."""
+
+    # The tool and the sensor.
+    B: Matrix = numbers(6, 4)
+    gravity_direction: Row = numbers(3)
+    ranges: Row = numbers(6)
+    noise_variance: Row = numbers(6)
+    temperature_coefficient: Row = numbers(6)
+    delay: float = 0.0
+    look_back: float = 0.0
+    minimum_duration: float = 0.0
+
+    # What follows from the rate.
+    interval: float = inf
+    longest_gap: float = 1.0
+    slowness: Row = numbers(6, fill=1.0)
+    lowpass: Matrix = numbers(SECTIONS, 5)
+    sensor: Matrix = numbers(SECTIONS, 5)
+
+    # Time, and what starts anew.
+    time: float = nan
+    stamps: int = 0
+    intervals: Row = numbers(INTERVALS)
+    fresh: int = 0
+    since_fresh: int = 0
+    temperature: float = 0.0
+    first_temperature: float = nan
+
+    # Filters and the delay.
+    lowpass_memory: Matrix = numbers(2 * SECTIONS, 6)
+    sensor_memory: Matrix = numbers(2 * SECTIONS, 6)
+    ring_next: int = 0
+    ring_at: int = 0
+    poses_from: float = 0.0
+
+    # Faults of the reading and of the orientation.
+    last_reading: Row = numbers(6)
+    repeats: Row = numbers(6)
+    quantum: Row = numbers(6, fill=inf)
+    log_same: Row = numbers(6, fill=LOG_SAME_UNSEEN)
+    new_time: float = 0.0
+    new_usual: float = 0.0
+    R: Row = numbers(9)
+    last_R: Row = numbers(9)
+    last_turn: Row = numbers(9)
+    turn_squared: float = 0.0
+    turn_time: float = 0.0
+    turn_usual: float = 0.0
+    speed: float = 0.0
+    steady: bool = False
+    jitter: float = 0.0
+    longest_rest: float = 0.0
+
+    # What free readings are off the calibration, as in bias_tracking.py.
+    follows_bias: bool = False
+    walk: Row = numbers(6)
+    between: Row = numbers(6)
+    parameters: int = 0
+    H_slope: list[Matrix] = numbers(6, PARAMETERS, 9)
+    offset: Row = numbers(6)
+    offset_time: float = nan
+    offset_R: Row = numbers(9)
+    offset_covariance: Matrix = numbers(6, 6)
+    with_calibration: Matrix = numbers(6, PARAMETERS)
+    with_pose: Matrix = numbers(6, 6)
+    apart: Row = numbers(9)
+    change: Matrix = numbers(6, PARAMETERS)
+    left: Matrix = numbers(6, 6)
+    column: Row = numbers(6)
+
+    # The block of samples of the last 0.1 s, and the one before.
+    block_time: float = 0.0
+    block_rows: float = 0.0
+    block_sum: Row = numbers(6)
+    spoiled: bool = False
+    clean_blocks: int = 0
+    block_mean: Row = numbers(6)
+    block_variance: Row = numbers(6)
+    block_R: Row = numbers(9)
+    block_end: float = 0.0
+
+    # The covariance of the contact wrench, `systematic` and of the noise, and the test against it.
+    dof: float = 0.0
+    fires: Row = numbers(THRESHOLDS)
+    ends: Row = numbers(THRESHOLDS)
+    stale: bool = True
+    covariance_R: Row = numbers(9)
+    systematic: Matrix = numbers(6, 6, fill=nan)
+    noise_left: Row = numbers(6, fill=nan)
+    wrench_std: Row = numbers(6, fill=nan)
+    whitening: Matrix = numbers(6, 6)
+    fire: float = nan
+    end: float = nan
+
+    # The contact, and what is kept of it when it has ended.
+    touching: bool = False
+    run: int = 0
+    run_time: float = 0.0
+    quiet: int = 0
+    quiet_time: float = 0.0
+    free_time: float = nan
+    known_free: bool = False
+    onset: float = nan
+    onset_seen: bool = False
+    release: float = nan
+    contact_rows: float = 0.0
+    contact_sum: Row = numbers(6)
+    peak_statistic: float = 0.0
+    peak: Row = numbers(6)
+    contact_mean: Row = numbers(6)
+    contact_peak: Row = numbers(6)
+    contact_covariance: Matrix = numbers(6, 6)
+
+
+def layout_of(declared: type[State] | type[Sample]) -> np.dtype[np.void]:
+    """Of the record that stands for it."""
+    kinds = {"int": np.int64, "bool": np.bool_}
+    each = [(f.name, kinds.get(str(f.type), np.float64), f.metadata.get("shape", ())) for f in fields(declared)]
+    return np.dtype(each, align=True)
+
+
+STATE, SAMPLE = layout_of(State), layout_of(Sample)

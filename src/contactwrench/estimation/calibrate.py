@@ -60,22 +60,27 @@ def calibrate(
 ) -> Calibration:
     """Identify weight, centre of mass, bias and mounting from contact-free samples at several orientations.
 
-    `model`: paper, yaw, mount, mount+base, affine, or auto, the one to take where nobody knows which of them holds:
-    mounting and base free, with Gaussian priors of `mount_tilt_sd` and `base_tilt_sd` (rad, an axis) about nominal,
-    which the data can overrule (estimation/auto.py). `noise`: None, estimated from the residuals; (6,) standard
-    deviations of one pose's reading, N and N m, whose common scale the residuals settle; or a recording at rest, as
-    Samples or (n, 6), whose scatter gives them; `paper` has no use for it. `gravity`: direction (3,) in base axes,
-    default down; `mount+base` and `auto` find it within 90 deg of this one. `g` m/s^2 turns the weight into a mass.
-
-    `known`: what is known beside the readings, each with its std: weight: (N, std), com: ((3,) m, std), mount:
-    ((3, 3) R_flange_sensor, std rad), gravity: ((3,) in base axes, std rad). `prior`: an earlier calibration of the
-    same tool, mounting and base, whose bias may have moved: a single pose then gives the new one.
-
     Poses that the others do not explain are left out, and a bias that stepped or drifted is followed, the last one
-    kept (estimation/robust.py; not for `paper` and `affine`); warnings say so. So they do of samples with a load
-    (`load_mass` above 0) or a saturated channel, which are left out too. Raises `InputError` for unusable arguments,
-    `UnobservableError` where the poses cannot separate the parameters, `AmbiguityError` where the data contradict the
-    sign of the readings or the side of the base: free air cannot tell those two apart.
+    kept; not for `paper` and `affine`. Samples with a load or a saturated channel are left out too. Warnings say so.
+
+    Args:
+        samples: at rest at several orientations, or a recording with times in which the arm stops at them.
+        model: `paper`, `yaw`, `mount`, `mount+base`, `affine`, or `auto` where nobody knows which of them holds.
+        noise: of one pose's reading: std (6,), N and N m, or a recording at rest (n, 6); None: from the residuals.
+        gravity: direction (3,), base axes; None: down. `mount+base` and `auto` find it within 90 deg of this one.
+        g: m/s^2, 9.80665 unless stated; turns the weight into the mass.
+        mount_tilt_sd: rad an axis, of the prior of `auto` on the mounting, 1.41 deg unless stated.
+        base_tilt_sd: rad an axis, of the prior of `auto` on the base, 0.71 deg unless stated.
+        known: (value, std) of `weight` N, `com` (3,) m, `mount` R_flange_sensor (std rad), `gravity` (3,) (std rad).
+        prior: an earlier calibration of the same tool, whose bias may have moved: a single pose gives the new one.
+
+    Returns:
+        Every parameter with its covariance, what was assumed, and warnings.
+
+    Raises:
+        InputError: unusable arguments.
+        UnobservableError: the poses cannot separate the parameters.
+        AmbiguityError: the data contradict the sign of the readings or the side of the base.
     """
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     if prior is not None:
@@ -188,14 +193,14 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
     poses, rejected = _in_time(recorded.poses), recorded.rejected
-    warnings += what_was_not_still(rejected, recorded.stretches, _first_time(free))
+    warnings += what_was_not_still(rejected, recorded.segments, _first_time(free))
     if recorded.visits is not None:
         visits = _in_time(recorded.visits)
         found = cleaned_estimate(_readings(visits), _times(visits), question)
         if found.course is not None and found.course.kind != "steady":
-            return Recorded(free, visits, found, warnings, g, rejected, recorded.stretches)
+            return Recorded(free, visits, found, warnings, g, rejected, recorded.segments)
     found = cleaned_estimate(_readings(poses), _times(poses), question)
-    return Recorded(free, poses, found, warnings, g, rejected, recorded.stretches)
+    return Recorded(free, poses, found, warnings, g, rejected, recorded.segments)
 
 
 def _first_time(samples: Samples) -> float:

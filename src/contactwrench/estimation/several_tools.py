@@ -68,14 +68,28 @@ def calibrate_shared(
     base_tilt_sd: float = BASE_TILT_SD,
     known: Mapping[str, tuple[Any, Any]] | None = None,
 ) -> tuple[Calibration, ...]:
-    """Calibrate several tools on one sensor together: a Calibration for each recording, in their order.
-
-    `shared`: "mount", the mounting R_flange_sensor, and "gravity", its direction in base axes; whichever is named is
-    the same in all results, with the same covariance, and rests on all recordings. `model`: auto, mount or mount+base;
-    `known` may state mount and gravity. All else as for `calibrate`, and said of every recording.
+    """Calibrate several tools on one sensor together; the other arguments as of `calibrate`, for every recording.
 
     A warning in each result names the recording whose rotations contradict those of the others (chi-square, 1 %).
-    Raises as `calibrate` does, naming the recording, and `InputError` for what cannot be shared.
+
+    Args:
+        recordings: one of each tool.
+        shared: `mount` (R_flange_sensor) and `gravity` (base axes): the same in all results, from all recordings.
+        model: `auto`, `mount` or `mount+base`.
+        noise: as of `calibrate`.
+        gravity: as of `calibrate`.
+        g: as of `calibrate`.
+        mount_tilt_sd: as of `calibrate`.
+        base_tilt_sd: as of `calibrate`.
+        known: may state `mount` and `gravity`.
+
+    Returns:
+        A calibration for each recording, in their order.
+
+    Raises:
+        InputError: what cannot be shared, and as `calibrate`, naming the recording.
+        UnobservableError: as `calibrate`, naming the recording.
+        AmbiguityError: as `calibrate`, naming the recording.
     """
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)

@@ -21,13 +21,6 @@ def read_only(values: ArrayLike) -> Array:
     return copy
 
 
-def flags(values: ArrayLike) -> NDArray[np.bool_]:
-    """A copy, true or false each, that cannot be written to."""
-    copy = np.array(values, dtype=np.bool_)
-    copy.flags.writeable = False
-    return copy
-
-
 @dataclass(frozen=True, eq=False)
 class Frozen:
     """A base of frozen results: an array in any field becomes a copy that cannot be written to."""

@@ -16,22 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
-from ..compensate.compensator import LONGEST_DELAY, Compensator
+from ..compensate.compensator import LONGEST_DELAY, Compensator, delay_of
 from ..compensate.contact_wrenches import ContactWrenches
-from ..compensate.filters import LowPass, least_rows, zero_phase
+from ..compensate.filters import LowPass, smoothed
 from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
-from ..compensate.settings import delay_of
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
-from ..samples.samples import Samples
-from ..samples.streams import Streams
-from ..samples.synchronize import Synchronized, default_gap, synchronized
-from ..samples.timestamps import SORTED_WITHIN
+from ..samples.samples import Samples, Streams
+from ..samples.synchronize import Synchronized, synchronized
+from ..samples.timestamps import spread_evenly
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
-from .options import Advance, Options
+from .options import Options
 from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
@@ -190,31 +189,16 @@ def _of_samples(
     """The contact wrenches of samples with times, judged where there is a compensator."""
     if compensator is None or samples.t is None:
         return replace(_plain(calibration, samples, treatment), judged=True)
-    rows = compensator.run(samples.wrench, samples.R_base_flange, _spread(samples.t))
+    rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t))
     wrench, std = rows.wrench, rows.std
     if treatment.output_frame != "sensor" or treatment.point is not None:
-        covariance = rows.covariance[rows.covariance_of]
+        covariance = np.asarray(rows.covariance)[rows.covariance_of]
         turned = calibration.with_gravity(treatment.gravity)
         wrench, std = in_axes(
             turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point
         )
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
-
-
-def _spread(t: Array) -> Array:
-    """Stamps (n,) of which several in a row are the same, as a clock of ms gives them at 4 kHz, spread evenly up
-    to the next one.
-    """
-    new = np.flatnonzero(np.r_[True, np.diff(t) > 0.0][: len(t)])
-    if len(new) in (len(t), 0, 1):
-        return t
-    count = np.diff(np.r_[new, len(t)])
-    width = np.diff(t[new])
-    width = np.minimum(np.r_[width, width[-1]], 2.0 * float(np.median(width)))
-    within = np.arange(len(t)) - np.repeat(new, count)
-    spread: Array = t + within * np.repeat(width / count, count)
-    return spread
 
 
 NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
@@ -269,36 +253,11 @@ def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWren
 
 
 def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Iterator[ContactWrenches]:
-    """Through the low-pass both ways, each section between gaps by itself, in the order of its stamps."""
+    """Through the low-pass, all of it at once."""
     if treatment.low_pass is None:
         yield from recording
         return
-    parts = list(recording)
-    t = np.concatenate([np.empty(0) if part.t is None else part.t for part in parts])
-    wrench = np.concatenate([part.wrench for part in parts])
-    if len(t) != len(wrench) or len(t) < 2:
+    whole = ContactWrenches.concatenate(list(recording))
+    if whole.t is None or len(whole) < 2:
         raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
-    there = np.isfinite(wrench).all(axis=1)
-    known = t[there]
-    steps = np.diff(known)
-    cut = (steps > default_gap(known)) | (steps <= -SORTED_WITHIN)
-    spacing = float(steps[~cut].mean()) if not cut.all() else 0.0
-    if not spacing > 0.0:
-        raise InputError("found times that stand still, expected a recording with a rate: leave the low-pass out")
-    filtered = wrench[there]
-    ends = np.r_[0, np.flatnonzero(cut) + 1, len(known)]
-    for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        rows = a + np.argsort(known[a:b], kind="stable")
-        filtered[rows] = _smooth(filtered[rows], treatment.low_pass, 1.0 / spacing)
-    wrench[there] = filtered
-    first = 0
-    for part in parts:
-        yield replace(part, wrench=wrench[first : first + len(part)])
-        first += len(part)
-
-
-def _smooth(values: Array, low_pass: LowPass, rate: float) -> Array:
-    """A section through the low-pass; one that is too short to start a filter on becomes its mean."""
-    if len(values) >= least_rows(low_pass.sections(rate)):
-        return zero_phase(values, low_pass, rate)
-    return np.broadcast_to(values.mean(axis=0), values.shape) if len(values) else values
+    yield replace(whole, wrench=smoothed(whole.t, whole.wrench, treatment.low_pass))

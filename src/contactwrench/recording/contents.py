@@ -10,14 +10,14 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry.arrays import Array
-from .bags.chunks import Logged, messages, part_read
-from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, header_stamps, transforms
-from .bags.open import KINDS, Bag, Topic, definitions, kind_of, opened_bag, seconds, written
+from .bags.chunks import Logged, Topic
+from .bags.message_layout import written
+from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, definitions, header_stamps, transforms
+from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
-from .options import Advance
 from .read import bag_blocks, reader_of
-from .tables.columns import TIME, optional
+from .tables.columns import TIME, Advance, optional
 from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
@@ -103,13 +103,11 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
                     note(edges, transforms(bag, topic, logged))
             if advance is not None:
                 advance(part_read(bag, found))
-        start = bag.start
-        duration = 1e-9 * float(bag.reader.duration) if sum(bag.counts.values()) else 0.0
-        topics = tuple(_topic_content(topic, parts, start) for topic, parts in stamps.items())
+        topics = tuple(_topic_content(topic, parts, bag.start) for topic, parts in stamps.items())
         frames = tuple(
             FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
         )
-        return BagContents(str(path), KINDS[kind_of(path)], start, duration, topics, frames, _reading(bag))
+        return BagContents(str(path), KINDS[kind_of(path)], bag.start, bag.duration, topics, frames, _reading(bag))
 
 
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
@@ -117,12 +115,9 @@ def table_contents(path: str | Path, advance: Advance | None = None) -> TableCon
     table = open_table(path)
     t_columns = optional(table, ["t"], TIME)
     count, parts = 0, [np.empty((0, len(t_columns)))]
-    for body in table.bodies(t_columns):
+    for body in table.told(t_columns, advance):
         count += len(body)
-        if t_columns:
-            parts += in_si(body, (t_columns,))
-        if advance is not None:
-            advance(body.done)
+        parts += in_si(body, (t_columns,)) if t_columns else []
     t = in_seconds(np.concatenate(parts), t_columns)
     if t is None or not len(t):
         return TableContents(str(path), tuple(table.places), count, None, None)

@@ -103,17 +103,13 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     candidates = [] if written.stated is None else [_Candidate(stated_flags, (), 0.0, written.stated[middle])]
     for columns, numbers in written.sets:
         candidates += _candidates(columns, numbers[middle], written.convention)
-    seen: set[bytes] = set()
-    of_orientation = []
+    distinct: dict[bytes, OrientationReading] = {}
     for one in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
-        key = repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes()
-        if key not in seen:
-            seen.add(key)
-            of_orientation.append(one)
+        distinct.setdefault(repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes(), one)
     return Readings(
         name_of(path),
         wrench[picked],
-        tuple(of_orientation),
+        tuple(distinct.values()),
         tuple(_wrench_readings(options.wrench_frame)),
         None if written.stated is None else 0,
         options.sign,
@@ -202,32 +198,32 @@ def _turned_and_shifted(
                 yield OrientationReading(flags, (*one.mends, *mends), cost + SHIFTED * bool(shift), own, rows)
 
 
-def _candidates(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
-    """Every convention that takes so many columns, where it makes rotations."""
-    made = _of_angles(columns, numbers, stated) if len(columns) == 3 else _of_parts(columns, numbers)
-    for flag, mends, cost, to_matrices, values in made:
-        try:
-            R = to_matrices(values)
-        except InputError:
-            continue
-        yield _Candidate((f"--orientation {flag}",), mends, cost, R)
+def _candidate(
+    flag: str, mends: tuple[str, ...], cost: float, to_matrices: Callable[[Array], Array], numbers: Array
+) -> Iterator[_Candidate]:
+    """One, where the numbers make rotations."""
+    try:
+        R = to_matrices(numbers)
+    except InputError:
+        return
+    yield _Candidate((f"--orientation {flag}",), mends, cost, R)
 
 
-_Made = tuple[str, tuple[str, ...], float, Callable[[Array], Array], Array]
-
-
-def _of_parts(names: tuple[str, ...], numbers: Array) -> Iterator[_Made]:
-    """Quaternions with their scalar in any place that a mistake brings it to; matrices by rows or by columns."""
+def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
+    """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
     k = len(names)
+    if k == 3:
+        yield from _of_angles(names, numbers, stated)
+        return
     as_they_stand = list(range(k))
     another = {4: [3, 0, 1, 2], 16: [4 * i + j for j in range(4) for i in range(4)]}.get(k, as_they_stand)
     for named in CONVENTIONS.values():
         for order in (as_they_stand, another) if len(named.columns) == k else ():
             columns = tuple(names[place] for place in order)
-            yield _flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order]
+            yield from _candidate(_flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order])
 
 
-def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Made]:
+def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
     """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
     suffixes = [name.rpartition("_")[2] if name.rpartition("_")[2] in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
@@ -251,7 +247,7 @@ def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | No
                 fitting = named
             best = min(fitting, key=lambda c: c.columns != _bare(names), default=None)
             flag = _flag(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
-            yield flag, (rename,) if must_rename else (), cost, to_matrices, angles
+            yield from _candidate(flag, (rename,) if must_rename else (), cost, to_matrices, angles)
 
 
 @cache
@@ -292,8 +288,9 @@ def _axes(frame: str) -> Iterator[tuple[tuple[str, ...], float, Array]]:
     same = np.eye(3)
     yield (), 0.0, _blocks(same, same)
     for words, R in _axis_changes():
+        yield (words.format("fx", "fy", "fz"),), ONE_KIND, _blocks(R, same)
+    for words, R in _axis_changes():
         force, torque = (words.format(*(kind + axis for axis in "xyz")) for kind in "ft")
-        yield (force,), ONE_KIND, _blocks(R, same)
         yield (torque,), ONE_KIND, _blocks(same, R)
         if frame == "base" or np.linalg.det(R) < 0.0:  # in the sensor's axes a rotation of all is another mounting
             yield (force, torque), BOTH_KINDS, _blocks(R, R)

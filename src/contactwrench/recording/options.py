@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from .tables.table import Table
-
-Advance: TypeAlias = Callable[[float], None]
-"""Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
 OF_TABLES, OF_BAGS = ("orientation",), ("wrench_topic", "pose_topic", "frames", "robot")
 """Options that only one of the kinds has."""
@@ -27,21 +22,9 @@ IN_BASE_AXES = (
 
 @dataclass(frozen=True)
 class Options:
-    """How a recording is written.
+    """How a recording is written: arguments of `read` under their names.
 
-    Args:
-        orientation: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
-        wrench_frame: sensor, or base where the controller turns the wrench into base axes.
-        sign: pull (what acts on the sensor), or reaction.
-        inverse_orientation: the file holds `R_flange_base`.
-        wrench_topic: of a bag, None: the only one.
-        pose_topic: of a bag, None: the only one.
-        frames: of a bag, (base, flange) in a tree of transforms.
-        robot: of a bag, whose joint angles it has: a known arm's name, or a URDF as PATH[:LINK].
-        pose_file: the second of two tables, which has the orientations.
-
-    Raises:
-        InputError: for a `wrench_frame` and a `sign` that are none.
+    Raises `InputError` for a `wrench_frame` and a `sign` that are none.
     """
 
     orientation: str = "auto"

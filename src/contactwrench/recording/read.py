@@ -15,11 +15,11 @@ from typing import TypeAlias
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..samples.samples import Samples
-from ..samples.streams import OrientationStream, Streams, WrenchStream, at_limit
+from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
+from ..samples.saturation import at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
-from .options import AS_USUAL, IN_BASE_AXES, Advance, Options
-from .tables.columns import ROWS
+from .options import AS_USUAL, IN_BASE_AXES, Options
+from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
@@ -30,15 +30,13 @@ Tell = Callable[[str], None]
 
 def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Table]:
     """A table, or a folder of them, with wrench and orientation side by side."""
-    blocks = tables(path, options.orientation, rows)
-    return (options.applied(table, path) for table in _told(blocks, advance))
+    return (options.applied(table, path) for table in tables(path, options.orientation, rows, advance))
 
 
 def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
     """A table of wrenches, and the `pose_file` with the orientations: a block has what both hold up to one moment."""
     pose_path = options.pose_file or path
-    wrenches = _told(tables(path, None, rows), advance)
-    poses = _told(tables(pose_path, options.orientation, rows, wrench=False), None)
+    wrenches, poses = tables(path, None, rows, advance), tables(pose_path, options.orientation, rows, wrench=False)
     both = merged(
         (options.applied(table, path) for table in wrenches), (options.applied(table, pose_path) for table in poses)
     )
@@ -115,13 +113,7 @@ def read_streams(path: str | Path, options: Options = AS_USUAL, advance: Advance
         advance: is told how far it is.
 
     Returns:
-        The wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`; times in s.
-
-    Raises:
-        FileAccessError: where the file cannot be read.
-        FileFormatError: where it does not hold what it should; names row and column, or topic.
-        InputError: for options that do not fit the recording.
-        MissingExtraError: for a bag without rosbags, Parquet without pyarrow.
+        Wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`; times in s. Raises as `read`.
     """
     return Streams.concatenate(list(batches(path, options, advance=advance)))
 
@@ -131,7 +123,7 @@ def batches(
 ) -> Iterator[Streams]:
     """The same in consecutive batches of at most about `rows` rows, each row once and in order; memory for one of them.
 
-    Raises as `read_streams`, at once or at a batch.
+    Raises as `read`, at once or at a batch.
     """
     return (_as_streams(block, path) for block in reader_of(path, options)(path, options, rows, advance))
 
@@ -142,7 +134,7 @@ def pairs_in_batches(
     """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
 
     None where the orientation has to be brought to the wrench's times: for a bag, two files, or a table in whose first
-    rows a wrench has no orientation of its own. Raises as `read_streams`, and `FileFormatError` at a later wrench
+    rows a wrench has no orientation of its own. Raises as `read`, and `FileFormatError` at a later wrench
     without one.
     """
     if reader_of(path, options) is not table_blocks:
@@ -156,7 +148,7 @@ def read_samples(
     path: str | Path, options: Options = AS_USUAL, advance: Advance | None = None, tell: Tell | None = None
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
-    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read_streams`.
+    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read`.
 
     The delay between two streams, of free readings, is applied where it is significant. Where a recording does not say
     which channels stood at their limits, its readings do.
@@ -190,27 +182,30 @@ def read(
     frames: tuple[str, str] | None = None,
     robot: str | None = None,
 ) -> Samples:
-    """Read a recording. Where a wrench lacks an orientation of its own, one is interpolated, after the delay between
-    the two was estimated.
+    """Read a recording: a table (CSV, Parquet), two tables, or a bag.
+
+    Where a wrench lacks an orientation of its own, one is interpolated, after the delay between the two was estimated.
 
     Args:
-        path: a table (CSV, Parquet) of wrenches and orientations, or a bag.
-        orientation: auto (by the columns' names) or `NAME[:COLUMNS]`, see orientation.py.
-        wrench_frame: sensor, or base where the controller turns the wrench into base axes; it is turned back by
-            `R_base_flange`, so that it comes in the flange's axes.
-        sign: pull (what acts on the sensor), or reaction (what the sensor exerts), which is negated.
-        inverse_orientation: the file holds `R_flange_base`.
-        pose_file: a table with the orientations, where `path` has the wrenches alone.
-        wrench_topic: of a bag, None: the only one.
-        pose_topic: of a bag, None: the only one.
-        frames: of a bag, (base, flange) between which its transforms give the pose.
-        robot: of a bag, whose joint angles it has: a known arm's name, or a URDF as PATH[:LINK].
+        path: a table of wrenches and orientations, or of wrenches alone with `pose_file`, or a bag.
+        orientation: `auto`, by the columns' names, or `NAME[:COLUMNS]` of a convention.
+        wrench_frame: `sensor`, or `base` where the controller turns it into base axes; it comes back in flange axes.
+        sign: `pull`, what acts on the sensor, or `reaction`, what the sensor exerts, which is negated.
+        inverse_orientation: whether the file holds `R_flange_base`.
+        pose_file: a second table, with the orientations.
+        wrench_topic: which one of a bag.
+        pose_topic: which one of a bag.
+        frames: names of base and flange in a bag's tree of transforms.
+        robot: whose joint angles a bag has: a known arm's name, or a URDF as PATH[:LINK].
 
     Returns:
-        Wrenches in N and N m, sensor axes, pull sign, each with the orientation `R_base_flange`.
+        Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
 
     Raises:
-        FileAccessError, FileFormatError, InputError, MissingExtraError: as `read_streams`.
+        FileAccessError: the file cannot be opened.
+        FileFormatError: it cannot be understood; the message names row and column.
+        InputError: the arguments do not fit the kind of file.
+        MissingExtraError: a package that this kind of file needs is not installed.
     """
     second = None if pose_file is None else Path(pose_file)
     options = Options(
@@ -258,14 +253,6 @@ def _samples(table: Table, path: str | Path) -> Samples:
         )
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None
-
-
-def _told(blocks: Iterator[tuple[Table, float]], advance: Advance | None) -> Iterator[Table]:
-    """The tables alone; how far they got is told to `advance`."""
-    for table, done in blocks:
-        yield table
-        if advance is not None:
-            advance(done)
 
 
 def name_of(path: str | Path) -> str:

@@ -22,7 +22,7 @@ from ..geometry.arrays import Array
 FLANGES = ("tool0", "flange")
 """Links that ROS-Industrial and REP 199 call the flange, the preferred one first: tool0 has the controller's axes."""
 
-TURNING = ("revolute", "continuous")
+REVOLUTE = ("revolute", "continuous")
 WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
 
 
@@ -71,7 +71,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
         R = R @ joint.R_parent_joint
         if joint.kind == "fixed":
             continue
-        if joint.kind not in TURNING:
+        if joint.kind not in REVOLUTE:
             raise FileFormatError(
                 f"{path}: joint {joint.name} is {joint.kind}, expected revolute joints from root to {tip}: "
                 "name the arm's flange, as in arm.urdf:LINK"
@@ -103,6 +103,8 @@ def _joints(path: str | Path) -> list[_Joint]:
 
 
 def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
+    from scipy.spatial.transform import Rotation
+
     name, kind = element.get("name", "without a name"), element.get("type", "")
 
     def numbers(tag: str, attribute: str, otherwise: str) -> Array:
@@ -112,10 +114,10 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
             values = np.array([float(part) for part in text.split()])
         except ValueError:
             values = np.empty(0)
-        if values.size != len(otherwise.split()) or not np.isfinite(values).all():
-            raise FileFormatError(
-                f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {_numbers(len(otherwise.split()))}"
-            )
+        count = len(otherwise.split())
+        if values.size != count or not np.isfinite(values).all():
+            expected = "1 number" if count == 1 else f"{count} numbers"
+            raise FileFormatError(f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {expected}")
         return values
 
     def link(tag: str) -> str:
@@ -125,7 +127,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         return str(found.get("link"))
 
     axis = numbers("axis", "xyz", "1 0 0")
-    if kind in TURNING and not axis.any():
+    if kind in REVOLUTE and not axis.any():
         raise FileFormatError(f"{path}: joint {name} has the axis 0 0 0, expected a direction")
     if kind == "revolute" and element.find("limit") is None:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
@@ -137,18 +139,10 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         kind,
         link("parent"),
         link("child"),
-        _from_rpy(numbers("origin", "rpy", "0 0 0")),
+        Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
         axis / max(float(np.linalg.norm(axis)), 1e-300),
         limits,
     )
-
-
-def _from_rpy(rpy: Array) -> Array:
-    """Roll, pitch and yaw about the fixed x, y and z, rad."""
-    from scipy.spatial.transform import Rotation
-
-    R: Array = Rotation.from_euler("xyz", rpy).as_matrix()
-    return R
 
 
 def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joint]:
@@ -169,12 +163,12 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
         if name in to_child:
             return name
     parents = {joint.parent for joint in to_child.values()}
-    turning = {
-        link: sum(joint.kind in TURNING for joint in _chain(path, link, to_child))
+    axes = {
+        link: sum(joint.kind in REVOLUTE for joint in _chain(path, link, to_child))
         for link in to_child
         if link not in parents
     }
-    ends = [link for link, count in turning.items() if count == max(turning.values())]
+    ends = [link for link, count in axes.items() if count == max(axes.values())]
     if len(ends) != 1:
         raise FileFormatError(
             f"{path}: found {len(ends)} ends of the arm ({_list(ends)}), expected one: name the flange, as in "
@@ -186,7 +180,3 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
 def _list(names: Iterable[str]) -> str:
     known = list(names)
     return ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
-
-
-def _numbers(count: int) -> str:
-    return "1 number" if count == 1 else f"{count} numbers"

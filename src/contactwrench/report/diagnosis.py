@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..assess.diagnose import Diagnosis, Explanation
-from ..assess.interpretations import Reading
+from ..assess.interpretations import Interpretation
 from ..calibration.text import COLUMNS
 from ..errors import two_digits
 from .text import json_text
@@ -19,7 +19,7 @@ LIKELY_CAUSES = (
 
 
 def verdict(diagnosis: Diagnosis) -> str:
-    """In one line: what is left as given, and what with the best reading."""
+    """In one line: what is left as given, and what with the best interpretation."""
     given, best = diagnosis.given, diagnosis.best
     if given is None:
         as_given = "as given: cannot be read"
@@ -27,7 +27,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         torque_too = not diagnosis.read_rightly and given.force_left < 2.0 * best.force_left
         as_given = f"as given: {_left(given, torque_too)} left"
     if given is None or not diagnosis.read_rightly:
-        better = f"{_how(best.reading, given)}: {_left(best, given is not None and torque_too)} left"
+        better = f"{_how(best.interpretation, given)}: {_left(best, given is not None and torque_too)} left"
         doubt = "" if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"
     if not best.explained:
@@ -38,7 +38,7 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """The verdict, the best reading of each class with what a tool leaves of it, and what would decide."""
+    """The verdict, the best interpretation of each class with what a tool leaves of it, and what would decide."""
     d = diagnosis
     rows = list(d.ranked)
     if d.given is not None and d.given not in rows:
@@ -51,7 +51,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         "",
         f"  {'N left':>8}  {'mN m left':>9}  {'weight N':>8}  {'com mm':^22}  interpretation",
     ]
-    lines += [line for fit in rows for line in _row(fit, "as given" if fit is d.given else _label(fit.reading))]
+    lines += [line for fit in rows for line in _row(fit, "as given" if fit is d.given else _label(fit.interpretation))]
     leaning = [fit for fit in rows if fit.lean > 0.0]
     lines += [
         f"  with --model mount+base gravity is {np.rad2deg(fit.lean):.1f} deg from the stated one" for fit in leaning
@@ -60,7 +60,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += ["", LIKELY_CAUSES]
     if d.likely:
         lines += ["", "Free air cannot tell these from the first:"]
-        lines += [f"  {_label(reading)}" for reading in d.alike[: d.likely]]
+        lines += [f"  {_label(interpretation)}" for interpretation in d.alike[: d.likely]]
         lines += ["To decide:", *(f"- {observation}" for observation in d.observations)]
     return "\n".join(lines)
 
@@ -79,20 +79,20 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "given": None if d.given is None else _explanation(d.given),
         "best": _explanation(d.best),
         "ranked": [_explanation(fit) for fit in d.ranked],
-        "alike": [_reading(reading) for reading in d.alike],
+        "alike": [_options_and_mends(interpretation) for interpretation in d.alike],
         "likely": d.likely,
         "observations": d.observations,
     }
     return json_text(values)
 
 
-def _reading(reading: Reading) -> dict[str, Any]:
-    return {"flags": reading.flags, "mends": reading.mends, "cost": reading.cost}
+def _options_and_mends(of: Interpretation) -> dict[str, Any]:
+    return {"flags": of.flags, "mends": of.mends, "cost": of.cost}
 
 
 def _explanation(fit: Explanation) -> dict[str, Any]:
     return {
-        **_reading(fit.reading),
+        **_options_and_mends(fit.interpretation),
         "force_left": fit.force_left,
         "torque_left": fit.torque_left,
         "weight": fit.weight,
@@ -109,16 +109,16 @@ def _row(fit: Explanation, label: str) -> list[str]:
     return [f"{numbers}  {label}"] if len(numbers) + 2 + len(label) <= COLUMNS else [numbers, f"      {label}"]
 
 
-def _label(reading: Reading) -> str:
-    return ", ".join([*([" ".join(reading.flags)] if reading.flags else []), *reading.mends]) or "no options"
+def _label(interpretation: Interpretation) -> str:
+    return ", ".join([*filter(None, [" ".join(interpretation.flags)]), *interpretation.mends]) or "no options"
 
 
-def _how(reading: Reading, given: Explanation | None) -> str:
-    """How to make that reading, of one that was given otherwise."""
-    kept = {flag.split()[0] for flag in reading.flags}
-    dropped = [] if given is None else [flag for flag in given.reading.flags if flag.split()[0] not in kept]
-    flags = [f"`{' '.join(reading.flags)}`"] if reading.flags else []
-    parts = [f"with {', '.join([*flags, *reading.mends])}"] if flags or reading.mends else []
+def _how(interpretation: Interpretation, given: Explanation | None) -> str:
+    """How to read a file so, if it was given otherwise."""
+    kept = {flag.split()[0] for flag in interpretation.flags}
+    dropped = [] if given is None else [flag for flag in given.interpretation.flags if flag.split()[0] not in kept]
+    changes = [*([f"`{' '.join(interpretation.flags)}`"] if interpretation.flags else []), *interpretation.mends]
+    parts = [f"with {', '.join(changes)}"] if changes else []
     parts += [f"without `{' '.join(dropped)}`"] if dropped else []
     return " and ".join(parts) or "with no options"
 

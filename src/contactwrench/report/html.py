@@ -19,7 +19,7 @@ from ..geometry.arrays import Array
 from ..model import AXES
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
-from ..samples.still_segments import still_stretches
+from ..samples.still_segments import still_segments
 from ..version import __version__
 from . import figures, signals
 
@@ -182,7 +182,7 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
     if samples is None or not is_stream(samples):
         return ""
     free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
-    found = still_stretches(free)
+    found = still_segments(free)
     seconds = sum(stretch.t_end - stretch.t_start for stretch in found.accepted)
     numbered = (
         " Hatched: stretches that were left out, by the numbers below." if signals.left_out_spans(c, found) else ""

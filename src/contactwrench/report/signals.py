@@ -11,7 +11,7 @@ from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.samples import Samples
-from ..samples.still_segments import StillStretch, StillStretches
+from ..samples.still_segments import StillSegment, StillSegments
 from .figures import AXIS_COLOURS, drawing, svg_text
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def outline(of: Envelope) -> tuple[Array, Array]:
     return np.insert(t, np.add(gap, 1), np.nan), np.insert(values, np.add(gap, 1), np.nan, axis=0)
 
 
-def signals_over_time(calibration: Calibration, samples: Samples, found: StillStretches) -> str:
+def signals_over_time(calibration: Calibration, samples: Samples, found: StillSegments) -> str:
     """Force, torque and the angle of the arm from where it began, over the time since the first row.
 
     Args:
@@ -146,7 +146,7 @@ def signals_over_time(calibration: Calibration, samples: Samples, found: StillSt
         return svg_text(figure)
 
 
-def left_out_spans(calibration: Calibration, found: StillStretches) -> list[tuple[float, float, int]]:
+def left_out_spans(calibration: Calibration, found: StillSegments) -> list[tuple[float, float, int]]:
     """From when to when, and the number of the pose, of every stretch that did not take part in the fit."""
     spans = []
     for number, pose in enumerate(calibration.poses, start=1):
@@ -155,7 +155,7 @@ def left_out_spans(calibration: Calibration, found: StillStretches) -> list[tupl
     return spans
 
 
-def _is_of(stretch: StillStretch, pose: Pose) -> bool:
+def _is_of(stretch: StillSegment, pose: Pose) -> bool:
     """Whether a pose was made of the stretch, perhaps among others."""
     if pose.t_start is None or pose.t_end is None or pose.n < stretch.n:
         return False

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry.arrays import Array
-from .streams import Streams
+from ..geometry.arrays import Array, Rows, column
+from .samples import Streams, WrenchStream
 from .timestamps import SORTED_WITHIN, Stamps, stamps_after
 
 LONGEST_HOLD = 0.15
@@ -19,24 +20,36 @@ counts where it came first; one repeated for longer is an arm at rest.
 LARGEST_HELD_STEP = np.deg2rad(20.0)
 """From one held pose to the next: a table of poses without the ways between goes further."""
 
+Table = TypeVar("Table", bound=Rows)
+
 
 @dataclass(frozen=True, eq=False)
-class Pending:
-    """Rows that wait, in the order of their stamps. Of the wrench: `t` (n,) s, `wrench` (n, 6) and `row` (n,), counted
-    from 0 as recorded. Of the orientation: `at` (m,) s, `R_base_flange` (m, 3, 3), `position` (m, 3) m or None. The
-    `wrench_stamps` and `orientation_stamps` so far, the `origin`, the recording's
-    first stamp, and the stamp of the last reading that is done with, `passed`.
+class Readings(WrenchStream):
+    """Readings that wait; the `row` (n,) of each is counted from 0 as recorded."""
+
+    row: NDArray[np.intp] = field(kw_only=True, metadata=column(kind=np.intp))
+
+
+@dataclass(frozen=True, eq=False)
+class Orientations(Rows):
+    """Orientations that wait, as an `OrientationStream` has checked them."""
+
+    t: Array = field(metadata=column())
+    R_base_flange: Array = field(metadata=column(3, 3))
+    position: Array | None = field(metadata=column(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Buffer:
+    """Rows that wait, in the order of their stamps; the stamps of both streams so far; the recording's first stamp, the
+    `origin`; and the stamp of the last reading that is done with, `passed`.
     """
 
+    readings: Readings
+    orientations: Orientations
     wrench_stamps: Stamps
     orientation_stamps: Stamps
-    t: Array
-    wrench: Array
-    row: NDArray[np.intp]
-    at: Array
-    R_base_flange: Array
-    position: Array | None
-    origin: float
+    origin: float = np.inf
     passed: float = np.nan
 
     @property
@@ -49,94 +62,75 @@ class Pending:
     def decided(self, until: float, is_last: bool) -> int:
         """How many readings come before all later ones and, being stamped `until` or before, have their orientation."""
         if is_last:
-            return len(self.t)
-        in_order = np.searchsorted(self.t, self.wrench_stamps.latest - SORTED_WITHIN)
-        return int(min(in_order, np.searchsorted(self.t, until, "right")))
+            return len(self.readings)
+        in_order = np.searchsorted(self.readings.t, self.wrench_stamps.latest - SORTED_WITHIN)
+        return int(min(in_order, np.searchsorted(self.readings.t, until, "right")))
 
-    def after(self, n: int, knots: Knots, delay: float) -> Pending:
+    def after(self, n: int, nodes: Nodes, delay: float) -> Buffer:
         """What still waits when the first `n` readings are done with."""
-        earliest = min(self.t[n] if n < len(self.t) else np.inf, self.wrench_stamps.latest - SORTED_WITHIN) - delay
-        passed = np.searchsorted(knots.t, earliest, "right") - 1
+        t = self.readings.t
+        earliest = min(t[n] if n < len(t) else np.inf, self.wrench_stamps.latest - SORTED_WITHIN) - delay
+        passed = np.searchsorted(nodes.t, earliest, "right") - 1
         first = 0
         if passed >= 0:  # what is left of a rest must still be seen to be one
-            first = int(np.searchsorted(self.at, knots.t[passed] - 2.0 * LONGEST_HOLD))
+            first = int(np.searchsorted(self.orientations.t, nodes.t[passed] - 2.0 * LONGEST_HOLD))
         return replace(
             self,
-            t=self.t[n:],
-            wrench=self.wrench[n:],
-            row=self.row[n:],
-            at=self.at[first:],
-            R_base_flange=self.R_base_flange[first:],
-            position=None if self.position is None else self.position[first:],
-            passed=float(self.t[n - 1]) if n else self.passed,
+            readings=self.readings.select(slice(n, None)),
+            orientations=self.orientations.select(slice(first, None)),
+            passed=float(t[n - 1]) if n else self.passed,
         )
 
 
-def nothing_pending(batch: Streams) -> Pending:
-    """The start of a recording whose first batch this is: its sources, and whether positions come with it."""
-    position = None if batch.orientation.position is None else np.empty((0, 3))
-    return Pending(
-        Stamps("wrench", batch.wrench.source),
-        Stamps("orientation", batch.orientation.source),
-        np.empty(0),
-        np.empty((0, 6)),
-        np.empty(0, dtype=np.intp),
-        np.empty(0),
-        np.empty((0, 3, 3)),
-        position,
-        np.inf,
-    )
+def with_batch(before: Buffer | None, batch: Streams) -> Buffer:
+    """What waits when a batch has come.
 
+    Args:
+        before: what waited; None: this is the recording's first batch.
+        batch: the rows that come; of orientations with the same stamp the last one counts.
 
-def with_batch(pending: Pending, batch: Streams) -> Pending:
-    """What waits when a batch has come, in order; of orientations with the same stamp the last one. Raises
-    `InputError` for stamps that cannot be put in order, and for positions in some batches only.
+    Raises:
+        InputError: stamps that cannot be put in order, or positions in some batches only.
     """
     wrench, orientation = batch.wrench, batch.orientation
-    if (orientation.position is None) != (pending.position is None) and len(orientation):
+    row = np.arange(len(wrench), dtype=np.intp) + (0 if before is None else before.wrench_stamps.rows)
+    readings = Readings(wrench.t, wrench.wrench, wrench.source, wrench.load_mass, wrench.saturated, row=row)
+    orientations = Orientations(orientation.t, orientation.R_base_flange, orientation.position)
+    if before is None:
+        stamps = Stamps("wrench", wrench.source), Stamps("orientation", orientation.source)
+        before = Buffer(readings.select(slice(0)), orientations.select(slice(0)), *stamps)
+    if (orientation.position is None) != (before.orientations.position is None) and len(orientation):
         raise InputError(f"{orientation.source}: found positions in some batches only, expected them in all or none")
-    stamps = np.r_[pending.origin, wrench.t[np.isfinite(wrench.t)], orientation.t[np.isfinite(orientation.t)]]
-    origin = float(stamps.min())
-    wrench_stamps = stamps_after(pending.wrench_stamps, wrench.t, origin)
-    orientation_stamps = stamps_after(pending.orientation_stamps, orientation.t, origin)
-    row = pending.wrench_stamps.rows + np.arange(len(wrench), dtype=np.intp)
-    t = np.concatenate([pending.t, wrench.t])
-    at = np.concatenate([pending.at, orientation.t])
-    in_order, by_stamp = _in_order(t), _in_order(at)
-    at = at[by_stamp]
-    kept = by_stamp[np.r_[at[1:] > at[:-1], np.ones(min(len(at), 1), dtype=bool)]]
-
-    def of_both(before: Array, new: Array, order: NDArray[np.intp]) -> Array:
-        joined = np.concatenate([before, new]) if len(before) else new
-        return joined if len(order) == len(joined) and _is_counting(order) else joined[order]
-
-    position = pending.position
-    if position is not None and orientation.position is not None:
-        position = of_both(position, orientation.position, kept)
-    return Pending(
+    finite = np.r_[before.origin, wrench.t[np.isfinite(wrench.t)], orientation.t[np.isfinite(orientation.t)]]
+    origin = float(finite.min())
+    wrench_stamps = stamps_after(before.wrench_stamps, wrench.t, origin)
+    orientation_stamps = stamps_after(before.orientation_stamps, orientation.t, origin)
+    readings = _joined(before.readings, readings)
+    orientations = _joined(before.orientations, orientations)
+    by_stamp = np.argsort(orientations.t, kind="stable")
+    t = orientations.t[by_stamp]
+    kept = by_stamp[np.r_[t[1:] > t[:-1], np.ones(min(len(t), 1), dtype=bool)]]
+    return Buffer(
+        _in_order(readings, np.argsort(readings.t, kind="stable")),
+        _in_order(orientations, kept),
         wrench_stamps,
         orientation_stamps,
-        t[in_order],
-        of_both(pending.wrench, wrench.wrench, in_order),
-        np.concatenate([pending.row, row])[in_order],
-        np.concatenate([pending.at, orientation.t])[kept],
-        of_both(pending.R_base_flange, orientation.R_base_flange, kept),
-        position,
         origin,
-        pending.passed,
+        before.passed,
     )
 
 
-def _in_order(t: Array) -> NDArray[np.intp]:
-    return np.argsort(t, kind="stable")
+def _joined(before: Table, new: Table) -> Table:
+    return before.concatenate([rows for rows in (before, new) if len(rows)] or [before])
 
 
-def _is_counting(order: NDArray[np.intp]) -> bool:
-    return bool((order == np.arange(len(order))).all())
+def _in_order(rows: Table, order: NDArray[np.intp]) -> Table:
+    is_so = len(order) == len(rows) and bool((order == np.arange(len(order))).all())
+    return rows if is_so else rows.select(order)
 
 
 @dataclass(frozen=True, eq=False)
-class Knots:
+class Nodes:
     """The orientations to interpolate between: their places `index` (k,) among all that are in order, of which there
     are `count`, and stamps `t` (k,) s. `until` s: up to when what comes later cannot change them.
     """
@@ -147,21 +141,27 @@ class Knots:
     until: float
 
 
-def knots_of(pending: Pending, longest_gap: float, is_last: bool) -> Knots:
+def nodes_of(buffer: Buffer, longest_gap: float, is_last: bool) -> Nodes:
     """All orientations that are in order, less the repetitions of poses that were held.
 
     A pose that comes again and again until the next one was held for that time: it is where it came first, and taken
     for the others the arm would be half of that time late.
+
+    Args:
+        buffer: the rows that wait.
+        longest_gap: time between two orientations that is no gap, s.
+        is_last: whether no more rows will come.
     """
-    count = len(pending.at)
+    count = len(buffer.orientations)
     if not is_last:
-        count = int(np.searchsorted(pending.at, pending.orientation_stamps.latest - SORTED_WITHIN))
-    at, R = pending.at[:count], pending.R_base_flange[:count]
+        count = int(np.searchsorted(buffer.orientations.t, buffer.orientation_stamps.latest - SORTED_WITHIN))
+    t, R = buffer.orientations.t[:count], buffer.orientations.R_base_flange[:count]
+    position = buffer.orientations.position
     if count < 2:
-        return Knots(np.arange(count), at, count, -np.inf)
+        return Nodes(np.arange(count), t, count, -np.inf)
     moved = (R[1:] != R[:-1]).any(axis=(1, 2))
-    if pending.position is not None:
-        moved |= (pending.position[1:count] != pending.position[: count - 1]).any(axis=1)
+    if position is not None:
+        moved |= (position[1:count] != position[: count - 1]).any(axis=1)
     start = np.r_[0, np.flatnonzero(moved) + 1]
     end = np.r_[start[1:], count]
     held = np.zeros(len(start), dtype=bool)
@@ -169,14 +169,14 @@ def knots_of(pending: Pending, longest_gap: float, is_last: bool) -> Knots:
     cosine = 0.5 * (np.einsum("nij,nij->n", R[left], R[come]) - 1.0)
     held[:-1] = (
         (come - left > 1)
-        & (at[come] - at[left] <= LONGEST_HOLD)
-        & (at[come] - at[come - 1] <= longest_gap)
+        & (t[come] - t[left] <= LONGEST_HOLD)
+        & (t[come] - t[come - 1] <= longest_gap)
         & (cosine >= np.cos(LARGEST_HELD_STEP))
     )
-    until = float(at[-1])
-    if not is_last and until - at[start[-1]] <= LONGEST_HOLD:
-        held[-1], until = True, float(at[start[-1]])
+    until = float(t[-1])
+    if not is_last and until - t[start[-1]] <= LONGEST_HOLD:
+        held[-1], until = True, float(t[start[-1]])
     counts = np.repeat(~held, end - start)
     counts[start] = True
     index = np.flatnonzero(counts)
-    return Knots(index, at[index], count, until)
+    return Nodes(index, t[index], count, until)

@@ -1,4 +1,4 @@
-"""Where a signal in noise stands at one level: the noise of its window means, and the pieces between its changes.
+"""Where values in noise stay at one level: the noise of their window means, and the segments between their changes.
 
 The noise is that of the means of windows, whatever the correlation of the rows: the second difference of three windows
 in a row, which no steady movement changes, over the windows that do not differ from their neighbours. Two neighbouring
@@ -21,7 +21,7 @@ FALSE_ALARM = 1e-6
 """Probability that two neighbouring windows of white noise are taken for a change."""
 
 END_ALARM = 2e-5
-"""The same where the beginning of a piece is compared with what follows: a later beginning costs little."""
+"""The same where the beginning of a segment is compared with what follows: a later beginning costs little."""
 
 QUIETEST = 0.05
 """Of all windows, that are taken for still to begin with."""
@@ -29,18 +29,18 @@ QUIETEST = 0.05
 ROUNDS = 6
 SETTLED = 1e-3
 TAIL_WINDOWS, ONSET_WINDOWS = 4.0, 0.5
-"""Up to so many windows the beginning of a piece is compared: a drift that is slower is no tail. Where the length of a
-change counts, no longer than a whole window would show it, too."""
+"""Up to so many windows the beginning of a segment is compared: a drift that is slower is no tail. Where the length of
+a change counts, no longer than a whole window would show it, too."""
 
 CLEARLY = 2.0
 """Times the least change: windows that are long enough to part what changes slowly from what does not show as much."""
 
 PARTS = 8
-"""Into which a piece is cut to see whether it stays at one level."""
+"""Into which a segment is cut to see whether it stays at one level."""
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class WindowNoise:
     """`variance` (d,) of the mean of `window` blocks; a change smaller than `least` (d,) is none.
 
     Where `joint`, the length of the change counts against the one variance and the one `least` that all axes share;
@@ -70,21 +70,27 @@ class Noise:
         return beyond
 
     def significant(self, difference: Array, of: float, over: float) -> NDArray[np.bool_]:
-        """The same at the end of a piece, where an axis that counts alone may not be off at all."""
+        """The same at the end of a segment, where an axis that counts alone may not be off at all."""
         variance = self.variance * self.window * (1.0 / of + 1.0 / over)
         return self._beyond(difference, variance, self.least if self.joint else np.zeros_like(self.least), END_ALARM)
 
 
-def noise_of_windows(signals: Sequence[Array], window: int, least: Array, floor: Array, joint: bool) -> Noise:
-    """The noise of the means of `window` blocks in signals (n, d), from the quietest parts of all of them; its variance
-    is at least `floor` (d,).
+def noise_of_windows(series: Sequence[Array], window: int, least: Array, floor: Array, joint: bool) -> WindowNoise:
+    """The noise of the means of windows, from the quietest parts of all series.
+
+    Args:
+        series: values (n, d) each, of blocks that follow one another.
+        window: blocks of a window.
+        least: a change smaller than this (d,) is none.
+        floor: the least variance (d,).
+        joint: whether the length of a change counts, or each axis alone.
     """
     from scipy.special import chdtri, ndtri
 
-    means = [_means(signal, window) for signal in signals if len(signal) >= 3 * window]
+    means = [_means(values, window) for values in series if len(values) >= 3 * window]
     d = len(least)
     if not means:
-        return Noise(floor, window, least, joint)
+        return WindowNoise(floor, window, least, joint)
     first = [m[window:] - m[:-window] for m in means]
     steps = np.concatenate([np.stack([f[:-window], f[window:]], axis=1) for f in first])
     bends = np.concatenate([f[window:] - f[:-window] for f in first])
@@ -93,104 +99,109 @@ def noise_of_windows(signals: Sequence[Array], window: int, least: Array, floor:
     def of_quantile(values: Array, share: float) -> Array:
         """The variance (d,) of a window's mean: a bend has six times that."""
         expected = chdtri(d, 1.0 - share) if joint else ndtri(0.5 + 0.5 * share) ** 2
-        found: Array = np.quantile(values, share, axis=0) / (6.0 * expected)
-        return np.maximum(np.broadcast_to(found, (d,)), floor).astype(np.float64)
+        at_quantile: Array = np.quantile(values, share, axis=0) / (6.0 * expected)
+        return np.maximum(np.broadcast_to(at_quantile, (d,)), floor).astype(np.float64)
 
     variance = of_quantile(squares, QUIETEST)
     for _ in range(ROUNDS):
-        noise = Noise(variance, window, least, joint)
+        noise = WindowNoise(variance, window, least, joint)
         still = ~noise.changes(steps, window, window).any(axis=1)
         before = variance
         variance = of_quantile(squares[still], 0.5) if still.any() else variance
         if (np.abs(variance - before) <= SETTLED * before).all():
             break
-    return Noise(variance, window, least, joint)
+    return WindowNoise(variance, window, least, joint)
 
 
-def _means(signal: Array, window: int) -> Array:
+def _means(values: Array, window: int) -> Array:
     """Means (n - window + 1, d) of the windows that begin at each block."""
-    return _means_of(_sums(signal), window) + signal[:1]
+    return _means_of(_sums(values), window) + values[:1]
 
 
-def _sums(signal: Array) -> Array:
+def _sums(values: Array) -> Array:
     """What the first k blocks, less the first one, add up to (n + 1, d)."""
-    sums = np.zeros((len(signal) + 1, signal.shape[1]))
-    np.cumsum(signal - signal[:1], axis=0, out=sums[1:])
+    sums = np.zeros((len(values) + 1, values.shape[1]))
+    np.cumsum(values - values[:1], axis=0, out=sums[1:])
     return sums
 
 
 def _means_of(sums: Array, window: int) -> Array:
-    """Means of windows, less the signal's first block."""
+    """Means of windows, less the first block."""
     means: Array = (sums[window:] - sums[:-window]) / window
     return means
 
 
 @dataclass(frozen=True)
-class Piece:
-    """Blocks `first` to `last`, the latter not included; `level` says whether the signal stays at one level there."""
+class Segment:
+    """Blocks `first` to `last`, the latter not included; `steady` says whether the values stay at one level there."""
 
     first: int
     last: int
-    level: bool
+    steady: bool
+
+    def __len__(self) -> int:
+        return self.last - self.first
+
+    @property
+    def blocks(self) -> slice:
+        """Of the segment."""
+        return slice(self.first, self.last)
 
 
-def pieces_between_changes(signal: Array, noise: Noise) -> list[Piece]:
-    """The pieces of a signal (n, d) without a change, in order, their ends trimmed to where the level is reached."""
-    return _pieces(signal, noise, 0, len(signal), noise.window)
+def segments_between_changes(values: Array, noise: WindowNoise) -> list[Segment]:
+    """The segments of values (n, d) without a change, in order, their ends trimmed to where the level is reached."""
+    return _segments(values, noise, 0, len(values), noise.window)
 
 
-def _pieces(signal: Array, noise: Noise, first: int, last: int, window: int) -> list[Piece]:
+def _segments(values: Array, noise: WindowNoise, first: int, last: int, window: int) -> list[Segment]:
     if last - first < 2 * window:
         return []
-    means = _means(signal[first:last], window)
+    means = _means(values[first:last], window)
     differences = means[window:] - means[:-window]
     if window > noise.window and not noise.changes(differences / CLEARLY, window, window).any():
-        longer = _pieces(signal, noise, first, last, 2 * window) if last - first >= 4 * window else []
-        return longer or [Piece(first, last, False)]
-    steady = ~noise.changes(differences, window, window)
-    edges = np.flatnonzero(np.diff(np.r_[False, steady, False].astype(np.int8)))
-    found: list[Piece] = []
+        longer = _segments(values, noise, first, last, 2 * window) if last - first >= 4 * window else []
+        return longer or [Segment(first, last, False)]
+    unchanged = ~noise.changes(differences, window, window)
+    edges = np.flatnonzero(np.diff(np.r_[False, unchanged, False].astype(np.int8)))
+    segments: list[Segment] = []
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        a, b = trimmed(signal, noise, first + begin, first + end + 2 * window - 1)
-        if found and a < found[-1].last:
-            a = found[-1].last
+        a, b = trimmed(values, noise, first + begin, first + end + 2 * window - 1)
+        if segments and a < segments[-1].last:
+            a = segments[-1].last
         if b - a < 2 * window:
             continue
-        if stays_level(signal[a:b], noise):
-            found.append(Piece(a, b, True))
-        elif b - a >= 4 * window:
-            found += _pieces(signal, noise, a, b, 2 * window) or [Piece(a, b, False)]
-        else:
-            found.append(Piece(a, b, False))
-    return found
+        steady = is_steady(values[a:b], noise)
+        longer = _segments(values, noise, a, b, 2 * window) if not steady and b - a >= 4 * window else []
+        segments += longer or [Segment(a, b, steady)]
+    return segments
 
 
-def stays_level(signal: Array, noise: Noise) -> bool:
-    """Whether no part of a piece (n, d) differs from another beyond noise."""
-    parts = min(PARTS, len(signal) // noise.window)
+def is_steady(values: Array, noise: WindowNoise) -> bool:
+    """Whether no part of a segment (n, d) differs from another beyond noise."""
+    parts = min(PARTS, len(values) // noise.window)
     if parts < 2:
         return True
-    edges = np.linspace(0, len(signal), parts + 1).astype(int)
-    means = np.array([signal[a:b].mean(axis=0) for a, b in pairwise(edges)])
-    one, other = np.triu_indices(parts, 1)
-    length = len(signal) / parts
-    return not bool(noise.changes(means[one] - means[other], length, length).any())
+    edges = np.linspace(0, len(values), parts + 1).astype(int)
+    means = np.array([values[a:b].mean(axis=0) for a, b in pairwise(edges)])
+    earlier, later = np.triu_indices(parts, 1)
+    length = len(values) / parts
+    return not bool(noise.changes(means[earlier] - means[later], length, length).any())
 
 
-def trimmed(signal: Array, noise: Noise, first: int, last: int) -> tuple[int, int]:
-    """The piece without the blocks at its ends that differ from those that follow (and precede) them: the beginning of
-    a movement, the tail of a filter.
+def trimmed(values: Array, noise: WindowNoise, first: int, last: int) -> tuple[int, int]:
+    """The segment without the blocks at its ends that differ from those that follow (and precede) them: the beginning
+    of a movement, the tail of a filter.
     """
-    a = first + _settled_after(signal[first:last], noise)
-    b = last - _settled_after(signal[a:last][::-1], noise)
+    a = first + _settled_after(values[first:last], noise)
+    b = last - _settled_after(values[a:last][::-1], noise)
     return a, b
 
 
-def _settled_after(signal: Array, noise: Noise) -> int:
+def _settled_after(values: Array, noise: WindowNoise) -> int:
     """How many blocks at the beginning are not yet at the level of those that follow."""
-    n = len(signal)
+    n = len(values)
     off = np.zeros(n + 1, dtype=bool)
-    sums, size = _sums(signal), 1
+    sums, size = _sums(values), 1
     while size <= (ONSET_WINDOWS if noise.joint else TAIL_WINDOWS) * noise.window and 3 * size <= n:
         means = _means_of(sums, size)
         after = 0.5 * (means[size:-size] + means[2 * size :])

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.wrench import unit_direction
-from .buffer import knots_of, nothing_pending, with_batch
-from .delay_fit import GRID, Fit, Means, Scan, fitted, scan, standard_deviation, thinned
-from .motion import CELL, Turning, turning
-from .samples import Samples
-from .streams import OrientationStream, Streams, WrenchStream
+from .buffer import nodes_of, with_batch
+from .delay_fit import GRID, Fit, Scan, fitted, scan, standard_deviation, thinned
+from .motion import CELL, ArmMotion, arm_motion
+from .samples import OrientationStream, Samples, Streams, WrenchStream
 from .synchronize import default_gap, synchronize
 from .timestamps import require_common_span, require_times
 
@@ -29,10 +28,9 @@ LONG = 300.0
 ANOTHER_BASE = 0.5
 """Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
 TOLD = 0.3
-"""Of the std that noise alone would feign: with a tenth of the information that there is, it does no harm."""
+"""Of the std that noise alone would show: with a tenth of the information that there is, it does no harm."""
 ASTRAY = 0.1
 """s from the best of the search to the fit: further it finds another answer, or none."""
-BEYOND = "no delay within"
 WIDE = 10.0
 """s: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
 AS_GOOD = 0.02
@@ -43,7 +41,8 @@ AS_GOOD = 0.02
 class Delay:
     """`value` s: the wrench is stamped so much later than the orientation; `std` s, from residuals as they are,
     correlated in time; `bound` s: the least std that this motion allows, were the residuals independent. `reason`: why
-    the motion cannot tell, or None; then the std is at least the range that was searched.
+    the motion cannot tell, or None; then the std is at least the range that was searched. `beyond`: whether that is
+    because the best delay may lie outside of the range.
 
     A sensor's own low-pass filter is part of it: one of first order at f Hz adds 1 / (2 pi f).
     """
@@ -52,6 +51,7 @@ class Delay:
     std: float
     bound: float
     reason: str | None = None
+    beyond: bool = False
 
     @property
     def significant(self) -> bool:
@@ -67,42 +67,47 @@ def is_significant(delay: float, std: float) -> bool:
 def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 1.0) -> Delay:
     """The delay of the wrench behind the orientation, from a recording in which the arm turns a tool in free air.
 
-    `gravity` (3,): down in base axes, as far as it is known; `within` s: the range to search to each side, at most a
-    quarter of the recording. Tool, mounting and cross-talk need not be known: gravity's effect on each of six axes is
-    free (24 numbers), and so is that of accelerations; those of the flange are known where positions are recorded, and
-    without them whole-arm motions tell the delay badly, for which the std is widened. Contacts count little.
+    Tool, mounting and cross-talk need not be known: gravity's effect on each of six axes is free (24 numbers), and so
+    is that of accelerations; those of the flange are known where positions are recorded, and without them whole-arm
+    motions tell the delay badly, for which the std is widened. Contacts count little.
 
-    Raises `InputError` for stamps that cannot be put in order, and streams without a common span.
+    Args:
+        streams: the recording.
+        gravity: down (3,), base axes, as far as it is known.
+        within: the range to search to each side, s, at most a quarter of the recording.
+
+    Raises:
+        InputError: stamps that cannot be put in order, streams without a common span.
     """
     stated = unit_direction(gravity)
     if not 0.0 < within < np.inf:
         raise InputError(f"within is {within!r}, expected s above 0")
-    pending = with_batch(nothing_pending(streams), streams)
-    for stamps in (pending.wrench_stamps, pending.orientation_stamps):
+    buffer = with_batch(None, streams)
+    for stamps in (buffer.wrench_stamps, buffer.orientation_stamps):
         require_times(stamps)
-    require_common_span(pending.wrench_stamps, pending.orientation_stamps, 0.0)
-    gap = default_gap(pending.at)
-    knots = knots_of(pending, gap, True)
-    if len(knots.t) < 3:
+    require_common_span(buffer.wrench_stamps, buffer.orientation_stamps, 0.0)
+    gap = default_gap(buffer.orientations.t)
+    nodes = nodes_of(buffer, gap, is_last=True)
+    if len(nodes.t) < 3:
         return _untold("found fewer than 3 orientations")
-    motion = turning(pending, knots, gap)
-    means = _means(pending.t, pending.wrench)
-    span = min(means.t[-1], motion.t[-1]) - max(means.t[0], motion.t[0]) if len(means.t) else 0.0
+    motion = arm_motion(buffer, nodes, gap)
+    means = _means(buffer.readings)
+    span = min(means.t[-1], motion.t[-1]) - max(means.t[0], motion.t[0]) if len(means) else 0.0
     reach = min(within, 0.25 * span)
     steps = max(int(np.ceil(reach / GRID)), 1)
     delays = np.linspace(-reach, reach, 2 * steps + 1)
     scanned = _known(motion, means, -reach, reach)
-    if len(scanned.t) < LEAST_MEANS:
-        return _untold(f"found {len(scanned.t)} readings with orientations around them, expected {LEAST_MEANS} or more")
+    if len(scanned) < LEAST_MEANS:
+        return _untold(f"found {len(scanned)} readings with orientations around them, expected {LEAST_MEANS} or more")
     if _turned(motion, scanned) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
     scans = [scan(motion, scanned, delays, down) for down in (stated, None)]
-    fit, used, found = _settled(motion, means, scans)
-    best = int(found.misfit.argmin())
-    if best in (0, len(delays) - 1):
-        return _untold(f"{BEYOND} {1e3 * reach:.0f} ms explains the wrench better than those beyond")
+    fit, used, chosen = _settled(motion, means, scans)
+    if int(chosen.misfit.argmin()) in (0, len(delays) - 1):
+        untold = _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
+        return replace(untold, beyond=True)
     std = standard_deviation(motion, used, fit)
-    doubt = _doubt(fit, std, delays, found)
+    doubt = _doubt(fit, std, delays, chosen)
     return Delay(fit.delay, std if doubt is None else max(std, float(reach)), fit.bound, doubt)
 
 
@@ -110,61 +115,60 @@ def _untold(reason: str) -> Delay:
     return Delay(0.0, np.inf, np.inf, reason)
 
 
-def _means(t: Array, wrench: Array) -> Means:
+def _means(readings: WrenchStream) -> WrenchStream:
     """Means of consecutive readings over about `CELL`; those that say nothing left out, as are means across a gap."""
-    there = np.isfinite(wrench).all(axis=1)
-    t, wrench = t[there], wrench[there]
+    finite = np.isfinite(readings.wrench).all(axis=1)
+    t, wrench = readings.t[finite], readings.wrench[finite]
     if len(t) < 2:
-        return Means(t, wrench)
+        return WrenchStream(t, wrench)
     spacing = max(float(np.median(np.diff(t))), 1e-9)
     longer = CELL if len(t) * spacing < LONG else 2.0 * CELL
     each = max(round(longer / spacing), 1)
     n = len(t) // each
     of_cell, in_cell = t[: n * each].reshape(n, each), wrench[: n * each].reshape(n, each, 6)
     whole = of_cell[:, -1] - of_cell[:, 0] <= 2.0 * each * spacing
-    return Means(of_cell.mean(axis=1)[whole], in_cell.mean(axis=1)[whole])
+    return WrenchStream(of_cell.mean(axis=1)[whole], in_cell.mean(axis=1)[whole])
 
 
-def _known(motion: Turning, means: Means, least: float, most: float) -> Means:
+def _known(motion: ArmMotion, means: WrenchStream, least: float, most: float) -> WrenchStream:
     """The means whose orientation is known at every delay from `least` to `most` s."""
-    known = motion.is_known(means.t - most, means.t - least)
-    return Means(means.t[known], means.wrench[known])
+    return means.select(motion.is_known(means.t - most, means.t - least))
 
 
-def _turned(motion: Turning, means: Means) -> float:
+def _turned(motion: ArmMotion, means: WrenchStream) -> float:
     """The largest angle, rad, by which the arm is turned from where it was at first."""
     axes = motion.axes_at(means.t)
     cosine = 0.5 * (np.einsum("nij,ij->n", axes, axes[0]) - 1.0)
     return float(np.arccos(np.clip(cosine.min(), -1.0, 1.0)))
 
 
-def _settled(motion: Turning, means: Means, scans: list[Scan]) -> tuple[Fit, Means, Scan]:
+def _settled(motion: ArmMotion, means: WrenchStream, scans: list[Scan]) -> tuple[Fit, WrenchStream, Scan]:
     """The fit from the first scan, or from another if it is far better, and the means that it is of: all that are known
     at its delay and near it; and the scan.
     """
-    reach = max(abs(found.best) for found in scans) + 2.0 * GRID
-    some = thinned(_known(motion, means, -reach, reach))
-    near, found = fitted(motion, some, scans[0].best, scans[0].down), scans[0]
+    reach = max(abs(scanned.best) for scanned in scans) + 2.0 * GRID
+    thin = thinned(_known(motion, means, -reach, reach))
+    fit, chosen = fitted(motion, thin, scans[0].best, scans[0].down), scans[0]
     for other in scans[1:]:
-        fit = fitted(motion, some, other.best, other.down)
-        if fit.misfit < near.misfit - ANOTHER_BASE:
-            near, found = fit, other
-    used = _known(motion, means, near.delay - GRID, near.delay + GRID)
-    fit = fitted(motion, used, near.delay, near.down)
-    used = _known(motion, means, fit.delay - GRID, fit.delay + GRID)
-    return fitted(motion, used, fit.delay, fit.down), used, found
+        other_fit = fitted(motion, thin, other.best, other.down)
+        if other_fit.misfit < fit.misfit - ANOTHER_BASE:
+            fit, chosen = other_fit, other
+    for _ in range(2):
+        used = _known(motion, means, fit.delay - GRID, fit.delay + GRID)
+        fit = fitted(motion, used, fit.delay, fit.down)
+    return fit, used, chosen
 
 
-def _doubt(fit: Fit, std: float, delays: Array, found: Scan) -> str | None:
+def _doubt(fit: Fit, std: float, delays: Array, chosen: Scan) -> str | None:
     """Why the motion does not tell the delay, or None."""
     if not np.isfinite(std):
         return "gravity does not turn in the flange's axes while the arm moves"
-    if std > TOLD * fit.feigned or abs(fit.delay - found.best) > ASTRAY:
+    if std > TOLD * fit.weightless or abs(fit.delay - chosen.best) > ASTRAY:
         return (
             "gravity's turning shows too little in the wrench, beside accelerations and noise: tilt the tool further, "
             "about more than one axis"
         )
-    misfit = found.misfit
+    misfit = chosen.misfit
     inner = misfit[1:-1]
     minima = 1 + np.flatnonzero((inner < misfit[:-2]) & (inner <= misfit[2:]))
     best = int(misfit.argmin())
@@ -186,13 +190,7 @@ def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
     """
     delay = delay_of_free_readings(streams)
     paired = synchronize(streams, delay.value if delay.significant else 0.0)
-    load, saturated = streams.wrench.load_mass, streams.wrench.saturated
-    samples = replace(
-        with_delay(paired.samples, delay),
-        load_mass=None if load is None else load[paired.rows],
-        saturated=None if saturated is None else saturated[paired.rows],
-    )
-    return samples, (delay_in_words(delay), *paired.notes)
+    return with_delay(paired.samples, delay), (delay_in_words(delay), *paired.notes)
 
 
 def delay_of_free_readings(streams: Streams) -> Delay:
@@ -205,10 +203,8 @@ def delay_of_free_readings(streams: Streams) -> Delay:
         free &= ~wrench.saturated
     if not free.all():
         streams = Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
-    found = estimate_delay(streams)
-    if found.reason is None or not found.reason.startswith(BEYOND):
-        return found
-    return estimate_delay(streams, within=WIDE)
+    delay = estimate_delay(streams)
+    return estimate_delay(streams, within=WIDE) if delay.beyond else delay
 
 
 def with_delay_of_rows(samples: Samples) -> Samples:
@@ -235,10 +231,8 @@ def delay_in_words(delay: Delay) -> str:
     if delay.reason is not None:
         return f"delay between wrench and orientation not applied: {delay.reason}"
     late = "later" if delay.value >= 0.0 else "earlier"
-    found = (
-        f"the wrench is stamped {1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late} than the orientation"
-    )
-    return f"{found}: {applied_or_not(delay.value, delay.std)}"
+    by = f"{1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late}"
+    return f"the wrench is stamped {by} than the orientation: {applied_or_not(delay.value, delay.std)}"
 
 
 def applied_or_not(delay: float, std: float) -> str:

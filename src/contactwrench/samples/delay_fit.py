@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.arrays import Array
-from .motion import Turning
+from .motion import ArmMotion
+from .samples import WrenchStream
 
 GRID = 0.04
 """s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
@@ -48,21 +49,13 @@ PARTS = {2: 5.02, 3: 7.38}
 
 
 @dataclass(frozen=True, eq=False)
-class Means:
-    """Readings averaged over cells of time: `t` (n,) s and `wrench` (n, 6)."""
-
-    t: Array
-    wrench: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Fit:
     """The `delay` s; `down` (3,) in base axes, up to its sign; what the delay would change by for each residual,
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
-    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and `feigned`
-    s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum of the
-    logarithms of the variances.
+    `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and
+    `weightless` s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum
+    of the logarithms of the variances.
     """
 
     delay: float
@@ -73,7 +66,7 @@ class Fit:
     weight: Array
     variance: Array
     bound: float
-    feigned: float
+    weightless: float
     misfit: float
 
 
@@ -86,63 +79,65 @@ class Scan:
     down: Array
 
 
-def thinned(means: Means) -> Means:
+def thinned(means: WrenchStream) -> WrenchStream:
     """At most `SCANNED` of the means, evenly."""
-    pick = slice(None, None, -(-len(means.t) // SCANNED))
-    return Means(means.t[pick], means.wrench[pick])
+    return means.select(slice(None, None, -(-len(means) // SCANNED)))
 
 
-def scan(motion: Turning, means: Means, delays: Array, down: Array | None) -> Scan:
+def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | None) -> Scan:
     """The misfit of a tool at each of `delays` (k,), and the best of them, to 1 ms; under gravity along `down` (3,).
 
     The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
     and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
     rest at no delay first, then at the best of some.
     """
-    some = thinned(means)
-    weight = np.ones(len(some.t))
+    thin = thinned(means)
+    weight = np.ones(len(thin))
 
-    def told_apart(delay: float, weight: Array) -> Array:
+    def reweighted(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
-            left, _ = _explained(motion, some, delay, down, weight)
-            weight = _weight(left, _variance(left, weight, some) if weight.min() < 1.0 else _robust(left, some))
+            residual, *_ = _explained(motion, thin, delay, down, weight)
+            weight = _weight(residual, _variance(residual, thin, weight if weight.min() < 1.0 else None))
         return weight
 
     def misfits(delays: Array) -> Array:
-        left = (_explained(motion, some, float(delay), down, weight)[0] for delay in delays)
-        return np.array([_misfit(_variance(one, weight, some)) for one in left])
+        residuals = (_explained(motion, thin, float(delay), down, weight)[0] for delay in delays)
+        return np.array([np.log(_variance(residual, thin, weight)).sum() for residual in residuals])
 
-    weight = told_apart(0.0, weight)
-    weight = told_apart(float(delays[misfits(delays).argmin()]), weight)
+    weight = reweighted(0.0, weight)
+    weight = reweighted(float(delays[misfits(delays).argmin()]), weight)
     misfit = misfits(delays)
     best = float(delays[misfit.argmin()])
     for reach, step in ((GRID, FINE), (FINE, FINEST)):
         near = best + np.linspace(-reach, reach, 2 * round(reach / step) + 1)
         best = float(near[misfits(near).argmin()])
     if down is None:
-        of_axes = _explained(motion, some, best, None, weight)[1][1:10].reshape(3, 3, 6)
-        noise = np.maximum(some.wrench.std(axis=0), 1e-300)
+        of_axes = _explained(motion, thin, best, None, weight)[1][1:10].reshape(3, 3, 6)
+        noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
         down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
     return Scan(misfit, best, down)
 
 
-def _explained(motion: Turning, means: Means, delay: float, down: Array | None, weight: Array) -> tuple[Array, Array]:
-    """Residuals (n, 6) with these weights (n,), and the coefficients (p, 6) of the columns."""
+def _explained(
+    motion: ArmMotion, means: WrenchStream, delay: float, down: Array | None, weight: Array
+) -> tuple[Array, Array, Array, Array]:
+    """The linear fit at a delay with these weights (n,): residuals (n, 6), coefficients (p, 6), and what `_orthonormal`
+    makes of the weighted columns.
+    """
     columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
     basis, unit = _orthonormal(columns * root)
     coefficients = unit @ (basis.T @ (root * means.wrench))
-    return means.wrench - columns @ coefficients, coefficients
+    return means.wrench - columns @ coefficients, coefficients, basis, unit
 
 
-def _robust(residual: Array, means: Means) -> Array:
-    """Variances (6,) by the median, which half of the readings cannot move."""
-    variance: Array = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2 + _floor(means.wrench)
-    return variance
-
-
-def _variance(residual: Array, weight: Array, means: Means) -> Array:
-    variance: Array = weight @ residual**2 / weight.sum() + _floor(means.wrench)
-    return variance
+def _variance(residual: Array, means: WrenchStream, weight: Array | None = None) -> Array:
+    """Variances (6,) with these weights (n,); without, by the median, which half of the readings cannot move."""
+    if weight is None:
+        variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2
+    else:
+        variance = weight @ residual**2 / weight.sum()
+    floored: Array = variance + (ROUNDING * means.wrench.var(axis=0) + 1e-24)
+    return floored
 
 
 def _weight(residual: Array, variance: Array) -> Array:
@@ -152,14 +147,14 @@ def _weight(residual: Array, variance: Array) -> Array:
     return weight
 
 
-def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
+def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) -> Fit:
     """The best fit near `delay` and `down` (3,)."""
     start, weight, before = down, np.ones(len(means.t)), np.inf
     variance: Array | None = None
     for k in range(MOST_STEPS):
         step, residual, fit = _step(motion, means, delay, down, start, weight, variance)
         weight = _weight(residual, fit.variance)
-        variance = _variance(residual, weight, means)
+        variance = _variance(residual, means, weight)
         if not np.isfinite(fit.bound) or abs(step[0]) < CLOSE:
             break
         ratio = float(step[0]) / before
@@ -172,18 +167,21 @@ def fitted(motion: Turning, means: Means, delay: float, down: Array) -> Fit:
 
 
 def _step(
-    motion: Turning, means: Means, delay: float, down: Array, start: Array, weight: Array, variance: Array | None
+    motion: ArmMotion,
+    means: WrenchStream,
+    delay: float,
+    down: Array,
+    start: Array,
+    weight: Array,
+    variance: Array | None,
 ) -> tuple[Array, Array, Fit]:
     """How far (4,) the delay and down are from the best for these weights (n,) and variances (6,) (None: robust ones);
     the residuals (n, 6) here, and the fit.
     """
     tau, root = means.t - delay, np.sqrt(weight)[:, None]
-    columns = _columns(motion, tau, down)
-    basis, unit = _orthonormal(columns * root)
-    coefficients = unit @ (basis.T @ (root * means.wrench))
-    residual = means.wrench - columns @ coefficients
+    residual, coefficients, basis, unit = _explained(motion, means, delay, down, weight)
     if variance is None:
-        variance = _robust(residual, means)
+        variance = _variance(residual, means)
     scale, gravity = root / np.sqrt(variance), coefficients[1:4]
     across = np.linalg.svd(down[None])[2][1:]
     change = -np.einsum("nji,j->ni", motion.change_at(tau), down)
@@ -195,25 +193,22 @@ def _step(
     gradient = np.einsum("ani,ni->a", free, left)
     H[1:, 1:] += np.eye(2) / TILT_SD**2
     gradient[1:] -= across @ (down - start) / TILT_SD**2
-    misfit = _misfit(variance)
+    misfit = float(np.log(variance).sum())
     if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
-        return (
-            np.zeros(4),
-            residual,
-            Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit),
-        )
+        blind = Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit)
+        return np.zeros(4), residual, blind
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
     influence = np.einsum("a,ani->ni", inverse[0], free)
     bound = float(np.sqrt(inverse[0, 0]))
     noisy = root * change
     noisy = (noisy - basis @ (basis.T @ noisy)) @ unit[1:4]
-    feigned = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
+    weightless = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
-    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, feigned, misfit)
+    return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
 
 
-def _columns(motion: Turning, tau: Array, down: Array | None) -> Array:
+def _columns(motion: ArmMotion, tau: Array, down: Array | None) -> Array:
     """What explains a wrench at tau (n,): 1, gravity (3) or the base's axes (9), accelerations (9 or 12)."""
     axes = motion.axes_at(tau)
     gravity = axes.reshape(-1, 9) if down is None else np.einsum("nji,j->ni", axes, down)
@@ -232,16 +227,7 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     return columns @ unit, unit
 
 
-def _floor(wrench: Array) -> Array:
-    floor: Array = ROUNDING * wrench.var(axis=0) + 1e-24
-    return floor
-
-
-def _misfit(variance: Array) -> float:
-    return float(np.log(variance).sum())
-
-
-def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
+def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> float:
     """The standard deviation of the delay, s: that of residuals which are correlated in time, more where parts of the
     recording disagree by more than theirs (Birge, 1932), and no less than the bound.
 
@@ -250,44 +236,38 @@ def standard_deviation(motion: Turning, means: Means, fit: Fit) -> float:
     """
     if not np.isfinite(fit.bound):
         return np.inf
-    way = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
+    turned = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
     factor = 1.0
     for count, limit in PARTS.items():
-        cut = np.searchsorted(way, way[-1] * np.arange(1, count) / count)
-        found = []
+        cut = np.searchsorted(turned, turned[-1] * np.arange(1, count) / count)
+        offs, stds = [], []
         for rows in np.split(np.arange(len(means.t)), cut):
             if len(rows) < LEAST_PART:
                 continue
-            part = Means(means.t[rows], means.wrench[rows])
+            part = means.select(rows)
             step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
             if np.isfinite(of_part.bound):
-                found.append((step[0], max(_spectral_std(of_part, _spacing(part)), of_part.bound)))
-        if len(found) < 2:
+                offs.append(step[0])
+                stds.append(max(_spectral_std(of_part, part.t), of_part.bound))
+        if len(offs) < 2:
             continue
-        offs, stds = np.array(found).T
-        mean = np.average(offs, weights=stds**-2.0)
-        chi2 = float(np.sum(((offs - mean) / stds) ** 2))
+        precision = np.array(stds) ** -2.0
+        chi2 = float(precision @ (offs - np.average(offs, weights=precision)) ** 2)
         if chi2 > limit:
-            factor = max(factor, float(np.sqrt(chi2 / (len(found) - 1))))
+            factor = max(factor, float(np.sqrt(chi2 / (len(offs) - 1))))
     if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
         factor *= UNKNOWN_ACCELERATIONS
-    return factor * max(_spectral_std(fit, _spacing(means)), fit.bound)
+    return factor * max(_spectral_std(fit, means.t), fit.bound)
 
 
 def _structure(left: Array) -> float:
-    """The variance of residuals (n, 6) over that of white noise which changes as much from one to the next, in the axis
-    where this is largest.
-    """
+    """The variance of residuals (n, 6) over that of white noise that changes as much, the largest of the axes."""
     fresh = 0.5 * np.mean(np.diff(left, axis=0) ** 2, axis=0)
     return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
 
 
-def _spacing(means: Means) -> float:
-    return float(np.median(np.diff(means.t)))
-
-
-def _spectral_std(fit: Fit, spacing: float) -> float:
-    """The standard deviation, s, with residuals that are correlated in time; means come every `spacing` s.
+def _spectral_std(fit: Fit, t: Array) -> float:
+    """The standard deviation, s, with residuals that are correlated in time, of means at t (n,).
 
     The noise's spectrum is that of the residuals, averaged over neighbouring frequencies; what the free coefficients
     took out of it is counted as missing. With the influence's spectrum it gives the variance (Parseval).
@@ -297,7 +277,7 @@ def _spectral_std(fit: Fit, spacing: float) -> float:
     influence = np.fft.rfft(fit.influence, axis=0, norm="ortho")
     basis = np.fft.rfft(fit.basis, axis=0, norm="ortho")
     taken = (np.abs(basis) ** 2).sum(axis=1)
-    reach = max(LEAST_BINS, round(SMOOTHED * n * spacing))
+    reach = max(LEAST_BINS, round(SMOOTHED * n * float(np.median(np.diff(t)))))
     there = np.maximum(_smoothed(1.0 - taken, reach), LEAST_THERE)
     power = np.zeros(len(left))
     for i in range(6):
@@ -317,5 +297,4 @@ def _smoothed(values: Array, reach: int) -> Array:
     total = np.concatenate([np.zeros(1), np.cumsum(values)])
     place = np.arange(len(values))
     low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
-    mean: Array = (total[high] - total[low]) / (high - low)
-    return mean
+    return np.asarray((total[high] - total[low]) / (high - low))

@@ -1,4 +1,4 @@
-"""How a recorded arm moves: its orientation between the stamps, and what its tool feels of accelerations.
+"""How a recorded arm moves: its orientation between the stamps, and the accelerations of its tool.
 
 A tool that turns is thrown outwards and held back. Whatever its mass, centre and inertia are, that is linear in the
 angular acceleration (3), the products of the angular velocity (6) and the acceleration of the flange (3), all in flange
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_vectors
-from .buffer import Knots, Pending
+from .buffer import Buffer, Nodes
 
 CELL = 0.01
 """s: what is faster than this is no motion of an arm; orientations that come faster are thinned, readings averaged."""
@@ -25,10 +25,10 @@ PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class Turning:
-    """Between knots at `t` (k,) s: `base_axes`, a spline of the base's axes in flange axes, 3 x 3 numbers, row by row
+class ArmMotion:
+    """Between nodes at `t` (k,) s: `base_axes`, a spline of the base's axes in flange axes, 3 x 3 numbers, row by row
     one axis, and its derivative `change`; `accelerations` (k, 9), or (k, 12) where positions are known. `turns` and
-    `gap` (k - 1,): where the arm turns between two knots, and where nothing is known.
+    `gap` (k - 1,): where the arm turns between two nodes, and where nothing is known.
     """
 
     t: Array
@@ -55,7 +55,7 @@ class Turning:
         return change
 
     def accelerations_at(self, t: Array) -> Array:
-        """What the tool feels beside gravity (n, 9 or 12) at t (n,)."""
+        """The terms (n, 9 or 12) that exert a wrench beside gravity, at t (n,)."""
         place = self._place(t)
         share = ((t - self.t[place]) / (self.t[place + 1] - self.t[place]))[:, None]
         before, after = self.accelerations[place], self.accelerations[place + 1]
@@ -70,7 +70,7 @@ class Turning:
         return inside
 
     def _place(self, t: Array) -> NDArray[np.intp]:
-        """The knots that come before t (n,), the last one left out."""
+        """The nodes that come before t (n,), the last one left out."""
         return np.clip(np.searchsorted(self.t, t, "right") - 1, 0, len(self.t) - 2)
 
 
@@ -79,33 +79,41 @@ LEAST_SPEED = 0.01
 """rad/s, over so many s: slower than that is the trembling of an arm at rest, or of its encoders."""
 
 
-def turning(pending: Pending, knots: Knots, longest_gap: float) -> Turning:
-    """The motion through the orientations of a whole recording."""
+def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
+    """The motion through the orientations of a whole recording, whose gaps are longer than `longest_gap` s."""
     from scipy.interpolate import CubicHermiteSpline
     from scipy.ndimage import uniform_filter1d
 
-    index = knots.index
-    fast = CELL / max(float(np.median(np.diff(knots.t))), 1e-9)
+    index, orientations = nodes.index, buffer.orientations
+    fast = CELL / max(float(np.median(np.diff(nodes.t))), 1e-9)
     if fast >= 2.0:
         index = index[:: int(fast)]
-    t, R = pending.at[index], pending.R_base_flange[index]
-    is_gap = np.r_[0, np.cumsum(np.diff(pending.at[: knots.count]) > longest_gap)]
+    t, R = orientations.t[index], orientations.R_base_flange[index]
+    is_gap = np.r_[0, np.cumsum(np.diff(orientations.t[: nodes.count]) > longest_gap)]
     axes = R.reshape(-1, 9)
     spline = CubicHermiteSpline(t, axes, np.gradient(axes, t, axis=0))
     middle = 0.5 * (t[1:] + t[:-1])
     step = np.diff(t)[:, None]
     width = 2 * round(0.5 * SMOOTHED / float(np.median(step))) + 1
-    turn = uniform_filter1d(rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step, width, axis=0)
-    angular = _between(middle, turn, t)
-    felt = [_second(middle, turn, t), np.stack([angular[:, i] * angular[:, j] for i, j in PRODUCTS], axis=1)]
-    if pending.position is not None:
-        velocity = uniform_filter1d(np.diff(pending.position[index], axis=0) / step, width, axis=0)
-        felt.append(np.einsum("nij,ni->nj", R, _second(middle, velocity, t)))
+    angular_velocity = uniform_filter1d(rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step, width, axis=0)
+    angular = _between(middle, angular_velocity, t)
+    accelerations = [
+        _derivative(middle, angular_velocity, t),
+        np.stack([angular[:, i] * angular[:, j] for i, j in PRODUCTS], axis=1),
+    ]
+    if orientations.position is not None:
+        velocity = uniform_filter1d(np.diff(orientations.position[index], axis=0) / step, width, axis=0)
+        accelerations.append(np.einsum("nij,ni->nj", R, _derivative(middle, velocity, t)))
     half = max(0.5 * SPEED_OVER, float(np.median(step)))
     ends = [spline(np.clip(middle + sign * half, t[0], t[-1])) for sign in (-1.0, 1.0)]
     speed = np.linalg.norm(ends[1] - ends[0], axis=1) / (np.sqrt(2.0) * 2.0 * half)
-    return Turning(
-        t, spline, spline.derivative(), np.concatenate(felt, axis=1), speed >= LEAST_SPEED, np.diff(is_gap[index]) > 0
+    return ArmMotion(
+        t,
+        spline,
+        spline.derivative(),
+        np.concatenate(accelerations, axis=1),
+        speed >= LEAST_SPEED,
+        np.diff(is_gap[index]) > 0,
     )
 
 
@@ -113,7 +121,7 @@ def _between(middle: Array, values: Array, t: Array) -> Array:
     return np.stack([np.interp(t, middle, column) for column in values.T], axis=1)
 
 
-def _second(middle: Array, rate: Array, t: Array) -> Array:
+def _derivative(middle: Array, rate: Array, t: Array) -> Array:
     """The derivative at `t` of a `rate` that is known in the `middle` of the steps."""
     if len(middle) < 2:
         return np.zeros((len(t), rate.shape[1]))

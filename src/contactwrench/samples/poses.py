@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from .samples import Samples
 
 SAME_POSE_ANGLE = np.deg2rad(0.2)
@@ -23,7 +23,7 @@ _HASH = np.array([pow(0x9E3779B97F4A7C15, k, 2**63) for k in range(1, 10)], dtyp
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(Frozen):
     """One orientation of the arm at rest, and the mean reading there.
 
     `R_base_flange` (3, 3); `wrench` (6,) N and N m, the mean of `n` rows; `wrench_cov` (6, 6) of that mean from
@@ -39,29 +39,18 @@ class Pose:
     t_end: float | None = None
     rejected: str | None = None
 
-    def __post_init__(self) -> None:
-        for name in ("R_base_flange", "wrench", "wrench_cov"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
-
-def poses_from_samples(samples: Samples) -> tuple[Pose, ...]:
-    """Average the rows of `samples` that share an orientation; poses in the order of their first rows."""
-    return _averaged(samples, label_orientations(samples.R_base_flange))
-
-
-def poses_and_visits(samples: Samples, most: int) -> tuple[tuple[Pose, ...], tuple[Pose, ...] | None]:
-    """The poses, and the visits: an orientation that the arm comes back to counts each time. None where no orientation
-    is visited twice, or where there are more than `most` visits.
+def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
+    """A label for each visit of rows (n,) whose orientations have these; None where no orientation is visited twice, or
+    where there are more than `most` visits.
     """
-    label = label_orientations(samples.R_base_flange)
-    poses = _averaged(samples, label)
     visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])[: len(label)]
-    again = len(visit) > 0 and len(poses) < visit[-1] + 1 <= most
-    return poses, _averaged(samples, visit) if again else None
+    again = len(visit) > 0 and label.max() < visit[-1] < most
+    return visit if again else None
 
 
-def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the rows of each label."""
+def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the rows of each `label` (n,)."""
     if not len(label):
         return ()
     in_order = bool((np.diff(label) >= 0).all())
@@ -72,20 +61,28 @@ def _averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
     starts = np.flatnonzero(np.r_[True, label[1:] != label[:-1]])
     ends = np.r_[starts[1:], len(label)]
     return tuple(
-        _average(wrench[a:b], R[a:b], None if t is None else t[a:b]) for a, b in zip(starts, ends, strict=True)
+        mean_pose(wrench[a:b], R[a:b], None if t is None else t[a:b]) for a, b in zip(starts, ends, strict=True)
     )
 
 
-def _average(wrench: Array, R: Array, t: Array | None) -> Pose:
+def mean_pose(wrench: Array, R_base_flange: Array, t: Array | None, worth: Array | float = 1.0) -> Pose:
+    """The mean of rows at one orientation.
+
+    Args:
+        wrench: readings (n, 6), N and N m.
+        R_base_flange: their orientations (n, 3, 3).
+        t: their times (n,), s, or None.
+        worth: how many rows (6,) are worth one independent reading.
+    """
     n = len(wrench)
     times = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:
-        return Pose(R[0], wrench[0], np.zeros((6, 6)), 1, *times)
+        return Pose(R_base_flange[0], wrench[0], np.zeros((6, 6)), 1, *times)
     from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
-    mean = wrench[0] + from_first.mean(axis=0)
-    centred = from_first - from_first.mean(axis=0)
-    U, _, Vt = np.linalg.svd(R.mean(axis=0))
-    return Pose(U @ Vt, mean, centred.T @ centred / (n * (n - 1.0)), n, *times)
+    mean = from_first.mean(axis=0)
+    centred = (from_first - mean) * np.sqrt(worth)
+    U, _, Vt = np.linalg.svd(R_base_flange.mean(axis=0))
+    return Pose(U @ Vt, wrench[0] + mean, centred.T @ centred / (n * (n - 1.0)), n, *times)
 
 
 def label_orientations(R: Array) -> NDArray[np.intp]:
@@ -120,7 +117,7 @@ def label_orientations(R: Array) -> NDArray[np.intp]:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseMoments:
+class PoseMoments(Frozen):
     """Sums over many poses that stand in for the poses: enough to fit any model of this package again.
 
     `n` poses; with m = [R_base_flange row-major, 1] (10,): `design` = sum m m^T (10, 10), `cross` = sum m wrench^T
@@ -131,10 +128,6 @@ class PoseMoments:
     design: Array
     cross: Array
     wrench: Array
-
-    def __post_init__(self) -> None:
-        for name in ("design", "cross", "wrench"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def moments_of_poses(R_base_flange: Array, wrench: Array) -> PoseMoments:

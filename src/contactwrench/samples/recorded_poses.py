@@ -1,4 +1,4 @@
-"""The poses of any recording: of a table of poses its rows, of a stream its still stretches.
+"""The poses of any recording: of a table of poses its rows, of a stream its still segments.
 
 A stream was recorded all the way, a table of poses where the arm stood. The times decide: a stream has rows, several a
 second, while the arm turns from one orientation to the next, and so more of its turning lies between rows that follow
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
-from .poses import SAME_POSE_ANGLE, Pose, label_orientations, poses_and_visits
+from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, visits
 from .samples import Samples
-from .still_segments import StillStretch, StillStretches, still_stretches
+from .still_segments import StillSegment, StillSegments, still_segments
 
 SLOWEST = 0.25
 """s from row to row: a stream has four rows a second or more."""
@@ -49,7 +49,7 @@ FEWEST_ROWS = 10
 
 
 def is_stream(samples: Samples) -> bool:
-    """Whether samples were recorded through the moves of the arm, so that still stretches must be found in them; else
+    """Whether samples were recorded through the moves of the arm, so that still segments must be found in them; else
     each row, or group of rows at one orientation, is a pose.
     """
     t = samples.t
@@ -70,47 +70,57 @@ def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float)
         return False
     turns = rotation_log(R[rows[:-1]].transpose(0, 2, 1) @ R[rows[1:]])
     angle = np.linalg.norm(turns, axis=1)
-    turning = angle > SAME_POSE_ANGLE
-    on_way = turning & (jumps[rows[1:]] == jumps[rows[:-1]])
+    turned = angle > SAME_POSE_ANGLE
+    on_way = turned & (jumps[rows[1:]] == jumps[rows[:-1]])
     along = np.einsum("ni,ni->n", turns[1:], turns[:-1]) > ONWARD * angle[1:] * angle[:-1]
     onward = on_way[1:] & on_way[:-1] & along
     going_on = np.r_[onward, False] | np.r_[False, onward]
     recorded = float(angle[going_on].sum())
-    return recorded > max(0.5 * float(angle[turning].sum()), float(LEAST_ON_THE_WAY))
+    return recorded > max(0.5 * float(angle[turned].sum()), float(LEAST_ON_THE_WAY))
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
-    none or too often; the stretches of a stream that are no pose, `rejected`, as poses with the reason, and how many
-    `stretches` made the poses (0: the rows of a table did).
+    none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, and how many
+    `segments` made the poses (0: the rows of a table did).
     """
 
     poses: tuple[Pose, ...]
     visits: tuple[Pose, ...] | None
     rejected: tuple[Pose, ...]
-    stretches: int
+    segments: int
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
-    """The poses of a table or of a `stream`; None: the samples tell which. Raises `InputError` for a stream in which
-    the arm never stands still.
+    """The poses of a table or of a stream.
+
+    Args:
+        samples: the recording.
+        most_visits: there may be, for them to count each time.
+        stream: whether it is one; None: the samples tell.
+
+    Raises:
+        InputError: a stream in which the arm never stands still, a table of more poses than anybody stops at.
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
         _require_few(samples)
-        poses, visits = poses_and_visits(samples, most_visits)
+        label = label_orientations(samples.R_base_flange)
+        poses, visit = averaged(samples, label), visits(label, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        return RecordedPoses(poses, visits, (), 0)
-    found = still_stretches(samples)
-    if not found.accepted:
-        raise InputError(_never_still(samples, found))
-    label = label_orientations(np.array([stretch.R_base_flange for stretch in found.accepted]))
-    visit = np.cumsum(np.r_[0, label[1:] != label[:-1]])
-    rejected = tuple(_pose([stretch], stretch.rejected) for stretch in found.rejected)
-    again = label.max() < visit[-1] < most_visits
-    visits = _joined(found.accepted, visit) if again else None
-    return RecordedPoses(_joined(found.accepted, label), visits, rejected, len(found.accepted))
+        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0)
+    still = still_segments(samples)
+    if not still.accepted:
+        raise InputError(_never_still(samples, still))
+    label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]))
+    visit = visits(label, most_visits)
+    return RecordedPoses(
+        _joined(still.accepted, label),
+        None if visit is None else _joined(still.accepted, visit),
+        tuple(_pose([segment]) for segment in still.rejected),
+        len(still.accepted),
+    )
 
 
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:
@@ -152,33 +162,31 @@ def _angles(R: Array) -> Array:
     return angle
 
 
-def _joined(stretches: tuple[StillStretch, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the stretches of each label, in the order of their first ones."""
-    return tuple(
-        _pose([stretches[k] for k in np.flatnonzero(label == one)], None) for one in range(int(label.max()) + 1)
-    )
+def _joined(segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the segments of each label, in the order of their first ones."""
+    return tuple(_pose([segments[k] for k in np.flatnonzero(label == pose)]) for pose in range(int(label.max()) + 1))
 
 
-def _pose(stretches: list[StillStretch], rejected: str | None) -> Pose:
-    n = np.array([stretch.n for stretch in stretches], dtype=np.float64)
+def _pose(segments: list[StillSegment]) -> Pose:
+    n = np.array([segment.n for segment in segments], dtype=np.float64)
     share = n / n.sum()
-    U, _, Vt = np.linalg.svd(np.einsum("k,kij->ij", share, [stretch.R_base_flange for stretch in stretches]))
+    U, _, Vt = np.linalg.svd(np.einsum("k,kij->ij", share, [segment.R_base_flange for segment in segments]))
     return Pose(
         U @ Vt,
-        share @ np.array([stretch.wrench for stretch in stretches]),
-        np.einsum("k,kij->ij", share**2, [stretch.wrench_cov for stretch in stretches]),
+        share @ np.array([segment.wrench for segment in segments]),
+        np.einsum("k,kij->ij", share**2, [segment.wrench_cov for segment in segments]),
         int(n.sum()),
-        stretches[0].t_start,
-        stretches[-1].t_end,
-        rejected,
+        segments[0].t_start,
+        segments[-1].t_end,
+        segments[0].rejected,
     )
 
 
-def _never_still(samples: Samples, found: StillStretches) -> str:
+def _never_still(samples: Samples, still: StillSegments) -> str:
     t = samples.t if samples.t is not None else np.zeros(1)
     seen = f"found no stretch in {t[-1] - t[0]:.3g} s in which arm and reading are still"
-    if found.rejected:
-        longest = max(found.rejected, key=lambda stretch: stretch.n)
-        at = f"the longest of {len(found.rejected)} looked at, t = {longest.t_start - t[0]:.4g} s"
+    if still.rejected:
+        longest = max(still.rejected, key=lambda segment: segment.n)
+        at = f"the longest of {len(still.rejected)} looked at, t = {longest.t_start - t[0]:.4g} s"
         seen += f" ({at}: {longest.rejected})"
     return f"{samples.source}: {seen}: stop for a second or two at each orientation"

@@ -1,14 +1,16 @@
-"""Samples: paired readings and orientations, checked once, then read-only."""
+"""Samples, paired readings and orientations, and the streams they are made of: checked once, then read-only."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry.arrays import Array, flags, read_only
+from ..geometry.arrays import Array, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
 
 LARGEST_READING = 1e9
@@ -16,56 +18,40 @@ LARGEST_READING = 1e9
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Rows):
     """Readings of the sensor, each with the arm's orientation at that moment.
 
-    `wrench` (n, 6) N and N m, sensor axes, pull sign; `R_base_flange` (n, 3, 3); `t` (n,) s; `position` (n, 3) m
-    of the flange in base axes; `load_mass` (n,) kg hung on the tool (0: none). `source` says where they come from.
-    `delay` s and `delay_std`: of wrench behind orientation, where that was estimated when the two were paired.
-    `saturated` (n,): whether a channel of the sensor stood at its limit, where that was recorded.
-    Raises `InputError` for a wrong shape, a NaN or infinity, a reading beyond `LARGEST_READING`, a matrix that is no
-    rotation, a negative load.
+    Args:
+        wrench: readings (n, 6), N and N m, sensor axes, pull sign.
+        R_base_flange: rotation matrices (n, 3, 3), from flange to base axes.
+        t: times (n,), s.
+        position: of the flange (n, 3), m, base axes.
+        load_mass: hung on the tool (n,), kg; 0 is none.
+        source: where they come from, in words.
+        delay: of wrench behind orientation, s, where it was estimated when the two were paired.
+        delay_std: of `delay`, s.
+        saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
+
+    Raises:
+        InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
     """
 
-    wrench: Array
-    R_base_flange: Array
-    t: Array | None = None
-    position: Array | None = None
-    load_mass: Array | None = None
+    wrench: Array = field(metadata=column(6))
+    R_base_flange: Array = field(metadata=column(3, 3))
+    t: Array | None = field(default=None, metadata=column())
+    position: Array | None = field(default=None, metadata=column(3))
+    load_mass: Array | None = field(default=None, metadata=column())
     source: str = "arrays"
     delay: float | None = None
     delay_std: float | None = None
-    saturated: NDArray[np.bool_] | None = None
+    saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
 
     def __post_init__(self) -> None:
-        n = len(np.atleast_1d(np.asarray(self.wrench)))
-        shapes = {
-            "wrench": (n, 6),
-            "R_base_flange": (n, 3, 3),
-            "t": (n,),
-            "position": (n, 3),
-            "load_mass": (n,),
-        }
-        for name, shape in shapes.items():
-            values = getattr(self, name)
-            if values is None:
-                continue
-            array = read_only(values)
-            if array.shape != shape:
-                pairs = "" if name == "wrench" else f" with n = {n} as in wrench"
-                raise InputError(f"{name} has shape {array.shape}, expected {_with_n(name)}{pairs}")
-            with np.errstate(over="ignore", invalid="ignore"):
-                suspect = not np.isfinite(array.sum())
-            if suspect:
-                self._refuse_not_finite(name, array)
-            if name == "R_base_flange":
-                array = read_only(nearest_rotations(array)) if n else array
-            object.__setattr__(self, name, array)
-        if self.saturated is not None:
-            object.__setattr__(self, "saturated", flags(self.saturated))
-            if self.saturated.shape != (n,):
-                raise InputError(f"saturated has shape {self.saturated.shape}, expected (n,) with n = {n} as in wrench")
-        if n and max(self.wrench.max(), -self.wrench.min()) > LARGEST_READING:
+        super().__post_init__()
+        for name in ("wrench", "R_base_flange", "t", "position", "load_mass"):
+            _require_finite(name, getattr(self, name))
+        object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
+        if len(self) and max(self.wrench.max(), -self.wrench.min()) > LARGEST_READING:
             row, axis = (int(k) for k in np.argwhere(np.abs(self.wrench) > LARGEST_READING)[0])
             raise InputError(
                 f"wrench in sample {row} is {self.wrench[row, axis]:g}, expected at most {LARGEST_READING:g} N or N m: "
@@ -76,38 +62,6 @@ class Samples:
             row = int(np.argmax(self.load_mass < 0.0))
             raise InputError(f"load_mass in sample {row} is {self.load_mass[row]:g} kg, expected 0 or more", row)
 
-    @staticmethod
-    def _refuse_not_finite(name: str, array: Array) -> None:
-        bad = np.argwhere(~np.isfinite(array))
-        if len(bad):
-            raise InputError(
-                f"{name} in sample {bad[0][0]} is {array[tuple(bad[0])]}, expected a finite number: "
-                "leave such samples out",
-                int(bad[0][0]),
-            )
-
-    def __len__(self) -> int:
-        return len(self.wrench)
-
-    def select(self, rows: ArrayLike | slice) -> Samples:
-        """The samples that `rows` (a mask, indices or a slice) picks, in that order."""
-        pick = rows if isinstance(rows, slice) else np.asarray(rows)
-
-        def of(values: Array | None) -> Array | None:
-            return None if values is None else values[pick]
-
-        return Samples(
-            self.wrench[pick],
-            self.R_base_flange[pick],
-            of(self.t),
-            of(self.position),
-            of(self.load_mass),
-            self.source,
-            self.delay,
-            self.delay_std,
-            None if self.saturated is None else self.saturated[pick],
-        )
-
     def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
         """The samples less those with a saturated channel, and a note where there are such."""
         if self.saturated is None or not self.saturated.any():
@@ -116,11 +70,90 @@ class Samples:
         return self.select(~self.saturated), (f"{count} rows with a saturated channel were left out",)
 
 
-def _with_n(name: str) -> str:
-    return {
-        "wrench": "(n, 6)",
-        "R_base_flange": "(n, 3, 3)",
-        "t": "(n,)",
-        "position": "(n, 3)",
-        "load_mass": "(n,)",
-    }[name]
+@dataclass(frozen=True, eq=False)
+class WrenchStream(Rows):
+    """What the sensor read, before it is brought onto one clock with the orientation.
+
+    Args:
+        t: stamps (n,), s, in the order in which the readings were recorded.
+        wrench: readings (n, 6), N and N m, sensor axes, pull sign; a NaN is a sample that is there and says nothing.
+        source: where it comes from, in words.
+        load_mass: hung on the tool (n,), kg, where it was recorded.
+        saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
+
+    Raises:
+        InputError: a wrong shape.
+    """
+
+    t: Array = field(metadata=column())
+    wrench: Array = field(metadata=column(6))
+    source: str = "arrays"
+    load_mass: Array | None = field(default=None, metadata=column())
+    saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationStream(Rows):
+    """Where the arm was.
+
+    Args:
+        t: stamps (m,), s, in the order in which the orientations were recorded.
+        R_base_flange: rotation matrices (m, 3, 3), from flange to base axes.
+        position: of the flange (m, 3), m, base axes, where it is known.
+        source: where it comes from, in words.
+
+    Raises:
+        InputError: a wrong shape, a matrix that is no rotation.
+    """
+
+    t: Array = field(metadata=column())
+    R_base_flange: Array = field(metadata=column(3, 3))
+    position: Array | None = field(default=None, metadata=column(3))
+    source: str = "arrays"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """A recording as it is: what the sensor read, and where the arm was, each at its own times."""
+
+    wrench: WrenchStream
+    orientation: OrientationStream
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Streams]) -> Streams:
+        """All rows, part after part."""
+        return cls(_concatenated([part.wrench for part in parts]), _concatenated([part.orientation for part in parts]))
+
+
+_Stream = TypeVar("_Stream", WrenchStream, OrientationStream)
+
+
+def _concatenated(parts: list[_Stream]) -> _Stream:
+    """One stream of several; one without rows need not have the columns of the others."""
+    with_rows = [part for part in parts if len(part)]
+    return type(parts[0]).concatenate(with_rows or parts[:1])
+
+
+def _rotations(R: Array) -> Array:
+    """The rotations nearest to (n, 3, 3) matrices, read-only: the matrices themselves where they are exact."""
+    nearest = nearest_rotations(R) if len(R) else R
+    return R if nearest is R else read_only(nearest)
+
+
+def _require_finite(name: str, values: Array | None) -> None:
+    if values is None:
+        return
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(values.sum()):
+            return
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        raise InputError(
+            f"{name} in sample {bad[0][0]} is {values[tuple(bad[0])]}, expected a finite number: "
+            "leave such samples out",
+            int(bad[0][0]),
+        )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import arcs_through
-from .buffer import Knots, Pending, knots_of, nothing_pending, with_batch
-from .samples import Samples
-from .streams import Streams
+from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
+from .samples import Samples, Streams
 from .timestamps import notes_of, require_common_span, require_times
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
@@ -72,7 +71,7 @@ class Synchronized:
     samples: Samples
     rows: NDArray[np.intp]
     left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def reasons(self) -> dict[int, str]:
@@ -83,13 +82,20 @@ class Synchronized:
 def synchronize(
     streams: Streams, delay: float = 0.0, delay_std: float | None = None, longest_gap: float | None = None
 ) -> Synchronized:
-    """The samples of a recording: every reading with the orientation at its stamp less `delay` (s: how much later than
-    the orientation the wrench is stamped).
+    """The samples of a recording: every reading with the orientation at its stamp less the delay.
 
-    Where `delay_std` s is given, the samples carry both. Between two orientations more than `longest_gap` s apart there
-    are no samples; None: 5 times their median spacing and at least 0.05 s. A pose that is repeated for up to 0.15 s and
-    then changes was held: its first stamp counts. Raises `InputError` for stamps that cannot be put in order, streams
-    without a common span, and gaps that leave less than half of it.
+    A pose that is repeated for up to 0.15 s and then changes was held: its first stamp counts.
+
+    Args:
+        streams: the recording.
+        delay: how much later than the orientation the wrench is stamped, s.
+        delay_std: of the delay, s; where it is given, the samples carry both.
+        longest_gap: between two orientations with samples between them, s; None: 5 times their median spacing and at
+            least 0.05 s.
+
+    Raises:
+        InputError: stamps that cannot be put in order, streams without a common span, gaps that leave less than half
+            of it.
     """
     return next(synchronized([streams], delay, delay_std, longest_gap))
 
@@ -107,30 +113,14 @@ def synchronized(
         raise InputError(f"delay is {delay!r}, expected s")
     if longest_gap is not None and not longest_gap > 0.0:
         raise InputError(f"longest_gap is {longest_gap!r}, expected s above 0")
-    pending: Pending | None = None
-    limits: Limits | None = None
-    count: Counter[str] = Counter()
-    holes: Counter[Hole] = Counter()
-    for batch, is_last in _with_last(batches):
-        pending = with_batch(nothing_pending(batch) if pending is None else pending, batch)
-        if is_last:
-            _require_two_streams(pending, delay)
-        if limits is None and (is_last or pending.is_begun):
-            limits = Limits(longest_gap or default_gap(pending.at), default_gap(pending.t))
-        if limits is None:
-            yield _nothing(pending, delay, delay_std)
-            continue
-        knots = knots_of(pending, limits.orientation, is_last)
-        n = pending.decided(knots.until + delay, is_last)
-        left_out, kept, samples = _paired(pending, n, knots, delay, delay_std, limits, holes)
-        count.update({part.reason: len(part.rows) for part in left_out}, paired=len(samples))
-        rows = pending.row[:n][kept]
-        _count_missing_readings(pending, n, limits, holes)
-        if is_last:
-            _require_enough(count, holes, limits, pending)
-        notes = _notes(count, holes, limits, pending) if is_last else ()
-        pending = pending.after(n, knots, delay)
-        yield Synchronized(samples, rows, left_out, notes)
+    pairing = _Pairing(delay, delay_std, longest_gap)
+    before: Streams | None = None
+    for batch in batches:
+        if before is not None:
+            yield pairing.with_batch(before, is_last=False)
+        before = batch
+    if before is not None:
+        yield pairing.with_batch(before, is_last=True)
 
 
 def default_gap(t: Array) -> float:
@@ -139,91 +129,140 @@ def default_gap(t: Array) -> float:
     return max(LEAST_GAP, GAP_SPACINGS * float(np.median(steps))) if len(steps) else LEAST_GAP
 
 
-def _with_last(batches: Iterable[Streams]) -> Iterator[tuple[Streams, bool]]:
-    """Each batch, and whether it is the last."""
-    before: Streams | None = None
-    for batch in batches:
-        if before is not None:
-            yield before, False
-        before = batch
-    if before is not None:
-        yield before, True
+class _Pairing:
+    """A recording as its batches come: the rows that wait, and what of those before has no sample."""
+
+    def __init__(self, delay: float, delay_std: float | None, longest_gap: float | None) -> None:
+        self._delay, self._delay_std, self._longest_gap = delay, delay_std, longest_gap
+        self._buffer: Buffer | None = None
+        self._limits: Limits | None = None
+        self._count: Counter[str] = Counter()
+        self._holes: Counter[Hole] = Counter()
+
+    def with_batch(self, batch: Streams, is_last: bool) -> Synchronized:
+        """The samples that a batch decides."""
+        buffer = self._buffer = with_batch(self._buffer, batch)
+        if is_last:
+            _require_two_streams(buffer, self._delay)
+        if self._limits is None and (is_last or buffer.is_begun):
+            longest_gap = self._longest_gap or default_gap(buffer.orientations.t)
+            self._limits = Limits(longest_gap, default_gap(buffer.readings.t))
+        if self._limits is None:
+            return self._nothing(buffer)
+        nodes = nodes_of(buffer, self._limits.orientation, is_last)
+        n = buffer.decided(nodes.until + self._delay, is_last)
+        pairs = self._paired(buffer, n, nodes, self._limits) if n else self._nothing(buffer)
+        self._count.update({part.reason: len(part.rows) for part in pairs.left_out}, paired=len(pairs.rows))
+        t = np.r_[buffer.passed, buffer.readings.t[:n]]
+        for k in np.flatnonzero(np.diff(t) > self._limits.wrench):
+            self._holes[Hole(WRENCH_GAP, float(t[k]), float(t[k + 1]))] += 1
+        self._buffer = buffer.after(n, nodes, self._delay)
+        if not is_last:
+            return pairs
+        self._require_enough(buffer, self._limits)
+        return replace(pairs, notes=self._notes(buffer))
+
+    def _nothing(self, buffer: Buffer) -> Synchronized:
+        nowhere = None if buffer.orientations.position is None else np.empty((0, 3))
+        readings = buffer.readings.select(slice(0))
+        return Synchronized(self._samples(readings, np.empty((0, 3, 3)), nowhere), readings.row, ())
+
+    def _samples(self, readings: Readings, R_base_flange: Array, position: Array | None) -> Samples:
+        return Samples(
+            readings.wrench,
+            R_base_flange,
+            readings.t,
+            position,
+            readings.load_mass,
+            readings.source,
+            self._delay if self._delay_std is not None else None,
+            self._delay_std,
+            readings.saturated,
+        )
+
+    def _paired(self, buffer: Buffer, n: int, nodes: Nodes, limits: Limits) -> Synchronized:
+        """Of the first n readings that wait the samples, and those left out."""
+        readings, orientations = buffer.readings.select(slice(n)), buffer.orientations
+        tau, t = readings.t - self._delay, orientations.t[: nodes.count]
+        arcs = arcs_through(orientations.R_base_flange[nodes.index])
+        arc, between_nodes = _interval(nodes.t, tau)
+        step, between_rows = _interval(t, tau)
+        reason = np.full(n, -1)
+        for code, applies in enumerate(
+            (
+                ~np.isfinite(readings.wrench).all(axis=1),
+                tau < t[0],
+                tau > t[-1],
+                between_rows & (np.diff(t) > limits.orientation)[step],
+                between_nodes & (arcs.angle > LARGEST_TURN)[arc],
+            )
+        ):
+            reason[(reason < 0) & applies] = code
+        for what, start, end in ((GAP, t[step], t[step + 1]), (TURN, nodes.t[arc], nodes.t[arc + 1])):
+            inside = reason == REASONS.index(what)
+            for a, b in zip(start[inside].tolist(), end[inside].tolist(), strict=True):
+                self._holes[Hole(what, a, b)] += 1
+        codes = np.unique(reason[reason >= 0]).tolist()
+        left_out = tuple(LeftOut(readings.row[reason == code], REASONS[code]) for code in codes)
+        kept = reason < 0
+        readings, arc, tau = readings.select(kept), arc[kept], tau[kept]
+        share = (tau - nodes.t[arc]) / np.diff(nodes.t)[arc]
+        position = None
+        if orientations.position is not None:
+            start_of = orientations.position[nodes.index]
+            position = start_of[arc] + share[:, None] * (start_of[arc + 1] - start_of[arc])
+        return Synchronized(self._samples(readings, arcs.at(arc, share), position), readings.row, left_out)
+
+    def _require_enough(self, buffer: Buffer, limits: Limits) -> None:
+        count, source = self._count, buffer.wrench_stamps.source
+        lost = count[GAP] + count[TURN]
+        inside = count["paired"] + lost
+        if lost > MOST_LEFT_OUT * inside:
+            what = GAP if count[GAP] >= count[TURN] else TURN
+            words = {
+                GAP: f"in gaps of the orientation longer than {limits.orientation:.3g} s",
+                TURN: "between orientations more than 90 deg apart, where the way round is not known",
+            }[what]
+            first = next(hole for hole in self._holes if hole.what == what)
+            longer = ", or state a longer gap" if what == GAP else ""
+            raise InputError(
+                f"{source}: {lost} of {inside} readings lie {words} (the first {_from_to(first, buffer)}), expected at "
+                f"most half: record the orientation more often{longer}"
+            )
+        if not count["paired"]:
+            reasons = ", ".join(f"{count[reason]} {reason}" for reason in REASONS if count[reason])
+            raise InputError(
+                f"{source}: none of {sum(count.values())} readings has an orientation ({reasons}), expected both at "
+                "the same time: record them together"
+            )
+
+    def _notes(self, buffer: Buffer) -> tuple[str, ...]:
+        count = self._count
+        notes = [*notes_of(buffer.wrench_stamps), *notes_of(buffer.orientation_stamps)]
+        notes += [f"{_readings(count[reason])} {reason} left out" for reason in (BEFORE, AFTER) if count[reason]]
+        for what, words in (
+            (GAP, "no orientation {}: {} left out"),
+            (TURN, "the orientation turns by more than 90 deg {}, which way round is not known: {} left out"),
+            (WRENCH_GAP, "no readings {}"),
+        ):
+            holes = {hole: n for hole, n in self._holes.items() if hole.what == what}
+            named = list(holes)[:GAPS_NAMED]
+            notes += [words.format(_from_to(hole, buffer), _readings(holes.pop(hole))) for hole in named]
+            if holes:
+                left_out = "" if what == WRENCH_GAP else f", {_readings(sum(holes.values()))} left out"
+                notes.append(f"and {len(holes)} more of these{left_out}")
+        if n := count[NOT_A_NUMBER]:
+            notes.append(f"{_readings(n)} that {'is not a number' if n == 1 else 'are not numbers'} left out")
+        return tuple(notes)
 
 
-def _require_two_streams(pending: Pending, delay: float) -> None:
-    wrench, orientation = pending.wrench_stamps, pending.orientation_stamps
+def _require_two_streams(buffer: Buffer, delay: float) -> None:
+    wrench, orientation = buffer.wrench_stamps, buffer.orientation_stamps
     require_times(wrench)
     require_times(orientation)
     if orientation.rows < 2:
         raise InputError(f"{orientation.source}: found 1 orientation, expected 2 or more to interpolate between")
     require_common_span(wrench, orientation, delay)
-
-
-def _nothing(pending: Pending, delay: float, delay_std: float | None) -> Synchronized:
-    nowhere = None if pending.position is None else np.empty((0, 3))
-    samples = _samples(pending, np.empty((0, 6)), np.empty((0, 3, 3)), np.empty(0), nowhere, delay, delay_std)
-    return Synchronized(samples, np.empty(0, dtype=np.intp), (), ())
-
-
-def _samples(
-    pending: Pending,
-    wrench: Array,
-    R_base_flange: Array,
-    t: Array,
-    position: Array | None,
-    delay: float,
-    delay_std: float | None,
-) -> Samples:
-    known = delay if delay_std is not None else None
-    source = pending.wrench_stamps.source
-    return Samples(wrench, R_base_flange, t, position, None, source, known, delay_std)
-
-
-def _paired(
-    pending: Pending,
-    n: int,
-    knots: Knots,
-    delay: float,
-    delay_std: float | None,
-    limits: Limits,
-    holes: Counter[Hole],
-) -> tuple[tuple[LeftOut, ...], NDArray[np.bool_], Samples]:
-    """Of the first n readings that wait: those left out, which are kept, and their samples; `holes` is added to."""
-    t, wrench, row = pending.t[:n], pending.wrench[:n], pending.row[:n]
-    if n == 0:
-        return (), np.zeros(0, dtype=bool), _nothing(pending, delay, delay_std).samples
-    tau = t - delay
-    at, R = pending.at[: knots.count], pending.R_base_flange[knots.index]
-    arcs = arcs_through(R)
-    arc, between_knots = _interval(knots.t, tau)
-    step, between_rows = _interval(at, tau)
-    reason = np.full(n, -1)
-    for code, applies in enumerate(
-        (
-            ~np.isfinite(wrench).all(axis=1),
-            tau < at[0],
-            tau > at[-1],
-            between_rows & (np.diff(at) > limits.orientation)[step],
-            between_knots & (arcs.angle > LARGEST_TURN)[arc],
-        )
-    ):
-        reason[(reason < 0) & applies] = code
-    for what, start, end in ((GAP, at[step], at[step + 1]), (TURN, knots.t[arc], knots.t[arc + 1])):
-        inside = reason == REASONS.index(what)
-        for a, b in zip(start[inside].tolist(), end[inside].tolist(), strict=True):
-            holes[Hole(what, a, b)] += 1
-    kept = reason < 0
-    left_out = tuple(
-        LeftOut(row[reason == code], REASONS[code]) for code in range(len(REASONS)) if (reason == code).any()
-    )
-    arc, tau = arc[kept], tau[kept]
-    share = (tau - knots.t[arc]) / np.diff(knots.t)[arc]
-    position = None
-    if pending.position is not None:
-        start_of = pending.position[knots.index]
-        position = start_of[arc] + share[:, None] * (start_of[arc + 1] - start_of[arc])
-    samples = _samples(pending, wrench[kept], arcs.at(arc, share), t[kept], position, delay, delay_std)
-    return left_out, kept, samples
 
 
 def _interval(t: Array, moments: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
@@ -232,58 +271,8 @@ def _interval(t: Array, moments: Array) -> tuple[NDArray[np.intp], NDArray[np.bo
     return place, (t[place] < moments) & (moments < t[place + 1])
 
 
-def _count_missing_readings(pending: Pending, n: int, limits: Limits, holes: Counter[Hole]) -> None:
-    t = np.r_[pending.passed, pending.t[:n]]
-    for k in np.flatnonzero(np.diff(t) > limits.wrench):
-        holes[Hole(WRENCH_GAP, float(t[k]), float(t[k + 1]))] += 1
-
-
-def _require_enough(count: Counter[str], holes: Counter[Hole], limits: Limits, pending: Pending) -> None:
-    source = pending.wrench_stamps.source
-    lost = count[GAP] + count[TURN]
-    inside = count["paired"] + lost
-    if lost > MOST_LEFT_OUT * inside:
-        what = GAP if count[GAP] >= count[TURN] else TURN
-        words = {
-            GAP: f"in gaps of the orientation longer than {limits.orientation:.3g} s",
-            TURN: "between orientations more than 90 deg apart, where the way round is not known",
-        }[what]
-        first = next(hole for hole in holes if hole.what == what)
-        raise InputError(
-            f"{source}: {lost} of {inside} readings lie {words} (the first {_from_to(first, pending)}), expected at "
-            f"most half: record the orientation more often{', or state a longer gap' if what == GAP else ''}"
-        )
-    if not count["paired"]:
-        reasons = ", ".join(f"{count[reason]} {reason}" for reason in REASONS if count[reason])
-        raise InputError(
-            f"{source}: none of {sum(count.values())} readings has an orientation ({reasons}), expected both at the "
-            "same time: record them together"
-        )
-
-
-def _notes(count: Counter[str], holes: Counter[Hole], limits: Limits, pending: Pending) -> tuple[str, ...]:
-    notes = [*notes_of(pending.wrench_stamps), *notes_of(pending.orientation_stamps)]
-    for reason in (BEFORE, AFTER):
-        if count[reason]:
-            notes.append(f"{_readings(count[reason])} {reason} left out")
-    for what, words in (
-        (GAP, "no orientation {}: {} left out"),
-        (TURN, "the orientation turns by more than 90 deg {}, which way round is not known: {} left out"),
-        (WRENCH_GAP, "no readings {}"),
-    ):
-        found = [hole for hole in holes if hole.what == what]
-        notes += [words.format(_from_to(hole, pending), _readings(holes[hole])) for hole in found[:GAPS_NAMED]]
-        if len(found) > GAPS_NAMED:
-            more = sum(holes[hole] for hole in found[GAPS_NAMED:])
-            left_out = "" if what == WRENCH_GAP else f", {_readings(more)} left out"
-            notes.append(f"and {len(found) - GAPS_NAMED} more of these{left_out}")
-    if n := count[NOT_A_NUMBER]:
-        notes.append(f"{_readings(n)} that {'is not a number' if n == 1 else 'are not numbers'} left out")
-    return tuple(notes)
-
-
-def _from_to(hole: Hole, pending: Pending) -> str:
-    return f"from {hole.start - pending.origin:.3f} s to {hole.end - pending.origin:.3f} s"
+def _from_to(hole: Hole, buffer: Buffer) -> str:
+    return f"from {hole.start - buffer.origin:.3f} s to {hole.end - buffer.origin:.3f} s"
 
 
 def _readings(n: int) -> str:

@@ -131,6 +131,21 @@ UNIX = 1e9
 UNITS = {1e3: "ms", 1e6: "us", 1e9: "ns"}
 
 
+def spread_evenly(t: Array) -> Array:
+    """Stamps (n,) of which several in a row are the same, as a clock of ms gives them at 4 kHz, spread evenly up to the
+    next one.
+    """
+    new = np.flatnonzero(np.r_[True, np.diff(t) > 0.0][: len(t)])
+    if len(new) in (len(t), 0, 1):
+        return t
+    count = np.diff(np.r_[new, len(t)])
+    width = np.diff(t[new])
+    width = np.minimum(np.r_[width, width[-1]], 2.0 * float(np.median(width)))
+    within = np.arange(len(t)) - np.repeat(new, count)
+    spread: Array = t + within * np.repeat(width / count, count)
+    return spread
+
+
 def _moment(t: float) -> str:
     if t < UNIX:
         return f"{t:.10g} s"

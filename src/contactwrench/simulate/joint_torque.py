@@ -12,7 +12,7 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from .arm import MAX_TORQUE
-from .rig import JOINTS, Rig, import_mujoco
+from .rig import JOINTS, Rig, import_mujoco, site_at
 from .settings import JointTorque
 
 SHARE_OF_OFFSET = SHARE_OF_GAIN = 0.01
@@ -47,17 +47,12 @@ def sensor_jacobians(rig: Rig, joints: Array) -> Array:
     """The Jacobians (n, 6, 7) of the sensor's origin at joints (n, 7), rad: velocity, then angular velocity, in sensor
     axes. Their transposes bring a wrench on the sensor to the joints.
     """
-    mujoco = import_mujoco()
-    data = mujoco.MjData(rig.model)
-    in_world, R_world_sensor = np.empty((len(joints), 2, 3, JOINTS)), np.empty((len(joints), 9))
+    data = import_mujoco().MjData(rig.model)
+    jacobians = np.empty((len(joints), 2, 3, JOINTS))
     for k, q in enumerate(joints):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(rig.model, data)
-        mujoco.mj_comPos(rig.model, data)
-        mujoco.mj_jacSite(rig.model, data, in_world[k, 0], in_world[k, 1], rig.sensor)
-        R_world_sensor[k] = data.site_xmat[rig.sensor]
-    R_sensor_world = R_world_sensor.reshape(-1, 1, 3, 3).swapaxes(2, 3)
-    return (R_sensor_world @ in_world).reshape(-1, 6, JOINTS)
+        R_world_sensor, _, in_world = site_at(rig, data, q, rig.sensor)
+        jacobians[k] = R_world_sensor.T @ in_world.reshape(2, 3, JOINTS)
+    return jacobians.reshape(-1, 6, JOINTS)
 
 
 def torque_against(jacobians: Array, contact: Array) -> Array:

@@ -1,16 +1,20 @@
-"""Where the arm goes: the flange at given joints, and joints that bring the flange to a given pose."""
+"""Where the arm goes: the flange at given joints, joints that bring the flange to given poses, and poses to go to: the
+paper's six and random ones.
+"""
 
 from __future__ import annotations
 
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.orientation import CONVENTIONS
 from ..geometry.rotations import rotation_log
 from .arm import JOINT_RANGE
-from .rig import JOINTS, Rig, import_mujoco, inverse_dynamics
+from .rig import Rig, import_mujoco, inverse_dynamics, site_at
 
 HOME = np.deg2rad([0.0, 30.0, 0.0, -60.0, 0.0, 90.0, 0.0])
 """Joints (7,) with the flange down in front of the base, at x = 0.600 and z = 0.560 m: every tilt is within the wrist's
@@ -23,6 +27,14 @@ CLOSE = 1e-11
 TRIES = 24
 MILLIMETRES = 10.0
 """m: beyond this a position was meant in mm."""
+
+CLEARANCE = 0.1
+"""m: a random pose keeps the flange, and a tool of `TOOL_LENGTH` on it, this far over the plane of the base."""
+TOOL_LENGTH = 0.2
+ROUND_THE_COLUMN = 0.3
+"""m: a random pose keeps both at least this far from the axis of the base."""
+WITHIN = 0.95
+"""Of each joint's range, for random poses."""
 
 
 def flange_pose(rig: Rig, joints: Array) -> tuple[Array, Array]:
@@ -38,18 +50,10 @@ def flange_jacobian(rig: Rig, joints: Array) -> Array:
 
 def _flange(rig: Rig, data: Any, joints: Array) -> tuple[Array, Array, Array]:
     """`R_base_flange` (3, 3), position (3,) and Jacobian (6, 7) at joints (7,); `data` is MuJoCo's, to work in."""
-    mujoco = import_mujoco()
-    data.qpos[:] = joints
-    mujoco.mj_kinematics(rig.model, data)
-    mujoco.mj_comPos(rig.model, data)
-    jacobian = np.zeros((6, JOINTS))
-    mujoco.mj_jacSite(rig.model, data, jacobian[:3], jacobian[3:], rig.flange)
+    R_world_flange, in_world, jacobian = site_at(rig, data, joints, rig.flange)
     R_base_world = rig.settings.R_world_base.T
-    return (
-        R_base_world @ data.site_xmat[rig.flange].reshape(3, 3),
-        R_base_world @ data.site_xpos[rig.flange],
-        np.concatenate([R_base_world @ jacobian[:3], R_base_world @ jacobian[3:]]),
-    )
+    turned = np.concatenate([R_base_world @ jacobian[:3], R_base_world @ jacobian[3:]])
+    return R_base_world @ R_world_flange, R_base_world @ in_world, turned
 
 
 def joints_for(
@@ -92,3 +96,42 @@ def _newton(rig: Rig, R_goal: Array, goal: Array | None, start: Array) -> Array 
         step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-9 * np.eye(len(error)), error)
         joints += step * min(1.0, 0.5 / np.abs(step).max())
     return None
+
+
+def paper_joints(rig: Rig) -> Array:
+    """Joints (6, 7), rad, that bring the flange to the paper's six poses (Table III), each near the one before."""
+    text = (files("contactwrench") / "data" / "paper_six_poses.csv").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    table = np.genfromtxt(rows, delimiter=",", names=True)
+    position = np.stack([table[name] for name in ("x_mm", "y_mm", "z_mm")], axis=1) / 1000.0
+    angles = np.deg2rad(np.stack([table[name] for name in ("a_deg", "b_deg", "c_deg")], axis=1))
+    return joints_through(rig, CONVENTIONS["kuka_abc"].to_matrices(angles), position)
+
+
+def joints_through(rig: Rig, R_base_flange: Array, position: Array | None = None) -> Array:
+    """Joints (n, 7), rad, for flange orientations (n, 3, 3) and, where given, positions (n, 3), m, base axes.
+
+    Without positions the flange is where the least motion from `HOME` brings it. Raises `InputError`, with the row of a
+    pose that cannot be reached.
+    """
+    joints = np.empty((len(R_base_flange), len(HOME)))
+    near = HOME
+    for row, R in enumerate(R_base_flange):
+        try:
+            joints[row] = joints_for(rig, R, None if position is None else position[row], near)
+        except InputError as error:
+            raise InputError(f"pose {row + 1}: {error}", row) from None
+        near = HOME if position is None else joints[row]
+    return joints
+
+
+def random_joints(rig: Rig, n: int, rng: np.random.Generator) -> Array:
+    """Joints (n, 7), rad, uniform within the limits, as far as flange and tool stay clear of ground and column."""
+    kept = np.empty((0, len(HOME)))
+    while len(kept) < n:
+        joints = rng.uniform(-WITHIN * JOINT_RANGE, WITHIN * JOINT_RANGE, size=(2 * n, len(HOME)))
+        R, position = flange_pose(rig, joints)
+        places = position + np.array([[[0.0]], [[TOOL_LENGTH]]]) * R[:, :, 2]
+        clear = (places[..., 2] > CLEARANCE) & (np.hypot(places[..., 0], places[..., 1]) > ROUND_THE_COLUMN)
+        kept = np.concatenate([kept, joints[clear.all(axis=0)]])
+    return kept[:n]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 
 LEAST_FORCE, LARGEST_FORCE = 1.0, 10.0
 """N."""
@@ -20,15 +20,12 @@ APART = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
+class Push(Frozen):
     """A force (3,), N, base axes, on the hook from `t_start` to `t_end`, s, rising and falling over `RISE`."""
 
     t_start: float
     t_end: float
     force: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "force", read_only(self.force))
 
 
 def random_pushes(n: int, duration: float, rng: np.random.Generator) -> tuple[Push, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import rotation_exp
 from ..samples.samples import Samples
 from .joint_torque import friction_torque, joint_torque_readings
@@ -24,7 +24,7 @@ LEAD = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class Recorded(Frozen):
     """What a recording holds, n rows: `t` s; `wrench` (n, 6) the sensor's, and `saturated` (n, 6); `R_base_flange`
     (n, 3, 3) and `position` (n, 3) m as the robot states them; `joints` (n, 7) rad; `joint_torque` (n, 7) N m as its
     sensors read; `load_mass` (n,) kg on the hook; `pushes` on it. `settings` are the rig's.
@@ -41,10 +41,6 @@ class Recorded:
     load_mass: Array
     pushes: tuple[Push, ...] = ()
 
-    def __post_init__(self) -> None:
-        for name in ("t", "wrench", "R_base_flange", "position", "joints", "joint_torque", "load_mass"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
     @property
     def samples(self) -> Samples:
         """Readings and stated poses."""
@@ -54,9 +50,16 @@ class Recorded:
 def record_poses(
     settings: Settings, joints: Array, load_masses: tuple[float, ...] = (0.0,), *, rng: np.random.Generator
 ) -> Recorded:
-    """A recording of static poses (m, 7), rad: all of them with the first load (kg), then with the next, and so on.
+    """A recording of static poses: all of them with the first load, then with the next, and so on.
 
-    Raises `MissingExtraError` without mujoco.
+    Args:
+        settings: of the rig.
+        joints: of the poses (m, 7), rad.
+        load_masses: on the hook, kg.
+        rng: what noise and drift are drawn from.
+
+    Raises:
+        MissingExtraError: mujoco is not installed.
     """
     plan = settings.recording
     speed = plan.creep * rng.choice([-1.0, 1.0], size=joints.shape)
@@ -81,36 +84,38 @@ def read_poses(
 ) -> Recorded:
     """What sensors and robot state of true poses, one `Physics` a load: the part of `record_poses` that is random."""
     plan = settings.recording
-    moving = plan.creep > 0.0
-    seen = len(_creeping(settings)) if moving else 1
+    seen = len(_creeping(settings)) if plan.creep > 0.0 else 1
     rows = plan.rows
-    before = max(round(plan.settle * SENSOR_RATE), seen if moving else 1)
-    poses = sum(len(one.wrench) for one in truth) // seen
-    wrench, torque, joints, position, R = (
-        np.concatenate([getattr(one, name) for one in truth]).reshape(poses, seen, -1)
-        for name in ("wrench", "joint_torque", "joints", "position", "R_base_flange")
-    )
-    stream = SensorStream(settings.sensor, SENSOR_RATE, rng)
-    readings = [stream.read(_in_time(wrench[pose], before, rows, moving)) for pose in range(poses)]
-    velocity = (joints[:, -1] - joints[:, -2]) * SENSOR_RATE if moving else np.zeros((poses, 7))
-    friction = np.repeat(friction_torque(settings.joint_torque, velocity, rng), rows, axis=0)
+    before = max(round(plan.settle * SENSOR_RATE), seen)
+    poses = sum(len(physics.wrench) for physics in truth) // seen
+
+    def moments(name: str) -> Array:
+        """Of each pose what the sensor sees (poses, k, d): where the arm is at rest, again and again."""
+        values = np.concatenate([getattr(physics, name) for physics in truth]).reshape(poses, seen, -1)
+        return np.repeat(values, max(rows, 2), axis=1) if seen == 1 else values
 
     def read(values: Array) -> Array:
-        last = values[:, -rows:] if moving else np.repeat(values, rows, axis=1)
-        return last.reshape(poses * rows, -1)
+        return values[:, -rows:].reshape(poses * rows, -1)
 
+    wrench, joints = moments("wrench"), moments("joints")
+    to_come = before + rows - wrench.shape[1]
+    stream = SensorStream(settings.sensor, SENSOR_RATE, rng)
+    readings = [stream.read(np.concatenate([np.repeat(pose[:1], to_come, axis=0), pose])) for pose in wrench]
+    velocity = (joints[:, -1] - joints[:, -2]) * SENSOR_RATE
+    friction = np.repeat(friction_torque(settings.joint_torque, velocity, rng), rows, axis=0)
     error = np.deg2rad(plan.orientation_error_deg) * rng.normal(size=(poses, 3))
-    stated = read(R).reshape(-1, 3, 3) @ np.repeat([rotation_exp(turn) for turn in error], rows, axis=0)
+    R = read(moments("R_base_flange")).reshape(-1, 3, 3)
+    stated = R @ np.repeat([rotation_exp(turn) for turn in error], rows, axis=0)
     first = before + (before + rows) * np.arange(poses)
     return Recorded(
         settings,
         (first[:, None] + np.arange(rows)).reshape(-1) / SENSOR_RATE,
-        np.concatenate([one.wrench[-rows:] for one in readings]),
-        np.concatenate([one.saturated[-rows:] for one in readings]),
+        np.concatenate([of_pose.wrench[-rows:] for of_pose in readings]),
+        np.concatenate([of_pose.saturated[-rows:] for of_pose in readings]),
         stated,
-        read(position),
+        read(moments("position")),
         read(joints),
-        joint_torque_readings(settings.joint_torque, read(torque), friction, rng),
+        joint_torque_readings(settings.joint_torque, read(moments("joint_torque")), friction, rng),
         np.repeat(load_masses, poses * rows // len(load_masses)),
     )
 
@@ -118,13 +123,6 @@ def read_poses(
 def _creeping(settings: Settings) -> Array:
     """Times (k,), s, of the rows that the sensor sees of a pose that is read in motion; 0 is the pose itself."""
     return np.arange(-round(LEAD * SENSOR_RATE), settings.recording.rows) / SENSOR_RATE
-
-
-def _in_time(wrench: Array, before: int, rows: int, moving: bool) -> Array:
-    """The wrenches (before + rows, 6) that the sensor feels from one pose to the next."""
-    if not moving:
-        return np.repeat(wrench, before + rows, axis=0)
-    return np.concatenate([np.repeat(wrench[:1], before + rows - len(wrench), axis=0), wrench])
 
 
 def record_motion(
@@ -135,8 +133,17 @@ def record_motion(
     *,
     rng: np.random.Generator,
 ) -> Recorded:
-    """A recording along a motion that the arm follows exactly, row by row at the motion's own times, while `pushes`
-    act on the tool's hook.
+    """A recording along a motion that the arm follows exactly, row by row at the motion's own times.
+
+    Args:
+        settings: of the rig; their rate is the motion's.
+        motion: of the arm.
+        load_mass: on the hook, kg.
+        pushes: that act on the hook meanwhile.
+        rng: what noise and drift are drawn from.
+
+    Raises:
+        MissingExtraError: mujoco is not installed.
     """
     pushed = force_on_hook(pushes, motion.t) if pushes else None
     physics = inverse_dynamics(build(settings, load_mass), motion.joints, motion.velocity, motion.acceleration, pushed)

@@ -62,7 +62,7 @@ def truth_json(recorded: Recorded, command: dict[str, object]) -> str:
         "gravity_direction": (settings.gravity_direction + 0.0).tolist(),
         "saturated": dict(zip(AXES, recorded.saturated.sum(axis=0).tolist(), strict=True)),
         "pushes": [
-            {"t_start": one.t_start, "t_end": one.t_end, "force": one.force.tolist()} for one in recorded.pushes
+            {"t_start": push.t_start, "t_end": push.t_end, "force": push.force.tolist()} for push in recorded.pushes
         ],
         "command": command,
         "settings": msgspec.to_builtins(settings),

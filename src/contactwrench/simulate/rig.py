@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, MissingExtraError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from .arm import FLANGE_HEIGHT, arm_xml, numbers
 from .settings import Settings
 
@@ -36,7 +36,7 @@ class Rig:
 
 
 @dataclass(frozen=True, eq=False)
-class Physics:
+class Physics(Frozen):
     """What is true at each of n moments, without any error of measurement.
 
     `joints` (n, 7) rad; `wrench` (n, 6) N and N m, what tool and load exert on the sensor, about its origin, in its
@@ -50,10 +50,6 @@ class Physics:
     R_base_flange: Array
     position: Array
 
-    def __post_init__(self) -> None:
-        for name in ("joints", "wrench", "joint_torque", "R_base_flange", "position"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 def build(
     settings: Settings,
@@ -64,9 +60,18 @@ def build(
     option: str = "",
     more: str = "",
 ) -> Rig:
-    """Compile the rig. `tool_shape` and `scene` are more XML, in sensor axes and in world axes; `option` more
-    attributes of MuJoCo's `option` element; `more` what stands beside the world, such as actuators, or bodies whose
-    joints come after the arm's. Raises `MissingExtraError` without mujoco.
+    """Compile the rig.
+
+    Args:
+        settings: of the rig.
+        load_mass: on the tool's hook, kg.
+        tool_shape: more XML, in sensor axes.
+        scene: more XML, in world axes; bodies whose joints come after the arm's.
+        option: more attributes of MuJoCo's `option` element.
+        more: XML that stands beside the world, such as actuators.
+
+    Raises:
+        MissingExtraError: mujoco is not installed.
     """
     mujoco = import_mujoco()
     model = mujoco.MjModel.from_xml_string(_xml(settings, load_mass, tool_shape, scene, option, more))
@@ -80,8 +85,14 @@ def inverse_dynamics(
     acceleration: Array | None = None,
     force_on_hook: Array | None = None,
 ) -> Physics:
-    """The physics of an arm that is exactly at `joints` (n, 7) rad, with velocities and accelerations (n, 7) rad/s and
-    rad/s^2 (None: at rest), touching nothing but what exerts `force_on_hook` (n, 3), N, base axes, on the tool's hook.
+    """The physics of an arm that follows a motion exactly.
+
+    Args:
+        rig: the machine.
+        joints: (n, 7), rad.
+        velocity: (n, 7), rad/s; None: at rest.
+        acceleration: (n, 7), rad/s^2; None: none.
+        force_on_hook: (n, 3), N, base axes, on the tool's hook; None: it touches nothing.
     """
     mujoco = import_mujoco()
     data = mujoco.MjData(rig.model)
@@ -125,6 +136,19 @@ def _pusher(rig: Rig, data: mujoco.MjData) -> Callable[[Array, bool], None]:
             external[3:] = np.cross(origin + R_world_tool @ hook - centre, external[:3])
 
     return push_at
+
+
+def site_at(rig: Rig, data: Any, joints: Array, site: int) -> tuple[Array, Array, Array]:
+    """Of a site, at joints (7,), its axes (3, 3), position (3,) and Jacobian (6, 7: velocity, then angular velocity) in
+    the world; `data` is MuJoCo's, to work in.
+    """
+    mujoco = import_mujoco()
+    data.qpos[:] = joints
+    mujoco.mj_kinematics(rig.model, data)
+    mujoco.mj_comPos(rig.model, data)
+    jacobian = np.zeros((6, JOINTS))
+    mujoco.mj_jacSite(rig.model, data, jacobian[:3], jacobian[3:], site)
+    return data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site].copy(), jacobian
 
 
 def import_mujoco() -> Any:

@@ -16,8 +16,6 @@ from ..geometry.arrays import Array
 from .settings import Sensor
 
 HOUR = 3600.0
-FILTER_ROWS = 64
-"""Rows that the filter takes at a time, by one matrix product."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +46,6 @@ class SensorStream:
         self._walk_steps = np.array(sensor.drift.walk) * np.sqrt(self._period / HOUR)
         self._mixing = (np.diag(sensor.gain) + np.array(sensor.crosstalk)).T
         self._noise = np.array([*sensor.noise.force, *sensor.noise.torque])
-        age = np.arange(FILTER_ROWS) - np.arange(FILTER_ROWS)[:, None]
-        keep = np.exp(-2.0 * np.pi * sensor.low_pass * self._period)
-        self._response = (1.0 - keep) * np.tril(keep ** np.maximum(-age, 0))
-        self._decay = keep ** np.arange(1.0, FILTER_ROWS + 1.0)[:, None]
         self._limit = sensor.overload * np.array(sensor.ranges)
         self._warms, self._walks = bool(self._warm_up.any()), bool(self._walk_steps.any())
 
@@ -59,15 +53,14 @@ class SensorStream:
         """Readings (n, 6) of the true wrenches (n, 6), the next n rows."""
         if len(wrench) == 0:
             return Readings(np.empty((0, 6)), np.empty((0, 6), dtype=bool))
-        signal = wrench @ self._mixing + self._bias(len(wrench))
-        signal = self._delayed(self._low_passed(signal))
-        signal = signal + self._noise * self._rng.standard_normal(signal.shape)
-        saturated = np.abs(signal) >= self._limit
-        signal = np.minimum(np.maximum(signal, -self._limit), self._limit)
+        shown = self._delayed(self._low_passed(wrench @ self._mixing + self._bias(len(wrench))))
+        shown = shown + self._noise * self._rng.standard_normal(shown.shape)
+        saturated = np.abs(shown) >= self._limit
+        shown = np.minimum(np.maximum(shown, -self._limit), self._limit)
         if self._sensor.quantum > 0.0:
-            signal = np.rint(signal / self._sensor.quantum) * self._sensor.quantum + 0.0
+            shown = np.rint(shown / self._sensor.quantum) * self._sensor.quantum + 0.0
         self._rows += len(wrench)
-        return Readings(signal, saturated)
+        return Readings(shown, saturated)
 
     def _bias(self, rows: int) -> Array:
         """The bias in the next rows: what warming up leaves of it, and where its random walk has come.
@@ -84,26 +77,23 @@ class SensorStream:
             bias = bias + walk
         return bias
 
-    def _low_passed(self, signal: Array) -> Array:
-        """First-order filter, exact for a signal that is constant between rows; it begins settled."""
-        if self._sensor.low_pass == 0.0 or len(signal) == 0:
-            return signal
-        last = signal[0] if self._filtered is None else self._filtered
-        filtered = np.empty_like(signal)
-        for start in range(0, len(signal), FILTER_ROWS):
-            rows = signal[start : start + FILTER_ROWS]
-            n = len(rows)
-            filtered[start : start + n] = self._response[:n, :n] @ rows + self._decay[:n] * last
-            last = filtered[start + n - 1]
-        self._filtered = last.copy()
+    def _low_passed(self, wrench: Array) -> Array:
+        """First-order filter, exact for a wrench that is constant between rows; it begins settled."""
+        from scipy.signal import lfilter
+
+        if self._sensor.low_pass == 0.0:
+            return wrench
+        keep = np.exp(-2.0 * np.pi * self._sensor.low_pass * self._period)
+        last = wrench[:1] if self._filtered is None else self._filtered
+        filtered: Array = lfilter([1.0 - keep], [1.0, -keep], wrench, axis=0, zi=keep * last)[0]
+        self._filtered = filtered[-1:]
         return filtered
 
-    def _delayed(self, signal: Array) -> Array:
-        """The signal of `delay` ago, in whole rows; before that, the first one."""
+    def _delayed(self, wrench: Array) -> Array:
+        """The wrench of `delay` ago, in whole rows; before that, the first one."""
         if self._late == 0:
-            return signal
-        if self._before is None:
-            self._before = np.repeat(signal[:1], self._late, axis=0)
-        line = np.concatenate([self._before, signal])
-        self._before, delayed = line[len(signal) :], line[: len(signal)]
-        return delayed
+            return wrench
+        before = np.repeat(wrench[:1], self._late, axis=0) if self._before is None else self._before
+        line = np.concatenate([before, wrench])
+        self._before = line[len(wrench) :]
+        return line[: len(wrench)]

@@ -16,13 +16,13 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_exp
+from ..geometry.wrench import STANDARD_GRAVITY
 
 Three: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]
 Seven: TypeAlias = tuple[float, float, float, float, float, float, float]
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2."""
+NONE: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 UPRIGHT_OF: dict[str, Array] = {
     "table": np.eye(3),
@@ -30,7 +30,6 @@ UPRIGHT_OF: dict[str, Array] = {
     "ceiling": np.diag([1.0, -1.0, -1.0]),
 }
 """`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
-
 
 BOUNDS: dict[str, tuple[float, float, str]] = {
     "gravity": (0.1, 100.0, ""),
@@ -120,11 +119,11 @@ class Noise:
 class Drift:
     """How the bias moves. Default: not at all, as in the paper's model."""
 
-    warm_up: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    warm_up: Six = NONE
     """What is added to the bias at t = 0 and decays, N and N m."""
     warm_up_time: float = 1200.0
     """Its time constant, s; assumed."""
-    walk: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    walk: Six = NONE
     """Random walk: standard deviation after one hour, N and N m."""
 
 
@@ -144,14 +143,7 @@ class Sensor:
     """Step of the readings, N and N m: the digits of the paper's Table IV. 0: none."""
     gain: Six = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     """Reading over truth, axis by axis. Default: exact; Table IX of the paper shows 0.974."""
-    crosstalk: tuple[Six, Six, Six, Six, Six, Six] = (
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    )
+    crosstalk: tuple[Six, Six, Six, Six, Six, Six] = (NONE, NONE, NONE, NONE, NONE, NONE)
     """What an axis (row) shows of the others (columns), N and N m each. Default: none."""
     low_pass: float = 50.0
     """Cut-off of its first-order filter, Hz; 0: none. The paper filters, and does not say at what frequency."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from .arm import JOINT_RANGE, MAX_SPEED
 from .kinematics import HOME
 from .settings import MOST_ROWS
@@ -37,7 +37,7 @@ SWEEP_DEG = (
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Frozen):
     """Times (n,), s, and joints (n, 7), rad, with their velocities and accelerations."""
 
     t: Array
@@ -45,16 +45,17 @@ class Motion:
     velocity: Array
     acceleration: Array
 
-    def __post_init__(self) -> None:
-        for name in ("t", "joints", "velocity", "acceleration"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 def through(t: Array, joints: Array, rate: float) -> Motion:
-    """The motion at `rate` (Hz), its times from 0, along cubic splines through joints (k, 7), rad, at times (k,), s.
+    """The motion along cubic splines through points, its times from 0, at rest at both ends.
 
-    It is at rest at both ends.
-    Raises `InputError` for fewer than two knots, times that do not increase, and joints beyond their range or speed.
+    Args:
+        t: of the points (k,), s.
+        joints: of the points (k, 7), rad.
+        rate: of the rows, Hz.
+
+    Raises:
+        InputError: fewer than two points, times that do not increase, joints beyond their range or speed.
     """
     from scipy.interpolate import CubicSpline
 
@@ -92,9 +93,16 @@ def _require_within(motion: Motion) -> None:
 
 
 def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
-    """The motion at `rate` (Hz) from one row of joints (k, 7), rad, to the next, each way in `move` s with the least
-    jerk (Flash and Hogan 1985), with a stop of `stop` s at every row. Raises `InputError` for joints beyond range or
-    speed.
+    """The motion from one row of joints to the next with the least jerk (Flash and Hogan 1985), with a stop at each.
+
+    Args:
+        joints: to stop at (k, 7), rad.
+        move: time of each way, s.
+        stop: time of each stop, s.
+        rate: of the rows, Hz.
+
+    Raises:
+        InputError: joints beyond their range or speed.
     """
     each = move + stop
     t = np.arange(round((len(joints) * each - move) * rate)) / rate

@@ -1,255 +1,300 @@
-"""The messages of a bag, a chunk at a time and many at once.
+"""The messages of a recording's file as they were logged, a chunk at a time and many at once.
 
-rosbags opens the file and its index; taking the messages out one by one costs it 2 us each from MCAP and 8 us from a
-ROS 1 bag, whose index it holds in memory whole. Both formats keep messages in chunks of about a MiB; here a chunk is
-read and decompressed, the places of its messages are noted, and the rest is left to numpy. Formats:
-https://mcap.dev/spec and http://wiki.ros.org/Bags/Format/2.0.
+MCAP and ROS 1 keep messages in chunks of about a MiB. A chunk is read whole, where its messages lie is noted, and the
+rest is left to numpy. sqlite3 has no chunks: rosbags gives its rows. A ROS 1 bag's index is read here: rosbags holds it
+in memory whole. Formats: https://mcap.dev/spec and http://wiki.ros.org/Bags/Format/2.0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
+from importlib import import_module
 from io import BytesIO
 from itertools import islice
+from pathlib import Path
 from struct import Struct
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .message_layout import MessageLayout, Raw, alike
-from .open import Bag, Topic, one_line_errors
+from .message_layout import Raw, joined, written
 
 AT_ONCE = 8192
 """Messages that are taken together from what has no chunks."""
 
-MCAP_MESSAGE, MCAP_DATA = 5, 31
-"""A record's code, and where behind its start a message's payload begins."""
-ROS1_MESSAGE = 2
+MCAP_RECORD, MCAP_MESSAGE = 9, 5
+"""Bytes before a record's content, its code and its length; the code of a message."""
+MCAP_HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<i8"), ("published", "<u8")])
+"""What stands before a message's payload."""
+LOG = np.dtype([("connection", "i8"), ("sequence", "i8"), ("stamp", "i8"), ("published", "u8")])
+"""Of a message: the number of its connection, its own number there, when it was recorded and published, ns."""
+ROS1_CONNECTION = b"\x07"
+ROS1_COMPRESSIONS = {"bz2": "bz2", "lz4": "lz4.frame"}
+"""How chunks are compressed, and the module that does so."""
+_LENGTH = Struct("<Q")
 
-Key = TypeVar("Key", bound=Hashable)
-Messages: TypeAlias = "dict[Topic, Logged]"
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic and its type, as rosbags writes it (`geometry_msgs/msg/Wrench`)."""
+
+    name: str
+    type: str
+
+    def __str__(self) -> str:
+        return f"{self.name} ({written(self.type)})"
 
 
 @dataclass(frozen=True, eq=False)
 class Logged:
-    """Messages of one topic with the bag's own stamps (n,), ns, in their order."""
+    """Messages in the order in which they were recorded: their log (n,), of the type `LOG`, and what was written."""
 
-    stamp: NDArray[np.int64]
+    log: NDArray[Any]
     raw: Raw
 
+    @property
+    def stamp(self) -> NDArray[np.int64]:
+        """When each was recorded (n,) ns."""
+        stamp: NDArray[np.int64] = self.log["stamp"]
+        return stamp
+
     def __len__(self) -> int:
-        return len(self.stamp)
+        return len(self.log)
 
     def __getitem__(self, rows: Any) -> Logged:
-        return Logged(self.stamp[rows], self.raw[rows])
+        return Logged(self.log[rows], self.raw[rows])
 
 
-def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
-    """The messages of the topics, some at a time: none is earlier, by the bag's own stamps, than those yielded before.
-
-    Raises `FileFormatError` for a file that is cut off or damaged.
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A file of messages: its topics by the number of each connection, and `logged`, what the connections of some
+    numbers recorded, in order, some at a time. `mcap`: the mcap package's reader, where the file is one with an index.
     """
-    wanted = set(topics)
 
-    def topic_of(connection: Any) -> Topic | None:
-        topic = Topic(connection.topic, connection.msgtype)
-        return topic if topic in wanted else None
-
-    return messages_by(bag, topic_of)
+    topics: dict[int, Topic]
+    logged: Callable[[Set[int]], Iterator[Logged]]
+    mcap: Any = None
 
 
-def messages_by(bag: Bag, key_of: Callable[[Any], Key | None]) -> Iterator[dict[Key, Logged]]:
-    """The same by what `key_of` makes of each of rosbags' connections; None: left out."""
-    with one_line_errors(bag.path):
-        if bag.ros1:
-            yield from _in_order(_ros1_chunks(bag.reader, _keys(bag.reader, key_of)))
-            return
-        storage = bag.reader.storage
-        parts = getattr(storage, "storages", [storage])
-        if getattr(storage.metadata, "compression_mode", None) or not all(
-            getattr(part, "chunks", ()) for part in parts
-        ):
-            yield from _one_by_one(bag.reader, _keys(bag.reader, key_of))
-            return
-        for part in parts:
-            yield from _in_order(_mcap_chunks(part, _keys(part, key_of)))
+def rosbags_source(reader: Any) -> Source:
+    """What rosbags' reader of ROS 2 gives one by one: from sqlite3, and from an MCAP without an index of chunks."""
+    connections = list(reader.connections)
+
+    def logged(numbers: Set[int]) -> Iterator[Logged]:
+        wanted = [c for c in connections if c.id in numbers]
+        rows = iter(reader.messages(connections=wanted)) if wanted else iter(())
+        while some := list(islice(rows, AT_ONCE)):
+            log = np.zeros(len(some), LOG)
+            log["connection"] = [connection.id for connection, _, _ in some]
+            log["stamp"] = log["published"] = [stamp for _, stamp, _ in some]
+            yield Logged(log, joined([payload for _, _, payload in some]))
+
+    return Source({c.id: Topic(c.topic, c.msgtype) for c in connections}, logged)
 
 
-def _keys(holder: Any, key_of: Callable[[Any], Key | None]) -> dict[int, Key]:
-    """The key of each connection that has one, by the connection's number."""
-    keys = {connection.id: key_of(connection) for connection in holder.connections}
-    return {number: key for number, key in keys.items() if key is not None}
+def mcap_source(file: BinaryIO) -> Source | None:
+    """An MCAP by its index of chunks; None where it has none, or one that does not name the topics."""
+    from mcap.reader import make_reader
+
+    reader = make_reader(file)
+    summary = reader.get_summary()
+    if summary is None or not summary.chunk_indexes or not summary.channels:
+        return None
+    types = {0: ""} | {number: schema.name for number, schema in summary.schemas.items()}
+    if any(channel.schema_id not in types for channel in summary.channels.values()):
+        return None
+
+    def logged(numbers: Set[int]) -> Iterator[Logged]:
+        # Without an index of messages, a chunk does not say which channels it holds.
+        known = ((chunk, chunk.message_index_offsets.keys()) for chunk in summary.chunk_indexes)
+        chunks = [chunk for chunk, channels in known if not channels or numbers & channels]
+        chunks.sort(key=lambda chunk: chunk.message_start_time)
+        contents = (_mcap_chunk(file, chunk.chunk_start_offset, numbers) for chunk in chunks)
+        return _in_order([chunk.message_start_time for chunk in chunks], contents)
+
+    return Source({c.id: Topic(c.topic, types[c.schema_id]) for c in summary.channels.values()}, logged, reader)
 
 
-def _one_by_one(reader: Any, keys: dict[int, Key]) -> Iterator[dict[Key, Logged]]:
-    """As rosbags gives them: from sqlite3, where a message is a row, and from an MCAP without chunks."""
-    connections = [connection for connection in reader.connections if connection.id in keys]
-    taken = iter(reader.messages(connections=connections)) if connections else iter(())
-    while some := list(islice(taken, AT_ONCE)):
-        by_number: dict[int, tuple[list[int], list[bytes]]] = {}
-        for connection, stamp, data in some:
-            stamps, payloads = by_number.setdefault(connection.id, ([], []))
-            stamps.append(stamp)
-            payloads.append(data)
-        found: dict[Key, list[Logged]] = {}
-        for number, (stamps, payloads) in by_number.items():
-            found.setdefault(keys[number], []).append(Logged(np.array(stamps, np.int64), joined(payloads)))
-        yield {key: _sorted(parts) for key, parts in found.items()}
+def _mcap_chunk(file: BinaryIO, offset: int, numbers: Set[int]) -> Logged:
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Chunk
+    from mcap.stream_reader import get_chunk_data_stream
+
+    file.seek(offset + MCAP_RECORD)
+    stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(file)), validate_crc=True)
+    content = stream.read(size)
+    start, length = np.array(list(_mcap_messages(content)), dtype=np.int64).reshape(-1, 2).T
+    every = Raw(np.frombuffer(content, np.uint8), start, length)
+    log = every.bytes_at(0, MCAP_HEAD.itemsize).view(MCAP_HEAD)[:, 0].astype(LOG)
+    payloads = Raw(every.flat, start + MCAP_HEAD.itemsize, length - MCAP_HEAD.itemsize)
+    return Logged(log, payloads)[np.isin(log["connection"], list(numbers))]
 
 
-def joined(payloads: list[bytes]) -> Raw:
-    """Messages one behind the other."""
-    length = np.fromiter(map(len, payloads), np.int64, len(payloads))
-    return Raw(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length)
-
-
-def _in_order(chunks: Iterator[tuple[int, dict[Key, Logged]]]) -> Iterator[dict[Key, Logged]]:
-    """What chunks hold, by the bag's own stamps: of a chunk that reaches beyond the start of the next, the rest waits.
-
-    Each comes with the stamp before which no later one holds anything.
-    """
-    waiting: dict[Key, list[Logged]] = {}
-    for until, found in chunks:
-        for key, logged in found.items():
-            waiting.setdefault(key, []).append(logged)
-        now = {}
-        for key, parts in waiting.items():
-            logged = _sorted(parts)
-            ready = int(np.searchsorted(logged.stamp, until, side="left"))
-            waiting[key] = [logged[ready:]] if ready < len(logged) else []
-            if ready:
-                now[key] = logged[:ready]
-        if now:
-            yield now
-
-
-def _sorted(parts: list[Logged]) -> Logged:
-    """Messages in the order of the bag's stamps, those of one stamp as they were."""
-    if len(parts) == 1:
-        logged = parts[0]
-    elif not parts:
-        return Logged(np.empty(0, np.int64), joined([]))
-    else:
-        before = np.cumsum([0, *(len(part.raw.flat) for part in parts[:-1])])
-        starts = [part.raw.start + shift for part, shift in zip(parts, before, strict=True)]
-        flat = np.concatenate([part.raw.flat for part in parts])
-        raw = Raw(flat, np.concatenate(starts), np.concatenate([part.raw.length for part in parts]))
-        logged = Logged(np.concatenate([part.stamp for part in parts]), raw)
-    if (np.diff(logged.stamp) >= 0).all():
-        return logged
-    return logged[np.argsort(logged.stamp, kind="stable")]
-
-
-def _by_key(flat: NDArray[np.uint8], keys: dict[int, Key], columns: NDArray[np.int64]) -> dict[Key, Logged]:
-    """Messages (4, n) of connection, stamp, first byte and length, by the key of their connection."""
-    connection, stamp, start, length = columns
-    if len(connection) and (int((start + length).max()) > len(flat) or int(length.min()) < 0):
-        raise ValueError("a message reaches beyond its chunk")
-    found = {}
-    for key in dict.fromkeys(keys.values()):
-        rows = np.flatnonzero(np.isin(connection, [number for number, other in keys.items() if other == key]))
-        if len(rows):
-            found[key] = Logged(stamp[rows], Raw(flat, start[rows], length[rows]))
-    return found
-
-
-_UINT32, _UINT64 = Struct("<I"), Struct("<Q")
-
-
-def _mcap_chunks(storage: Any, keys: dict[int, Key]) -> Iterator[tuple[int, dict[Key, Logged]]]:
-    from rosbags.rosbag2.storage_mcap import decompress
-
-    chunks = sorted(storage.chunks, key=lambda chunk: chunk.message_start_time)
-    # Without an index of messages, a chunk does not say which channels it holds.
-    chunks = [c for c in chunks if not c.message_index_offsets or keys.keys() & c.message_index_offsets.keys()]
-    following = [*(chunk.message_start_time for chunk in chunks[1:]), np.iinfo(np.int64).max]
-    for chunk, until in zip(chunks, following, strict=False):
-        storage.bio.seek(chunk.chunk_start_offset + 9 + 24)
-        (crc,) = _UINT32.unpack(storage.bio.read(4))
-        storage.bio.seek(chunk.chunk_start_offset + 9 + 40 + len(chunk.compression))
-        packed = storage.bio.read(chunk.compressed_size)
-        flat = np.frombuffer(decompress(packed, chunk.compression, chunk.uncompressed_size, crc), np.uint8)
-        records = np.array(_mcap_records(flat.tobytes()), dtype=np.int64).reshape(-1, 2)
-        every = Raw(flat, records[:, 0], records[:, 1])
-        channel = every.bytes_at(9, 2).view("<u2")[:, 0].astype(np.int64)
-        stamp = every.bytes_at(15, 8).view("<i8")[:, 0]
-        yield (
-            until,
-            _by_key(flat, keys, np.stack([channel, stamp, every.start + MCAP_DATA, every.length - (MCAP_DATA - 9)])),
-        )
-
-
-def _mcap_records(chunk: bytes) -> list[tuple[int, int]]:
-    """Where each message's record starts, and the length behind its head of nine bytes."""
-    found, pos, end, length_at = [], 0, len(chunk), _UINT64.unpack_from
+def _mcap_messages(chunk: bytes) -> Iterator[tuple[int, int]]:
+    """Where the content of each message's record starts, and its length."""
+    pos, end, length_at = 0, len(chunk), _LENGTH.unpack_from
     while pos < end:
         (length,) = length_at(chunk, pos + 1)
         if chunk[pos] == MCAP_MESSAGE:
-            found.append((pos, length))
-        pos += 9 + length
-    return found
+            yield pos + MCAP_RECORD, length
+        pos += MCAP_RECORD + length
 
 
-def _ros1_chunks(reader: Any, keys: dict[int, Key]) -> Iterator[tuple[int, dict[Key, Logged]]]:
-    infos = [info for info in reader.chunk_infos if keys.keys() & info.connection_counts.keys()]
-    infos.sort(key=lambda info: info.start_time)
-    following = [*(info.start_time for info in infos[1:]), np.iinfo(np.int64).max]
-    for info, until in zip(infos, following, strict=False):
-        chunk = reader.chunks[info.pos]
-        reader.bio.seek(chunk.datapos)
-        packed = reader.bio.read(chunk.datasize)
-        if len(packed) != chunk.datasize:
-            raise ValueError("a chunk is cut off")
-        content = chunk.decompressor(packed)
+def _in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logged]:
+    """What chunks hold, in order: of a chunk that reaches beyond the start of the next, the rest waits."""
+    waiting = Logged(np.empty(0, LOG), joined([]))
+    for until, chunk in zip((*starts[1:], np.iinfo(np.int64).max), chunks, strict=False):
+        end = chunk.raw.start + chunk.raw.length
+        if ((end > len(chunk.raw.flat)) | (chunk.raw.length < 0) | (chunk.stamp < 0)).any():
+            raise ValueError("a message reaches beyond its chunk, or its stamp beyond all times")
+        rest = joined([waiting.raw.message(row) for row in range(len(waiting))])  # the chunk they are of is let go
+        flat = np.concatenate([rest.flat, chunk.raw.flat]) if len(rest) else chunk.raw.flat
+        start = np.concatenate([rest.start, chunk.raw.start + len(rest.flat)])
+        raw = Raw(flat, start, np.concatenate([rest.length, chunk.raw.length]))
+        ordered = Logged(np.concatenate([waiting.log, chunk.log]), raw)
+        if (np.diff(ordered.stamp) < 0).any():
+            ordered = ordered[np.argsort(ordered.stamp, kind="stable")]
+        ready = int(np.searchsorted(ordered.stamp, until, side="left"))
+        if ready:
+            yield ordered[:ready]
+        waiting = ordered[ready:]
+
+
+class Ros1Chunk(NamedTuple):
+    """Where a chunk is, when its first and last message were recorded, ns, and how many each connection has in it."""
+
+    offset: int
+    start: int
+    end: int
+    counts: dict[int, int]
+
+
+class Ros1Index:
+    """The index of a ROS 1 bag: its connections, as rosbags calls their parts, and its chunks by when they start."""
+
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        magic = file.readline()
+        if not magic:
+            raise ValueError(f"File {str(path)!r} seems to be empty")
+        if not magic.startswith(b"#ROSBAG V"):
+            raise ValueError("File magic is invalid")
+        if magic != b"#ROSBAG V2.0\n":
+            raise ValueError(f"Bag version {magic[9:].decode().strip()} is not supported")
+        self.file = file
+        try:
+            head = _fields(_sized(file))
+            if head.get("encryptor"):
+                raise ValueError(f"Bag encryption {head['encryptor'].decode()!r} is not supported")
+            if not any(head["index_pos"]):
+                raise ValueError("Bag is not indexed, reindex before reading")
+            file.seek(_uint(head["index_pos"]))
+            connections = [self._connection() for _ in range(_uint(head["conn_count"]))]
+            chunks = [self._chunk() for _ in range(_uint(head["chunk_count"]))]
+        except (KeyError, EOFError) as error:
+            raise ValueError(f"Bag index looks damaged: {error}") from None
+        self.chunks = sorted((chunk for chunk in chunks if chunk.counts), key=lambda chunk: chunk.start)
+        self.connections = [c._replace(msgcount=sum(k.counts.get(c.id, 0) for k in self.chunks)) for c in connections]
+
+    def source(self) -> Source:
+        """The messages of the bag."""
+        return Source({c.id: Topic(c.topic, c.msgtype) for c in self.connections}, self._logged)
+
+    def compression(self) -> str:
+        """How the chunks are compressed, by the first: bz2, lz4, or not at all."""
+        for chunk in self.chunks[:1]:
+            self.file.seek(chunk.offset)
+            return _fields(_sized(self.file))["compression"].decode().removeprefix("none")
+        return ""
+
+    def _connection(self) -> Any:
+        from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
+
+        head, said = _fields(_sized(self.file)), {k: v.decode() for k, v in _fields(_sized(self.file)).items()}
+        topic = "/".join(part for part in head["topic"].decode().split("/") if part)
+        package, _, name = said["type"].rpartition("/")
+        latching = said.get("latching")
+        topic = "/" * head["topic"].startswith(b"/") + topic
+        definition = MessageDefinition(MessageDefinitionFormat.MSG, said["message_definition"])
+        details = ConnectionExtRosbag1(said.get("callerid"), int(latching) if latching else None)
+        msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
+        return Connection(_uint(head["conn"]), topic, msgtype, definition, said["md5sum"], 0, details, self)
+
+    def _chunk(self) -> Ros1Chunk:
+        head, counts = _fields(_sized(self.file)), np.frombuffer(_sized(self.file), "<u4").reshape(-1, 2)
+        start, end = (_nanoseconds(head[name]) for name in ("start_time", "end_time"))
+        return Ros1Chunk(_uint(head["chunk_pos"]), start, end, dict(counts.tolist()))
+
+    def _logged(self, numbers: Set[int]) -> Iterator[Logged]:
+        chunks = [chunk for chunk in self.chunks if numbers & chunk.counts.keys()]
+        return _in_order([chunk.start for chunk in chunks], (self._messages(chunk, numbers) for chunk in chunks))
+
+    def _messages(self, chunk: Ros1Chunk, numbers: Set[int]) -> Logged:
+        """Messages of a chunk, by the index behind it of when and where each connection recorded what."""
+        self.file.seek(chunk.offset)
+        compression = _fields(_sized(self.file))["compression"].decode()
+        content = _decompressed(_sized(self.file), compression)
+        parts = []
+        for _ in chunk.counts:
+            number = _uint(_fields(_sized(self.file))["conn"])
+            entries = np.frombuffer(_sized(self.file), "<u4").reshape(-1, 3).astype(np.int64)
+            if number in numbers and len(entries):
+                entries[0, 2] = _behind_connections(content, int(entries[0, 2]))
+                parts.append(np.insert(entries, 0, number, axis=1))
+        connection, seconds, ns, place = np.concatenate([np.empty((0, 4), np.int64), *parts]).T
+        log = np.zeros(len(place), LOG)
+        log["connection"] = connection
+        log["stamp"] = log["published"] = seconds * 10**9 + ns
         flat = np.frombuffer(content, np.uint8)
-        records = np.array(_ros1_records(content), dtype=np.int64).reshape(-1, 4)
-        heads = Raw(flat, records[:, 0], records[:, 1])
-        columns = np.stack([np.full(len(heads), -1), np.zeros(len(heads)), records[:, 2], records[:, 3]]).astype(
-            np.int64
-        )
-        for rows, layout in alike(heads, _ros1_head):
-            if layout.texts["op"] == "message":
-                head = heads[rows]
-                seconds, ns = (head.values(layout, path)[:, 0].astype(np.int64) for path in ("seconds", "ns"))
-                columns[0, rows] = head.values(layout, "connection")[:, 0]
-                columns[1, rows] = seconds * 10**9 + ns
-        yield until, _by_key(flat, keys, columns)
+        behind_head = place + 4 + _uint32_at(flat, place)
+        return Logged(log, Raw(flat, behind_head + 4, _uint32_at(flat, behind_head)))[np.argsort(place)]
 
 
-def _ros1_records(chunk: bytes) -> list[tuple[int, int, int, int]]:
-    """Of each record, where its head starts and how long it is, and the same of its data."""
-    found, pos, end, length_at = [], 0, len(chunk), _UINT32.unpack_from
-    while pos < end:
-        (head,) = length_at(chunk, pos)
-        (data,) = length_at(chunk, pos + 4 + head)
-        found.append((pos + 4, head, pos + 8 + head, data))
-        pos += 8 + head + data
-    return found
+def _sized(file: BinaryIO) -> bytes:
+    """What stands here behind its length. Raises `EOFError` where that is less."""
+    size = _uint(file.read(4))
+    content = file.read(size)
+    if len(content) < size:
+        raise EOFError(f"Got only {len(content)} of {size} bytes")
+    return content
 
 
-def _ros1_head(head: bytes) -> MessageLayout:
-    """The layout of a record's head: fields `name=value`, each behind its length; a message's are op, conn and time."""
-    numbers, shared, pos, op = {}, [], 0, "other"
-    stream = BytesIO(head)
-    while length := stream.read(4):
-        (size,) = _UINT32.unpack(length)
-        name, _, value = stream.read(size).partition(b"=")
-        at = pos + 4 + len(name) + 1
-        shared.append((pos, head[pos:at]))
-        if name == b"op":
-            op = "message" if value == bytes([ROS1_MESSAGE]) else "other"
-            shared.append((at, value))
-        elif name == b"conn":
-            numbers["connection"] = (at, "<u4", 1)
-        elif name == b"time":
-            numbers["seconds"], numbers["ns"] = (at, "<u4", 1), (at + 4, "<u4", 1)
-        pos += 4 + size
-    return MessageLayout(numbers, {"op": op}, tuple(shared))
+def _fields(head: bytes) -> dict[str, bytes]:
+    """The fields of a record's head, `name=value`, each behind its length."""
+    fields, stream = {}, BytesIO(head)
+    while stream.tell() < len(head):
+        name, _, value = _sized(stream).partition(b"=")
+        fields[name.decode()] = value
+    return fields
 
 
-def part_read(bag: Bag, found: Messages) -> float:
-    """The part of the bag's duration, 0 to 1, at the last of these messages."""
-    last = max((int(logged.stamp[-1]) for logged in found.values() if len(logged)), default=0)
-    return float(np.clip((1e-9 * last - bag.start) / max(1e-9 * float(bag.reader.duration), 1e-9), 0.0, 1.0))
+def _behind_connections(chunk: bytes, place: int) -> int:
+    """Where the first record from `place` is that is none of a connection, which a recorder may have put before."""
+    stream = BytesIO(chunk)
+    stream.seek(place)
+    while _fields(_sized(stream))["op"] == ROS1_CONNECTION:
+        _sized(stream)
+        place = stream.tell()
+    return place
+
+
+def _decompressed(packed: bytes, compression: str) -> bytes:
+    if compression == "none":
+        return packed
+    if compression not in ROS1_COMPRESSIONS:
+        raise ValueError(f"Compression {compression!r} is not supported")
+    content: bytes = import_module(ROS1_COMPRESSIONS[compression]).decompress(packed)
+    return content
+
+
+def _uint(value: bytes) -> int:
+    return int.from_bytes(value, "little")
+
+
+def _uint32_at(flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+    return Raw(flat, places, places).bytes_at(0, 4).view("<u4")[:, 0].astype(np.int64)
+
+
+def _nanoseconds(time: bytes) -> int:
+    return _uint(time[:4]) * 10**9 + _uint(time[4:])

@@ -1,34 +1,40 @@
-"""A copy of a ROS bag with the contact wrench added to it as a topic."""
+"""A copy of a ROS bag with the contact wrench added to it as a topic.
+
+Every message is read once and written again, and behind each reading its contact wrench. The mcap package writes MCAP,
+with the time of publication and the number of each message; rosbags writes the others, which know neither.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
 from ...files import require_distinct
 from ...geometry.arrays import Array
-from .chunks import Logged, messages, messages_by
-from .mcap_copy import NewTopic, Until, copy_mcap
-from .messages import by_layout
-from .open import METADATA, Bag, Topic, definitions, kind_of, opened_bag, typestore
+from .chunks import Logged, Source, Topic
+from .message_layout import typestore
+from .messages import STAMP, by_layout, definitions
+from .open import METADATA, Bag, kind_of, logged_in, mcap_files, one_line_errors, opened_bag
 from .topics import wrench_topic as chosen_topic
-from .write import STAMP, WRENCH_STAMPED, new_bag, new_place, stamped
+from .write import WRENCH_STAMPED, new_bag, new_place, stamped
 
 CONTACT = "contact"
 """Under the wrench's own topic: the contact wrench."""
 
+CONTACT_WRENCH = -1
+"""In place of the number of a connection: that of the contact wrench."""
 
-class _Publisher(NamedTuple):
-    """What tells one connection of a bag from another: `details` are its quality of service, or who it is of."""
+Record: TypeAlias = tuple[int, int, int, int, bytes]
+"""A message to write: the number of its connection, its own there, when it was recorded and published, ns, payload."""
 
-    topic: str
-    type: str
-    details: str
+
+Copied: TypeAlias = "Iterator[tuple[Source, Iterator[Record]]]"
+"""The files of a bag and what goes into the copy of each, to be taken before the next."""
 
 
 def write_bag_with(
@@ -40,17 +46,28 @@ def write_bag_with(
     topic: str | None = None,
     frame: str | None = None,
 ) -> str:
-    """Copy a bag and add the contact wrench: a topic of `geometry_msgs/WrenchStamped`, `topic` or the wrench's own with
-    `/contact` behind it; its name.
+    """Copy a bag and add the contact wrench as a topic of `geometry_msgs/WrenchStamped`.
 
-    `wrenches`: arrays (m, 6), N and N m, as they come, a row for each message of the wrench's topic in the order of
-    `bag_batches`; a row of NaN is written as such. Each is written behind its message, with that message's stamps and
-    frame, or `frame` where the wrench is given in other axes. Every other message keeps its payload, type, definition
-    and the time at which it was recorded, every topic its quality of service or its latching; a compressed bag stays
-    compressed. Records of an MCAP with chunks are copied as they are, down to their times of publication.
+    Every other message keeps its payload, type, definition and the time at which it was recorded, in an MCAP with an
+    index also its number and its time of publication; every topic keeps its quality of service or its latching; a
+    compressed bag stays compressed. A contact wrench stands behind its reading, with its stamps and its frame.
 
-    Raises `FileAccessError` where output is input, or is a folder that is there; `FileFormatError` as `bag_batches`,
-    and for an output of another kind; `InputError` for a topic that is there and for too few or too many rows.
+    Args:
+        path_in: the bag that is read.
+        path_out: the copy, a file or a folder of the same kind.
+        wrenches: (m, 6) N and N m, as they come, a row for each message of the wrench's topic in the order of
+            `bag_batches`; a row of NaN is written as such.
+        wrench_topic: that of the readings; None: the only one.
+        topic: that of the contact wrench; None: the wrench's own with `/contact` behind it.
+        frame: in which the contact wrench is; None: that of its reading.
+
+    Returns:
+        The name of the new topic.
+
+    Raises:
+        FileAccessError: the output is the input, is a folder that is there, or cannot be written.
+        FileFormatError: as `bag_batches`, and for an output of another kind.
+        InputError: the topic is there already, or there are too few or too many rows.
     """
     path_in, path_out = Path(path_in), Path(path_out)
     require_distinct(path_out, {"recording that is read": path_in})
@@ -65,150 +82,134 @@ def write_bag_with(
         name = f"{source.name}/{CONTACT}" if topic is None else topic
         if any(known.name == name for known in bag.counts):
             raise InputError(f"{path_in}: found a topic {name} already, expected another name for the contact wrench")
-        take = _taking(wrenches, path_in)
-        until = _until(_contact_messages(bag, source, take, frame))
-        if kind != ".bag" and (parts := _whole_mcaps(bag)):
-            _copy_mcaps(bag, parts, path_out, not kind, source, name, until)
+        copied = _copied(bag, source, wrenches, frame)
+        if all(file.mcap for file in bag.sources):
+            _copy_mcaps(bag, path_out, source, name, copied)
         else:
-            _copy_by_rosbags(bag, path_out, kind, source, name, until)
+            _copy_by_rosbags(bag, path_out, kind, source, name, copied)
     return name
 
 
-def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, source: Topic, name: str, until: Until) -> None:
-    """Read every message and write it again."""
-    with new_bag(path_out, kind, mcap=_is_mcap(bag), compression=_compression(bag)) as writer:
-        copies: dict[_Publisher, Any] = {}
-        for connection in bag.reader.connections:
-            publisher = _publisher(connection)
-            copies[publisher] = copies.get(publisher) or _copied(bag, writer, connection)
-        quality = {} if bag.ros1 else {"offered_qos_profiles": bag.connections((source,))[0].ext.offered_qos_profiles}
-        added = writer.add_connection(name, WRENCH_STAMPED, typestore=typestore(bag.ros1), **quality)
+def _copied(bag: Bag, topic: Topic, wrenches: Iterable[Array], frame: str | None) -> Copied:
+    """The files of a bag with a contact wrench behind each reading of the topic."""
+    rows = (row for part in wrenches for row in np.asarray(part, dtype=np.float64).reshape(-1, 6))
+    count = 0
 
-        for found in messages_by(bag, _publisher):
-            publishers, old = list(found), _in_turn(found)
-            stamps, payloads = until(old[-1][0])
-            place = np.searchsorted([t for t, _, _ in old], stamps, side="right")
-            for index in np.argsort(np.r_[np.arange(len(old)) + 0.5, place], kind="stable").tolist():
-                if index < len(old):
-                    t, k, row = old[index]
-                    writer.write(copies[publishers[k]], t, found[publishers[k]].raw.message(row))
-                else:
-                    writer.write(added, int(stamps[index - len(old)]), payloads[index - len(old)])
-        until(np.iinfo(np.int64).max)  # no row may be left
+    def records(source: Source) -> Iterator[Record]:
+        nonlocal count
+        numbers = [number for number, other in source.topics.items() if other == topic]
+        for logged in logged_in(bag, source, source.topics):
+            readings = np.flatnonzero(np.isin(logged.log["connection"], numbers))
+            values = np.array(list(islice(rows, len(readings)))).reshape(-1, 6)
+            if len(values) < len(readings):
+                raise InputError(
+                    f"{bag.path}: found {count + len(values)} contact wrenches, expected one for each reading"
+                )
+            payloads = _contact_messages(bag, topic, logged[readings], values, frame)
+            payload_behind = dict(zip(readings.tolist(), payloads, strict=True))
+            for row, (connection, sequence, stamp, published) in enumerate(logged.log.tolist()):
+                yield connection, sequence, stamp, published, logged.raw.message(row)
+                if row in payload_behind:
+                    yield CONTACT_WRENCH, count, stamp, stamp, payload_behind[row]
+                    count += 1
 
-
-def _in_turn(found: dict[_Publisher, Logged]) -> list[tuple[int, int, int]]:
-    """Stamp, publisher's number, and row there, of messages in the order in which they were recorded."""
-    which = np.repeat(np.arange(len(found)), [len(logged) for logged in found.values()])
-    row = np.concatenate([np.arange(len(logged)) for logged in found.values()])
-    stamp = np.concatenate([logged.stamp for logged in found.values()])
-    place = np.concatenate([logged.raw.start for logged in found.values()])
-    order = np.lexsort((place, stamp))
-    return list(zip(stamp[order].tolist(), which[order].tolist(), row[order].tolist(), strict=True))
+    for source in bag.sources:
+        yield source, records(source)
+    if next(rows, None) is not None:
+        raise InputError(f"{bag.path}: found more than {count} contact wrenches, expected one for each reading")
 
 
-def _contact_messages(
-    bag: Bag, source: Topic, take: Callable[[int | None], Array], frame: str | None
-) -> Iterator[tuple[NDArray[np.int64], list[bytes]]]:
-    """The contact wrench for each message of the source: the bag's stamps, in order, and payloads, some at a time."""
-    for found in messages(bag, (source,)):
-        logged = found[source]
-        values, payloads = take(len(logged)), [b""] * len(logged)
-        for rows, layout, raw in by_layout(bag, source, logged):
-            stamp = logged.stamp[rows]
-            if STAMP[0] in layout.numbers:
-                sec, ns = (raw.values(layout, path)[:, 0].astype(np.int64) for path in STAMP)
-                stamp = sec * 10**9 + ns
-            name = layout.texts.get("header.frame_id", "") if frame is None else frame
-            made = stamped(WRENCH_STAMPED, bag.ros1, name, stamp, values[rows])
-            for row, payload in zip(rows.tolist(), made, strict=True):
-                payloads[row] = payload
-        yield logged.stamp, payloads
-    take(None)
+def _contact_messages(bag: Bag, topic: Topic, logged: Logged, values: Array, frame: str | None) -> list[bytes]:
+    """The contact wrenches (n, 6) of readings as messages with their stamps."""
+    payloads = [b""] * len(logged)
+    for rows, layout, raw in by_layout(bag, topic, logged):
+        stamp = logged.stamp[rows]
+        if f"header.{STAMP[0]}" in layout.numbers:
+            sec, ns = raw.columns(layout, [f"header.{part}" for part in STAMP]).astype(np.int64).T
+            stamp = sec * 10**9 + ns
+        name = layout.texts.get("header.frame_id", "") if frame is None else frame
+        made = stamped(bag.ros1, name, stamp, values[rows])
+        for row, payload in zip(rows.tolist(), made, strict=True):
+            payloads[row] = payload
+    return payloads
 
 
-def _until(coming: Iterator[tuple[NDArray[np.int64], list[bytes]]]) -> Until:
-    """A function that gives what is coming up to a stamp."""
-    stamps: NDArray[np.int64] = np.empty(0, np.int64)
-    payloads: list[bytes] = []
-
-    def until(stamp: int) -> tuple[NDArray[np.int64], list[bytes]]:
-        nonlocal stamps, payloads
-        while not len(stamps) or stamps[-1] <= stamp:
-            part = next(coming, None)
-            if part is None:
-                break
-            stamps, payloads = np.concatenate([stamps, part[0]]), payloads + part[1]
-        count = int(np.searchsorted(stamps, stamp, side="right"))
-        given = stamps[:count], payloads[:count]
-        stamps, payloads = stamps[count:], payloads[count:]
-        return given
-
-    return until
-
-
-def _taking(arrays: Iterable[Array], path: Path) -> Callable[[int | None], Array]:
-    """A function that takes the next so many rows (count, 6) of arrays, as they come, and None: there must be no more.
-
-    It raises `InputError` where there are too few or too many.
-    """
-    coming = iter(arrays)
-    left, taken = np.empty((0, 6)), 0
-
-    def take(count: int | None) -> Array:
-        nonlocal left, taken
-        parts, have = [left], len(left)
-        while have < (1 if count is None else count):
-            part = next(coming, None)
-            if part is None:
-                break
-            parts.append(np.asarray(part, dtype=np.float64).reshape(-1, 6))
-            have += len(parts[-1])
-        if have < (count or 0) or (count is None and have):
-            found = f"more than {taken}" if count is None else str(taken + have)
-            raise InputError(f"{path}: found {found} contact wrenches, expected one for each reading")
-        rows = np.concatenate(parts)
-        count = count or 0
-        left, taken = rows[count:], taken + count
-        return rows[:count]
-
-    return take
-
-
-def _whole_mcaps(bag: Bag) -> list[Any]:
-    """The MCAP files of a bag, where records can be copied as they are: with chunks, an index and no compression of the
-    folder's own.
-    """
-    storage = bag.reader.storage
-    parts = getattr(storage, "storages", [storage])
-    plain = not getattr(storage.metadata, "compression_mode", None)
-    return list(parts) if plain and all(getattr(part, "chunks", ()) for part in parts) else []
-
-
-def _copy_mcaps(
-    bag: Bag, parts: list[Any], path_out: Path, folder: bool, source: Topic, name: str, until: Until
-) -> None:
-    """Copy the records of one file, or of a folder's, and what the folder says of them."""
-    text, _ = typestore(False).generate_msgdef(WRENCH_STAMPED, ros_version=2)
-    same = [
-        c.metadata
-        for part in parts
-        for c in part.channels.values()
-        if (c.topic, c.schema) == (source.name, WRENCH_STAMPED)
-    ]
-    topic = NewTopic(name, WRENCH_STAMPED, text, same[0] if same else b"")
+def _copy_mcaps(bag: Bag, path_out: Path, topic: Topic, name: str, copied: Copied) -> None:
+    """Copy one file, or those of a folder and what the folder says of them."""
+    folder = bag.path.is_dir()
     with new_place(path_out) as made:
-        if not folder:
-            copy_mcap(parts[0], made, topic, until, True)
-            return
-        made.mkdir()
+        if folder:
+            made.mkdir()
         counts = {}
-        for part in parts:
-            counts[part.path.name] = copy_mcap(part, made / part.path.name, topic, until, part is parts[-1])
-        _write_metadata(bag.path, made, source, topic, counts)
+        for file, (source, records) in zip(mcap_files(bag.path), copied, strict=True):
+            target = made / file.name if folder else made
+            counts[file.name] = _copy_mcap(bag, source.mcap, target, records, topic, name)
+        if folder:
+            _write_metadata(bag.path, made, topic, name, counts)
 
 
-def _write_metadata(path_in: Path, path_out: Path, source: Topic, topic: NewTopic, counts: dict[str, int]) -> None:
+def _copy_mcap(bag: Bag, reader: Any, path_out: Path, records: Iterator[Record], topic: Topic, name: str) -> int:
+    """Write a file's records into a new one with the same schemas, channels, attachments and metadata; how many of them
+    are contact wrenches.
+    """
+    from mcap.writer import CompressionType, Writer
+
+    with one_line_errors(bag.path):
+        header, summary = reader.get_header(), reader.get_summary()
+        attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
+    with path_out.open("wb") as file:
+        writer: Any = Writer(file, compression=CompressionType[summary.chunk_indexes[0].compression.upper() or "NONE"])
+        writer.start(header.profile, header.library)
+        schemas = {0: 0}
+        for number, schema in sorted(summary.schemas.items()):
+            schemas[number] = writer.register_schema(schema.name, schema.encoding, schema.data)
+            if schema.name == WRENCH_STAMPED:
+                schemas[CONTACT_WRENCH] = schemas[number]
+        if CONTACT_WRENCH not in schemas:
+            text, _ = typestore(False).generate_msgdef(WRENCH_STAMPED, ros_version=2)
+            schemas[CONTACT_WRENCH] = writer.register_schema(WRENCH_STAMPED, "ros2msg", text.encode())
+        channels, quality = {}, {}
+        for number, channel in sorted(summary.channels.items()):
+            channels[number] = writer.register_channel(
+                channel.topic, channel.message_encoding, schemas[channel.schema_id], channel.metadata
+            )
+            if channel.topic == topic.name and topic.type == WRENCH_STAMPED:
+                quality = channel.metadata
+        channels[CONTACT_WRENCH] = writer.register_channel(name, "cdr", schemas[CONTACT_WRENCH], quality)
+        for record in attachments:
+            writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+        for record in metadata:
+            writer.add_metadata(record.name, record.metadata)
+        count = 0
+        for connection, sequence, stamp, published, payload in records:
+            writer.add_message(channels[connection], stamp, payload, published, sequence)
+            count += connection == CONTACT_WRENCH
+        writer.finish()
+    return count
+
+
+def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: str, copied: Copied) -> None:
+    """Write every message of a `.bag`, of sqlite3, or of an MCAP without an index."""
+    with new_bag(path_out, kind, mcap=bool(mcap_files(bag.path)), compression=bag.compression) as writer:
+        connections: dict[int, Any] = {}
+        publishers: dict[tuple[str, str, str], Any] = {}
+        for connection in bag.connections:
+            publisher = (connection.topic, connection.msgtype, repr(connection.ext))
+            if publisher not in publishers:
+                details = _definition(bag, connection) | connection.ext._asdict()
+                publishers[publisher] = writer.add_connection(connection.topic, connection.msgtype, **details)
+            connections[connection.id] = publishers[publisher]
+        like = next(c for c in bag.connections if Topic(c.topic, c.msgtype) == topic)
+        quality = {} if bag.ros1 else {"offered_qos_profiles": like.ext.offered_qos_profiles}
+        connections[CONTACT_WRENCH] = writer.add_connection(
+            name, WRENCH_STAMPED, typestore=typestore(bag.ros1), **quality
+        )
+        for _, records in copied:
+            for number, _, stamp, _, payload in records:
+                writer.write(connections[number], stamp, payload)
+
+
+def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, counts: dict[str, int]) -> None:
     """What the folder says of its files, and of one more topic."""
     from ruamel.yaml import YAML
 
@@ -218,43 +219,16 @@ def _write_metadata(path_in: Path, path_out: Path, source: Topic, topic: NewTopi
     said = content["rosbag2_bagfile_information"]
     count = sum(counts.values())
     said["message_count"] += count
-    like = [
-        one["topic_metadata"]
-        for one in said["topics_with_message_count"]
-        if one["topic_metadata"]["name"] == source.name
-    ]
-    mine = {**like[0], "name": topic.name, "type": topic.type}
-    if "type_description_hash" in mine:
-        mine["type_description_hash"] = typestore(False).hash_rihs01(topic.type)
-    said["topics_with_message_count"].append({"topic_metadata": mine, "message_count": count})
+    topics = said["topics_with_message_count"]
+    like = next(topic["topic_metadata"] for topic in topics if topic["topic_metadata"]["name"] == source.name)
+    added = {**like, "name": name, "type": WRENCH_STAMPED}
+    if "type_description_hash" in added:
+        added["type_description_hash"] = typestore(False).hash_rihs01(WRENCH_STAMPED)
+    topics.append({"topic_metadata": added, "message_count": count})
     for file in said.get("files", []):
         file["message_count"] += counts.get(Path(file["path"]).name, 0)
     with (path_out / METADATA).open("w", encoding="utf-8") as written:
         yaml.dump(content, written)
-
-
-def _publisher(connection: Any) -> _Publisher:
-    return _Publisher(connection.topic, connection.msgtype, repr(connection.ext))
-
-
-def _copied(bag: Bag, writer: Any, connection: Any) -> Any:
-    """The connection in the new bag. A type whose definition no one knows stays without."""
-    if bag.ros1:
-        return writer.add_connection(
-            connection.topic,
-            connection.msgtype,
-            msgdef=connection.msgdef.data,
-            md5sum=connection.digest,
-            callerid=connection.ext.callerid,
-            latching=connection.ext.latching,
-        )
-    return writer.add_connection(
-        connection.topic,
-        connection.msgtype,
-        **_definition(bag, connection),
-        serialization_format=connection.ext.serialization_format,
-        offered_qos_profiles=connection.ext.offered_qos_profiles,
-    )
 
 
 def _definition(bag: Bag, connection: Any) -> dict[str, Any]:
@@ -263,38 +237,15 @@ def _definition(bag: Bag, connection: Any) -> dict[str, Any]:
     """
     from rosbags.typesys import Stores, get_typestore
 
-    text = connection.msgdef.data
-    if text and connection.digest:
-        return {"msgdef": text, "rihs01": connection.digest}
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(definitions(bag, connection.msgtype))
-    except FileFormatError:
-        store.register({connection.msgtype: ([], [])})
-    made, _ = store.generate_msgdef(connection.msgtype, ros_version=2)
-    return {"msgdef": text or made, "rihs01": connection.digest or store.hash_rihs01(connection.msgtype)}
-
-
-def _is_mcap(bag: Bag) -> bool:
-    storage = None if bag.ros1 else bag.reader.storage
-    parts = getattr(storage, "storages", [storage])
-    return any(hasattr(part, "chunks") for part in parts)
-
-
-def _compression(bag: Bag) -> str:
-    """How the bag is compressed, in the words of `new_bag`; an MCAP whose chunks are has them compressed with zstd."""
-    from rosbags.rosbag1.reader import decompressors
-
+    text, digest = connection.msgdef.data, connection.digest
     if bag.ros1:
-        used = {
-            name
-            for chunk in bag.reader.chunks.values()
-            for name, way in decompressors.items()
-            if way is chunk.decompressor
-        }
-        return next((name for name in ("lz4", "bz2") if name in used), "")
-    storage = bag.reader.storage
-    if mode := getattr(storage.metadata, "compression_mode", None):
-        return str(mode)
-    parts = getattr(storage, "storages", [storage])
-    return "storage" if any(chunk.compression for part in parts for chunk in getattr(part, "chunks", ())) else ""
+        return {"msgdef": text, "md5sum": digest}
+    if not (text and digest):
+        store = get_typestore(Stores.EMPTY)
+        try:
+            store.register(definitions(bag, connection.msgtype))
+        except FileFormatError:
+            store.register({connection.msgtype: ([], [])})
+        text = text or store.generate_msgdef(connection.msgtype, ros_version=2)[0]
+        digest = digest or store.hash_rihs01(connection.msgtype)
+    return {"msgdef": text, "rihs01": digest}

@@ -12,15 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from struct import unpack_from
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry.arrays import Array
-from .open import Fields
+
+Fields: TypeAlias = "dict[str, tuple[list[Any], list[tuple[str, Any]]]]"
+"""rosbags' message definitions: constants and fields by the type's name."""
 
 NUMPY = {
     **{"bool": "u1", "byte": "u1", "char": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2"},
@@ -84,12 +87,21 @@ class Raw:
         return np.hstack([self.values(layout, path) for path in paths])
 
 
+def joined(payloads: list[bytes]) -> Raw:
+    """Messages one behind the other."""
+    length = np.fromiter(map(len, payloads), np.int64, len(payloads))
+    return Raw(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length)
+
+
 def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one."""
-    for length in np.unique(raw.length):
+    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, its error is given the row."""
+    for length in dict.fromkeys(raw.length.tolist()):
         rows = np.flatnonzero(raw.length == length)
         while len(rows):
-            layout = layout_of(raw.message(int(rows[0])))
+            try:
+                layout = layout_of(raw.message(int(rows[0])))
+            except InputError as error:
+                raise InputError(str(error), int(rows[0])) from None
             same = np.ones(len(rows), dtype=bool)
             candidates = raw[rows]
             for offset, shared in layout.shared:
@@ -173,3 +185,33 @@ class _Walk:
         if pos > len(self.message):
             raise IndexError
         return pos
+
+
+def written(msgtype: str) -> str:
+    """A type as people write it: `geometry_msgs/Wrench`."""
+    return msgtype.replace("/msg/", "/")
+
+
+@lru_cache(64)
+def types_defined(msgtype: str, text: str, idl: bool, ros1: bool) -> Fields:
+    """The message types of ROS and those that `text` defines, in ROS' own language or in IDL."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    types = dict(typestore(ros1).fielddefs)
+    if not idl:
+        types.update(get_types_from_msg(text, msgtype))
+        return types
+    for part in text.split("=" * 80 + "\n"):
+        types.update(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
+    return types
+
+
+@cache
+def typestore(ros1: bool) -> Any:
+    """A store by rosbags of the message types that come with ROS; to those of ROS 1, the transforms are added."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    if ros1:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+    return store

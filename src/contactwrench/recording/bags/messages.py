@@ -6,18 +6,18 @@ into the bag.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import from_quat_xyzw
-from .chunks import Logged, joined
-from .message_layout import MessageLayout, Raw, alike, layout_of_message
-from .open import Bag, Topic, definitions, seconds, written
+from .chunks import Logged, Topic
+from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, typestore, written
+from .open import Bag, seconds
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
 """Types that hold a wrench, and where in them it is."""
@@ -32,6 +32,8 @@ POSES = {
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 JOINT_STATE = "sensor_msgs/msg/JointState"
 
+STAMP = ("stamp.sec", "stamp.nanosec")
+"""Where in a header its stamp is."""
 STAMP_ENDS = 12
 """Bytes of a message up to the end of its header's stamp."""
 
@@ -40,21 +42,36 @@ XYZW, XYZ = tuple("xyzw"), tuple("xyz")
 
 
 @dataclass(frozen=True, eq=False)
-class Placements:
+class Placements(Rows):
     """Placements of one frame in another at times `t` (n,) s: `quat_xyzw` (n, 4) as written, `position` (n, 3) m."""
 
-    t: Array
-    quat_xyzw: Array
-    position: Array
-
-    def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Placements:
-        return Placements(self.t[rows], self.quat_xyzw[rows], self.position[rows])
+    t: Array = field(metadata=column())
+    quat_xyzw: Array = field(metadata=column(4))
+    position: Array = field(metadata=column(3))
 
 
-def joined_placements(parts: Iterable[Placements]) -> Placements:
-    """One after the other."""
-    some = list(parts)
-    return Placements(*(np.concatenate([getattr(p, name) for p in some]) for name in ("t", "quat_xyzw", "position")))
+def definitions(bag: Bag, msgtype: str) -> Fields:
+    """The definition of a type and of all types in it: the bag's own, else that of ROS.
+
+    Raises:
+        FileFormatError: there is none, or it cannot be understood.
+    """
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import TypesysError
+
+    defined = [c.msgdef for c in bag.connections if c.msgtype == msgtype and c.msgdef.data.strip()]
+    if not defined:
+        of_ros: Fields = typestore(bag.ros1).fielddefs
+        if msgtype not in of_ros:
+            raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
+        return of_ros
+    try:
+        return types_defined(msgtype, defined[0].data, defined[0].format == MessageDefinitionFormat.IDL, bag.ros1)
+    except TypesysError as error:
+        reason = " ".join(str(error).split())
+        raise FileFormatError(
+            f"{bag.path}: the definition of {written(msgtype)} cannot be understood ({reason}), expected that of ROS"
+        ) from None
 
 
 def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
@@ -68,16 +85,8 @@ def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[
         for rows, layout in alike(logged.raw, layout_of):
             yield rows, layout, logged.raw[rows]
     except InputError as error:
-        row = next(k for k in range(len(logged)) if not _is_one(logged.raw.message(k), topic.type, bag))
-        raise FileFormatError(f"{place(bag, topic, float(seconds(logged.stamp[row])))}: {error}") from None
-
-
-def _is_one(message: bytes, msgtype: str, bag: Bag) -> bool:
-    try:
-        layout_of_message(message, msgtype, definitions(bag, msgtype), not bag.ros1)
-    except InputError:
-        return False
-    return True
+        t = float(seconds(logged.stamp[error.row or 0]))
+        raise FileFormatError(f"{place(bag, topic, t)}: {error}") from None
 
 
 def place(bag: Bag, topic: Topic, t: float) -> str:
@@ -88,10 +97,10 @@ def place(bag: Bag, topic: Topic, t: float) -> str:
 def stamps(logged: Logged, rows: NDArray[np.intp], layout: MessageLayout, raw: Raw, header: str = "header") -> Array:
     """The times (k,) s of messages of one layout: of the header, else of the bag."""
     of_bag = seconds(logged.stamp[rows])
-    path = f"{header}.stamp"
-    if f"{path}.sec" not in layout.numbers:
+    if f"{header}.{STAMP[0]}" not in layout.numbers:
         return of_bag
-    of_header: Array = (raw.values(layout, f"{path}.sec") + 1e-9 * raw.values(layout, f"{path}.nanosec"))[:, 0]
+    sec, ns = (raw.values(layout, f"{header}.{part}")[:, 0] for part in STAMP)
+    of_header: Array = sec + 1e-9 * ns
     t: Array = np.where(of_header == 0.0, of_bag, of_header)
     return t
 
@@ -101,13 +110,11 @@ def header_stamps(logged: Logged, cdr: bool) -> Array:
     behind the header's number, in CDR behind the bytes that state the order.
     """
     t = seconds(logged.stamp)
-    for big_endian in (False, True):
-        rows = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
-        first_bytes = logged.raw[rows].bytes_at(0, 2)
-        rows = rows[(first_bytes[:, 1] == 0) == big_endian if cdr else np.full(len(rows), not big_endian)]
-        if len(rows):
-            sec, ns = logged.raw[rows].bytes_at(4, 8).view(">u4" if big_endian else "<u4").T.astype(np.float64)
-            t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
+    whole = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
+    is_big_endian = logged.raw[whole].bytes_at(0, 2)[:, 1] == 0 if cdr else np.zeros(len(whole), dtype=bool)
+    for rows, kind in ((whole[~is_big_endian], "<u4"), (whole[is_big_endian], ">u4")):
+        sec, ns = logged.raw[rows].bytes_at(4, 8).view(kind).T.astype(np.float64)
+        t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
     return t
 
 
@@ -150,18 +157,18 @@ def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[str]
 
 def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], Placements]:
     """The transforms of a topic: the placement of each child in its parent, by (parent, child), in their order."""
-    found: dict[tuple[str, str], list[tuple[NDArray[np.intp], Placements]]] = {}
+    parts: dict[tuple[str, str], list[tuple[NDArray[np.intp], Placements]]] = {}
     for rows, layout, raw in by_layout(bag, topic, logged):
         for at in _transforms_in(layout):
-            edge = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
+            link = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
             t = stamps(logged, rows, layout, raw, f"{at}header")
             quat = raw.columns(layout, [f"{at}transform.rotation.{part}" for part in XYZW])
             position = raw.columns(layout, [f"{at}transform.translation.{part}" for part in XYZ])
-            found.setdefault(edge, []).append((rows, Placements(t, quat, position)))
+            parts.setdefault(link, []).append((rows, Placements(t, quat, position)))
     in_order = {}
-    for edge, parts in found.items():
-        together = joined_placements(part for _, part in parts)
-        in_order[edge] = together[np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")]
+    for link, some in parts.items():
+        order = np.argsort(np.concatenate([rows for rows, _ in some]), kind="stable")
+        in_order[link] = Placements.concatenate([placements for _, placements in some]).select(order)
     return in_order
 
 
@@ -189,9 +196,8 @@ def rotations(bag: Bag, what: str, placements: Placements) -> Array:
         return from_quat_xyzw(placements.quat_xyzw)
     except InputError as error:
         row = error.row or 0
-        found = str(error).removeprefix(f"orientation {row} is ")
-        raise FileFormatError(f"{bag.path}: {what}, at {placements.t[row] - bag.start:.3f} s: found {found}") from None
+        fault = str(error).removeprefix(f"orientation {row} is ")
+        raise FileFormatError(f"{bag.path}: {what}, at {placements.t[row] - bag.start:.3f} s: found {fault}") from None
 
 
 NO_PLACEMENTS = Placements(np.empty(0), np.empty((0, 4)), np.empty((0, 3)))
-NO_MESSAGES = Logged(np.empty(0, np.int64), joined([]))

@@ -5,11 +5,10 @@ rosbags raises whatever a damaged file makes it stumble over; here each becomes 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
 from ...geometry.arrays import Array
+from .chunks import Logged, Ros1Index, Source, Topic, mcap_source, rosbags_source
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
@@ -24,38 +24,31 @@ METADATA = "metadata.yaml"
 
 KINDS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "ROS 2 sqlite3 bag", "": "ROS 2 bag folder"}
 
-Fields: TypeAlias = "dict[str, tuple[list[Any], list[tuple[str, Any]]]]"
-"""rosbags' message definitions: constants and fields by the type's name."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic and its type, as rosbags writes it (`geometry_msgs/msg/Wrench`)."""
-
-    name: str
-    type: str
-
-    def __str__(self) -> str:
-        return f"{self.name} ({written(self.type)})"
+Messages: TypeAlias = dict[Topic, Logged]
 
 
 @dataclass(frozen=True, eq=False)
 class Bag:
-    """An open bag: rosbags' `reader`, whether it is of ROS 1, and how many messages each topic has."""
+    """An open bag: its connections, one a publisher, as rosbags names their parts; the files of its messages; when the
+    first was recorded, and how long all of them took, s; and how it is compressed, in the words of `new_bag`.
+    """
 
     path: Path
-    reader: Any
     ros1: bool
-    counts: dict[Topic, int]
+    connections: tuple[Any, ...]
+    sources: tuple[Source, ...]
+    start: float
+    duration: float
+    compression: str
 
     @property
-    def start(self) -> float:
-        """The bag's own first stamp, s; 0 for a bag without messages."""
-        return float(seconds(np.int64(self.reader.start_time))) if sum(self.counts.values()) else 0.0
-
-    def connections(self, topics: tuple[Topic, ...]) -> list[Any]:
-        """The connections of the topics, one a publisher."""
-        return [c for c in self.reader.connections if Topic(c.topic, c.msgtype) in topics]
+    def counts(self) -> dict[Topic, int]:
+        """How many messages each topic has, by name."""
+        counts: dict[Topic, int] = {}
+        for c in sorted(self.connections, key=lambda connection: str(connection.topic)):
+            topic = Topic(c.topic, c.msgtype)
+            counts[topic] = counts.get(topic, 0) + c.msgcount
+        return counts
 
 
 def seconds(ns: NDArray[np.int64] | np.int64) -> Array:
@@ -71,11 +64,6 @@ def is_bag(path: str | Path) -> bool:
     if path.is_dir():
         return any(file.name == METADATA or file.suffix in SUFFIXES_OF_BAGS for file in path.iterdir())
     return path.suffix.lower() in SUFFIXES_OF_BAGS
-
-
-def written(msgtype: str) -> str:
-    """A type as people write it: `geometry_msgs/Wrench`."""
-    return msgtype.replace("/msg/", "/")
 
 
 def kind_of(path: str | Path) -> str:
@@ -99,88 +87,66 @@ def kind_of(path: str | Path) -> str:
 
 @contextmanager
 def opened_bag(path: str | Path) -> Iterator[Bag]:
-    """An open bag, closed at the end. Raises `FileAccessError`, `MissingExtraError` without rosbags, and
-    `FileFormatError` for what is no bag, or is one that is cut off or damaged, also while it is read.
+    """An open bag, closed at the end.
+
+    Args:
+        path: a `.bag`, `.mcap` or `.db3`, or a ROS 2 folder.
+
+    Raises:
+        FileAccessError: no such file, or it may not be read.
+        MissingExtraError: rosbags or mcap is not installed.
+        FileFormatError: what is no bag, or is one that is cut off or damaged.
     """
     path = Path(path)
     kind = kind_of(path)
     require_rosbags()
     _require_closed(path)
-    from rosbags.rosbag2 import Reader
-
-    with one_line_errors(path):
-        reader = _reader_of_ros1(path) if kind == ".bag" else Reader(path)
-        reader.open()
-    try:
+    with ExitStack() as files:
         with one_line_errors(path):
-            bag = Bag(path, reader, kind == ".bag", _counts(reader, kind == ".bag"))
-        if not bag.counts and reader.message_count:
-            raise FileFormatError(
-                f"{path}: found messages and no topics in its index, expected both: mend it with `mcap recover`"
-            )
+            bag = _of_ros1(path, files) if kind == ".bag" else _of_ros2(path, files)
         yield bag
-    finally:
-        reader.close()
 
 
 def require_rosbags() -> None:
-    """Raise `MissingExtraError` without rosbags."""
+    """Raise `MissingExtraError` without rosbags and mcap."""
     try:
+        import mcap  # noqa: F401
         import rosbags.rosbag2  # noqa: F401
-    except ImportError:
+    except ImportError as error:
+        missing = "mcap" if error.name == "mcap" else "rosbags"
         raise MissingExtraError(
-            "a ROS bag needs rosbags, which is not installed: pip install 'contactwrench[bags]'"
+            f"a ROS bag needs {missing}, which is not installed: pip install 'contactwrench[bags]'"
         ) from None
 
 
-def definitions(bag: Bag, msgtype: str) -> Fields:
-    """The definition of a type and of all types in it: the bag's own, else that of ROS. Raises `FileFormatError`."""
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import TypesysError
+def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
+    """The messages of topics, some at a time: none is earlier, by the bag's own stamps, than those yielded before.
 
-    defined = [c.msgdef for c in bag.reader.connections if c.msgtype == msgtype and c.msgdef.data.strip()]
-    if not defined:
-        known = types_of_ros(bag.ros1)
-        if msgtype not in known:
-            raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
-        return known
-    try:
-        return _defined(msgtype, defined[0].data, defined[0].format == MessageDefinitionFormat.IDL, bag.ros1)
-    except TypesysError as error:
-        reason = " ".join(str(error).split())
-        raise FileFormatError(
-            f"{bag.path}: the definition of {written(msgtype)} cannot be understood ({reason}), expected that of ROS"
-        ) from None
+    Raises:
+        FileFormatError: the file is cut off or damaged.
+    """
+    wanted = set(topics)
+    for source in bag.sources:
+        chosen = {number: topic for number, topic in source.topics.items() if topic in wanted}
+        for logged in logged_in(bag, source, chosen):
+            by_topic = {}
+            for topic in dict.fromkeys(chosen.values()):
+                rows = np.isin(logged.log["connection"], [number for number in chosen if chosen[number] == topic])
+                if rows.any():
+                    by_topic[topic] = logged[np.flatnonzero(rows)]
+            yield by_topic
 
 
-@lru_cache(64)
-def _defined(msgtype: str, text: str, idl: bool, ros1: bool) -> Fields:
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
-
-    types = dict(types_of_ros(ros1))
-    if not idl:
-        types.update(get_types_from_msg(text, msgtype))
-        return types
-    for part in text.split("=" * 80 + "\n"):
-        types.update(get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part))
-    return types
+def logged_in(bag: Bag, source: Source, numbers: Collection[int]) -> Iterator[Logged]:
+    """What some connections of one of the bag's files recorded. Raises as `messages`."""
+    with one_line_errors(bag.path):
+        yield from source.logged(set(numbers))
 
 
-@cache
-def types_of_ros(ros1: bool) -> Fields:
-    """The message types that come with ROS."""
-    return dict(typestore(ros1).fielddefs)
-
-
-@cache
-def typestore(ros1: bool) -> Any:
-    """A store by rosbags of the message types that come with ROS; to those of ROS 1, the transforms are added."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-    if ros1:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
-    return store
+def part_read(bag: Bag, parts: Messages) -> float:
+    """The part of the bag's duration, 0 to 1, at the last of these messages."""
+    last = max((int(logged.stamp[-1]) for logged in parts.values()), default=0)
+    return float(np.clip((1e-9 * last - bag.start) / max(bag.duration, 1e-9), 0.0, 1.0))
 
 
 @contextmanager
@@ -213,23 +179,42 @@ def _require_closed(path: Path) -> None:
             )
 
 
-def _reader_of_ros1(path: Path) -> Any:
-    """A reader by rosbags of ROS 1 bags without the index of each message."""
-    from rosbags.rosbag1 import Reader
-
-    class WithoutIndex(Reader):
-        def read_index_data(self, pos: int, indexes: Any) -> None:
-            """A chunk's messages are found in the chunk."""
-
-    return WithoutIndex(path)
+def _of_ros1(path: Path, files: ExitStack) -> Bag:
+    index = Ros1Index(path, files.enter_context(path.open("rb")))
+    start = min((chunk.start for chunk in index.chunks), default=0)
+    duration = max((chunk.end + 1 for chunk in index.chunks), default=0) - start
+    sources = (index.source(),)
+    return Bag(path, True, tuple(index.connections), sources, _s(start), 1e-9 * duration, index.compression())
 
 
-def _counts(reader: Any, ros1: bool) -> dict[Topic, int]:
-    counts: dict[Topic, int] = {}
-    for connection in reader.connections:
-        topic = Topic(connection.topic, connection.msgtype)
-        count = connection.msgcount
-        if ros1:
-            count = sum(info.connection_counts.get(connection.id, 0) for info in reader.chunk_infos)
-        counts[topic] = counts.get(topic, 0) + count
-    return dict(sorted(counts.items(), key=lambda item: item[0].name))
+def _of_ros2(path: Path, files: ExitStack) -> Bag:
+    from rosbags.rosbag2 import Reader
+
+    reader = files.enter_context(Reader(path))
+    connections = tuple(reader.connections)
+    if not connections and reader.message_count:
+        raise FileFormatError(
+            f"{path}: found messages and no topics in its index, expected both: mend it with `mcap recover`"
+        )
+    plain = [] if reader.compression_mode else mcap_files(path)
+    mcaps = [mcap_source(files.enter_context(file.open("rb"))) for file in plain]
+    sources = tuple(source for source in mcaps if source is not None)
+    if not mcaps or len(sources) < len(mcaps):
+        sources = (rosbags_source(reader),)
+    start, duration = (reader.start_time, reader.duration) if reader.message_count else (0, 0)
+    return Bag(path, False, connections, sources, _s(start), 1e-9 * duration, reader.compression_mode or "")
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """The MCAP files of a recording of ROS 2, in their order."""
+    if path.is_file():
+        return [path] if path.suffix == ".mcap" else []
+    from ruamel.yaml import YAML
+
+    said = YAML(typ="safe").load((path / METADATA).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+    files = said["relative_file_paths"] if said["storage_identifier"] == "mcap" else []
+    return [path / PurePath(file).name for file in files]
+
+
+def _s(ns: int) -> float:
+    return float(seconds(np.int64(ns)))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from ...assess.robot_arms import Arm
 from ...errors import FileFormatError, InputError
+from .chunks import Topic
+from .message_layout import written
 from .messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES
-from .open import Bag, Topic, written
+from .open import Bag
 from .transforms import STATIC, shortened, tree
 
 WRENCH_FLAG, POSE_FLAG, FRAMES_FLAG, ROBOT_FLAG = "--wrench-topic", "--pose-topic", "--frames", "--robot"

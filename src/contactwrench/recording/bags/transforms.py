@@ -10,17 +10,17 @@ carried on past the last stamp.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from ...errors import FileFormatError
-from ...geometry.arrays import Array
-from .chunks import messages
-from .messages import NO_PLACEMENTS, Placements, joined_placements, rotations, transforms
-from .open import Bag, Topic
+from ...geometry.arrays import Array, Rows, column
+from .chunks import Topic
+from .messages import NO_PLACEMENTS, Placements, rotations, transforms
+from .open import Bag, Messages, messages
 
 STATIC = "tf_static"
 FORGOTTEN = 10.0
@@ -41,49 +41,39 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The way from `base` to `flange`: links, each with whether it is gone from child to parent. `moving` are those
-    that are heard again and again, `held` the placements of the others.
+    """From base to flange: links, each with whether it is passed from child to parent. `moving` are those that come
+    again and again, `held` the placements of the others.
     """
 
-    base: str
-    flange: str
-    way: tuple[tuple[Link, bool], ...]
+    path: tuple[tuple[Link, bool], ...]
     moving: tuple[Link, ...]
     held: dict[Link, Placements]
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
-    """Transforms of the links that move which are not used up, and the time of the last pose."""
-
-    placements: dict[Link, Placements]
-    until: float = -np.inf
-
-
-@dataclass(frozen=True, eq=False)
-class Poses:
+class Poses(Rows):
     """Of a flange in its base, at `t` (n,) s: `R_base_flange` (n, 3, 3) and `position` (n, 3) m, None: not known."""
 
-    t: Array
-    R_base_flange: Array
-    position: Array | None
+    t: Array = field(metadata=column())
+    R_base_flange: Array = field(metadata=column(3, 3))
+    position: Array | None = field(metadata=column(3))
 
 
 def tree(bag: Bag, topics: Iterable[Topic]) -> dict[Link, Edge]:
     """Every transform of the topics, from one pass through the bag."""
     edges: dict[Link, Edge] = {}
-    for found in messages(bag, topics):
-        for topic, logged in found.items():
+    for part in messages(bag, topics):
+        for topic, logged in part.items():
             note(edges, transforms(bag, topic, logged))
     return edges
 
 
-def note(edges: dict[Link, Edge], found: dict[Link, Placements]) -> None:
-    """Add what was found to what is known of each transform."""
-    for link, part in found.items():
-        edge = edges.get(link) or Edge(0, False, part[:1])
-        changed = (part.quat_xyzw != edge.first.quat_xyzw).any() or (part.position != edge.first.position).any()
-        edges[link] = Edge(edge.count + len(part.t), edge.moves or bool(changed), edge.first)
+def note(edges: dict[Link, Edge], news: dict[Link, Placements]) -> None:
+    """Add what was heard to what is known of each transform."""
+    for link, heard in news.items():
+        edge = edges.get(link) or Edge(0, False, heard.select(slice(1)))
+        changed = (heard.quat_xyzw != edge.first.quat_xyzw).any() or (heard.position != edge.first.position).any()
+        edges[link] = Edge(edge.count + len(heard), edge.moves or bool(changed), edge.first)
 
 
 def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
@@ -108,11 +98,11 @@ def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
         )
     up = above_base[: above_base.index(common) + 1]
     down = above_flange[: above_flange.index(common) + 1][::-1]
-    way = (
+    path = (
         *(((parent, child), True) for child, parent in pairwise(up)),
         *(((parent, child), False) for parent, child in pairwise(down)),
     )
-    links = [link for link, _ in way]
+    links = [link for link, _ in path]
     moving = tuple(link for link in links if edges[link].moves)
     moving = moving or tuple(link for link in links if edges[link].count > 1)  # an arm that stands still
     if not moving:
@@ -120,40 +110,55 @@ def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
             f"{bag.path}: found static transforms only from {base} to {flange}, expected some that the arm moves: name "
             "its base and its flange"
         )
-    return Chain(base, flange, way, moving, {link: edges[link].first for link in links if link not in moving})
+    return Chain(path, moving, {link: edges[link].first for link in links if link not in moving})
 
 
-def hear(heard: Heard, found: dict[Link, Placements], moving: Iterable[Link]) -> Heard:
-    """`heard` and what was found of the links that move."""
-    placements = {
-        link: joined_placements([heard.placements.get(link, NO_PLACEMENTS), found.get(link, NO_PLACEMENTS)])
-        for link in moving
-    }
-    return Heard(placements, heard.until)
+class ChainPoses:
+    """The poses of a chain as a recording goes on. It holds the transforms that later poses need, and the time of the
+    last pose.
+    """
 
+    def __init__(self, bag: Bag, topics: Sequence[Topic], base: str, flange: str) -> None:
+        self.bag, self.topics, self.until = bag, topics, -np.inf
+        self.chain = chain(bag, tree(bag, topics), base, flange)
+        self.heard = dict.fromkeys(self.chain.moving, NO_PLACEMENTS)
 
-def composed(bag: Bag, chain: Chain, heard: Heard) -> tuple[Poses, Heard]:
-    """The poses of flange in base as far as all links that move are heard, and what later ones need of `heard`."""
-    heard = Heard({link: _forwards(bag, link, one) for link, one in heard.placements.items()}, heard.until)
-    t = _times([heard.placements[link].t for link in chain.moving], heard.until)
-    R, position = np.broadcast_to(np.eye(3), (len(t), 3, 3)), np.zeros((len(t), 3))
-    if not len(t):
-        return Poses(t, R, position), heard
-    for link, upwards in chain.way:
-        what = f"transform {link[0]} -> {link[1]}"
-        if link in chain.held:
-            R_link, position_link = rotations(bag, what, chain.held[link]), chain.held[link].position
-        else:
-            R_link, position_link = _between(bag, what, heard.placements[link], t)
-        if upwards:
-            R_link = R_link.transpose(0, 2, 1)
-            position_link = -_turned(R_link, position_link)
-        R, position = R @ R_link, position + _turned(R, position_link)
-    until = float(t[-1])
-    rest = {}
-    for link, one in heard.placements.items():
-        rest[link] = one[int(np.searchsorted(one.t, until, side="right")) - 1 :]
-    return Poses(t, R, position), Heard(rest, until)
+    def read(self, part: Messages) -> Poses:
+        """The poses of flange in base as far as all links that move are heard by the end of this part."""
+        for topic in self.topics:
+            news = transforms(self.bag, topic, part[topic]) if topic in part else {}
+            for link in self.heard.keys() & news.keys():
+                self.heard[link] = Placements.concatenate([self.heard[link], news[link]])
+        self.heard = {link: _forwards(self.bag, link, placements) for link, placements in self.heard.items()}
+        t = _times([placements.t for placements in self.heard.values()], self.until)
+        R, position = np.broadcast_to(np.eye(3), (len(t), 3, 3)), np.zeros((len(t), 3))
+        if not len(t):
+            return Poses(t, R, position)
+        for link, upwards in self.chain.path:
+            R_link, position_link = self._placed(link, t)
+            if upwards:
+                R_link = R_link.transpose(0, 2, 1)
+                position_link = -_rotated(R_link, position_link)
+            R, position = R @ R_link, position + _rotated(R, position_link)
+        self.until = float(t[-1])
+        for link, heard in self.heard.items():
+            self.heard[link] = heard.select(slice(int(np.searchsorted(heard.t, self.until, side="right")) - 1, None))
+        return Poses(t, R, position)
+
+    def _placed(self, link: Link, t: Array) -> tuple[Array, Array]:
+        """Rotations and positions of a link at times within those at which it was heard."""
+        placements = self.chain.held[link] if link in self.chain.held else self.heard[link]
+        R = rotations(self.bag, f"transform {link[0]} -> {link[1]}", placements)
+        if link in self.chain.held:
+            return R, placements.position
+        rows = np.minimum(np.searchsorted(placements.t, t), len(R) - 1)
+        if np.array_equal(placements.t[rows], t):
+            return R[rows], placements.position[rows]
+        from scipy.spatial.transform import Rotation, Slerp
+
+        position = np.stack([np.interp(t, placements.t, column) for column in placements.position.T], axis=1)
+        between: Array = Slerp(placements.t, Rotation.from_matrix(R))(t).as_matrix()
+        return between, position
 
 
 def shortened(names: Iterable[str]) -> str:
@@ -164,19 +169,19 @@ def shortened(names: Iterable[str]) -> str:
 
 def _ancestors(bag: Bag, edges: dict[Link, Edge], frame: str) -> list[str]:
     """The frame, its parent, and so on to the root."""
-    found = [frame]
-    while parents := sorted({parent for parent, child in edges if child == found[-1]}):
+    line = [frame]
+    while parents := sorted({parent for parent, child in edges if child == line[-1]}):
         if len(parents) > 1:
             raise FileFormatError(
-                f"{bag.path}: found frame {found[-1]} under {' and under '.join(parents)}, expected one parent: record "
+                f"{bag.path}: found frame {line[-1]} under {' and under '.join(parents)}, expected one parent: record "
                 "one robot's transforms"
             )
-        if parents[0] in found:
+        if parents[0] in line:
             raise FileFormatError(
-                f"{bag.path}: found frames that go round in a circle ({', '.join(found)}), expected a tree"
+                f"{bag.path}: found frames that go round in a circle ({', '.join(line)}), expected a tree"
             )
-        found.append(parents[0])
-    return found
+        line.append(parents[0])
+    return line
 
 
 def _under(frame: str, above: list[str]) -> str:
@@ -196,7 +201,7 @@ def _forwards(bag: Bag, link: Link, placements: Placements) -> Placements:
             f"{bag.path}: transform {link[0]} -> {link[1]}, at {t[row] - bag.start:.3f} s: found a stamp "
             f"{back[row]:.3f} s before an earlier one, expected stamps that go forwards: cut the recording there"
         )
-    return placements[np.r_[True, t[1:] > latest[:-1]]]
+    return placements.select(np.r_[True, t[1:] > latest[:-1]])
 
 
 def _times(stamps: list[Array], after: float) -> Array:
@@ -215,20 +220,7 @@ def _times(stamps: list[Array], after: float) -> Array:
         times.append(after)
 
 
-def _between(bag: Bag, what: str, placements: Placements, t: Array) -> tuple[Array, Array]:
-    """Rotations and positions at times within those of the placements."""
-    R = rotations(bag, what, placements)
-    rows = np.minimum(np.searchsorted(placements.t, t), len(R) - 1)
-    if np.array_equal(placements.t[rows], t):
-        return R[rows], placements.position[rows]
-    from scipy.spatial.transform import Rotation, Slerp
-
-    position = np.stack([np.interp(t, placements.t, column) for column in placements.position.T], axis=1)
-    between: Array = Slerp(placements.t, Rotation.from_matrix(R))(t).as_matrix()
-    return between, position
-
-
-def _turned(R: Array, vectors: Array) -> Array:
-    """The vectors (n, 3), each turned by its rotation (n, 3, 3); one of either counts for all."""
-    turned: Array = (R @ vectors[..., None])[..., 0]
-    return turned
+def _rotated(R: Array, vectors: Array) -> Array:
+    """The vectors (n, 3), each rotated (n, 3, 3); one of either counts for all."""
+    rotated: Array = (R @ vectors[..., None])[..., 0]
+    return rotated

@@ -10,8 +10,8 @@ import sqlite3
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
+from struct import pack
 from typing import Any, Final
 
 import numpy as np
@@ -19,19 +19,13 @@ from numpy.typing import NDArray
 
 from ...errors import FileAccessError, FileFormatError
 from ...geometry.arrays import Array
-from ...samples.streams import Streams
-from .message_layout import MessageLayout, layout_of_message
-from .messages import FORCE_TORQUE, POSES, XYZ, XYZW
-from .open import SUFFIXES_OF_BAGS, require_rosbags, typestore
+from ...samples.samples import Streams
+from .message_layout import typestore
+from .open import SUFFIXES_OF_BAGS, require_rosbags
 
 WRENCH_STAMPED, POSE_STAMPED = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
-NUMBERS = {
-    WRENCH_STAMPED: tuple(f"wrench.{path}" for path in FORCE_TORQUE),
-    POSE_STAMPED: tuple(
-        f"{place}.{part}" for place, parts in zip(POSES[POSE_STAMPED], (XYZW, XYZ), strict=True) for part in parts
-    ),
-}
-STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+CDR = b"\0\1\0\0"
+"""Before a message in CDR: its numbers are little endian."""
 METADATA_VERSION: Final = 8
 """Of a ROS 2 folder: 9 writes the quality of service in another way, which older ROS 2 does not read."""
 
@@ -40,8 +34,16 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
     """Write streams as a new bag of the kind that the suffix says, `.bag`, `.mcap` or `.db3`; none: a ROS 2 folder.
 
     `/wrench` is `geometry_msgs/WrenchStamped` in the frame `sensor`, `/pose` `geometry_msgs/PoseStamped` of the flange
-    in the frame `base`, at 0 0 0 where its position is not known; stamps are those of the streams, to the ns. Raises
-    `FileAccessError`, `FileFormatError` for another suffix, and `MissingExtraError` without rosbags.
+    in the frame `base`, at 0 0 0 where its position is not known; stamps are those of the streams, to the ns.
+
+    Args:
+        path: the bag; a file that is there is replaced.
+        streams: wrenches, N and N m, and orientations.
+
+    Raises:
+        FileAccessError: it cannot be written.
+        FileFormatError: the suffix is another.
+        MissingExtraError: rosbags or mcap is not installed.
     """
     path = Path(path)
     if path.suffix not in (*SUFFIXES_OF_BAGS, ""):
@@ -55,8 +57,8 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
     quaternions = Rotation.from_matrix(orientation.R_base_flange).as_quat() if len(orientation) else np.empty((0, 4))
     stamps = [_nanoseconds(wrench.t), _nanoseconds(orientation.t)]
     payloads = [
-        stamped(WRENCH_STAMPED, ros1, "sensor", stamps[0], wrench.wrench),
-        stamped(POSE_STAMPED, ros1, "base", stamps[1], np.hstack([quaternions, position])),
+        stamped(ros1, "sensor", stamps[0], wrench.wrench),
+        stamped(ros1, "base", stamps[1], np.hstack([position, quaternions])),
     ]
     with new_bag(path, path.suffix, mcap=path.suffix == ".mcap") as writer:
         connections = [
@@ -76,15 +78,23 @@ def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iter
     `kind`: `.bag`, `.mcap` or `.db3`, a file, or nothing, a folder; `mcap`: what a folder holds, else sqlite3;
     `compression`: bz2 or lz4 of a `.bag`, storage, message or file of ROS 2. Raises `FileAccessError`.
     """
+    from rosbags import rosbag1, rosbag2
+
     with new_place(path) as made:
-        if kind in (".bag", ""):
-            with _writer(made, kind, mcap, compression) as writer:
-                yield writer
-            return
-        folder = made.with_name("folder")  # in which rosbags puts the one file
-        with _writer(folder, kind, mcap, compression) as writer:
+        target = made.with_name("folder") if kind in (".mcap", ".db3") else made  # in which rosbags puts the one file
+        if kind == ".bag":
+            writer: Any = rosbag1.Writer(target)
+            if compression:
+                writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
+        else:
+            plugin = rosbag2.StoragePlugin.MCAP if mcap else rosbag2.StoragePlugin.SQLITE3
+            writer = rosbag2.Writer(target, version=METADATA_VERSION, storage_plugin=plugin)
+            if compression:
+                writer.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
+        with writer:
             yield writer
-        (folder / f"{folder.name}{kind}").replace(made)
+        if target != made:
+            (target / f"{target.name}{kind}").replace(made)
 
 
 @contextmanager
@@ -114,51 +124,24 @@ def new_place(path: Path) -> Iterator[Path]:
         ) from None
 
 
-def _writer(path: Path, kind: str, mcap: bool, compression: str) -> Any:
-    from rosbags import rosbag1, rosbag2
+def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:
+    """Messages of a header and numbers, float64, behind it.
 
-    if kind == ".bag":
-        writer1 = rosbag1.Writer(path)
-        if compression:
-            writer1.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
-        return writer1
-    plugin = rosbag2.StoragePlugin.MCAP if mcap else rosbag2.StoragePlugin.SQLITE3
-    writer2 = rosbag2.Writer(path, version=METADATA_VERSION, storage_plugin=plugin)
-    if compression:
-        writer2.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
-    return writer2
-
-
-def stamped(msgtype: str, ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:
-    """Messages of a type of `NUMBERS` with a header: `stamp` (n,) ns, and its numbers (n, k)."""
-    template, layout = _template(msgtype, ros1, frame)
-    size = len(template)
-    block = np.tile(np.frombuffer(template, np.uint8), (len(stamp), 1))
-    columns = dict(zip((*STAMP, *NUMBERS[msgtype]), (*np.divmod(stamp, 10**9), *values.T), strict=True))
-    for path, column in columns.items():
-        offset, kind, _ = layout.numbers[path]
-        width = int(kind[-1])
-        block[:, offset : offset + width] = column.astype(kind)[:, None].view(np.uint8)
+    Args:
+        ros1: in ROS 1's way of writing; else in CDR, in which float64 stand at multiples of 8 (message_layout.py).
+        frame: of the header.
+        stamp: (n,) ns.
+        values: (n, k): of a `WrenchStamped` force and torque, of a `PoseStamped` position and quaternion xyzw.
+    """
+    text = frame.encode() + b"\0" * (not ros1)
+    head = (bytes(4) if ros1 else CDR) + bytes(8) + pack("<I", len(text)) + text
+    head += bytes(0 if ros1 else (len(CDR) - len(head)) % 8)
+    size = len(head) + 8 * values.shape[1]
+    block = np.tile(np.frombuffer(head.ljust(size, b"\0"), np.uint8), (len(stamp), 1))
+    block[:, 4:12] = np.stack(np.divmod(stamp, 10**9), axis=1).astype("<u4").view(np.uint8)
+    block[:, len(head) :] = np.ascontiguousarray(values, "<f8").view(np.uint8)
     flat = block.tobytes()
     return [flat[k : k + size] for k in range(0, len(flat), size)]
-
-
-@cache
-def _template(msgtype: str, ros1: bool, frame: str) -> tuple[bytes, MessageLayout]:
-    """A message of zeros, and where its numbers are."""
-    store = typestore(ros1)
-
-    def zero(name: str) -> Any:
-        values = {}
-        for field, (node, of) in store.fielddefs[name][1]:
-            text = node.name == "BASE" and of[0] == "string"
-            values[field] = zero(of) if node.name == "NAME" else frame if text else 0
-        return store.types[name](**values)
-
-    serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
-    options = {} if ros1 else {"little_endian": True}
-    template = bytes(serialize(zero(msgtype), msgtype, **options))
-    return template, layout_of_message(template, msgtype, store.fielddefs, not ros1)
 
 
 def _nanoseconds(t: Array) -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NoReturn, Protocol
+from typing import NoReturn, Protocol, TypeAlias
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from ...geometry.orientation import CONVENTIONS, RECOGNISED_BY_NAME, Convention,
 
 ROWS = 2**15
 """Rows that are read at once: some 10 MB."""
+
+Advance: TypeAlias = Callable[[float], None]
+"""Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
 FORCE = {"": 1.0, "n": 1.0}
 TORQUE = {"": 1.0, "nm": 1.0, "nmm": 1e3}
@@ -74,6 +77,13 @@ class OpenTable:
     source: str
     places: dict[str, int]
     bodies: Callable[[Collection[Column]], Iterator[Body]]
+
+    def told(self, columns: Collection[Column], advance: Advance | None) -> Iterator[Body]:
+        """The blocks; `advance` is told how far they got."""
+        for body in self.bodies(columns):
+            yield body
+            if advance is not None:
+                advance(body.done)
 
 
 @dataclass(frozen=True)

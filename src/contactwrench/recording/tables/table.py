@@ -16,7 +16,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention
 from ...samples.samples import LARGEST_READING
-from .columns import ROWS, Body, Column, ColumnRoles, OpenTable, roles_of
+from .columns import ROWS, Advance, Body, Column, ColumnRoles, OpenTable, roles_of
 from .csv import open_csv
 from .parquet import is_parquet, open_parquet
 
@@ -83,14 +83,20 @@ def open_table(path: str | Path, rows: int = ROWS) -> OpenTable:
 
 
 def tables(
-    path: str | Path, orientation: str | None = "auto", rows: int = ROWS, *, wrench: bool = True
-) -> Iterator[tuple[Table, float]]:
-    """A table block by block, each with the part of the file, 0 to 1, read by then (NaN: who knows).
+    path: str | Path,
+    orientation: str | None = "auto",
+    rows: int = ROWS,
+    advance: Advance | None = None,
+    *,
+    wrench: bool = True,
+) -> Iterator[Table]:
+    """A table block by block.
 
     Args:
         path: the file, or a folder of Parquet files.
         orientation: as in `Options`; None: of two files the one with the wrenches.
         rows: of a block, about.
+        advance: is told how far it is.
         wrench: False: of two files the one with the orientations.
 
     Raises:
@@ -99,7 +105,7 @@ def tables(
     """
     table = open_table(path, rows)
     roles = roles_of(table, orientation, wrench=wrench)
-    return ((_table(written_rows(body, roles)), body.done) for body in table.bodies(roles.columns))
+    return (_table(written_rows(body, roles)) for body in table.told(roles.columns, advance))
 
 
 def _table(written: WrittenRows) -> Table:

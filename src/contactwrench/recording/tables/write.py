@@ -132,34 +132,21 @@ def _parquet(batches: Iterable[dict[str, Any]]) -> Iterator[bytes]:
     pq = import_parquet()
     import pyarrow as pa
 
-    sink = _Sink()
-    writer = None
+    sink, writer = io.BytesIO(), None
     for columns in batches:
         table = pa.table(columns)
         if writer is None:
             writer = pq.ParquetWriter(sink, table.schema)
         writer.write_table(table)
-        yield sink.taken()
+        yield _taken(sink)
     if writer is not None:
         writer.close()
-        yield sink.taken()
+        yield _taken(sink)
 
 
-class _Sink(io.RawIOBase):
-    """Keeps what is written to it until it is taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._pieces: list[bytes] = []
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, piece: Any) -> int:
-        self._pieces.append(bytes(piece))
-        return len(piece)
-
-    def taken(self) -> bytes:
-        """What was written since the last time."""
-        pieces, self._pieces = self._pieces, []
-        return b"".join(pieces)
+def _taken(sink: io.BytesIO) -> bytes:
+    """What was written to it since the last time."""
+    piece = sink.getvalue()
+    sink.seek(0)
+    sink.truncate()
+    return piece
