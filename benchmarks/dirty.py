@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import contactwrench as cw
+from contactwrench.calibration.fields import Kind
 from tests.support.poses import POSE_SETS
 from tests.support.world import Array, derivatives, noisy_readings, random_rotations
 
@@ -35,8 +36,8 @@ CLEARLY_BAD = 8.0
 TRIALS = 400
 CLEAN_TRIALS = 2000
 
-FOUND = {"step": "the bias stepped", "drift": "the bias drifted", "walk": "the bias wandered"}
-"""What the warnings call a course of the bias."""
+FOUND = {Kind.BIAS_STEPPED: "step", Kind.BIAS_DRIFTED: "drift", Kind.BIAS_WANDERED: "walk"}
+"""What this page calls a finding of the bias."""
 
 
 def _of_length(size: float, rng: np.random.Generator, n: int) -> Array:
@@ -112,12 +113,11 @@ def _left_out(calibration: cw.Calibration) -> int:
 
 
 def _course_found(calibration: cw.Calibration) -> tuple[str, int | None]:
-    """The course of the bias that the warnings tell of, and how many poses lie before a step."""
-    for warning in calibration.warnings:
-        for kind, words in FOUND.items():
-            if words in warning:
-                before = re.search(r"between pose (\d+)", warning)
-                return kind, None if before is None else int(before[1])
+    """The course of the bias that the findings tell of, and how many poses lie before a step."""
+    for finding in calibration.findings:
+        if finding.kind in FOUND:
+            before = re.search(r"between pose (\d+)", finding.text)
+            return FOUND[finding.kind], None if before is None else int(before[1])
     return "steady", None
 
 

@@ -6,7 +6,6 @@ sets are not known better than that, so only the diagnosis has a target: the tru
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -47,8 +46,8 @@ def calibrated(name: str, samples: cw.Samples) -> Iterator[Row]:
     left_out = [k + 1 for k, pose in enumerate(calibration.poses) if pose.rejected is not None]
     which = f"of {len(calibration.poses)}" + (f": pose {', '.join(map(str, left_out))}" if left_out else "")
     yield Row("poses left out", float(len(left_out)), which)
-    starts = "; ".join(re.split("[(:;]", warning)[0].strip() for warning in calibration.warnings)
-    yield Row("warnings", float(len(calibration.warnings)), remark=starts)
+    kinds = "; ".join(finding.kind.replace("_", " ") for finding in calibration.findings)
+    yield Row("findings", float(len(calibration.findings)), remark=kinds)
 
 
 def read_wrongly(samples: cw.Samples) -> dict[str, File]:

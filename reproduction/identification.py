@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from contactwrench.estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
+from contactwrench.estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from contactwrench.geometry.arrays import Array
 
 from .charts import dots_by_group

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactwrench.geometry.arrays import Array
-from contactwrench.simulate.joint_torque import SHARE_OF_GAIN, SHARE_OF_OFFSET, sensor_jacobians
 from contactwrench.simulate.kinematics import flange_pose, paper_joints
 from contactwrench.simulate.rig import Rig, build
 from contactwrench.simulate.settings import JointTorque, Settings
@@ -42,6 +41,7 @@ from .joint_torque_routes import (
     smallest_singular_value,
     stretching,
 )
+from .joint_torque_sensors import SHARE_OF_GAIN, SHARE_OF_OFFSET, sensor_jacobians
 from .part import Measured, Part, Picture, Table, mean, root_mean_square, share
 from .weighing import GAIN as GAIN_OF_THE_PAPER
 

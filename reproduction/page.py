@@ -11,9 +11,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from contactwrench.calibration.text import meaningful_digits
 from contactwrench.files import make_folder, write_bytes, write_text
 from contactwrench.report.html import figure_html, page, paragraphs_html, table_html, typeset
+from contactwrench.statistics import meaningful_digits
 from contactwrench.version import __version__
 
 from .part import Measured, Part, Picture, Table

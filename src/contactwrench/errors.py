@@ -1,12 +1,6 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
 
-def two_digits(value: float) -> str:
-    """A number with two digits, or all before the point, never in powers of ten."""
-    rounded = float(f"{value:.2g}")
-    return f"{rounded:.0f}" if abs(rounded) >= 10.0 else f"{rounded:g}"
-
-
 class ContactWrenchError(Exception):
     """Base of every error that this package raises on purpose."""
 

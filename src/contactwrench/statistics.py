@@ -1,4 +1,4 @@
-"""Is a misfit what chance explains? Chi-square, or F where the noise itself was estimated."""
+"""Is a misfit what chance explains? Chi-square, or F where the noise itself was estimated. And numbers as text."""
 
 from __future__ import annotations
 
@@ -87,3 +87,25 @@ def percent(probability: float) -> str:
     if probability < 1e-4:
         return "under 0.01 %"
     return f"{100.0 * probability:.0f} %" if probability >= 0.1 else f"{100.0 * probability:.2g} %"
+
+
+def meaningful_digits(value: float, std: float) -> tuple[str, str]:
+    """Value and std with the digits that the std leaves meaningful: two of its own."""
+    if not std > 0.0:
+        return f"{value:.6g}", "0"
+    digits = min(max(0, 1 - int(np.floor(np.log10(std)))), 9)
+    return f"{value:.{digits}f}", f"{std:.{digits}f}"
+
+
+def two_digits(value: float) -> str:
+    """A number with two digits, or all before the point, never in powers of ten."""
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:.0f}" if abs(rounded) >= 10.0 else f"{rounded:g}"
+
+
+def three_digits(value: float) -> str:
+    """A number with three significant figures, never in powers of ten."""
+    if value == 0.0 or not np.isfinite(value):
+        return f"{value:g}"
+    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    return f"{value:.{min(digits, 6)}f}"

@@ -8,15 +8,8 @@ from hypothesis import given, settings
 from scipy.stats import chi2
 
 import contactwrench as cw
-from contactwrench.compensate.bias_tracking import (
-    HOUR,
-    TYPICAL_DRIFT,
-    CalibrationError,
-    calibrated,
-    predicted,
-    updated,
-    zeroed,
-)
+from contactwrench.compensate.bias_tracking import HOUR, TYPICAL_DRIFT, learn, predict, start, track
+from contactwrench.compensate.state import State
 from tests.support.rigs import NOISE, example, noisy, seeds
 from tests.support.world import Array, random_rotations
 
@@ -24,43 +17,69 @@ WALK = TYPICAL_DRIFT**2 / HOUR
 BETWEEN = (0.5 * NOISE) ** 2
 
 
-def _error(seed: int, model: str = "mount+base") -> tuple[cw.Calibration, CalibrationError, np.random.Generator]:
+def _tracking(
+    seed: int, model: str = "mount+base", between: Array = BETWEEN
+) -> tuple[cw.Calibration, State, np.random.Generator]:
+    """A calibration, and what follows the offset that it leaves from time 0 on."""
     rig, R, rng = example(seed)
     calibration = cw.calibrate(noisy(rig, R, rng), model, noise=NOISE)
-    return calibration, CalibrationError(calibration, BETWEEN), rng
+    return calibration, _begun(calibration, between), rng
+
+
+def _begun(calibration: cw.Calibration, between: Array = BETWEEN) -> State:
+    s = State()
+    track(s, calibration, between)
+    s.walk, s.offset_time = WALK.tolist(), 0.0
+    return s
+
+
+def _predicted(s: State, R: Array, t: float) -> Array:
+    """The covariance (6, 6) at another orientation and time."""
+    predict(s, R.ravel().tolist(), t)
+    return np.array(s.systematic)
+
+
+def _learn(s: State, R: Array, t: float, mean: Array, variance: Array) -> None:
+    learn(s, R.ravel().tolist(), t, mean.tolist(), variance.tolist())
+
+
+def _root(calibration: cw.Calibration, R: Array) -> Array:
+    """H (6, q) at an orientation, any one with `H H^T` the covariance and derivatives of one sign."""
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    H: Array = calibration.free_wrench_jacobian(R[None])[0] @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return H
 
 
 @pytest.mark.parametrize("model", ["yaw", "mount", "mount+base", "affine"])
 def test_before_anything_is_learned_the_covariance_is_the_calibrations(model: str) -> None:
-    calibration, error, rng = _error(1, model)
+    """Also where means that say nothing are learned on the way."""
+    calibration, s, rng = _tracking(1, model)
     R = random_rotations(5, rng)
-    offset = calibrated(error, R[0], 0.0)
     for k in range(5):
         expected = calibration.wrench_covariance(R[k]) + np.diag(BETWEEN)
-        moved = predicted(offset, error, WALK, R[k], 0.0)
-        assert np.abs(moved.covariance - expected).max() < 1e-9 * np.abs(expected).max()
-        offset = moved if k % 2 else offset
+        assert np.abs(_predicted(s, R[k], 0.0) - expected).max() < 1e-9 * np.abs(expected).max()
+        if k % 2:
+            _learn(s, R[k], 0.0, np.zeros(6), np.full(6, 1e12))
 
 
 @settings(deadline=None, max_examples=20)
 @given(seed=seeds)
 def test_there_and_back_nothing_is_lost(seed: int) -> None:
     """What was learned at an orientation counts there again, if nothing was learned elsewhere."""
-    calibration, _, rng = _error(seed)
+    _, s, rng = _tracking(seed, between=np.zeros(6))
     here, there = random_rotations(2, rng)
-    no_between = CalibrationError(calibration, np.zeros(6))
-    learned = updated(calibrated(no_between, here, 0.0), np.ones(6), NOISE**2 / 100)
-    back = predicted(predicted(learned, no_between, WALK, there, 0.0), no_between, WALK, here, 0.0)
-    assert np.abs(back.covariance - learned.covariance).max() < 1e-9 * NOISE[0] ** 2
-    away = predicted(learned, no_between, WALK, there, 0.0)
-    assert (np.diag(away.covariance) > np.diag(learned.covariance)).all()
+    _learn(s, here, 0.0, np.ones(6), NOISE**2 / 100)
+    learned = np.array(s.offset_covariance)
+    away, back = _predicted(s, there, 0.0), _predicted(s, here, 0.0)
+    assert np.abs(back - learned).max() < 1e-9 * NOISE[0] ** 2
+    assert (np.diag(away) > np.diag(learned)).all()
 
 
-def _life(error: CalibrationError, rng: np.random.Generator, H: list[Array], R: Array) -> tuple[Array, Array]:
+def _life(s: State, rng: np.random.Generator, H: list[Array], R: Array) -> tuple[Array, Array]:
     """A drawn truth, and a filter that follows it: errors (k, 6), covariances (k, 6, 6), along one life of the arm."""
     eta = rng.normal(size=H[0].shape[1])
     u, drift, variance = rng.normal(size=6) * np.sqrt(BETWEEN), np.zeros(6), NOISE**2 / 100.0
-    offset, t, errors, covariances = calibrated(error, R[0], 0.0), 0.0, [], []
+    t, errors, covariances = 0.0, [], []
     for k in range(len(R)):
         if k:
             apart = np.linalg.norm(R[k] - R[k - 1])
@@ -70,23 +89,22 @@ def _life(error: CalibrationError, rng: np.random.Generator, H: list[Array], R: 
         drift = drift + rng.normal(size=6) * np.sqrt(WALK * passed)
         t += passed
         truth = drift + H[k] @ eta + u
-        offset = predicted(offset, error, WALK, R[k], t)
-        errors.append(truth - offset.value)
-        covariances.append(offset.covariance)
+        covariances.append(_predicted(s, R[k], t))
+        errors.append(truth - s.offset)
         if k % 3 != 2:
             for _ in range(3):
-                offset = updated(offset, truth + rng.normal(size=6) * np.sqrt(variance), variance)
-        errors.append(truth - offset.value)
-        covariances.append(offset.covariance)
+                _learn(s, R[k], t, truth + rng.normal(size=6) * np.sqrt(variance), variance)
+        covariances.append(_predicted(s, R[k], t))
+        errors.append(truth - s.offset)
     return np.array(errors), np.array(covariances)
 
 
 def test_the_covariance_is_that_of_the_errors() -> None:
     """Normalised squared errors of 150 lives, at every step: 6 on average, and as chi-square has it in the tail."""
-    _, error, rng = _error(3)
+    calibration, _, rng = _tracking(3)
     R = random_rotations(6, rng)[[0, 0, 1, 2, 1, 3, 4, 5]]
-    H = [error.root(each) for each in R]
-    lives = [_life(error, rng, H, R) for _ in range(150)]
+    H = [_root(calibration, each) for each in R]
+    lives = [_life(_begun(calibration), rng, H, R) for _ in range(150)]
     errors = np.array([life[0] for life in lives])
     for step in range(errors.shape[1]):
         S = lives[0][1][step]
@@ -97,39 +115,41 @@ def test_the_covariance_is_that_of_the_errors() -> None:
 
 def test_what_was_learned_in_one_pose_is_not_known_in_another() -> None:
     """After a turn the error is as large as the filter says then, and not as it was where it learned."""
-    calibration, _, rng = _error(3)
-    error = CalibrationError(calibration, np.zeros(6))
+    calibration, _, rng = _tracking(3)
     here, there = random_rotations(2, rng)
+    H_here, H_there = _root(calibration, here), _root(calibration, there)
     honest, learned_there = [], []
     for _ in range(200):
-        eta = rng.normal(size=error.root(here).shape[1])
-        offset = calibrated(error, here, 0.0)
+        eta = rng.normal(size=H_here.shape[1])
+        s = _begun(calibration, np.zeros(6))
         for _ in range(10):
-            offset = updated(offset, error.root(here) @ eta + 0.1 * NOISE * rng.normal(size=6), 0.01 * NOISE**2)
-        left = error.root(there) @ eta - offset.value
-        honest.append(left @ np.linalg.solve(predicted(offset, error, WALK, there, 0.0).covariance, left))
-        learned_there.append(left @ np.linalg.solve(offset.covariance, left))
+            _learn(s, here, 0.0, H_here @ eta + 0.1 * NOISE * rng.normal(size=6), 0.01 * NOISE**2)
+        left = H_there @ eta - s.offset
+        honest.append(left @ np.linalg.solve(_predicted(s, there, 0.0), left))
+        learned_there.append(left @ np.linalg.solve(np.array(s.offset_covariance), left))
     assert np.mean(honest) == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / 200))
     assert np.mean(learned_there) > 30.0
 
 
+def _zeroed(s: State, mean: Array, variance: Array, R: Array, t: float) -> None:
+    start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros((6, 6)), R, t)
+
+
 def test_a_new_zero_counts_alone() -> None:
-    _, error, rng = _error(4)
+    calibration, s, rng = _tracking(4)
     R = random_rotations(2, rng)
-    offset = zeroed(error, np.full(6, 3.0), NOISE**2 / 100, R[0], 5.0)
-    assert offset.value == pytest.approx(np.full(6, 3.0))
-    assert np.diag(offset.covariance) == pytest.approx(NOISE**2 / 100)
-    elsewhere = predicted(offset, error, WALK, R[1], 5.0)
-    change = error.root(R[1]) - error.root(R[0])
+    _zeroed(s, np.full(6, 3.0), NOISE**2 / 100, R[0], 5.0)
+    assert s.offset == pytest.approx(np.full(6, 3.0))
+    assert np.diag(_predicted(s, R[0], 5.0)) == pytest.approx(NOISE**2 / 100)
+    change = _root(calibration, R[1]) - _root(calibration, R[0])
     kept = np.exp(-2.0 * np.arcsin(np.linalg.norm(R[1] - R[0]) / np.sqrt(8.0)) / 0.5)
     expected = NOISE**2 / 100 + np.diag(change @ change.T) + 2.0 * (1.0 - kept) * BETWEEN
-    assert np.diag(elsewhere.covariance) == pytest.approx(expected)
+    assert np.diag(_predicted(s, R[1], 5.0)) == pytest.approx(expected)
 
 
 def test_the_walk_adds_up_and_a_clock_that_goes_back_adds_nothing() -> None:
-    _, error, rng = _error(5)
+    _, s, rng = _tracking(5)
     R = random_rotations(1, rng)[0]
-    offset = zeroed(error, np.zeros(6), np.zeros(6), R, 100.0)
-    hour = predicted(offset, error, WALK, R, 100.0 + HOUR)
-    assert np.sqrt(np.diag(hour.covariance)) == pytest.approx(TYPICAL_DRIFT)
-    assert not predicted(offset, error, WALK, R, 0.0).covariance.any()
+    _zeroed(s, np.zeros(6), np.zeros(6), R, 100.0)
+    assert np.sqrt(np.diag(_predicted(s, R, 100.0 + HOUR))) == pytest.approx(TYPICAL_DRIFT)
+    assert not _predicted(s, R, 0.0).any()

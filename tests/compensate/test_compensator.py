@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
+import time
+from copy import deepcopy
 from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
@@ -22,7 +25,7 @@ from contactwrench.compensate.filters import LowPass
 from contactwrench.errors import InputError, MissingExtraError
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE, seeds
-from tests.support.world import Array, readings
+from tests.support.world import Array, random_rotations, readings
 
 EVERYTHING: dict[str, Any] = {
     "rate": RATE,
@@ -112,36 +115,80 @@ def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bo
         sample = single(wrench[k], quat_xyzw[k], t[k], heat[k])
         assert np.array_equal(sample.wrench, whole.wrench[k], equal_nan=True)
         assert np.array_equal(sample.std, whole.std[k], equal_nan=True)
-        assert (sample.t, sample.valid, sample.reason) == (whole.t[k], whole.valid[k], whole.reason[k])
+        assert (sample.t, sample.valid, sample.reason) == (t[k], whole.valid[k], whole.reason[k])
         assert sample.contact == {1: True, 0: False, -1: None}[int(whole.contact[k])]
 
 
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-def test_compiled_is_plain() -> None:
-    for seed in (1, 2):
-        calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
-        R = Rotation.from_quat(quat_xyzw).as_matrix()
-        plain, compiled = (cw.Compensator(calibration, fast=fast, **EVERYTHING) for fast in (False, True))
-        for orientation in (quat_xyzw, R):
-            one, other = (each.run(wrench, orientation, t, heat) for each in (plain, compiled))
-            for name in ("wrench", "std", "statistic"):
-                assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-9, abs=1e-9, nan_ok=True)
-            assert np.array_equal(one.contact, other.contact)
-            assert one.reason == other.reason
-            assert len(one.contacts) == len(other.contacts) >= 1
-            t = t + 10.0
-        single, batch = compiled(wrench[0], R[0], t[0] + 10.0), plain(wrench[0], R[0], t[0] + 10.0)
-        assert single.wrench == pytest.approx(batch.wrench)
-        assert single.contact is batch.contact is None
-        for k in range(1, 14):  # the delay is over
-            single, batch = compiled(wrench[k], R[k], t[k] + 10.0), plain(wrench[k], R[k], t[k] + 10.0)
-        assert single.contact is batch.contact is False
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("model", ["mount", "affine"])
+def test_compiled_is_plain_to_the_last_bit(seed: int, model: str) -> None:
+    """Batches of quaternions and matrices, with and without drift and filters, and samples one by one; a batch is the
+    calls.
+    """
+    calibration, wrench, quat_xyzw, t, heat = _eventful(seed)
+    if model == "affine":
+        _, rig, rng = calibrated(seed)
+        poses = random_rotations(30, rng)
+        calibration = cw.calibrate(cw.Samples(free(rig, poses, rng), poses), "affine")
+    R = Rotation.from_quat(quat_xyzw).as_matrix()
+    for told in (EVERYTHING, EVERYTHING | {"rate": None, "drift": 0.5, "delay": -0.004}, {"noise": NOISE}):
+        plain, compiled, single = (cw.Compensator(calibration, fast=fast, **told) for fast in (False, True, True))
+        for orientation, start in ((quat_xyzw, 0.0), (R, 10.0)):
+            one, other = (each.run(wrench, orientation, t + start, heat) for each in (plain, compiled))
+            _same(one, other)
+            assert np.array_equal(one.covariance_of, other.covariance_of)
+            assert np.array_equal(one.covariance, other.covariance, equal_nan=True)  # type: ignore[arg-type]
+            assert np.array_equal(plain.drift, compiled.drift)
+            assert len(one.contacts) >= 1
+            for k in range(700):
+                sample = single(wrench[k], orientation[k], t[k] + start, heat[k])
+                assert np.array_equal(sample.wrench, one.wrench[k], equal_nan=True)
+                assert np.array_equal(sample.std, one.std[k], equal_nan=True)
+                assert (sample.valid, sample.reason) == (one.valid[k], one.reason[k])
+                assert sample.contact == {1: True, 0: False, -1: None}[int(one.contact[k])]
+        plain_last, compiled_last = plain.last_contact, compiled.last_contact
+        assert plain_last is not None
+        assert compiled_last is not None
+        assert np.array_equal(plain_last.covariance, compiled_last.covariance)
+
+
+@pytest.mark.parametrize(
+    "fast", [False, pytest.param(True, marks=pytest.mark.skipif(not find_spec("numba"), reason=""))]
+)
+def test_a_copy_goes_on_by_itself(fast: bool) -> None:
+    calibration, wrench, quat_xyzw, t, heat = _eventful(3)
+    whole = cw.Compensator(calibration, **(EVERYTHING | {"fast": fast}))
+    expected = whole.run(wrench, quat_xyzw, t, heat)
+    first = cw.Compensator(calibration, **(EVERYTHING | {"fast": fast}))
+    first.run(wrench[:200], quat_xyzw[:200], t[:200], heat[:200])
+    for other in (deepcopy(first), pickle.loads(pickle.dumps(first))):
+        found = other.run(wrench[200:], quat_xyzw[200:], t[200:], heat[200:])
+        assert np.array_equal(found.wrench, expected.wrench[200:], equal_nan=True)
+    sample = first(wrench[200], quat_xyzw[200], t[200], heat[200])
+    assert np.array_equal(sample.wrench, expected.wrench[200])
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+def test_the_first_compilation_is_said_on_a_terminal_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from contactwrench.compensate import runner
+
+    monkeypatch.setattr(runner, "MOMENT", 0.01)
+    for terminal in (False, True):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
+        with runner.said_while_it_lasts("compiling"):
+            time.sleep(0.1)
+        with runner.said_while_it_lasts("quick"):
+            pass
+        assert capsys.readouterr().err == ("compiling ...\n" if terminal else "")
 
 
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 def test_nothing_is_compiled_at_the_first_sample() -> None:
     """A sample of another kind of array than at construction (read-only, transposed) compiles nothing either."""
-    from contactwrench.compensate.step import compiled
+    from contactwrench.compensate.runner import compiled
 
     calibration, rig, rng = calibrated(3)
     compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, fast=True)
@@ -280,6 +327,18 @@ def test_std_has_calibration_and_noise() -> None:
     assert (filtered.std[-1] >= calibration.wrench_std(R[0])).all()
 
 
+def test_one_number_stands_for_forces_and_for_torques_at_a_lever_of_5_cm() -> None:
+    calibration, rig, rng = calibrated(9)
+    R = still(rng, 400)
+    wrench, six = free(rig, R, rng), 0.05 * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    told, short = (
+        cw.Compensator(calibration, rate=RATE, fast=False, noise=2.0 * each, drift=each).run(wrench, R, times(400))
+        for each in (six, 0.05)
+    )
+    _same(told, short)
+    assert pytest.approx(six) == TYPICAL_DRIFT
+
+
 @pytest.mark.parametrize("drift", [None, TYPICAL_DRIFT])
 def test_std_is_honest_after_turns(drift: Array | None) -> None:
     """Mean readings of random tools, with a Compensator that has seen other orientations before, in stated stds."""
@@ -375,7 +434,7 @@ def test_memory_does_not_grow() -> None:
 
 
 def test_a_compiled_step_without_numba_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from contactwrench.compensate.step import compiled
+    from contactwrench.compensate.runner import compiled
 
     calibration, _, _ = calibrated(1)
     compiled.cache_clear()

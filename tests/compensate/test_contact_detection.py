@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, f
 
 import contactwrench as cw
-from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT
-from contactwrench.compensate.contact_detection import satterthwaite, thresholds, whitening
+from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT, whiten
+from contactwrench.compensate.contact_detection import satterthwaite, threshold_at, thresholds
 from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.compensate.filters import LowPass
 from contactwrench.compensate.noise import noise_of_sample
@@ -28,20 +28,31 @@ def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
 
 @pytest.mark.parametrize("rate", [1e-6, 1e-4, 0.01])
 def test_thresholds_are_chi_square_or_f(rate: float) -> None:
-    found = thresholds(rate)
-    assert found.at(0.0) == pytest.approx((chi2.isf(rate, 6), chi2.isf(0.01, 6)), rel=1e-4)
-    assert found.at(30.0) == pytest.approx((6.0 * f.isf(rate, 6, 30), 6.0 * f.isf(0.01, 6, 30)), rel=1e-2)
+    known, of_30 = ([threshold_at(table.tolist(), dof) for table in thresholds(rate)] for dof in (0.0, 30.0))
+    assert known == pytest.approx([chi2.isf(rate, 6), chi2.isf(0.01, 6)], rel=1e-4)
+    assert of_30 == pytest.approx([6.0 * f.isf(rate, 6, 30), 6.0 * f.isf(0.01, 6, 30)], rel=1e-2)
+    for dof in (0.1, 0.5, 1e6, 1e9):
+        assert threshold_at(thresholds(rate)[0].tolist(), dof) == pytest.approx(
+            6.0 * f.isf(rate, 6, min(max(dof, 0.5), 1e6)), rel=1e-6
+        )
 
 
 def test_whitening_and_the_share_that_was_estimated() -> None:
     rng = np.random.default_rng(1)
-    A = rng.normal(size=(6, 6))
+    A, noise, W = rng.normal(size=(6, 6)), rng.uniform(size=6), np.zeros((6, 6)).tolist()
     S = A @ A.T + np.eye(6)
-    W = whitening(S)
-    assert pytest.approx(np.eye(6)) == W @ S @ W.T
-    assert satterthwaite(W, S, 20.0) == pytest.approx(20.0)
-    assert satterthwaite(W, 0.5 * S, 20.0) == pytest.approx(80.0)
-    assert satterthwaite(W, S, 0.0) == 0.0
+    whiten(S.tolist(), noise.tolist(), W)
+    assert pytest.approx(np.eye(6)) == np.array(W) @ (S + np.diag(noise)) @ np.array(W).T
+    whiten(S.tolist(), [0.0] * 6, W)
+    assert satterthwaite(W, S.tolist(), 20.0) == pytest.approx(20.0)
+    assert satterthwaite(W, (0.5 * S).tolist(), 20.0) == pytest.approx(80.0)
+    assert satterthwaite(W, S.tolist(), 0.0) == 0.0
+
+
+def test_a_covariance_that_rounding_made_indefinite_is_whitened_all_the_same() -> None:
+    W = np.zeros((6, 6)).tolist()
+    whiten((np.ones((6, 6)) - 1e-15 * np.eye(6)).tolist(), [0.0] * 6, W)
+    assert np.isfinite(W).all()
 
 
 def test_noise_of_a_sample() -> None:

@@ -12,8 +12,14 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import InputError
-from contactwrench.estimation.given import earlier_tool
-from contactwrench.estimation.priors import known_com, known_gravity, known_mounting, known_weight, nominal_mounting
+from contactwrench.estimation.priors import (
+    earlier_tool,
+    known_com,
+    known_gravity,
+    known_mounting,
+    known_weight,
+    nominal_mounting,
+)
 from contactwrench.model import PARAMETERS, stepped
 from tests.support.poses import POSE_SETS
 from tests.support.recordings import PANDA, Run, csv_text, run, written

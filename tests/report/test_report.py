@@ -132,8 +132,8 @@ def test_figures_are_the_same_bytes_each_time() -> None:
 def test_gravity_is_drawn_on_the_half_of_the_sphere_that_it_points_to() -> None:
     """Three poses with gravity along the flange's +z, one along -z (half turns), and one more that was left out."""
     down, up = np.diag([1.0, -1.0, -1.0]), np.eye(3)
-    poses = [Pose(R, np.zeros(6), np.zeros((6, 6))) for R in (down, down, down, up)]
-    poses.append(Pose(up, np.zeros(6), np.zeros((6, 6)), rejected="in contact"))
+    poses = [Pose(R, np.zeros(6), np.zeros((6, 6)), 1, None, None, None) for R in (down, down, down, up)]
+    poses.append(Pose(up, np.zeros(6), np.zeros((6, 6)), 1, None, None, "in contact"))
     svg = figures.gravity_on_sphere(replace(cw.calibrate(cw.read(PANDA), "mount"), poses=tuple(poses)))
     assert "+z: 3 poses" in svg
     assert "-z: 1 pose<" in svg

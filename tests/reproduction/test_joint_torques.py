@@ -13,13 +13,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from contactwrench.geometry.arrays import Array
 from contactwrench.simulate.arm import MAX_TORQUE
-from contactwrench.simulate.joint_torque import (
-    any_robot,
-    friction_torque,
-    joint_torque_readings,
-    sensor_jacobians,
-    torque_against,
-)
+from contactwrench.simulate.joint_torque import friction_torque, joint_torque_readings
 from contactwrench.simulate.kinematics import paper_joints, random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
@@ -49,6 +43,7 @@ from reproduction.joint_torque_routes import (
     wrench_from_torques,
     zeroed,
 )
+from reproduction.joint_torque_sensors import any_robot, sensor_jacobians, torque_against
 from reproduction.joint_torques import STEADY, part
 from reproduction.methods import Method
 from reproduction.part import Measured, Part

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
-from contactwrench.estimation.cleaned import what_was_not_still
+from contactwrench.calibration.fields import Severity
+from contactwrench.estimation.robust import segments_left_out
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose
-from contactwrench.samples.recorded_poses import is_stream, resting_poses
+from contactwrench.samples.recorded_poses import RecordedPoses, is_stream, resting_poses
 from contactwrench.samples.still_segments import still_segments
 from contactwrench.simulate.kinematics import random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
@@ -246,6 +247,6 @@ def test_a_recording_is_in_doubt_where_the_reading_moves_in_a_third_of_its_stret
     rejected = tuple(
         Pose(np.eye(3), np.zeros(6), np.zeros((6, 6)), 50, 3.0 * k, 3.0 * k + 1.0, reason) for k in range(moved)
     )
-    (warning,) = what_was_not_still(rejected, 8 - moved, 0.0)
-    assert warning.startswith("weak: ") == weak
-    assert ("do wrench and pose belong together in time" in warning) == weak
+    (finding,) = segments_left_out(RecordedPoses((), None, rejected, moved, 8 - moved), 0.0)
+    assert (finding.severity is Severity.WEAK) == finding.text.startswith("weak: ") == weak
+    assert ("do wrench and pose belong together in time" in finding.text) == weak

@@ -25,8 +25,8 @@ import numpy as np
 
 from ..calibration.observability import LEVER
 from ..errors import InputError, UnobservableError
-from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_start
-from ..estimation.least_squares import PoseReadings
+from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_guess
+from ..estimation.noise import PoseReadings
 from ..estimation.rigid import fit_rigid
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
@@ -234,7 +234,7 @@ def _leaning(readings: Readings, interpretation: Interpretation) -> Explanation 
     R, wrench = as_read(readings, interpretation)
     down = -readings.down if interpretation.reversed_gravity else readings.down
     scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
-    if explained_by_start(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(np.sum(scatter**2)):
+    if explained_by_guess(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(np.sum(scatter**2)):
         return None
     leaning = _explained(readings, interpretation, "mount+base")
     return leaning if leaning.lean <= MOST_LEAN else None

@@ -1,5 +1,5 @@
 """Which experiments to do: an I-optimal design by exchange (Fedorov, Theory of Optimal Experiments, 1972), and in
-which order to visit them so that the way between them is short.
+which order to visit them so that the tour is short.
 
 An experiment whose outcome has the derivative J with respect to the parameters, in standard deviations of its noise,
 adds `J^T J` to what is known of them; their covariance C is the inverse of the sum. What is asked of the parameters is
@@ -60,10 +60,10 @@ def chosen_experiments(n: int, J: Array, known: Array, M: Array, apart: NDArray[
             best = best_beside(chosen[:k] + chosen[k + 1 :])
             if best is None:
                 continue
-            exchanged = [*chosen[:k], best, *chosen[k + 1 :]]
-            variance = mean_variance(exchanged)
+            candidate = [*chosen[:k], best, *chosen[k + 1 :]]
+            variance = mean_variance(candidate)
             if variance < (1.0 - LEAST_GAIN) * least:
-                least, chosen, gained = variance, exchanged, True
+                least, chosen, gained = variance, candidate, True
     return chosen
 
 
@@ -80,43 +80,43 @@ def _variance_with_each(J: Array, information: Array, M: Array) -> Array:
 
 
 def short_order(between: Array, from_start: Array | None = None) -> list[int]:
-    """An order of the places 0 .. n-1 whose open way is short: the shortest there is, or within a few per cent of it.
+    """An order of the places 0 .. n-1 whose open tour is short: the shortest there is, or within a few per cent of it.
 
-    From every first place on always the nearest one left, then the piece whose reversal shortens the way most is
-    reversed until none does (2-opt; Croes 1958); the shortest of these ways is kept.
+    From every first place on always the nearest one left, then the piece whose reversal shortens the tour most is
+    reversed until none does (2-opt; Croes 1958); the shortest of these tours is kept.
 
     Args:
-        between: distances (n, n), the same both ways.
-        from_start: distances (n,) from where the way begins; None: it begins at any place.
+        between: distances (n, n), the same in both directions.
+        from_start: distances (n,) from where the tour begins; None: it begins at any place.
     """
     n = len(between)
-    # The start is one more place, number n: at no distance from anywhere where the way may begin anywhere.
+    # The start is one more place, number n: at no distance from anywhere where the tour may begin anywhere.
     distance = np.zeros((n + 1, n + 1))
     distance[:n, :n] = between
     if from_start is not None:
         distance[n, :n] = distance[:n, n] = from_start
-    ways = [_without_crossings(_always_the_nearest(first, distance), distance) for first in range(n)]
-    return min(ways, key=lambda way: float(distance[way[:-1], way[1:]].sum()))[1:]
+    tours = [_without_crossings(_always_the_nearest(first, distance), distance) for first in range(n)]
+    return min(tours, key=lambda tour: float(distance[tour[:-1], tour[1:]].sum()))[1:]
 
 
 def _always_the_nearest(first: int, distance: Array) -> list[int]:
     start = len(distance) - 1
-    way, left = [start, first], set(range(start)) - {first}
+    tour, left = [start, first], set(range(start)) - {first}
     while left:
-        way.append(min(left, key=lambda place: (distance[way[-1], place], place)))
-        left.remove(way[-1])
-    return way
+        tour.append(min(left, key=lambda place: (distance[tour[-1], place], place)))
+        left.remove(tour[-1])
+    return tour
 
 
-def _without_crossings(way: list[int], distance: Array) -> list[int]:
-    n = len(way) - 1
+def _without_crossings(tour: list[int], distance: Array) -> list[int]:
+    n = len(tour) - 1
     while True:
-        d = distance[np.ix_(way, way)]
-        step = np.append(d.diagonal(1), 0.0)  # from each place to the next; the way ends after the last
+        d = distance[np.ix_(tour, tour)]
+        step = np.append(d.diagonal(1), 0.0)  # from each place to the next; the tour ends after the last
         # Reversing places a..b replaces the steps a-1 -> a and b -> b+1 by a-1 -> b and a -> b+1.
         onward = np.hstack([d[1:, 2:], np.zeros((n, 1))])
         gain = np.triu(step[:-1, None] + step[None, 1:] - d[:-1, 1:] - onward, 1)
         a, b = np.unravel_index(int(np.argmax(gain)), gain.shape)
         if gain[a, b] <= 1e-9:
-            return way
-        way = way[: a + 1] + way[a + 1 : b + 2][::-1] + way[b + 2 :]
+            return tour
+        tour = tour[: a + 1] + tour[a + 1 : b + 2][::-1] + tour[b + 2 :]

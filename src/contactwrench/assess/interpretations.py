@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..estimation.sign_ambiguity import negated
+from ..estimation.estimate import negated
 from ..geometry.arrays import Array
 
 DOWN = (0.0, 0.0, -1.0)

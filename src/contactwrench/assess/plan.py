@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calibration.observability import LEVER, natural_jacobian, require_separable
 from ..errors import AmbiguityError, InputError, UnobservableError
-from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
 from ..estimation.calibrate import calibrate
+from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.rotations import spread_rotations
 from ..geometry.wrench import unit_direction

@@ -3,44 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array
 from ..geometry.orientation import OrientationLike, rotation_matrices
-from ..geometry.rotations import spread_rotations
-from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
-from ..model import (
-    GRAVITY,
-    LINEAR_PARAMETERS,
-    MOUNT,
-    RigidTool,
-    affine_jacobian,
-    free_wrench,
-    gravity_in_flange,
-    wrench_jacobian,
-    yaw_of_mounting,
-)
-from ..samples.poses import Pose, PoseMoments
+from ..geometry.wrench import unit_direction
+from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange
 from ..subtract import Step, compensate, stepper
-from .alternative import Alternative
-from .observability import Observability
-
-if TYPE_CHECKING:
-    from .difference import Difference
-
-ROWS_AT_ONCE = 4096
-WEAK_SHARE = 0.1
-"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
+from .difference import Difference, difference
+from .fields import CalibrationFields
+from .text import describe, flowed
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(CalibrationFields):
     """A calibrated tool on a sensor: what was identified, with its uncertainty. Made by `calibrate` or `load`.
 
     Attributes:
@@ -64,7 +45,8 @@ class Calibration:
         reduced_chi2: of the residuals, against the noise given or the rows' scatter; about 1 where neither is there.
         dof: degrees of freedom for Student's t, the least of `parameter_dof`; 0 where the noise was taken at its word.
         observability: rank, singular values, condition, tilt range (rad), and what trades off with what.
-        warnings: in words.
+        findings: what there is to say beside the numbers, each with its kind and severity.
+        warnings: their texts.
         provenance: program, source, rows, g, options of reading, time.
         poses: used and left out; empty beyond 10,000.
         moments: sums that stand for the poses beyond 10,000.
@@ -77,109 +59,8 @@ class Calibration:
         delay_std: s.
     """
 
-    requested_model: str
-    model: str
-    weight: float | None
-    mass: float | None
-    com: Array | None
-    bias: Array
-    R_flange_sensor: Array | None
-    yaw: float | None
-    gravity_direction: Array
-    B: Array
-    B_covariance: Array
-    parameter_names: tuple[str, ...]
-    parameters: Array
-    covariance: Array
-    noise: Array
-    residual_rms: Array
-    held_out_rms: Array | None
-    reduced_chi2: float
-    dof: float
-    observability: Observability
-    warnings: tuple[str, ...]
-    provenance: dict[str, Any]
-    poses: tuple[Pose, ...]
-    moments: PoseMoments | None = None
-    weight_xy: float | None = None
-    weight_z: float | None = None
-    parameter_dof: Array | None = None
-    assumptions: tuple[str, ...] = ()
-    alternatives: tuple[Alternative, ...] = ()
-    delay: float | None = None
-    delay_std: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            value = getattr(self, name)
-            object.__setattr__(self, name, None if value is None else read_only(value))
-        object.__setattr__(self, "parameter_names", tuple(self.parameter_names))
-        object.__setattr__(self, "warnings", tuple(self.warnings))
-        object.__setattr__(self, "poses", tuple(self.poses))
-        object.__setattr__(self, "assumptions", tuple(self.assumptions))
-        object.__setattr__(self, "alternatives", tuple(self.alternatives))
-
     def __str__(self) -> str:
-        from .text import describe, flowed
-
         return flowed(describe(self))
-
-    @cached_property
-    def std(self) -> dict[str, Any]:
-        """Standard deviations under `weight` N, `com` (3,) m, `bias` (6,), `yaw` rad, `mount` (3,) rad about the
-        sensor's axes, `gravity` (2,) rad; None for what the model does not estimate.
-        """
-        index = {name: k for k, name in enumerate(self.parameter_names)}
-        std = np.sqrt(np.diag(self.covariance))
-
-        def of(*names: str) -> Array | None:
-            return read_only(std[[index[name] for name in names]]) if names[0] in index else None
-
-        weight = of("weight")
-        bias = of(*LINEAR_PARAMETERS[4:])
-        if bias is None:
-            bias = read_only(np.sqrt(np.diag(self.B_covariance)[3::4]))
-        return {
-            "weight": None if weight is None else float(weight[0]),
-            "com": of(*LINEAR_PARAMETERS[1:4]),
-            "bias": bias,
-            "yaw": self._yaw_std(index),
-            "mount": of(*MOUNT),
-            "gravity": of(*GRAVITY),
-        }
-
-    def _yaw_std(self, index: dict[str, int]) -> float | None:
-        if "yaw" in index:
-            return float(np.sqrt(self.covariance[index["yaw"], index["yaw"]]))
-        if self.R_flange_sensor is None:
-            return None
-        first = index[MOUNT[0]]
-        _, _, derivative = yaw_of_mounting(self.R_flange_sensor)
-        return float(np.sqrt(derivative @ self.covariance[first : first + 3, first : first + 3] @ derivative))
-
-    @property
-    def g(self) -> float:
-        """m/s^2: what turned the weight into the mass; standard gravity where nothing says."""
-        stated = self.provenance.get("g")
-        if isinstance(stated, float) and 0.0 < stated < np.inf:
-            return stated
-        return self.weight / self.mass if self.weight is not None and self.mass is not None else STANDARD_GRAVITY
-
-    @property
-    def first_time(self) -> float:
-        """The recording's first time, s, from which the times that people see are counted; 0 where nothing says."""
-        stated = self.provenance.get("t_first")
-        return stated if isinstance(stated, float) and np.isfinite(stated) else 0.0
-
-    @property
-    def fitted_poses(self) -> tuple[Pose, ...]:
-        """The poses that were not left out."""
-        return tuple(pose for pose in self.poses if pose.rejected is None)
-
-    @property
-    def sensor_z_along_flange(self) -> bool | None:
-        """Whether the sensor's z points along the flange's (True) or against it; `yaw` is counted accordingly."""
-        return None if self.R_flange_sensor is None else bool(self.R_flange_sensor[2, 2] >= 0.0)
 
     def t_quantile(self, level: float = 0.95, dof: float | None = None) -> float:
         """How many standard deviations a two-sided interval reaches, by Student's t.
@@ -283,59 +164,6 @@ class Calibration:
         covariance: Array = J @ self.covariance @ J.transpose(0, 2, 1)
         return covariance[0] if single else covariance
 
-    def wrench_std(self, orientation: OrientationLike) -> Array:
-        """Standard deviation of a contact wrench from the calibration alone.
-
-        Args:
-            orientation: `R_base_flange`, as of `predict`.
-
-        Returns:
-            (n, 6) or (6,), N and N m, sensor axes.
-        """
-        R, single = rotation_matrices(orientation)
-        variance = np.empty((len(R), 6))
-        for start in range(0, len(R), ROWS_AT_ONCE):
-            J = self.free_wrench_jacobian(R[start : start + ROWS_AT_ONCE])
-            variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.covariance) * J, axis=2)
-        std: Array = np.sqrt(np.maximum(variance, 0.0))
-        return std[0] if single else std
-
-    def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
-        """Derivative of the free wrench with respect to `parameters`.
-
-        Args:
-            R_base_flange: matrices (n, 3, 3).
-
-        Returns:
-            (n, 6, p), sensor axes.
-        """
-        if self.weight is None or self.com is None or self.R_flange_sensor is None:
-            return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
-        tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
-        return wrench_jacobian(tool, R_base_flange, self.parameter_names)
-
-    @cached_property
-    def largest_std(self) -> tuple[float, float]:
-        """The largest standard deviation over all orientations of the contact force (N) and torque (N m), each the
-        root of the summed variances of its three axes; over a dense set of orientations, within 1 %.
-        """
-        std = self.wrench_std(spread_rotations(288, 24))
-        force, torque = np.linalg.norm(std[:, :3], axis=1), np.linalg.norm(std[:, 3:], axis=1)
-        return float(force.max()), float(torque.max())
-
-    @property
-    def verdict(self) -> str:
-        """In one sentence, how good the contact wrench is because of this calibration."""
-        force, torque = self.largest_std
-        scale = float(np.linalg.norm(self.B[:3, :3], 2))
-        weak = force > WEAK_SHARE * scale or any(warning.startswith("weak") for warning in self.warnings)
-        quality = "weak" if weak else "good"
-        force, torque = float(f"{force:.2g}"), float(f"{1e3 * torque:.2g}")
-        return (
-            f"{quality}: at any orientation the calibration's error in the contact wrench has a std of at most "
-            f"{force:g} N and {torque:g} mN m"
-        )
-
     def with_gravity(self, gravity: Array | None) -> Calibration:
         """The calibration for a base in which gravity has another direction, known exactly.
 
@@ -368,8 +196,6 @@ class Calibration:
         Returns:
             The changes, each with its standard deviation, and what they mean; print it.
         """
-        from .difference import difference
-
         return difference(self, other)
 
     def save(self, path: str | Path) -> None:
@@ -401,20 +227,4 @@ class Calibration:
         """
         from .file import load
 
-        return load(path)
-
-
-_ARRAYS = (
-    "com",
-    "bias",
-    "R_flange_sensor",
-    "gravity_direction",
-    "B",
-    "B_covariance",
-    "parameters",
-    "covariance",
-    "noise",
-    "residual_rms",
-    "held_out_rms",
-    "parameter_dof",
-)
+        return load(path, cls)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import rotation_angle, spread_rotations
 from ..model import (
     AXES,
@@ -27,13 +27,13 @@ from ..model import (
     yaw_of_mounting,
 )
 from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfit_of_parameters
-from .calibration import Calibration
+from .fields import CalibrationFields
 
 SIGNIFICANT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class GroupChange:
+class GroupChange(Frozen):
     """The parameters that one cause moves: `tool`, `bias`, `mounting`, `gravity`; where a calibration is `affine`,
     `matrix` for all that gravity does; and `all` of them.
 
@@ -48,13 +48,9 @@ class GroupChange:
     test: MisfitTest
     significant: bool
 
-    def __post_init__(self) -> None:
-        for name in ("change", "covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 @dataclass(frozen=True, eq=False)
-class Difference:
+class Difference(Frozen):
     """Changes from calibration a to b.
 
     `names`, `units`, `change` (k,) and `std` (k,): parameters that both have, the calibrations taken as independent.
@@ -72,10 +68,6 @@ class Difference:
     mounting_angle: float | None
     gravity_angle: float
     groups: tuple[GroupChange, ...]
-
-    def __post_init__(self) -> None:
-        for name in ("change", "std", "free_wrench"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def significant(self) -> tuple[str, ...]:
@@ -96,7 +88,7 @@ class Difference:
         return meaning(self)
 
 
-def difference(a: Calibration, b: Calibration) -> Difference:
+def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
     """The changes from `a` to `b`."""
     names, units, change, std = [], [], [], []
 
@@ -139,7 +131,7 @@ def _turned(before: float, after: float) -> float:
     return (after - before + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def _turn_of_gravity(a: Calibration, b: Calibration) -> Array:
+def _turn_of_gravity(a: CalibrationFields, b: CalibrationFields) -> Array:
     """Rotation vector (3,), base axes, from a's direction of gravity to b's."""
     across = np.cross(a.gravity_direction, b.gravity_direction)
     sine = float(np.linalg.norm(across))
@@ -162,7 +154,7 @@ class _Part:
     of_b: Array
 
 
-def _parts(a: Calibration, b: Calibration) -> list[_Part]:
+def _parts(a: CalibrationFields, b: CalibrationFields) -> list[_Part]:
     """Every group of parameters that both calibrations tell."""
     if a.R_flange_sensor is None or b.R_flange_sensor is None:
         change, each = (b.B - a.B).ravel(), np.eye(24)
@@ -186,7 +178,7 @@ def _parts(a: Calibration, b: Calibration) -> list[_Part]:
     return parts
 
 
-def _mounting(a: Calibration, b: Calibration) -> _Part:
+def _mounting(a: CalibrationFields, b: CalibrationFields) -> _Part:
     """The turn from one mounting to the other: about all axes where both estimate it, else yaw; where a model that
     estimates yaw alone has the sensor on its other side, an angle without an error.
     """
@@ -204,7 +196,7 @@ def _mounting(a: Calibration, b: Calibration) -> _Part:
     return _Part("mounting", ("yaw",), change, of_a[None] @ turns[0], of_b[None] @ turns[1])
 
 
-def _of_gravity(c: Calibration, axes: Array) -> Array:
+def _of_gravity(c: CalibrationFields, axes: Array) -> Array:
     """How turns of gravity about `axes` (2, 3) follow the parameters of c: (2, p), zero where it was stated."""
     J = np.zeros((2, len(c.parameter_names)))
     own = np.array(horizontal_axes(c.gravity_direction))
@@ -214,7 +206,7 @@ def _of_gravity(c: Calibration, axes: Array) -> Array:
     return J
 
 
-def _tested(a: Calibration, b: Calibration) -> tuple[GroupChange, ...]:
+def _tested(a: CalibrationFields, b: CalibrationFields) -> tuple[GroupChange, ...]:
     """Every part as a group, and all together; the level of 1 % is shared among them (Bonferroni)."""
     each = _parts(a, b)
     rigid = a.R_flange_sensor is not None and b.R_flange_sensor is not None

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import UnobservableError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen, Vector
 from ..model import RigidTool, gravity_in_flange, horizontal_axes, wrench_jacobian
 from ..samples.poses import SAME_POSE_ANGLE
 
@@ -35,7 +35,7 @@ TRADE_OFF = 0.95
 
 
 @dataclass(frozen=True, eq=False)
-class Observability:
+class Observability(Frozen):
     """How well the poses separate the parameters.
 
     `rank` of the Jacobian; its `singular_values` (p,), whitened, columns of unit length, largest first; `condition`
@@ -44,15 +44,10 @@ class Observability:
     """
 
     rank: int
-    singular_values: Array
+    singular_values: Vector
     condition: float
-    tilt_range: Array
+    tilt_range: Vector
     trade_offs: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "singular_values", read_only(self.singular_values))
-        object.__setattr__(self, "tilt_range", read_only(self.tilt_range))
-        object.__setattr__(self, "trade_offs", tuple(self.trade_offs))
 
 
 def require_full_rank(

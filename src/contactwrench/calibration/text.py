@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..geometry.arrays import Array
 from ..model import AXES, GRAVITY, MOUNT, horizontal_axes
 from ..samples.delay import applied_or_not
-from .alternative import largest_force_change
-
-if TYPE_CHECKING:
-    from .calibration import Calibration
+from ..statistics import meaningful_digits
+from .fields import CalibrationFields
 
 Row = tuple[str, str, str, str]
 """Name, value, standard deviation, unit."""
@@ -48,7 +45,7 @@ def flowed(text: str, columns: int = COLUMNS) -> str:
     return "\n".join(lines)
 
 
-def describe(calibration: Calibration) -> str:
+def describe(calibration: CalibrationFields) -> str:
     """Every parameter with its standard deviation and unit, how well it fits, the verdict and the warnings; a sentence
     is one line, which `flowed` makes fit.
     """
@@ -67,7 +64,7 @@ def describe(calibration: Calibration) -> str:
     return "\n".join(lines)
 
 
-def headline(calibration: Calibration) -> str:
+def headline(calibration: CalibrationFields) -> str:
     """Model, and what it was fitted on."""
     c = calibration
     n = len(c.poses) if c.moments is None else c.moments.n
@@ -79,7 +76,7 @@ def headline(calibration: Calibration) -> str:
     return f"Calibration, model {c.requested_model}, {poses}{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
 
 
-def parameter_rows(calibration: Calibration) -> list[Row]:
+def parameter_rows(calibration: CalibrationFields) -> list[Row]:
     """Every parameter as text, in the units that people speak: N, kg, mm, N m, deg."""
     c, std = calibration, calibration.std
     rows: list[Row] = []
@@ -114,7 +111,7 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
     return rows
 
 
-def _block(c: Calibration, names: tuple[str, ...]) -> Array:
+def _block(c: CalibrationFields, names: tuple[str, ...]) -> Array:
     index = [c.parameter_names.index(name) for name in names]
     return c.covariance[np.ix_(index, index)]
 
@@ -131,7 +128,7 @@ def _tilt(R_flange_sensor: Array, covariance: Array) -> tuple[float, float]:
     return float(np.arctan2(sine, along)), float(np.sqrt(gradient @ covariance[:2, :2] @ gradient))
 
 
-def fit_lines(calibration: Calibration) -> list[str]:
+def fit_lines(calibration: CalibrationFields) -> list[str]:
     """How well the model explains its poses: noise, residual and held-out error, an axis a column."""
     c = calibration
     table = [
@@ -154,7 +151,7 @@ def fit_lines(calibration: Calibration) -> list[str]:
     return lines
 
 
-def alternative_lines(calibration: Calibration) -> list[str]:
+def alternative_lines(calibration: CalibrationFields) -> list[str]:
     """What other models make of the same poses, a line each."""
     lines = ["  other models  weight N             left N     mN m   force changes by up to"]
     for other in calibration.alternatives:
@@ -162,7 +159,7 @@ def alternative_lines(calibration: Calibration) -> list[str]:
         if other.weight is not None and other.weight_std is not None:
             _, value, std, _ = _row("weight", other.weight, other.weight_std, "N")
             weight = f"{value} +- {std}"
-        change = largest_force_change(calibration.B, calibration.gravity_direction, other)
+        change = other.largest_force_change(calibration.B, calibration.gravity_direction)
         left = f"{other.force_left:7.3g}  {1e3 * other.torque_left:7.3g}"
         lines.append(f"  {other.model:<12}  {weight:<18}  {left}   {change:.2g} N")
     return lines
@@ -170,11 +167,3 @@ def alternative_lines(calibration: Calibration) -> list[str]:
 
 def _row(name: str, value: float, std: float, unit: str) -> Row:
     return name, *meaningful_digits(value, std), unit
-
-
-def meaningful_digits(value: float, std: float) -> tuple[str, str]:
-    """Value and std with the digits that the std leaves meaningful: two of its own."""
-    if not std > 0.0:
-        return f"{value:.6g}", "0"
-    digits = min(max(0, 1 - int(np.floor(np.log10(std)))), 9)
-    return f"{value:.{digits}f}", f"{std:.{digits}f}"

@@ -12,7 +12,7 @@ knows, which decays with the angle between two orientations. Only z is estimated
 
 from __future__ import annotations
 
-from math import asin, exp, sqrt
+from math import asin, exp, nan, sqrt
 
 import numpy as np
 
@@ -35,13 +35,18 @@ LEAST_PIVOT = 1e-14
 """Of a covariance, over its diagonal: less is rounding."""
 
 
-def calibration_error(calibration: Calibration) -> tuple[Array, Array]:
-    """How wrong a calibration with q parameters is at an orientation: H (6, q) of the identity, and its derivatives
-    (6, q, 9) to the nine entries of R, in which the free wrench is linear. `H H^T` is the free wrench's covariance.
+def track(s: State, calibration: Calibration, between: Array) -> None:
+    """Begin with the offset as a calibration with q parameters leaves it, none that is known: H (6, q) at the identity,
+    its derivatives (6, q, 9) to the nine entries of R, in which the free wrench is linear, and the variances (6,) of
+    what poses differ by.
     """
     corners = np.vstack([np.zeros((1, 9)), np.eye(9), np.eye(3).reshape(1, 9)]).reshape(11, 3, 3)
     H = calibration.free_wrench_jacobian(corners) @ square_root(calibration.covariance)
-    return H[10], np.moveaxis(H[1:10] - H[0], 0, -1)
+    s.between, s.parameters = between.tolist(), H.shape[2]
+    for into, values in zip(s.H_slope, np.moveaxis(H[1:10] - H[0], 0, -1).tolist(), strict=True):
+        into[: len(values)] = values
+    u = np.diag(between)
+    start(s, np.zeros(6), H[10] @ H[10].T + u, H[10], u, np.eye(3), nan)
 
 
 def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_base_flange: Array, now: float) -> None:
@@ -50,11 +55,7 @@ def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_
     """
     s.offset_time, s.stale, s.clean_blocks = now, True, 0
     s.offset[:], s.offset_R[:] = mean.tolist(), R_base_flange.ravel().tolist()
-    for into, values in (
-        (s.offset_covariance, covariance),
-        (s.with_calibration, H),
-        (s.with_pose, between),
-    ):
+    for into, values in ((s.offset_covariance, covariance), (s.with_calibration, H), (s.with_pose, between)):
         for row, numbers in zip(into, values.tolist(), strict=True):
             row[: len(numbers)] = numbers
 

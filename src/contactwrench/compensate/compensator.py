@@ -9,7 +9,6 @@ from __future__ import annotations
 from copy import deepcopy
 from importlib.util import find_spec
 from math import ceil, inf, nan
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,17 +17,16 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import wrench_rows
-from ..samples.delay import is_significant
 from ..samples.samples import Samples
-from .bias_tracking import HOUR, calibration_error, free_mean, start
+from .bias_tracking import HOUR, free_mean, start, track
 from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, keep_contact, thresholds
-from .contact_wrenches import NOT_KNOWN, Contact, ContactWrench, ContactWrenches, Zero
+from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, FINE, reason_of
-from .filters import LowPass
+from .filters import LowPass, delay_of
 from .noise import PER_NEWTON, noise_of_sample
 from .runner import Compiled, Plain
 from .state import INTERVALS, SAMPLE, State
-from .step import ASK, BLOCK_SECONDS, TOUCHING, WHOLLY, WRENCH_ALONE
+from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
@@ -54,9 +52,9 @@ class Compensator:
             is done to the model.
         delay: s, how much later than the orientation the wrench is stamped; None: the calibration's, where it is
             significant.
-        drift: std (6,) of the bias' random walk after an hour, N and N m, or one number, N, as for `noise`:
-            `bias_tracking.TYPICAL_DRIFT` is 0.05; None: the bias is not followed, for whatever follows a bias takes a
-            push that is too slow or too weak to be detected for one.
+        drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
+            (`bias_tracking.TYPICAL_DRIFT`). None: the bias is not followed, for whatever follows a bias takes a push
+            that is too slow or too weak to be detected for one.
         temperature_coefficient: (6,) of the bias, N/K and N m/K.
         false_alarm_rate: per sample.
         minimum_duration: s, of a contact, and of its end.
@@ -98,29 +96,22 @@ class Compensator:
         s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
         s.minimum_duration = _positive(minimum_duration, "minimum duration", "s") - 1e-9
         s.ranges = _six(ranges, "range", inf, least=np.finfo(float).tiny)
-        s.temperature_coefficient = _six(temperature_coefficient, "temperature coefficient", 0.0)
-        s.noise_variance, s.between = self._noise.of_sample.tolist(), self._noise.between.tolist()
+        s.per_kelvin = _six(temperature_coefficient, "temperature coefficient", 0.0)
+        s.noise_variance = self._noise.of_sample.tolist()
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         s.dof = calibration.dof
         s.fires, s.ends = (table.tolist() for table in thresholds(false_alarm_rate))
         s.follows_bias = drift is not None
         s.walk = [std * std / HOUR for std in _six(_of_force(drift), "drift", 0.0, least=0.0)]
-        H, slope = calibration_error(self._calibration)
-        s.parameters = H.shape[1]
-        for into, values in zip(s.H_slope, slope.tolist(), strict=True):
-            into[: len(values)] = values
-        between = np.diag(self._noise.between)
-        start(s, np.zeros(6), H @ H.T + between, H, between, np.eye(3), nan)
-        self._is_compiled = find_spec("numba") is not None if fast is None else fast
+        track(s, self._calibration, self._noise.between)
+        self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the settings: filters, contact, what was learned of the bias and a new zero."""
-        self._runner = (Compiled if self._is_compiled else Plain)(deepcopy(self._settings))
-        self._s: Any = self._runner.state
-        look_back = self._settings.look_back if self._settings.delay else 0.0
-        self._ring = self._runner.flat(np.zeros((2 + ceil(look_back * max(DENSEST, 2.0 * (self._rate or 0.0))), 4)))
-        self._settling = self._runner.flat(self._noise.of_sample[None])
+        s = deepcopy(self._settings)
+        room = 2 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
+        self._runner = self._steps(s, np.zeros((room, 4)), self._noise.of_sample[None].copy())
         self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
         if self._rate is not None:
@@ -129,9 +120,7 @@ class Compensator:
     def __call__(
         self, wrench: ArrayLike, orientation: ArrayLike, t: float, temperature: float | None = None
     ) -> ContactWrench:
-        """The contact wrench of a reading.
-
-        What is wrong with a sample comes back in `valid` and `reason`.
+        """The contact wrench of a reading; what is wrong with the sample comes back in `valid` and `reason`.
 
         Args:
             wrench: (6,) the reading, N and N m, sensor axes.
@@ -147,16 +136,16 @@ class Compensator:
             raise InputError(
                 f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
             )
-        heat = nan if temperature is None else temperature
-        said, result = self._runner.step(reading, turn, t, heat, self._ring, self._settling)
+        said, result = self._runner.step(reading, turn, t, nan if temperature is None else temperature)
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
         sample = self._runner.sample
         self._attend(int(sample.events))
-        fault, contact = int(sample.fault), None if sample.contact < 0 else bool(sample.contact)
+        fault, contact = int(sample.fault), None if sample.contact == NOT_JUDGED else bool(sample.contact)
         std = self._std if fault == FINE or fault >= BACK else NOT_KNOWN
-        reason = reason_of(fault, float(sample.detail), int(sample.channel))
-        return ContactWrench(result, std, float(t), fault == FINE, reason, contact)
+        return ContactWrench(
+            result, std, float(t), fault == FINE, reason_of(fault, float(sample.detail), int(sample.channel)), contact
+        )
 
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
@@ -188,7 +177,7 @@ class Compensator:
         contacts: list[Contact] = []
         covariances, renewed, taken = [self._covariance()], np.zeros(n, dtype=np.intp), 0
         while taken < n:
-            taken = self._runner.advance(samples, self._ring, self._settling, width, taken)
+            taken = self._runner.advance(samples, width, taken)
             events = int(samples["events"][taken - 1])
             self._attend(events)
             if events & COVARIANCE:
@@ -199,7 +188,7 @@ class Compensator:
         fault = samples["fault"]
         reasons: list[str | None] = [None] * n
         for row in np.flatnonzero(fault).tolist():
-            reasons[row] = reason_of(int(fault[row]), float(samples["detail"][row]), int(samples["channel"][row]))
+            reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
         return ContactWrenches(
             wrench=samples["wrench"],
             std=samples["wrench_std"],
@@ -230,8 +219,8 @@ class Compensator:
             )
         mean, R = free_mean(self._calibration, samples, np.sqrt(self._noise.of_sample))
         variance = self._noise.of_sample * self._noise.slowness(len(samples)) / len(samples)
-        s, before, nothing = self._s, np.array(self._s.offset), np.zeros((6, self._settings.parameters))
-        start(s, mean, np.diag(variance), nothing, np.zeros((6, 6)), R, float(s.time))
+        s, before = self._runner.state, self.drift
+        start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros((6, 6)), R, float(s.time))
         if s.first_temperature == s.first_temperature:
             s.first_temperature = s.temperature
         s.spoiled, s.fresh, s.touching, s.run = True, WRENCH_ALONE, False, 0
@@ -241,15 +230,15 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        if not self._s.touching:
-            return self._last_contact
-        keep_contact(self._s, self._settling)
-        return self._contact(None)
+        if self._runner.state.touching:
+            keep_contact(self._runner.state, self._runner.settling)
+            return self._contact(None)
+        return self._last_contact
 
     @property
     def drift(self) -> Array:
         """By how much (6,), N and N m, free readings have moved since the calibration, as far as it was learned."""
-        return read_only(self._s.offset)
+        return read_only(self._runner.state.offset)
 
     @property
     def delay(self) -> float:
@@ -257,11 +246,11 @@ class Compensator:
         return self._settings.delay
 
     def _covariance(self) -> Array:
-        return np.array(self._s.systematic) + np.diag(self._s.noise_left)
+        return np.array(self._runner.state.systematic) + np.diag(self._runner.state.noise_left)
 
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""
-        s = self._s
+        s = self._runner.state
         if events & COVARIANCE:
             self._std = read_only(s.wrench_std)
         if events & ENDED:
@@ -272,38 +261,20 @@ class Compensator:
             s.fresh = WHOLLY
 
     def _use_rate(self, rate: float) -> None:
-        s = self._s
-        filters = [(self._lowpass, s.lowpass), (self._sensor, s.sensor)]
-        sections = [each.sections(rate)[:, [0, 1, 2, 4, 5]].tolist() if each else [] for each, _ in filters]
-        for (_, into), these in zip(filters, sections, strict=True):
-            for row, section in zip(into, these, strict=False):
+        s = self._runner.state
+        for low_pass, into in ((self._lowpass, s.lowpass), (self._sensor, s.sensor)):
+            sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
+            for row, section in zip(into, sections, strict=False):
                 row[:] = section
-        self._settling = self._runner.flat(self._noise.behind(self._lowpass, rate))
+        self._runner.use_settling(self._noise.behind(self._lowpass, rate))
         s.slowness[:] = self._noise.slowness(max(round(BLOCK_SECONDS * rate), 1)).tolist()
         s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
 
     def _contact(self, release: float | None) -> Contact:
         """The contact that the step keeps."""
-        s = self._s
-        return Contact(
-            float(s.onset),
-            release,
-            np.array(s.contact_peak),
-            np.array(s.contact_mean),
-            np.array(s.contact_covariance),
-            bool(s.onset_seen),
-        )
-
-
-def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
-    """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
-    itself: what was estimated from a motion contains it.
-    """
-    if calibration.delay is None or calibration.delay_std is None:
-        return 0.0
-    if not is_significant(calibration.delay, calibration.delay_std):
-        return 0.0
-    return calibration.delay - (0.0 if sensor_filter is None else sensor_filter.lag)
+        s = self._runner.state
+        peak, mean, covariance = (np.array(values) for values in (s.contact_peak, s.contact_mean, s.contact_covariance))
+        return Contact(float(s.onset), release, peak, mean, covariance, bool(s.onset_seen))
 
 
 def _of_force(values: ArrayLike | None) -> ArrayLike | None:

@@ -4,16 +4,19 @@ a contact begins and ends, and what it was.
 
 from __future__ import annotations
 
-from math import log, nan
+from math import log, nan, sqrt
 
 import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from .bias_tracking import predict, whiten
 from .state import THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
+TURNED_FAR = 0.0152
+"""Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
 ENDED, RATE_FOUND, COVARIANCE = 1, 2, 4
 """Events of a sample: a contact ended, the rate is known, the covariance is another."""
@@ -62,6 +65,40 @@ def satterthwaite(W: Matrix, estimated: Matrix, dof: float) -> float:
             share += row[j] * along
     share = min(share / 6.0, 1.0)
     return dof / max(share * share, 1e-12)
+
+
+@kernel
+def far(s: State) -> bool:
+    """Whether the orientation is too far from the one that the covariances belong to."""
+    R, there = s.R, s.covariance_R
+    squared = 0.0
+    for k in range(9):
+        apart = R[k] - there[k]
+        squared += apart * apart
+    return squared > TURNED_FAR
+
+
+@kernel
+def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) -> None:
+    """The covariance of the contact wrench at the orientation and time of the sample that comes."""
+    if restart:
+        s.since_fresh = 0
+    if s.since_fresh == 0:
+        s.clean_blocks = 0
+    if s.offset_time != s.offset_time:
+        s.offset_time = sample.time
+    predict(s, s.R, sample.time)
+    held, filtered = readings_held(s), settling[min(s.since_fresh, len(settling) - 1)]
+    for k in range(6):
+        s.noise_left[k] = min(filtered[k] * held, s.noise_variance[k])
+        s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k])
+    whiten(s.systematic, s.noise_left, s.whitening)
+    dof = satterthwaite(s.whitening, s.systematic, s.dof)
+    s.fire, s.end = threshold_at(s.fires, dof), threshold_at(s.ends, dof)
+    for k in range(9):
+        s.covariance_R[k] = s.R[k]
+    s.stale = False
+    sample.events |= COVARIANCE
 
 
 @kernel

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, Rows, column, read_only
+from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from .line_of_action import LineOfAction, line_of_action
 
 NOT_KNOWN = read_only(np.full(6, np.nan))
@@ -38,7 +38,7 @@ class ContactWrench:
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Frozen):
     """One contact, from `onset` to `release` s (None: it lasts).
 
     `peak` (6,): the wrench that stood out most; `mean` (6,) with its `covariance` (6, 6). `onset_seen` is False where
@@ -51,10 +51,6 @@ class Contact:
     mean: Array
     covariance: Array
     onset_seen: bool
-
-    def __post_init__(self) -> None:
-        for name in ("peak", "mean", "covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @cached_property
     def line(self) -> LineOfAction:
@@ -105,14 +101,10 @@ class ContactWrenches(Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class Zero:
+class Zero(Frozen):
     """A new zero: by how much (6,) free readings had moved, N and N m, and the `std` (6,) of that as an estimate of how
     far the bias moved since the calibration, whose own error at this orientation is in it.
     """
 
     shift: Array
     std: Array
-
-    def __post_init__(self) -> None:
-        for name in ("shift", "std"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))

@@ -117,17 +117,6 @@ def from_matrix(given: Row, R: Row) -> float:
 
 
 @kernel
-def interrupted(s: State, now: float) -> tuple[int, float]:
-    """Whether time jumped back or left a gap, and how far."""
-    passed = now - s.time
-    if passed < 0.0:
-        return BACK, -passed
-    if passed > s.longest_gap:
-        return GAP, passed
-    return FINE, 0.0
-
-
-@kernel
 def turned(s: State) -> bool:
     """Whether the orientation differs from the last one, in any digit."""
     R, last = s.R, s.last_R

@@ -9,8 +9,10 @@ from math import ceil, exp, pi
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..samples.delay import is_significant
 from ..samples.synchronize import default_gap
 from ..samples.timestamps import SORTED_WITHIN
 from .state import SECTIONS, Matrix, Row, State, kernel
@@ -129,6 +131,17 @@ def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:
     result = values.copy()
     result[finite] = filtered
     return result
+
+
+def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
+    """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
+    itself: what was estimated from a motion contains it.
+    """
+    if calibration.delay is None or calibration.delay_std is None:
+        return 0.0
+    if not is_significant(calibration.delay, calibration.delay_std):
+        return 0.0
+    return calibration.delay - (0.0 if sensor_filter is None else sensor_filter.lag)
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen
 from ..geometry.wrench import cross_matrix, unit_direction
 
 LEAST_FORCE = 4.0
@@ -23,7 +23,7 @@ LEAST_INCIDENCE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class LineOfAction:
+class LineOfAction(Frozen):
     """The line along `direction` (3,), the force's unit vector, through `point` (3,) m, its point closest to the
     sensor's origin; sensor axes.
 
@@ -40,13 +40,9 @@ class LineOfAction:
     moment_along_std: float
     reason: str | None = None
 
-    def __post_init__(self) -> None:
-        for name in ("direction", "point", "direction_covariance", "point_covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
 
 @dataclass(frozen=True, eq=False)
-class PointOfAction:
+class PointOfAction(Frozen):
     """Where a force acts, `point` (3,) m, sensor axes, with its `covariance` (3, 3) m^2; `miss` m by which the line
     passes the axis that was given, 0 for a plane. `reason` says why there is none; then everything is NaN.
     """
@@ -55,10 +51,6 @@ class PointOfAction:
     covariance: Array
     miss: float
     reason: str | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("point", "covariance"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
 
 
 def line_of_action(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
@@ -95,11 +87,7 @@ def point_on_plane(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, 
     w, C = _checked(wrench, covariance)
     n, q = unit_direction(np.asarray(normal), "normal"), np.asarray(origin, dtype=np.float64)
     F, T = w[:3], w[3:]
-    reason = _too_weak(w, C)
-    incidence = abs(float(n @ F)) / max(float(np.linalg.norm(F)), 1e-300)
-    if reason is None and incidence < LEAST_INCIDENCE:
-        reason = f"the force lies within {np.degrees(np.arcsin(incidence)):.2g} deg of the plane, expected more than 3"
-    if reason is not None:
+    if reason := _too_weak(w, C) or _too_flat(abs(float(n @ F)), F, "plane"):
         return PointOfAction(np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, reason)
     # The point x of the plane, n . x = n . q, with x x F = T up to what of T is along F.
     p = np.cross(F, T) / float(F @ F)
@@ -121,15 +109,10 @@ def point_on_axis(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, a
     w, C = _checked(wrench, covariance)
     a, q = unit_direction(np.asarray(along), "axis"), np.asarray(origin, dtype=np.float64)
     F, T = w[:3], w[3:]
-    reason = _too_weak(w, C)
-    aslant = np.cross(a, F)
-    incidence = float(np.linalg.norm(aslant)) / max(float(np.linalg.norm(F)), 1e-300)
-    if reason is None and incidence < LEAST_INCIDENCE:
-        reason = f"the force lies within {np.degrees(np.arcsin(incidence)):.2g} deg of the axis, expected more than 3"
-    if reason is not None:
+    m, M, Q = np.cross(a, F), cross_matrix(a), cross_matrix(q)
+    if reason := _too_weak(w, C) or _too_flat(float(np.linalg.norm(m)), F, "axis"):
         return PointOfAction(np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, reason)
     # (q + s a) x F = T along a x F: s = (T - q x F) . m / |m|^2, m = a x F.
-    m, M, Q = aslant, cross_matrix(a), cross_matrix(q)
     rest = T - Q @ F
     mm = float(m @ m)
     s = float(rest @ m) / mm
@@ -154,6 +137,13 @@ def _too_weak(wrench: Array, covariance: Array) -> str | None:
     if length > LEAST_FORCE * std and length > 0.0:
         return None
     return f"the force is {length:.3g} N with a std of {std:.3g} N, expected more than {LEAST_FORCE:g} of those"
+
+
+def _too_flat(across: float, F: Array, what: str) -> str | None:
+    incidence = across / max(float(np.linalg.norm(F)), 1e-300)
+    if incidence >= LEAST_INCIDENCE:
+        return None
+    return f"the force lies within {np.degrees(np.arcsin(incidence)):.2g} deg of the {what}, expected more than 3"
 
 
 def _checked(wrench: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array]:

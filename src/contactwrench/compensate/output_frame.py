@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..calibration.calibration import ROWS_AT_ONCE, Calibration
+from ..calibration.calibration import Calibration
+from ..calibration.fields import ROWS_AT_ONCE
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix, wrench_transform

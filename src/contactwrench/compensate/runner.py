@@ -1,4 +1,4 @@
-"""Steps through samples, plain or compiled: where state and samples stand as each of the two takes them."""
+"""Steps through samples, plain or compiled: state and samples as each of the two takes them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array, read_only
 from .state import KERNEL, SAMPLE, STATE, Sample, State
-from .step import advance
+from .step import take
 
 MOMENT = 1.0
 """s: what takes longer is said."""
@@ -27,39 +27,41 @@ MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
 class Plain:
-    """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array."""
+    """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array.
 
-    def __init__(self, state: State) -> None:
+    `ring` (k, 4) and `settling` (k, 6) are those of `take`.
+    """
+
+    def __init__(self, state: State, ring: Array, settling: Array) -> None:
         self.state: Any = state
         self.sample: Any = Sample()
+        self._ring = ring.tolist()
+        self.use_settling(settling)
 
-    def step(
-        self, reading: Array, turn: Array, t: float, temperature: float, ring: Any, settling: Any
-    ) -> tuple[int, Array]:
+    def use_settling(self, settling: Array) -> None:
+        """Another variance of the noise behind the low-pass."""
+        self.settling: Any = settling.tolist()
+
+    def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
-        advance([self.state], [sample], ring, settling, turn.size, 0)
+        take(self.state, sample, self._ring, self.settling, turn.size)
         return sample.said, read_only(sample.wrench)
 
-    def advance(self, samples: NDArray[np.void], ring: Any, settling: Any, width: int, begin: int) -> int:
-        """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
+    def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
+        """Take samples from `begin` on, to the first with an event or before; how many are taken."""
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature = given
-            advance([self.state], [sample], ring, settling, width, 0)
+            take(self.state, sample, self._ring, self.settling, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break
         for name, values in zip(MADE, zip(*made, strict=True), strict=True):
             samples[name][begin : begin + len(made)] = values
         return begin + len(made)
-
-    @staticmethod
-    def flat(values: Array) -> Any:
-        """Rows of numbers as the step takes them."""
-        return values.tolist()
 
 
 class Record:
@@ -76,42 +78,48 @@ class Record:
 
 
 class Compiled:
-    """By numba, on records."""
+    """By numba, on records; else as `Plain`."""
 
-    def __init__(self, state: State) -> None:
-        self._step = compiled()
-        self._state, self._samples = np.zeros(1, STATE), np.zeros(1, SAMPLE)
-        self.state: Any = Record(self._state)
-        self.sample: Any = Record(self._samples)
+    def __init__(self, state: State, ring: Array, settling: Array) -> None:
+        record = np.zeros(1, STATE)
         for name in STATE.names or ():
-            setattr(self.state, name, getattr(state, name))
+            record[name] = getattr(state, name)
+        self.__setstate__((record, np.zeros(1, SAMPLE), ring, settling))
+
+    def __getstate__(self) -> tuple[NDArray[Any], ...]:
+        return self._record, self._samples, self._ring, self.settling
+
+    def __setstate__(self, arrays: tuple[NDArray[Any], ...]) -> None:
+        self._record, self._samples, self._ring, settling = arrays
+        self.settling: Any = settling
+        self._advance = compiled()
+        self.state: Any = Record(self._record)
+        self.sample: Any = Record(self._samples)
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
         self._time, self._temperature, self._said = (self._samples[name] for name in ("time", "temperature", "said"))
 
-    def step(
-        self, reading: Array, turn: Array, t: float, temperature: float, ring: Any, settling: Any
-    ) -> tuple[int, Array]:
+    def use_settling(self, settling: Array) -> None:
+        """Another variance of the noise behind the low-pass."""
+        self.settling = np.array(settling)
+
+    def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
+        width = turn.size
         self._reading[...] = reading
-        self._turns[turn.size][...] = turn
+        self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
-        self._step(self._state, self._samples, ring, settling, turn.size, 0)
+        self._advance(self._record, self._samples, self._ring, self.settling, width, 0)
         return self._said[0], np.frombuffer(self._wrench.tobytes())
 
-    def advance(self, samples: NDArray[np.void], ring: Any, settling: Any, width: int, begin: int) -> int:
+    def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
-        return self._step(self._state, samples, ring, settling, width, begin)
-
-    @staticmethod
-    def flat(values: Array) -> Any:
-        """Rows of numbers as the step takes them."""
-        return np.array(values)
+        return self._advance(self._record, samples, self._ring, self.settling, width, begin)
 
 
 @cache
 def compiled() -> Callable[..., int]:
-    """`advance`, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
+    """`take` in a loop, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
     try:
         import numba
         from numba import types
@@ -124,26 +132,27 @@ def compiled() -> Callable[..., int]:
         register_jitable(error_model="numpy")(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
     signature = types.int64(state[::1], sample[::1], rows, rows, types.int64, types.int64)
+    files = sorted({Path(function.__code__.co_filename) for function in KERNEL})
+    digest = sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        step: Callable[..., int] = numba.njit(signature, cache=True, nogil=True, error_model="numpy")(_keyed(_digest()))
-    return step
+        advance: Callable[..., int] = numba.njit(signature, cache=True, nogil=True, error_model="numpy")(_keyed(digest))
+    return advance
 
 
 def _keyed(digest: str) -> Callable[..., int]:
-    """`advance` with `digest` in its closure: numba's cache looks at the file of a function, and not at those of what
-    it calls, but it does look at the closure.
+    """Samples from `begin` on, to the first with an event; how many are taken. With `digest`, of all files that are
+    compiled, in its closure: by itself numba's cache would not see that another file than this one has changed.
     """
 
-    def step(state, samples, ring, settling, width, begin):  # type: ignore[no-untyped-def]
+    def advance(state, samples, ring, settling, width, begin):  # type: ignore[no-untyped-def]
         digest  # noqa: B018
-        return advance(state, samples, ring, settling, width, begin)
+        for i in range(begin, len(samples)):
+            take(state[0], samples[i], ring, settling, width)
+            if samples[i].events != 0:
+                return i + 1
+        return len(samples)
 
-    return step
-
-
-def _digest() -> str:
-    files = sorted({Path(function.__code__.co_filename) for function in KERNEL})
-    return sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    return advance
 
 
 @contextmanager

@@ -71,7 +71,7 @@ class State:
     gravity_direction: Row = numbers(3)
     ranges: Row = numbers(6)
     noise_variance: Row = numbers(6)
-    temperature_coefficient: Row = numbers(6)
+    per_kelvin: Row = numbers(6)
     delay: float = 0.0
     look_back: float = 0.0
     minimum_duration: float = 0.0

@@ -4,70 +4,48 @@ from __future__ import annotations
 
 from math import nan, sqrt
 
-from .bias_tracking import learn, predict, whiten
-from .contact_detection import (
-    COVARIANCE,
-    RATE_FOUND,
-    detect,
-    end_contact,
-    readings_held,
-    satterthwaite,
-    statistic_of,
-    threshold_at,
-)
-from .faults import FINE, FROZEN, NO_PAST, OVERLOAD, STUCK, interrupted, standing_still, turned, unreadable
+from .bias_tracking import learn
+from .contact_detection import RATE_FOUND, detect, end_contact, far, readings_held, renew_covariance, statistic_of
+from .contact_wrenches import FREE, NOT_JUDGED, TOUCHING
+from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
 from .state import INTERVALS, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
-TURNED_FAR = 0.0152
-"""Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 WRENCH_ALONE, WHOLLY = 1, 2
 """What starts anew with the next good sample."""
-FREE, TOUCHING, ASK = 0, 1, 2
-"""What a sample says: it is fine, free or in contact; or one that has more to tell."""
-
-
-@kernel
-def advance(state: list[State], samples: list[Sample], ring: Matrix, settling: Matrix, width: int, begin: int) -> int:
-    """Take samples from `begin` on, to the end or the first with an event; how many are taken.
-
-    `width`: how many numbers an orientation has, 4 or 9. `settling` (k, 6): the noise's variance behind the low-pass
-    with the samples since its start.
-    """
-    for i in range(begin, len(samples)):
-        take(state[0], samples[i], ring, settling, width)
-        if samples[i].events != 0:
-            return i + 1
-    return len(samples)
+ASK = 2
+"""What a sample says that is not just fine, `FREE` or `TOUCHING`."""
 
 
 @kernel
 def take(s: State, sample: Sample, ring: Matrix, settling: Matrix, width: int) -> None:
-    """Take one sample."""
-    sample.events, sample.contact = 0, -1
+    """Take one sample.
+
+    Args:
+        s: what is known of before.
+        sample: what is given, and what comes out.
+        ring: (k, 4) times and directions of down, for a delay.
+        settling: (k, 6) variance of the noise behind the low-pass, as many samples after its start.
+        width: how many numbers the orientation has, 4 or 9.
+    """
+    sample.events, sample.contact = 0, NOT_JUDGED
     fault, detail, channel = unreadable(s, sample, width)
-    if fault != FINE:
-        refuse(s, sample)
-    else:
+    if fault == FINE:
         fault, detail, channel = follow(s, sample, ring, settling)
+    else:
+        s.spoiled, sample.statistic = True, nan
+        for k in range(6):
+            sample.wrench[k] = sample.wrench_std[k] = nan
     sample.fault, sample.detail, sample.channel, sample.threshold = fault, detail, channel, s.fire
     sample.said = sample.contact if fault == FINE and sample.events == 0 else ASK
 
 
 @kernel
-def refuse(s: State, sample: Sample) -> None:
-    """A sample that cannot be computed; everything else goes on with the next."""
-    for k in range(6):
-        sample.wrench[k] = sample.wrench_std[k] = nan
-    sample.statistic = nan
-    s.spoiled = True
-
-
-@kernel
 def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[int, float, int]:
     """A sample that can be computed; what is wrong with it, with a figure and the channel."""
-    interruption, passed = interrupted(s, sample.time)
+    passed = sample.time - s.time
+    interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
     restart = interruption != FINE or s.time != s.time
     changed = turned(s)
     if restart and s.touching:
@@ -77,7 +55,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     arrive(s, sample, restart)
     fault, detail, channel = standing_still(s, sample, changed)
     if interruption != FINE:
-        fault, detail, channel = interruption, passed, -1
+        fault, detail, channel = interruption, abs(passed), -1
     fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
     if without_past(s, fresh_pose, sample.time) and fault == FINE:
         fault, detail = NO_PAST, s.look_back
@@ -90,12 +68,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
         s.since_fresh, s.stale, s.spoiled = 0, True, True
         s.run = s.quiet = 0
     s.since_fresh += 1
-    if fault == FROZEN:
-        s.fresh = WHOLLY
-    elif fault >= STUCK:
-        s.fresh = max(s.fresh, WRENCH_ALONE)
-    else:
-        s.fresh = 0
+    s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
     if fault in (FINE, OVERLOAD):
         if not recovers:
             detect(s, sample, settling)
@@ -108,62 +81,23 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
 
 
 @kernel
-def far(s: State) -> bool:
-    """Whether the orientation is too far from the one that the covariances belong to."""
-    R, there = s.R, s.covariance_R
-    squared = 0.0
-    for k in range(9):
-        apart = R[k] - there[k]
-        squared += apart * apart
-    return squared > TURNED_FAR
-
-
-@kernel
-def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) -> None:
-    """The covariance of the contact wrench at the orientation and time of the sample that comes."""
-    if restart:
-        s.since_fresh = 0
-    if s.since_fresh == 0:
-        s.clean_blocks = 0
-    if s.offset_time != s.offset_time:
-        s.offset_time = sample.time
-    predict(s, s.R, sample.time)
-    held, filtered = readings_held(s), settling[min(s.since_fresh, len(settling) - 1)]
-    for k in range(6):
-        s.noise_left[k] = min(filtered[k] * held, s.noise_variance[k])
-        s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k])
-    whiten(s.systematic, s.noise_left, s.whitening)
-    dof = satterthwaite(s.whitening, s.systematic, s.dof)
-    s.fire, s.end = threshold_at(s.fires, dof), threshold_at(s.ends, dof)
-    for k in range(9):
-        s.covariance_R[k] = s.R[k]
-    s.stale = False
-    sample.events |= COVARIANCE
-
-
-@kernel
 def arrive(s: State, sample: Sample, restart: bool) -> None:
-    """The sample is taken: begin anew with it, or count the time since the last."""
-    if restart:
-        begin(s, sample)
-    elif s.stamps < INTERVALS:
+    """The sample is taken: count the time since the last, or begin anew, so that nothing of before is compared with
+    what comes.
+    """
+    if not restart and s.stamps < INTERVALS:
         s.intervals[s.stamps] = sample.time - s.time
         s.stamps += 1
         if s.stamps == INTERVALS:
             sample.events |= RATE_FOUND
     s.time = sample.time
-
-
-@kernel
-def begin(s: State, sample: Sample) -> None:
-    """Begin anew in time: nothing of before is compared with what comes."""
+    if not restart:
+        return
     s.run = 0
-    s.known_free = False
     s.free_time = nan
     s.block_time = s.new_time = s.turn_time = sample.time
     s.block_rows = s.speed = s.turn_squared = 0.0
-    s.spoiled = True
-    s.steady = False
+    s.known_free, s.spoiled, s.steady = False, True, False
     for k in range(6):
         s.block_sum[k] = s.repeats[k] = 0.0
         s.last_reading[k] = sample.reading[k]
@@ -194,16 +128,10 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     low_pass(s.sensor, s.sensor_memory, down, 3, fresh_pose)
     x, y, z = down[0], down[1], down[2]
     warmer = warmed_by(s, sample.temperature)
-    reading, wrench, offset, total, coefficient = (
-        sample.reading,
-        sample.wrench,
-        s.offset,
-        s.block_sum,
-        s.temperature_coefficient,
-    )
+    reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
     for k in range(6):
         B = s.B[k]
-        left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + coefficient[k] * warmer)
+        left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
         wrench[k] = left
         total[k] += left
     s.block_rows += 1.0

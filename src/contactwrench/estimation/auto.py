@@ -1,6 +1,6 @@
 """`auto`: mounting and base free, with priors around nominal that the readings can overrule.
 
-Parallel faces and a level base are what most robots have, to a degree or so; no fixed rung of the ladder of models is
+Parallel faces and a level base are what most robots have, to a degree or so; no fixed model is
 right for all of them (method, sections 4 and 5). So the tilt of the sensor against the flange and that of the base
 are estimated with Gaussian priors. Three questions are put to the readings, each answered by evidence, the probability
 of the readings under an assumption, every parameter integrated out (Laplace's method; MacKay, 1992):
@@ -22,16 +22,11 @@ import numpy as np
 from ..calibration.observability import is_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, small_change_about, stepped, wrench_jacobian, wrench_matrix
-from .initial_guess import Search, starting_tools
-from .least_squares import EstimatedNoise, Fit, GivenNoise, PoseReadings, Solved
-from .noise import GROUPS
-from .priors import Knowledge, known_gravity, nominal_mounting, rows_of
+from .initial_guess import Search, initial_guesses
+from .least_squares import Fit, Solved
+from .noise import GROUPS, EstimatedNoise, PoseReadings
+from .priors import EXACT_TILT_SD, Knowledge, Question, TiltPriors, known_gravity, nominal_mounting, rows_of
 from .rigid import RigidProblem, finished_rigid, solved_from
-
-MOUNT_TILT_SD = np.deg2rad(1.41)
-BASE_TILT_SD = np.deg2rad(0.71)
-EXACT_TILT_SD = np.deg2rad(0.005)
-"""What a machined face or a levelled base is off by: the readings cannot see it."""
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
 """Before the readings, of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
@@ -44,16 +39,6 @@ SUSPICIOUS = 3.0
 
 CENTRINGS = 4
 NAMES = PARAMETERS["mount+base"]
-
-
-@dataclass(frozen=True)
-class TiltPriors:
-    """Standard deviations (rad, an axis) of the mounting's and the base's tilt about nominal; None where what is known
-    of it takes the place of a prior.
-    """
-
-    mount: float | None = MOUNT_TILT_SD
-    base: float | None = BASE_TILT_SD
 
 
 @dataclass(frozen=True)
@@ -77,6 +62,15 @@ class Candidate:
     log_evidence: float
     separable: bool
 
+    @property
+    def answerable(self) -> bool:
+        """Whether the readings tell all parameters and, where that is to be estimated, their noise: else the fit goes
+        on as it is, to be refused. A noise of nothing would leave the mean over assumptions to rounding.
+        """
+        linear = self.solved.linear
+        told = linear.tells_noise or not isinstance(self.solved.noise, EstimatedNoise)
+        return self.separable and told and linear.s[-1] > 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class AutoFit:
@@ -91,72 +85,52 @@ class AutoFit:
     base_exact: float | None
 
 
-def fit_auto(
-    readings: PoseReadings,
-    gravity_direction: Array,
-    noise: GivenNoise | None,
-    priors: TiltPriors,
-    knowledge: tuple[Knowledge, ...] = (),
-) -> AutoFit:
+def fit_auto(readings: PoseReadings, question: Question) -> AutoFit:
     """The posterior mean of tool, mounting and base; see the head of this file.
 
-    `gravity_direction` (3,) in base axes is nominal; `knowledge` joins the readings under every assumption.
+    The stated gravity is nominal; what is known joins the readings under every assumption.
     """
-
-    def under(assumption: Assumption) -> Candidate:
-        return _candidate(assumption, readings, gravity_direction, noise, priors, knowledge)
-
-    kept = Assumption(nominal_mounting=priors.mount is not None, nominal_base=priors.base is not None)
-    nominal = under(kept)
-    freer = [Assumption(nominal_mounting=False, nominal_base=False)]
-    freer += [
-        Assumption(nominal_mounting=False, nominal_base=True),
-        Assumption(nominal_mounting=True, nominal_base=False),
-    ]
+    kept = Assumption(question.priors.mount is not None, question.priors.base is not None)
+    nominal = _candidate(kept, readings, question)
+    freer = [Assumption(*free) for free in ((False, False), (False, True), (True, False))]
     freer = [
         a
         for a in freer
         if a != kept and a.nominal_mounting <= kept.nominal_mounting and a.nominal_base <= kept.nominal_base
     ]
-    rivals = [under(assumption) for assumption in freer[:1]]
+    rivals = [_candidate(assumption, readings, question) for assumption in freer[:1]]
     beaten = any(rival.separable and rival.log_evidence > nominal.log_evidence for rival in rivals)
-    if beaten or _largest_tilt(nominal, gravity_direction, priors) > SUSPICIOUS:
-        rivals += [under(assumption) for assumption in freer[1:]]
+    if beaten or _largest_tilt(nominal, question) > SUSPICIOUS:
+        rivals += [_candidate(assumption, readings, question) for assumption in freer[1:]]
     rivals = [rival for rival in rivals if rival.separable]
     best = max(rivals, key=lambda rival: rival.log_evidence, default=nominal)
     log_odds = best.log_evidence - nominal.log_evidence
     if log_odds <= np.log(LEAVES_PRIOR):
         best, log_odds = nominal, 0.0
-    return _mean_over_assumptions(best, gravity_direction, priors, knowledge, log_odds)
+    return _mean_over_assumptions(best, question, log_odds)
 
 
-def _candidate(
-    assumption: Assumption,
-    readings: PoseReadings,
-    gravity_direction: Array,
-    noise: GivenNoise | None,
-    priors: TiltPriors,
-    knowledge: tuple[Knowledge, ...],
-) -> Candidate:
+def _candidate(assumption: Assumption, readings: PoseReadings, question: Question) -> Candidate:
     """The optimum under an assumption."""
-    tilts = tilt_priors(assumption, gravity_direction, priors)
-    problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, (*knowledge, *(tilt for tilt, _ in tilts)))
+    knowledge = (*question.knowledge, *(tilt for tilt, _ in tilt_priors(assumption, question)))
+    problem = RigidProblem(readings.R_base_flange, readings.wrench, NAMES, knowledge)
     search = Search(any_mounting=not assumption.nominal_mounting, any_base=not assumption.nominal_base)
-    starts = starting_tools(readings.R_base_flange, readings.wrench, search, gravity_direction)
-    tool, solved = solved_from(problem, starts, readings, noise)
+    guesses = initial_guesses(readings.R_base_flange, readings.wrench, search, question.gravity_direction)
+    tool, solved = solved_from(problem, guesses, readings, question.noise)
     known = rows_of(problem.knowledge, tool, NAMES)
     seen = is_separable(tool, readings.R_base_flange, NAMES, None if known is None else known.jacobian)
-    evidence = _log_evidence(assumption, tool, solved, priors)
+    evidence = _log_evidence(assumption, tool, solved, question.priors)
     return Candidate(assumption, problem, tool, solved, evidence, seen)
 
 
-def tilt_priors(assumption: Assumption, gravity_direction: Array, priors: TiltPriors) -> list[tuple[Knowledge, float]]:
+def tilt_priors(assumption: Assumption, question: Question) -> list[tuple[Knowledge, float]]:
     """The priors that an assumption keeps, each with its standard deviation."""
+    priors = question.priors
     tilts: list[tuple[Knowledge, float]] = []
     if assumption.nominal_mounting and priors.mount is not None:
         tilts.append((nominal_mounting(priors.mount), priors.mount))
     if assumption.nominal_base and priors.base is not None:
-        tilts.append((known_gravity(gravity_direction, priors.base), priors.base))
+        tilts.append((known_gravity(question.gravity_direction, priors.base), priors.base))
     return tilts
 
 
@@ -194,9 +168,9 @@ def _log_determinant(information: Array) -> float:
     return float(np.linalg.slogdet(information / np.outer(unit, unit))[1] + 2.0 * np.sum(np.log(unit)))
 
 
-def _largest_tilt(candidate: Candidate, gravity_direction: Array, priors: TiltPriors) -> float:
+def _largest_tilt(candidate: Candidate, question: Question) -> float:
     """In standard deviations of its prior."""
-    tilts = tilt_priors(candidate.assumption, gravity_direction, priors)
+    tilts = tilt_priors(candidate.assumption, question)
     off = [float(np.linalg.norm(tilt(candidate.tool, NAMES).residuals)) for tilt, _ in tilts]
     return max(off, default=0.0)
 
@@ -209,9 +183,7 @@ class _Mixture:
     probability: Array
 
 
-def _mean_over_assumptions(
-    candidate: Candidate, gravity_direction: Array, priors: TiltPriors, knowledge: tuple[Knowledge, ...], odds: float
-) -> AutoFit:
+def _mean_over_assumptions(candidate: Candidate, question: Question, odds: float) -> AutoFit:
     """The mean over tilts that are exactly nominal or not, where their prior holds, and its covariance."""
     assumption = candidate.assumption
     exact = [
@@ -220,10 +192,10 @@ def _mean_over_assumptions(
         if (assumption.nominal_mounting or not pair[0]) and (assumption.nominal_base or not pair[1])
     ]
     tool = candidate.tool
-    if candidate.solved.linear.s[-1] == 0.0 or not candidate.separable:
+    if not candidate.answerable:
         return AutoFit(finished_rigid(tool, NAMES, candidate.solved), assumption, odds, None, None)
     for _ in range(CENTRINGS):
-        mixture = _mixture(exact, candidate, tool, gravity_direction, priors, knowledge)
+        mixture = _mixture(exact, candidate, tool, question)
         centre, mean = tool, mixture.probability @ mixture.steps
         tool = stepped(centre, mean, NAMES)
     fit = finished_rigid(candidate.tool, NAMES, candidate.solved)
@@ -252,14 +224,7 @@ def _mean_over_assumptions(
     )
 
 
-def _mixture(
-    exact: list[tuple[bool, bool]],
-    candidate: Candidate,
-    tool: RigidTool,
-    gravity_direction: Array,
-    priors: TiltPriors,
-    knowledge: tuple[Knowledge, ...],
-) -> _Mixture:
+def _mixture(exact: list[tuple[bool, bool]], candidate: Candidate, tool: RigidTool, question: Question) -> _Mixture:
     """Everything linearised at `tool`, with the noise of the candidate; a misfit beyond that noise is judged as one of
     readings whose noise was estimated, by Student's t.
     """
@@ -269,10 +234,11 @@ def _mixture(
     steps, log_probability = [], []
     for mounting_exact, base_exact in exact:
         stds = TiltPriors(
-            EXACT_TILT_SD if mounting_exact else priors.mount, EXACT_TILT_SD if base_exact else priors.base
+            EXACT_TILT_SD if mounting_exact else question.priors.mount,
+            EXACT_TILT_SD if base_exact else question.priors.base,
         )
-        tilts = tilt_priors(candidate.assumption, gravity_direction, stds)
-        known = rows_of((*knowledge, *(tilt for tilt, _ in tilts)), tool, NAMES)
+        tilts = tilt_priors(candidate.assumption, replace(question, priors=stds))
+        known = rows_of((*question.knowledge, *(tilt for tilt, _ in tilts)), tool, NAMES)
         rows, left = (np.zeros((0, len(NAMES))), np.zeros(0)) if known is None else (known.jacobian, known.residuals)
         information = J.T @ J + rows.T @ rows
         unit = np.sqrt(np.diag(information))

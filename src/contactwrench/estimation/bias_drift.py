@@ -1,9 +1,9 @@
-"""The course of the bias while the poses were recorded: steady, a step, a steady drift, or a random walk.
+"""How the bias moved while the poses were recorded: not at all, by a step, a steady drift, or a random walk.
 
-A sensor warms up; a driver zeroes it half-way. In the order of time the residuals then show it. Each course is a few
+A sensor warms up; a driver zeroes it half-way. In the order of time the residuals then show it. Each motion is a few
 more columns of the linearised problem, zero at the last pose, so that the bias that is estimated is the LAST one; a
 random walk is a covariance between poses. A steady bias is given up only where a test says so, at one false alarm in
-130; the courses are then compared by the Bayesian information criterion (Schwarz, 1978), in which leaving a pose out
+130; the motions are then compared by the Bayesian information criterion (Schwarz, 1978), in which leaving a pose out
 has a cost too: so a few bumped poses are not a step, and a step is not many bumped poses.
 """
 
@@ -14,13 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.fields import Kind
 from ..geometry.arrays import Array
+from ..statistics import two_digits
 from .outliers import LinearReadings, outlying, weighted_fit
 
 FALSE_ALARM = 0.0025
 """Of each of the three tests."""
 
 FEWEST_POSES = 8
+HOUR = 3600.0
 SIDE = 3
 """A step has at least so many poses on either side."""
 
@@ -37,13 +40,13 @@ WALK_RATIOS = np.geomspace(0.02, 10.0, 25)
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """How the bias went: `kind` steady, step, drift or walk; `change` (n, 6) N and N m, what each pose's bias was off
-    the last one; `first_after` the index of the first pose after a step; which poses are `outlying` (n,); `covariance`
-    (p, p), by how much that of the parameters grows because the course is unknown; `parameters` that it took.
+class BiasDrift:
+    """How the bias moved: the `kind` of finding, None where it did not; `change` (n, 6) N and N m, what each bias was
+    off the last one; `first_after` the index of the first pose after a step; which poses are `outlying` (n,);
+    `covariance` (p, p), by how much that of the parameters grows because the motion is unknown; `parameters` it took.
     """
 
-    kind: str
+    kind: Kind | None
     change: Array
     first_after: int | None
     outlying: NDArray[np.bool_]
@@ -51,25 +54,26 @@ class Course:
     parameters: float
 
 
-def course_of_bias(linear: LinearReadings, wide: Array, unit: Array, time: Array) -> Course:
-    """The course that explains the readings best, poses in the order of `time` (n,).
+def likeliest_drift(linear: LinearReadings, wide: Array, unit: Array, time: Array) -> BiasDrift:
+    """The motion that explains the readings best, poses in the order of `time` (n,).
 
     `wide` (n, 6, q): columns that may explain a residual as well as time does, cross-talk first of all; the tests leave
     it to them. `unit` (6,): the relative noise that `linear` and `wide` are in units of, N and N m.
     """
     n = len(time)
     out = outlying(linear)
-    steady = Course("steady", np.zeros((n, 6)), None, out, np.zeros((linear.J.shape[2],) * 2), 0.0)
+    steady = BiasDrift(None, np.zeros((n, 6)), None, out, np.zeros((linear.J.shape[2],) * 2), 0.0)
     if n < FEWEST_POSES:
         return steady
     if not _moves(linear, wide, ~out, time) and np.sum(out) < MANY_OUTLIERS:
         return steady
-    fixed = [("drift", None, _powers(time, 1)), *(("step", k, _step(n, k)) for k in _likeliest_steps(linear, n))]
-    courses = [_fixed(linear, shape, kind, k, unit) for kind, k, shape in fixed]
+    steps = _likeliest_steps(linear, n)
+    shapes = [(None, _powers(time, 1)), *((k, _step(n, k)) for k in steps)]
+    drifts = [_drift_of_shape(linear, shape, k, unit) for k, shape in shapes]
     if n <= MOST_POSES_OF_WALK:
-        courses.append(_walk(linear, time, unit))
-    courses.append((_criterion(linear, np.zeros((n, 0)), out), steady))
-    return min(courses, key=lambda course: course[0])[1]
+        drifts.append(_walk(linear, time, unit))
+    drifts.append((_criterion(linear, np.zeros((n, 0)), out), steady))
+    return min(drifts, key=lambda drift: drift[0])[1]
 
 
 def _powers(time: Array, degree: int) -> Array:
@@ -95,7 +99,7 @@ def _of(linear: LinearReadings, kept: NDArray[np.bool_]) -> LinearReadings:
 
 
 def _moves(linear: LinearReadings, wide: Array, kept: NDArray[np.bool_], time: Array) -> bool:
-    """Whether a drift, a smooth course or a step explains the kept poses better than chance would."""
+    """Whether a drift, a smooth motion or a step explains the kept poses better than chance would."""
     some = _of(linear, kept)
     n = len(some.errors)
     if n < FEWEST_POSES:
@@ -108,7 +112,7 @@ def _moves(linear: LinearReadings, wide: Array, kept: NDArray[np.bool_], time: A
 
 def chance_of_steady(columns: Array, whitened: Array, time: Array) -> float:
     """Probability that whitened residuals (n, 6) of a steady bias follow `time` (n,) as much, or more, by chance: the
-    least of three F tests, of a drift, a cubic course and a step anywhere, once `columns` (n, 6, q) had their share.
+    least of three F tests, of a drift, a cubic and a step anywhere, once `columns` (n, 6, q) had their share.
     """
     n = len(whitened)
     U, s, _ = np.linalg.svd(columns.reshape(6 * n, -1), full_matrices=False)
@@ -171,8 +175,9 @@ def _criterion(linear: LinearReadings, shape: Array, out: NDArray[np.bool_]) -> 
     return 3.0 * n * float(np.sum(np.log(fit.variance))) + cost
 
 
-def _fixed(linear: LinearReadings, shape: Array, kind: str, k: int | None, unit: Array) -> tuple[float, Course]:
-    """A step or a drift: the columns' coefficients by least squares, and what not knowing them costs."""
+def _drift_of_shape(linear: LinearReadings, shape: Array, k: int | None, unit: Array) -> tuple[float, BiasDrift]:
+    """A step before pose k, or a drift: the columns' coefficients by least squares, and what not knowing them costs."""
+    kind = Kind.BIAS_DRIFTED if k is None else Kind.BIAS_STEPPED
     n, p = len(shape), linear.J.shape[2]
     out = outlying(_with(linear, shape))
     place = 0.0 if k is None else 2.0 * float(np.log(n))
@@ -180,13 +185,13 @@ def _fixed(linear: LinearReadings, shape: Array, kind: str, k: int | None, unit:
     x = fit.inverse @ fit.right
     change = np.einsum("nm,mi->ni", shape, x[p:].reshape(-1, 6)) * unit
     growth = fit.inverse[:p, :p] - np.linalg.inv(fit.information[:p, :p])
-    return _criterion(linear, shape, out) + place, Course(kind, change, k, out, growth, 6.0 * shape.shape[1])
+    return _criterion(linear, shape, out) + place, BiasDrift(kind, change, k, out, growth, 6.0 * shape.shape[1])
 
 
-def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Course]:
+def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, BiasDrift]:
     """A random walk: generalised least squares with the walk's covariance between poses, its strength where the
-    restricted likelihood is largest; then the course itself, the best linear prediction. Outliers are told from a
-    cubic course.
+    restricted likelihood is largest; then the walk itself, the best linear prediction. Outliers are told from a
+    cubic.
     """
     n = len(time)
     out = outlying(_with(linear, _powers(time, 3)))
@@ -207,7 +212,7 @@ def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Cour
         restricted = spread + float(np.linalg.slogdet(fit.information)[1]) + of_walk
         criterion = float(3.0 * n * np.sum(np.log(fit.variance))) + of_walk
         fits.append((restricted, criterion, fit, ratio))
-    _, criterion, fit, ratio = min(fits, key=lambda found: found[0])
+    _, criterion, fit, ratio = min(fits, key=lambda fit: fit[0])
     walk = ratio**2 * n * together
     smooth = walk @ np.linalg.inv(np.eye(len(some.errors)) + walk[~out])
     change = smooth @ (some.errors - some.J @ (fit.inverse @ fit.right)) * unit
@@ -215,4 +220,34 @@ def _walk(linear: LinearReadings, time: Array, unit: Array) -> tuple[float, Cour
     growth = fit.inverse - np.linalg.inv(steady + linear.known.T @ linear.known)
     cost = float(np.log(6.0 * n)) + OUTLIER_COST * float(np.sum(out))
     taken = 6.0 * float(np.trace(smooth[~out]))
-    return criterion + cost, Course("walk", change, None, out, growth, taken)
+    return criterion + cost, BiasDrift(Kind.BIAS_WANDERED, change, None, out, growth, taken)
+
+
+def in_words(drift: BiasDrift, names: list[str], t_first: float | None, t_last: float | None) -> str:
+    """How the bias moved, of poses with those names, from the begin of the first to the end of the last (s)."""
+    if drift.first_after is not None:
+        before, after = names[drift.first_after - 1 : drift.first_after + 1]
+        return (
+            f"the bias stepped by {_wrench(-drift.change[0])} between {before} and {after}: both sides share the "
+            "tool, and the bias is that of the last pose; was the sensor zeroed there?"
+        )
+    span, per = float(len(names) - 1), "a pose"
+    if t_first is not None and t_last is not None and t_last > t_first:
+        span, per = (t_last - t_first) / HOUR, "an hour"
+    if drift.kind is Kind.BIAS_DRIFTED:
+        return (
+            f"the bias drifted by {_wrench(-drift.change[0] / span)} {per}, steadily: the bias is that of the last "
+            "pose; let the sensor warm up before the next calibration"
+        )
+    steps = np.diff(drift.change, axis=0)
+    strength = np.sqrt(np.sum(steps**2, axis=0) / span)
+    furthest = float(np.linalg.norm(drift.change[:, :3], axis=1).max())
+    return (
+        f"the bias wandered by up to {furthest:.2g} N, as a random walk of {_wrench(strength)} per root of {per}: the "
+        "bias is that of the last pose; let the sensor warm up before the next calibration"
+    )
+
+
+def _wrench(values: Array) -> str:
+    force, torque = (", ".join(two_digits(value) for value in part) for part in (values[:3], 1e3 * values[3:]))
+    return f"({force}) N and ({torque}) mN m"

@@ -1,4 +1,4 @@
-"""`calibrate`: from samples to a Calibration, by the rung of the ladder of models that is asked for.
+"""`calibrate`: from samples to a Calibration, by the model that is asked for.
 
 Samples become poses, an estimator fits them, and the result is returned only if the poses separate every parameter
 and if the data do not contradict the sign of the readings and the side of the base that they were given with.
@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..calibration.alternative import Alternative
 from ..calibration.calibration import Calibration
+from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import InputError, UnobservableError
-from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
@@ -25,25 +24,24 @@ from ..samples.poses import Pose, moments_of_poses
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..version import __version__
-from .assumptions import assumptions_in_words
-from .auto import BASE_TILT_SD, MOUNT_TILT_SD, TiltPriors
-from .cleaned import what_was_cleaned, what_was_not_still
-from .estimate import HELD_GRAVITY, Question, fitted, require_answerable, rung_fitted
-from .findings import weaknesses
-from .given import earlier_tool, knowledge_given
-from .least_squares import LEAST_LEFT, GivenNoise, PoseReadings
-from .noise import pooled_scatter
-from .robust import MOST_CLEANED, RobustEstimate, cleaned_estimate, confirmed
+from .estimate import HELD_GRAVITY, alternatives_to, model_fitted
+from .findings import assumptions_in_words, doubts
+from .noise import NoiseLike, in_time, readings_of, stated_noise, times_of
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
+from .robust import (
+    MOST_JUDGED,
+    RobustEstimate,
+    confirmed,
+    poses_left_out,
+    robust_estimate,
+    segments_left_out,
+)
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
-OTHER_RUNGS = ("yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
-
-
-NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 
 
 def calibrate(
@@ -88,32 +86,33 @@ def calibrate(
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
     try:
-        checked = confirmed(recorded.found, question)
+        checked = confirmed(recorded.robust, question)
     except UnobservableError as error:
         raise UnobservableError(f"{error}{recorded.what_was_still}") from None
-    return assembled(replace(recorded, found=checked), question, origin)
+    return assembled(replace(recorded, robust=checked), question, origin)
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording less its rows under load, its poses, the estimate from them, and the `g` (m/s^2) of the place;
-    `rejected` the stretches of a stream that are no pose; `stretches` how many made the poses, 0 of a table.
+    """A recording less its rows under load, its poses, the `robust` estimate from them, what was found on the way, and
+    the `g` (m/s^2) of the place; `rejected` the segments of a stream that are no pose; `segments` how many made the
+    poses, 0 of a table.
     """
 
     samples: Samples
     poses: tuple[Pose, ...]
-    found: RobustEstimate
-    warnings: tuple[str, ...]
+    robust: RobustEstimate
+    findings: tuple[Finding, ...]
     g: float
     rejected: tuple[Pose, ...]
-    stretches: int
+    segments: int
 
     @property
     def what_was_still(self) -> str:
         """What to add to a complaint about the poses of a stream."""
-        if not self.stretches:
+        if not self.segments:
             return ""
-        return f" (still stretches: {self.stretches}, left out: {len(self.rejected)}; stop for a second or two at each)"
+        return f" (still stretches: {self.segments}, left out: {len(self.rejected)}; stop for a second or two at each)"
 
 
 def question_asked(
@@ -130,13 +129,7 @@ def question_asked(
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
         if sd is None or not 0.0 < sd < np.inf:
             raise InputError(f"{name} is {sd!r}, expected rad above 0")
-    noise_std = _noise_std(noise)
-    question = Question(
-        model=model,
-        gravity_direction=stated,
-        noise=None if noise_std is None else GivenNoise(noise_std),
-        priors=priors,
-    )
+    question = Question(model=model, gravity_direction=stated, noise=stated_noise(noise), priors=priors)
     return _with_known(question, known, gravity is not None) if known else question
 
 
@@ -149,7 +142,7 @@ def _with_known(question: Question, known: Mapping[str, tuple[Any, Any]], gravit
         )
     if "gravity" in known and gravity_stated:
         raise InputError("gravity is stated and given as known too: leave one of them out")
-    pieces = knowledge_given(known)
+    pieces = stated_knowledge(known)
     stated = unit_direction(known["gravity"][0]) if "gravity" in known else question.gravity_direction
     priors = TiltPriors(
         None if "mount" in known else question.priors.mount, None if "gravity" in known else question.priors.base
@@ -178,117 +171,49 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, sa
 
 
 def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
-    """Poses and the estimate from them, cleaned and not yet checked; every visit to an orientation is a pose of its own
+    """Poses and the estimate from them, robust and not yet checked; every visit to an orientation is a pose of its own
     where the bias moved. Raises `InputError`.
     """
     if not isinstance(samples, Samples):
         raise InputError(f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
     if not (np.isfinite(g) and g > 0.0):
         raise InputError(f"g is {g!r}, expected m/s^2 above 0")
-    free, warnings = _contact_free(samples)
+    free, findings = _contact_free(samples)
     if not len(free):
         raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
     stream = is_stream(samples)
     if stream:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
-    poses, rejected = _in_time(recorded.poses), recorded.rejected
-    warnings += what_was_not_still(rejected, recorded.segments, _first_time(free))
+    findings += segments_left_out(recorded, _first_time(free))
     if recorded.visits is not None:
-        visits = _in_time(recorded.visits)
-        found = cleaned_estimate(_readings(visits), _times(visits), question)
-        if found.course is not None and found.course.kind != "steady":
-            return Recorded(free, visits, found, warnings, g, rejected, recorded.segments)
-    found = cleaned_estimate(_readings(poses), _times(poses), question)
-    return Recorded(free, poses, found, warnings, g, rejected, recorded.segments)
+        visits = in_time(recorded.visits)
+        robust = robust_estimate(readings_of(visits), times_of(visits), question)
+        if robust.bias_drift is not None and robust.bias_drift.kind is not None:
+            return Recorded(free, visits, robust, findings, g, recorded.rejected, recorded.segments)
+    poses = in_time(recorded.poses)
+    robust = robust_estimate(readings_of(poses), times_of(poses), question)
+    return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.segments)
 
 
 def _first_time(samples: Samples) -> float:
     return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
 
 
-def _in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
-    return tuple(sorted(poses, key=_middle))
-
-
-def _middle(pose: Pose) -> float:
-    return 0.0 if pose.t_start is None or pose.t_end is None else 0.5 * (pose.t_start + pose.t_end)
-
-
-def _readings(poses: tuple[Pose, ...]) -> PoseReadings:
-    return PoseReadings(
-        np.array([pose.R_base_flange for pose in poses]),
-        np.array([pose.wrench for pose in poses]),
-        pooled_scatter(poses),
-    )
-
-
-def _times(poses: tuple[Pose, ...]) -> Array:
-    """The middle of each pose (n,), s; the count of poses where no time is known or it stands still."""
-    times = np.array([_middle(pose) for pose in poses])
-    if poses[0].t_start is not None and times[-1] > times[0]:
-        return times
-    return np.arange(len(poses), dtype=np.float64)
-
-
-def _alternatives(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
-    """What the rungs of the ladder make of the same poses; those that the poses cannot tell are left out."""
-    rungs = []
-    for model in OTHER_RUNGS:
-        of_rung = replace(question, model=model)
-        try:
-            fit = fitted(readings, of_rung).fit
-            if fit.tool is not None:
-                require_answerable(fit, readings, model, of_rung)
-        except UnobservableError:
-            continue
-        freedom = max(fit.readings_left, LEAST_LEFT) / 6.0
-        force, torque = (np.sqrt(np.sum(part**2) / freedom) for part in np.hsplit(fit.residuals, 2))
-        rungs.append(
-            Alternative(
-                model=model,
-                weight=None if fit.tool is None else fit.tool.weight,
-                weight_std=None if fit.tool is None else float(np.sqrt(fit.covariance[0, 0])),
-                force_left=float(force),
-                torque_left=float(torque),
-                B=fit.B,
-                gravity_direction=fit.gravity_direction,
-            )
-        )
-    return tuple(rungs)
-
-
-def _contact_free(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
+def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     samples, notes = samples.unsaturated()
+    findings = tuple(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes)
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
-        return samples, notes
+        return samples, findings
     free = samples.load_mass == 0.0
-    left_out = int(np.sum(~free))
-    return samples.select(free), (*notes, f"{left_out} rows with a load hung on the tool were left out")
-
-
-def _noise_std(noise: NoiseLike) -> Array | None:
-    """Standard deviations (6,) of one pose's reading from what the user gave, or None."""
-    if noise is None:
-        return None
-    try:
-        values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
-        values = values.std(axis=0, ddof=1)
-    if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):
-        raise InputError(
-            "noise must be six standard deviations above 0 (fx..tz, N and N m), or a recording at rest (n, 6) in which "
-            f"every axis moves; found {np.array2string(values, threshold=8)}"
-        )
-    return values
+    text = f"{int(np.sum(~free))} rows with a load hung on the tool were left out"
+    return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
 
 
 def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
     """The checked estimate as a Calibration; `origin` joins its provenance."""
-    found, poses, warnings = recorded.found, recorded.poses, recorded.warnings
-    provenance: dict[str, str | int | float] = {
+    robust, poses, estimate = recorded.robust, recorded.poses, recorded.robust.estimate
+    provenance: dict[str, str | int | float | bool | None] = {
         "software": f"contactwrench {__version__}",
         "source": recorded.samples.source,
         "rows": len(recorded.samples),
@@ -296,7 +221,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         **({} if recorded.samples.t is None else {"t_first": _first_time(recorded.samples)}),
         **origin,
     }
-    fit, readings, names, tool = found.found.fit, found.readings, found.found.names, found.found.fit.tool
+    fit, readings, names, tool = estimate.fit, robust.readings, estimate.names, estimate.fit.tool
     observability = describe(readings.R_base_flange, fit.gravity_direction, fit.singular_values, fit.covariance, names)
     if tool is None:
         weight = mass = com = R_flange_sensor = yaw = None
@@ -312,13 +237,13 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
     held_out = fit.held_out
-    warnings += what_was_cleaned(found, poses, _first_time(recorded.samples)) + found.found.warnings
-    warnings += weaknesses(found, question, observability.trade_offs)
-    compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_CLEANED
-    alternatives = _alternatives(readings, question) if compared else ()
+    left_out = poses_left_out(robust, poses, _first_time(recorded.samples))
+    doubtful = doubts(robust, question, observability.trade_offs)
+    compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_JUDGED
+    alternatives = alternatives_to(readings, question) if compared else ()
     return Calibration(
         requested_model=question.model,
-        model=rung_fitted(question.model),
+        model=model_fitted(question.model),
         weight=weight,
         mass=mass,
         com=com,
@@ -337,14 +262,14 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         reduced_chi2=fit.reduced_chi2,
         dof=float(fit.dof.min()),
         observability=observability,
-        warnings=warnings,
+        findings=(*recorded.findings, *left_out, *estimate.findings, *doubtful),
         provenance=provenance,
-        poses=() if many else (*map(_marked, poses, found.reasons), *recorded.rejected),
+        poses=() if many else (*map(_marked, poses, robust.reasons), *recorded.rejected),
         moments=moments_of_poses(readings.R_base_flange, readings.wrench) if many else None,
-        weight_xy=found.found.weight_xy,
-        weight_z=found.found.weight_z,
+        weight_xy=estimate.weight_xy,
+        weight_z=estimate.weight_z,
         parameter_dof=fit.dof,
-        assumptions=() if found.found.auto is None else assumptions_in_words(found.found.auto, question),
+        assumptions=() if estimate.auto is None else assumptions_in_words(estimate.auto, question),
         alternatives=alternatives,
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,

@@ -1,4 +1,4 @@
-"""A global start for the joint fit, so that no mounting and no base needs a guess.
+"""A global initial guess for the joint fit, so that no mounting and no base needs a guess.
 
 With the mounting R = R_flange_sensor and the direction of gravity d held, the model is linear in weight, weight *
 com and bias. Eliminating those leaves a score that depends on R and d alone, through second moments of the centred
@@ -42,18 +42,18 @@ SEARCH_OF_MODEL = {
 }
 
 
-def starting_tools(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
-    """The most promising starts, best first, from poses (n, 3, 3) and their readings (n, 6)."""
-    starts = _scored_starts(R_base_flange, wrench, search, gravity_direction)
-    return [linear_fit(R_base_flange, wrench, R, d) for _, R, d in starts]
+def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
+    """The most promising tools, best first, from poses (n, 3, 3) and their readings (n, 6)."""
+    guesses = _scored_guesses(R_base_flange, wrench, search, gravity_direction)
+    return [linear_fit(R_base_flange, wrench, R, d) for _, R, d in guesses]
 
 
-def explained_by_start(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:
-    """The part of the readings' sum of squares that the best start explains with a positive weight."""
-    return _scored_starts(R_base_flange, wrench, search, gravity_direction)[0][0]
+def explained_by_guess(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:
+    """The part of the readings' sum of squares that the best guess explains with a positive weight."""
+    return _scored_guesses(R_base_flange, wrench, search, gravity_direction)[0][0]
 
 
-def _scored_starts(
+def _scored_guesses(
     R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array
 ) -> list[tuple[float, Array, Array]]:
     if search.any_base:
@@ -62,14 +62,14 @@ def _scored_starts(
         of_each, most = 1, len(directions) if len(wrench) <= FEW_POSES else 4
     else:
         directions, of_each, most = gravity_direction[None], 2, 2
-    found: list[tuple[float, Array, Array]] = []
+    guesses: list[tuple[float, Array, Array]] = []
     for d in directions:
         moments = _Moments(gravity_in_flange(R_base_flange, d), wrench)
         candidates = _mount_candidates(moments.force) if search.any_mounting else _yaw_candidates(moments.force)
         scores = moments.score(candidates)
-        found += [(float(scores[k]), candidates[k], d) for k in np.argsort(-scores)[:of_each]]
-    found.sort(key=lambda start: -start[0])
-    return found[:most]
+        guesses += [(float(scores[k]), candidates[k], d) for k in np.argsort(-scores)[:of_each]]
+    guesses.sort(key=lambda guess: -guess[0])
+    return guesses[:most]
 
 
 class _Moments:

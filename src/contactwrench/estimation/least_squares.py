@@ -11,13 +11,20 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..model import RigidTool
-from .linearised import Linearised
-from .noise import Scatter, axis_variances, whitening
+from .noise import (
+    GROUPS,
+    EstimatedNoise,
+    PoseReadings,
+    ScaledNoise,
+    StatedNoise,
+    axis_variances,
+    mean_scatter,
+    relative_variances,
+    whitening,
+)
 
 MAX_ITERATIONS = 100
 STEP_TOLERANCE = 1e-7
@@ -37,27 +44,118 @@ SAME_WEIGHTS = 0.02
 LEAST_LEFT = 0.5
 """Degrees of freedom: with fewer left, residuals say nothing about the noise."""
 
-MOST_DOF = 1e6
-"""What a parameter that the prior alone settles is said to have."""
+NEGLIGIBLE = 1e-10
+"""Of the largest singular value: below, a direction is not determined and the step leaves it alone."""
+
 
 State = TypeVar("State")
 
 
 @dataclass(frozen=True, eq=False)
-class PoseReadings:
-    """The poses of a fit as arrays: `R_base_flange` (n, 3, 3), mean `wrench` (n, 6), and their scatter."""
+class PriorRows:
+    """What is known before the readings, as rows of unit variance.
 
-    R_base_flange: Array
-    wrench: Array
-    scatter: Scatter | None
+    `residuals` (q,): what is known less what the state says, in standard deviations; `jacobian` (q, p): the derivative
+    of what the state says, likewise.
+    """
 
-    def __len__(self) -> int:
-        return len(self.wrench)
+    residuals: Array
+    jacobian: Array
 
-    def select(self, kept: NDArray[np.bool_]) -> PoseReadings:
-        """The poses of a mask (n,)."""
-        scatter = None if self.scatter is None else Scatter(self.scatter.covariance[kept], self.scatter.dof)
-        return PoseReadings(self.R_base_flange[kept], self.wrench[kept], scatter)
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The whitened problem at one point, and the singular value decomposition of its Jacobian by way of QR.
+
+    `residuals` (n, 6) and `whitened` (n, 6) of the readings, `prior` (q,) those of the prior; `U` (n, 6, p) and
+    `U_prior` (q, p) together have orthonormal columns.
+    """
+
+    residuals: Array
+    whitener: Array
+    whitened: Array
+    prior: Array
+    U: Array
+    U_prior: Array
+    s: Array
+    Vt: Array
+    column_length: Array
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared whitened residuals, the prior's included: what the step makes smaller."""
+        return self.chi2_of_readings + float(self.prior @ self.prior)
+
+    @property
+    def chi2_of_readings(self) -> float:
+        """Sum of the squared whitened residuals of the readings alone."""
+        return float(np.sum(self.whitened**2))
+
+    @property
+    def readings_left(self) -> float:
+        """Degrees of freedom that the readings have left; a parameter that the prior settles costs them none."""
+        return self.whitened.size - float(np.sum(self.U**2))
+
+    @property
+    def tells_noise(self) -> bool:
+        """Whether forces and torques, whose noises differ, each have readings left to estimate their noise from."""
+        return self.least_left >= LEAST_LEFT
+
+    @property
+    def least_left(self) -> float:
+        """Degrees of freedom that are left to the forces, or to the torques, whichever has fewer."""
+        return min(3.0 * len(self.residuals) - float(np.sum(self.U[:, group] ** 2)) for group in GROUPS)
+
+    def inverse(self) -> Array:
+        """A (p, p): `A @ U^T @ whitened` is the least-squares step, of least length where nothing determines it;
+        `A @ A.T` is the covariance of the parameters.
+        """
+        inverse: Array = (self.Vt.T / np.where(self.s > 0.0, self.s, np.inf)) / self.column_length[:, None]
+        return inverse
+
+    def step(self) -> Array:
+        """The Gauss-Newton step (p,)."""
+        step: Array = self.inverse() @ self.gradient()
+        return step
+
+    def gradient(self) -> Array:
+        """The whitened residuals along the columns of U (p,): zero at the optimum."""
+        along: Array = self.U.reshape(-1, len(self.s)).T @ self.whitened.ravel() + self.U_prior.T @ self.prior
+        return along
+
+    def whitened_after_step(self) -> Array:
+        """The whitened residuals (n, 6) of the readings that the step will leave, to first order."""
+        left: Array = self.whitened - np.einsum("nkp,p->nk", self.U, self.gradient())
+        return left
+
+    def step_size(self) -> float:
+        """Length of the next step in standard deviations of the readings, relative to the misfit that is left."""
+        return float(np.linalg.norm(self.gradient())) / max(1.0, float(np.sqrt(self.chi2)))
+
+
+def linearise(residuals: Array, jacobian: Array, whitener: Array, prior: PriorRows | None = None) -> Linearised:
+    """Whiten residuals (n, 6) and Jacobian (n, 6, p), add the prior's rows, scale columns to unit length, decompose."""
+    n, _, p = jacobian.shape
+    J = (whitener @ jacobian).reshape(6 * n, p)
+    if prior is not None:
+        J = np.vstack([J, prior.jacobian])
+    length = np.sqrt(np.einsum("ip,ip->p", J, J))
+    length[length == 0.0] = 1.0
+    Q, triangle = np.linalg.qr(J / length)
+    left, s, Vt = np.linalg.svd(triangle)
+    s[s < NEGLIGIBLE * s[0]] = 0.0
+    U = (Q @ left[:, : len(s)]) * (s > 0.0)
+    return Linearised(
+        residuals=residuals,
+        whitener=whitener,
+        whitened=np.einsum("nij,nj->ni", whitener, residuals),
+        prior=np.empty(0) if prior is None else prior.residuals,
+        U=U[: 6 * n].reshape(n, 6, -1),
+        U_prior=U[6 * n :],
+        s=s,
+        Vt=Vt[: len(s)],
+        column_length=length,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +182,13 @@ class Fit:
     singular_values: Array
     linear: Linearised | None = None
 
+    @property
+    def rigid_tool(self) -> RigidTool:
+        """The tool of a fit that is known to be rigid."""
+        if self.tool is None:
+            raise TypeError("a rigid fit has a tool")
+        return self.tool
+
 
 class Problem(Protocol[State]):
     """A model to fit to given readings, from one state to the next."""
@@ -98,42 +203,6 @@ class Problem(Protocol[State]):
 
 
 @dataclass(frozen=True, eq=False)
-class GivenNoise:
-    """Standard deviations (6,) of one pose's reading, N and N m, known up to one scale; `dof` degrees of freedom stand
-    behind that scale already (0: none, the residuals settle it).
-    """
-
-    std: Array
-    dof: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class EstimatedNoise:
-    """Between-pose variances that were estimated along with the fit.
-
-    `weighting` (6,) those that weighted the readings; `counted` (6,) those that the covariance counts with; `dof` (6,)
-    behind each axis alone; `mixing` (6, 6) of the counted variances, see noise.py; the samples' `scatter`.
-    """
-
-    weighting: Array
-    counted: Array
-    dof: Array
-    mixing: Array
-    scatter: Scatter | None
-
-
-@dataclass(frozen=True, eq=False)
-class ScaledNoise:
-    """Given variances (6,) times the scale that was found, the `reduced_chi2` of the readings against what was given,
-    and the `dof` behind the scale.
-    """
-
-    variance: Array
-    reduced_chi2: float
-    dof: float
-
-
-@dataclass(frozen=True, eq=False)
 class Solved:
     """A converged problem and its noise."""
 
@@ -141,19 +210,12 @@ class Solved:
     noise: EstimatedNoise | ScaledNoise
 
 
-def relative_variances(noise: GivenNoise | None) -> Array:
-    """Variances (6,) to begin with: of the given noise, or of torques as forces at a lever."""
-    if noise is not None:
-        return np.asarray(noise.std**2, dtype=np.float64)
-    return np.array([1.0, 1.0, 1.0, LEVER**2, LEVER**2, LEVER**2])
-
-
 def solve(
-    problem: Problem[State], state: State, readings: PoseReadings, noise: GivenNoise | None
+    problem: Problem[State], state: State, readings: PoseReadings, noise: StatedNoise | None
 ) -> tuple[State, Solved]:
     """Gauss-Newton to the end; the noise, or the scale of the given noise, is estimated along the way."""
     if noise is not None:
-        return _with_given_noise(problem, state, readings, noise)
+        return _with_stated_noise(problem, state, readings, noise)
     n = len(readings)
     state, variance = _with_variance_of_groups(problem, state, readings)
     scatter, floor = readings.scatter, _least_variance(readings)
@@ -171,8 +233,8 @@ def solve(
     return state, Solved(linear, EstimatedNoise(variance, counted, axes.dof, mixing, scatter))
 
 
-def _with_given_noise(
-    problem: Problem[State], state: State, readings: PoseReadings, noise: GivenNoise
+def _with_stated_noise(
+    problem: Problem[State], state: State, readings: PoseReadings, noise: StatedNoise
 ) -> tuple[State, Solved]:
     """The optimum, with the one scale of the given noise that residuals and earlier degrees of freedom agree on."""
     n, given = len(readings), relative_variances(noise)
@@ -200,7 +262,7 @@ def _converged(problem: Problem[State], state: State, whitener: Array) -> tuple[
 def _with_variance_of_groups(problem: Problem[State], state: State, readings: PoseReadings) -> tuple[State, Array]:
     """State and variances (6,) at the restricted maximum likelihood of one variance for the forces, one for torques."""
     n = len(readings)
-    scattered, floor = _mean_scatter(readings.scatter), _least_variance(readings)
+    scattered, floor = mean_scatter(readings.scatter), _least_variance(readings)
     linear = problem.linearised(state, whitening(relative_variances(None), None, n))
     state = problem.advanced(state, linear)
     left = float(np.sum(linear.whitened_after_step() ** 2)) / (6.0 * n)
@@ -222,82 +284,5 @@ def _least_variance(readings: PoseReadings) -> Array:
     """
     scale = np.abs(readings.wrench).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
     rounding = np.repeat((1e-10 * scale + 1e-14) ** 2, 3)
-    least: Array = np.maximum(rounding, SINGULAR_SCATTER * _mean_scatter(readings.scatter))
+    least: Array = np.maximum(rounding, SINGULAR_SCATTER * mean_scatter(readings.scatter))
     return least
-
-
-def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_jacobian: Array, solved: Solved) -> Fit:
-    """The `Fit` at an optimum; `matrix_jacobian` (24, p) is the derivative of B, row-major."""
-    linear = solved.linear
-    A = linear.inverse()
-    covariance = A @ A.T
-    if isinstance(solved.noise, EstimatedNoise):
-        estimated, left = solved.noise, linear.readings_left
-        reduced_chi2 = _chi2_of_scatter(linear, estimated.scatter) / left if left >= LEAST_LEFT else 1.0
-        noise = np.sqrt(estimated.counted + _mean_scatter(estimated.scatter))
-        gain = np.einsum("cp,nkp,nka->nca", A, linear.U, linear.whitener)
-        covariance = covariance + np.einsum("nca,nda,a->cd", gain, gain, estimated.counted - estimated.weighting)
-        from_prior = np.sum((A @ linear.U_prior.T) ** 2, axis=1)
-        dof = _effective_dof(gain, np.diag(covariance), from_prior, estimated)
-    else:
-        reduced_chi2, noise = solved.noise.reduced_chi2, np.sqrt(solved.noise.variance)
-        dof = np.full(len(A), solved.noise.dof)
-    return Fit(
-        tool=tool,
-        gravity_direction=gravity_direction,
-        B=B,
-        B_covariance=matrix_jacobian @ covariance @ matrix_jacobian.T,
-        covariance=covariance,
-        noise=noise,
-        residuals=linear.residuals,
-        held_out=_held_out(linear),
-        reduced_chi2=reduced_chi2,
-        dof=dof,
-        readings_left=linear.readings_left,
-        singular_values=linear.s,
-        linear=linear,
-    )
-
-
-def _mean_scatter(scatter: Scatter | None) -> Array:
-    if scatter is None:
-        return np.zeros(6)
-    mean: Array = np.einsum("nii->i", scatter.covariance) / len(scatter.covariance)
-    return mean
-
-
-def _chi2_of_scatter(linear: Linearised, scatter: Scatter | None) -> float:
-    """Sum of squares of the residuals over what the samples' scatter alone explains (without any: over the noise)."""
-    if scatter is None:
-        return linear.chi2_of_readings
-    variance = np.einsum("nii->ni", scatter.covariance)
-    known = variance > 0.0
-    return float(np.sum(linear.residuals[known] ** 2 / variance[known]))
-
-
-def _held_out(linear: Linearised) -> Array | None:
-    """Residual (n, 6) of each pose against the fit to the other poses; None where the others are too few.
-
-    From the block of the hat matrix, `(I - H_ii)^-1 e_i`: exact for a linear model, first order on the manifold.
-    """
-    remaining = np.eye(6) - linear.U @ linear.U.transpose(0, 2, 1)
-    if float(np.linalg.eigvalsh(remaining)[:, 0].min()) < 1e-9:
-        return None
-    whitened = np.linalg.solve(remaining, linear.whitened[..., None])
-    held_out: Array = np.linalg.solve(linear.whitener, whitened)[..., 0]
-    return held_out
-
-
-def _effective_dof(gain: Array, variance: Array, from_prior: Array, noise: EstimatedNoise) -> Array:
-    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946).
-
-    `gain` (n, p, 6) maps the readings' errors to the parameters'. A parameter's `variance` (p,) is a weighted sum of
-    the axes' estimated variances, each with dof of its own, of the scatter's, and of what comes `from_prior` (p,),
-    which is known.
-    """
-    of_axis = np.einsum("nca,nca->ca", gain, gain) * noise.counted
-    spread = (of_axis @ noise.mixing) ** 2 @ (1.0 / noise.dof)
-    if noise.scatter is not None:
-        spread += np.maximum(variance - of_axis.sum(axis=1) - from_prior, 0.0) ** 2 / noise.scatter.dof
-    dof: Array = np.divide(variance**2, spread, out=np.full(len(variance), MOST_DOF), where=spread > 0.0)
-    return np.minimum(dof, MOST_DOF)

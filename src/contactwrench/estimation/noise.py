@@ -16,9 +16,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from ..calibration.observability import LEVER
+from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.poses import Pose
+from ..samples.samples import Samples
 
 GROUPS = (slice(0, 3), slice(3, 6))
 LEAST_OWN_DOF = 2.0
@@ -27,6 +31,10 @@ CHANCE = 7.0
 """The spread of three log variances exceeds what chance gives on average by this factor once in 1,000 times (chi-square
 with 2 dof): up to there the axes share one variance, beyond it they quickly get their own."""
 
+MOST_DOF = 1e6
+"""What a parameter that the prior alone settles is said to have."""
+
+NoiseLike: TypeAlias = "ArrayLike | Samples | None"
 Whitening: TypeAlias = Array
 """(n, 6, 6): inverse Cholesky factors W of the poses' noise covariances, so that `W @ error` has unit variance."""
 
@@ -49,6 +57,40 @@ def pooled_scatter(poses: tuple[Pose, ...]) -> Scatter | None:
     return Scatter(of_sample / n[:, None, None], dof)
 
 
+def mean_scatter(scatter: Scatter | None) -> Array:
+    """The variances (6,) of a pose's mean from the scatter of its samples, on average; zero where there is none."""
+    if scatter is None:
+        return np.zeros(6)
+    mean: Array = np.einsum("nii->i", scatter.covariance) / len(scatter.covariance)
+    return mean
+
+
+def in_time(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:
+    """The poses in the order of time."""
+    return tuple(sorted(poses, key=_middle))
+
+
+def _middle(pose: Pose) -> float:
+    return 0.0 if pose.t_start is None or pose.t_end is None else 0.5 * (pose.t_start + pose.t_end)
+
+
+def readings_of(poses: tuple[Pose, ...]) -> PoseReadings:
+    """The poses as arrays."""
+    return PoseReadings(
+        np.array([pose.R_base_flange for pose in poses]),
+        np.array([pose.wrench for pose in poses]),
+        pooled_scatter(poses),
+    )
+
+
+def times_of(poses: tuple[Pose, ...]) -> Array:
+    """The middle of each pose (n,), s; the count of poses where no time is known or it stands still."""
+    times = np.array([_middle(pose) for pose in poses])
+    if poses[0].t_start is not None and times[-1] > times[0]:
+        return times
+    return np.arange(len(poses), dtype=np.float64)
+
+
 def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Array:
     """Variance (m, 6) of the mean of so many `rows` (m,) each: what the `fitted` poses, whose readings have the std
     `noise` (6,), differ by, and the scatter of a sample over the rows (where no row is repeated, `noise` has both).
@@ -61,6 +103,84 @@ def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Ar
     between = np.maximum(noise**2 - of_means.mean(axis=0), 0.0)
     total: Array = between + of_sample / rows[:, None]
     return total
+
+
+@dataclass(frozen=True, eq=False)
+class PoseReadings:
+    """The poses of a fit as arrays: `R_base_flange` (n, 3, 3), mean `wrench` (n, 6), and their scatter."""
+
+    R_base_flange: Array
+    wrench: Array
+    scatter: Scatter | None
+
+    def __len__(self) -> int:
+        return len(self.wrench)
+
+    def select(self, kept: NDArray[np.bool_]) -> PoseReadings:
+        """The poses of a mask (n,)."""
+        scatter = None if self.scatter is None else Scatter(self.scatter.covariance[kept], self.scatter.dof)
+        return PoseReadings(self.R_base_flange[kept], self.wrench[kept], scatter)
+
+
+@dataclass(frozen=True, eq=False)
+class StatedNoise:
+    """Standard deviations (6,) of one pose's reading, N and N m, known up to one scale; `dof` degrees of freedom stand
+    behind that scale already (0: none, the residuals settle it).
+    """
+
+    std: Array
+    dof: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedNoise:
+    """Between-pose variances that were estimated along with the fit.
+
+    `weighting` (6,) those that weighted the readings; `counted` (6,) those that the covariance counts with; `dof` (6,)
+    behind each axis alone; `mixing` (6, 6) of the counted variances, see noise.py; the samples' `scatter`.
+    """
+
+    weighting: Array
+    counted: Array
+    dof: Array
+    mixing: Array
+    scatter: Scatter | None
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledNoise:
+    """Given variances (6,) times the scale that was found, the `reduced_chi2` of the readings against what was given,
+    and the `dof` behind the scale.
+    """
+
+    variance: Array
+    reduced_chi2: float
+    dof: float
+
+
+def stated_noise(noise: NoiseLike) -> StatedNoise | None:
+    """The noise of one pose's reading from what the user states of it, or None. Raises `InputError`."""
+    if noise is None:
+        return None
+    try:
+        values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
+        values = values.std(axis=0, ddof=1)
+    if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise InputError(
+            "noise must be six standard deviations above 0 (fx..tz, N and N m), or a recording at rest (n, 6) in which "
+            f"every axis moves; found {np.array2string(values, threshold=8)}"
+        )
+    return StatedNoise(values)
+
+
+def relative_variances(noise: StatedNoise | None) -> Array:
+    """Variances (6,) to begin with: of the given noise, or of torques as forces at a lever."""
+    if noise is not None:
+        return np.asarray(noise.std**2, dtype=np.float64)
+    return np.array([1.0, 1.0, 1.0, LEVER**2, LEVER**2, LEVER**2])
 
 
 def whitening(between: Array, scatter: Scatter | None, n: int) -> Whitening:
@@ -128,3 +248,18 @@ def _pooled(single: Array, dof: Array) -> tuple[Array, Array]:
     common = float(np.mean(logs)) + log_bias - log_variance / (2.0 * len(dof))
     mixing = (1.0 - share) * np.eye(len(dof)) + share / len(dof)
     return np.exp(logs + share * (common - logs)), mixing
+
+
+def effective_dof(gain: Array, variance: Array, from_prior: Array, noise: EstimatedNoise) -> Array:
+    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946).
+
+    `gain` (n, p, 6) maps the readings' errors to the parameters'. A parameter's `variance` (p,) is a weighted sum of
+    the axes' estimated variances, each with dof of its own, of the scatter's, and of what comes `from_prior` (p,),
+    which is known.
+    """
+    of_axis = np.einsum("nca,nca->ca", gain, gain) * noise.counted
+    spread = (of_axis @ noise.mixing) ** 2 @ (1.0 / noise.dof)
+    if noise.scatter is not None:
+        spread += np.maximum(variance - of_axis.sum(axis=1) - from_prior, 0.0) ** 2 / noise.scatter.dof
+    dof: Array = np.divide(variance**2, spread, out=np.full(len(variance), MOST_DOF), where=spread > 0.0)
+    return np.minimum(dof, MOST_DOF)

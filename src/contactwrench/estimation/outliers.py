@@ -27,13 +27,13 @@ SURELY_CLEAN = 0.75
 """Of the limit: where no pose is further off than this, none can hide others."""
 
 TAIL = 3.0
-"""Degrees of freedom of the Student's t that the robust start takes the readings to have."""
+"""Degrees of freedom of the Student's t that the robust fit takes the readings to have."""
 
 BEYOND_DOUBT = 0.02
 """A pose that a clean one exceeds with this probability is not among those that the first fit is made of."""
 
 VARIANCE_PASSES = 3
-START_ITERATIONS = 40
+STUDENT_ITERATIONS = 40
 SETTLED = 1e-3
 ROUNDS = 20
 MOST_LEFT_OUT = 0.4
@@ -61,7 +61,7 @@ class LinearReadings:
 def outlying(linear: LinearReadings) -> NDArray[np.bool_]:
     """Which of the poses (n,) the others do not explain; none where too many would be."""
     n = len(linear.errors)
-    kept, seen = _robust_start(linear), {b""}
+    kept, seen = _kept_by_student(linear), {b""}
     while kept.tobytes() not in seen and len(seen) <= ROUNDS:
         seen.add(kept.tobytes())
         distance, limit = deleted_distances(linear, kept)
@@ -100,13 +100,13 @@ def deleted_distances(linear: LinearReadings, kept: NDArray[np.bool_]) -> tuple[
     return distance, 6.0 * float(fdtri(6.0, 0.5 * float(dof.min(axis=0).sum()), 1.0 - chance_of_loss(n) / n))
 
 
-def _robust_start(linear: LinearReadings) -> NDArray[np.bool_]:
+def _kept_by_student(linear: LinearReadings) -> NDArray[np.bool_]:
     """Which poses (n,) a fit under a multivariate Student's t does not doubt; half of all poses count as clean."""
     from scipy.special import chdtri
 
     weight, variance = np.ones(len(linear.errors)), np.ones(2)
     distance = np.zeros(len(weight))
-    for _ in range(START_ITERATIONS):
+    for _ in range(STUDENT_ITERATIONS):
         fit = _weighted(linear, weight, variance)
         variance = fit.variance
         distance = np.sum(fit.left**2 / np.repeat(variance, 3), axis=1)

@@ -23,7 +23,8 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import rotations_about_z
 from ..geometry.wrench import cross_matrix
 from ..model import PARAMETERS, RigidTool, free_wrench, gravity_in_flange, matrix_jacobian, wrench_matrix
-from .least_squares import Fit, PoseReadings
+from .least_squares import Fit
+from .noise import PoseReadings
 
 MIN_POSES = 3
 LEAST_OWN_SHARE = 0.1

@@ -1,11 +1,11 @@
 """Several tools on one sensor: each recording has its tool, and the mounting, the base, or both, are common to all.
 
-Each recording is cleaned on its own. What it then says of the common rotations, its own tool eliminated, goes as a
-message (message.py) to each of the others, where it joins the readings; a prior on the common tilts is counted once, as
-messages carry none. Messages are linearised at the estimate of the recording that knows most, again and again until
-that stays. Its estimate of the common rotations is then everybody's: with the tool given the rotations as that tool's
-readings have it, and the rotations as all readings together have them, each result is the marginal of the joint
-posterior, and the very same matrix stands in each.
+Each recording is fitted robustly on its own. What it then says of the common rotations, its own tool eliminated, goes
+as a message (shared_rotations.py) to each of the others, where it joins the readings; a prior on the common tilts is
+counted once, as messages carry none. Messages are linearised at the estimate of the recording that knows most, again
+and again until that stays. Its estimate of the common rotations is then everybody's: with the tool given the
+rotations as that tool's readings have it, and the rotations as all readings together have them, each result is the
+marginal of the joint posterior, and the very same matrix stands in each.
 """
 
 from __future__ import annotations
@@ -19,13 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..errors import AmbiguityError, InputError, UnobservableError
+from ..calibration.fields import Finding, Kind
+from ..errors import AmbiguityError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import (
-    GRAVITY,
-    MOUNT,
     RigidTool,
     free_wrench,
     gravity_in_flange,
@@ -37,20 +36,16 @@ from ..model import (
 )
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, percent
-from .auto import BASE_TILT_SD, MOUNT_TILT_SD, AutoFit, TiltPriors, tilt_priors
-from .calibrate import NoiseLike, Recorded, assembled, from_recording, question_asked
-from .estimate import Estimate, Question, fitted
-from .given import knowledge_given
+from .auto import AutoFit, tilt_priors
+from .calibrate import Recorded, assembled, from_recording, question_asked
+from .estimate import Estimate, fitted
 from .initial_guess import linear_fit
-from .least_squares import Fit, PoseReadings
-from .priors import Knowledge
+from .least_squares import Fit
+from .noise import NoiseLike, PoseReadings
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, Question, TiltPriors, stated_knowledge
 from .robust import confirmed
-from .shared_rotations import Message, disagreement, message_of
+from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
 
-SHAREABLE = {"mount": MOUNT, "gravity": GRAVITY}
-"""What recordings may have in common, with its parameters."""
-
-SHARING_MODELS = ("auto", "mount", "mount+base")
 ROUNDS = 10
 SETTLED = 1e-3
 """Standard deviations: messages are not linearised anew for less."""
@@ -94,45 +89,29 @@ def calibrate_shared(
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
     recorded = [from_recording(samples, question, g) for samples in recordings]
-    apart = knowledge_given({name: pair for name, pair in (known or {}).items() if name not in shared})
+    apart = stated_knowledge({name: pair for name, pair in (known or {}).items() if name not in shared})
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), apart)
-    exchange = _exchanged(recorded, sharing)
+    agreement = _agreement(recorded, sharing)
     checked = []
-    for one, found, asked in zip(recorded, exchange.found, exchange.questions, strict=True):
-        with _naming(one.samples.source):
-            checked.append(replace(one, found=confirmed(replace(one.found, found=found), asked)))
-    common = checked[exchange.leader].found.found
-    warnings = _contradictions(exchange, [one.samples.source for one in recorded], sharing)
+    for recording, estimate, asked in zip(recorded, agreement.estimates, agreement.questions, strict=True):
+        with _naming(recording.samples.source):
+            robust = confirmed(replace(recording.robust, estimate=estimate), asked)
+        checked.append(replace(recording, robust=robust))
+    common = checked[agreement.leader].robust.estimate
+    sources = [recording.samples.source for recording in recorded]
+    contradictions = _contradictions(agreement, sources, sharing)
     results = []
-    for k, one in enumerate(checked):
-        agreeing = _agreeing(one.found.found, one.found.readings, common, sharing)
-        others = [other.samples.source for j, other in enumerate(checked) if j != k]
-        origin = {"shared": ", ".join(sharing.names), "shared_with": ", ".join(others)}
-        agreed = replace(one, found=replace(one.found, found=agreeing), warnings=(*one.warnings, *warnings))
-        results.append(assembled(agreed, question, origin))
+    for recording in checked:
+        robust = recording.robust
+        agreeing = _agreeing(robust.estimate, robust.readings, common, sharing)
+        agreed = replace(
+            recording,
+            robust=replace(robust, estimate=agreeing),
+            findings=(*recording.findings, *contradictions),
+        )
+        others = ", ".join(other.samples.source for other in checked if other is not recording)
+        results.append(assembled(agreed, question, {"shared": ", ".join(sharing.names), "shared_with": others}))
     return tuple(results)
-
-
-def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
-    """Raise `InputError` for what recordings cannot have in common."""
-    for name in shared:
-        if name not in SHAREABLE:
-            raise InputError(f"found {name!r} to share, expected {' or '.join(SHAREABLE)}, or both")
-    if not shared:
-        raise InputError(f"found nothing to share, expected {' or '.join(SHAREABLE)}, or both")
-    if recordings < 2:
-        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
-    if model not in SHARING_MODELS:
-        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
-    if model == "mount" and "gravity" in shared:
-        raise InputError(
-            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
-        )
-    of_tool = [name for name in known if name not in SHAREABLE]
-    if of_tool:
-        raise InputError(
-            f"known {of_tool[0]} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,43 +126,45 @@ class _Sharing:
     def parameters(self) -> tuple[str, ...]:
         return tuple(parameter for name in self.names for parameter in SHAREABLE[name])
 
-    def known_apart(self, found: Estimate) -> tuple[Knowledge, ...]:
+    def known_apart(self, estimate: Estimate) -> tuple[Knowledge, ...]:
         """What is known of a recording's rotations that are its own: stated, or a prior that `auto` kept."""
-        if found.auto is None:
+        if estimate.auto is None:
             return self.apart
+        assumption = estimate.auto.assumption
         kept = replace(
-            found.auto.assumption,
-            nominal_mounting=found.auto.assumption.nominal_mounting and "mount" not in self.names,
-            nominal_base=found.auto.assumption.nominal_base and "gravity" not in self.names,
+            assumption,
+            nominal_mounting=assumption.nominal_mounting and "mount" not in self.names,
+            nominal_base=assumption.nominal_base and "gravity" not in self.names,
         )
-        tilts = tilt_priors(kept, self.question.gravity_direction, self.question.priors)
-        return (*self.apart, *(tilt for tilt, _ in tilts))
+        return (*self.apart, *(tilt for tilt, _ in tilt_priors(kept, self.question)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Exchange:
-    """The estimates once all recordings know what the others say: the `questions` put to each, the `messages`, and the
-    `leader`, the recording that knows most of what is common.
+class _Agreement:
+    """The `estimates` once all recordings know what the others say, the `questions` put to each, the `messages`, and
+    the `leader`, the recording that knows most of what is common.
     """
 
-    found: list[Estimate]
+    estimates: list[Estimate]
     questions: list[Question]
     messages: list[Message]
     leader: int
 
 
-def _exchanged(recorded: list[Recorded], sharing: _Sharing) -> _Exchange:
-    alone = [one.found.found for one in recorded]
-    readings = [one.found.readings for one in recorded]
+def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
+    alone = [recording.robust.estimate for recording in recorded]
+    readings = [recording.robust.readings for recording in recorded]
 
-    def say(found: list[Estimate], point: RigidTool | None) -> list[Message]:
-        return [_message(*these, point, sharing) for these in zip(readings, alone, found, strict=True)]
+    def say(estimates: list[Estimate], point: RigidTool | None) -> list[Message]:
+        return [
+            _message(*of_recording, point, sharing) for of_recording in zip(readings, alone, estimates, strict=True)
+        ]
 
     leader = int(np.argmin([message.uncertainty for message in say(alone, None)]))
-    found, questions, messages = alone, [sharing.question] * len(alone), []
+    estimates, questions, messages = alone, [sharing.question] * len(alone), []
     for _ in range(ROUNDS):
-        before = _tool(found[leader].fit)
-        messages = say(found, before)
+        before = estimates[leader].fit.rigid_tool
+        messages = say(estimates, before)
         questions = [
             replace(
                 sharing.question,
@@ -192,21 +173,21 @@ def _exchanged(recorded: list[Recorded], sharing: _Sharing) -> _Exchange:
                     *(message.as_knowledge() for j, message in enumerate(messages) if j != k),
                 ),
             )
-            for k in range(len(found))
+            for k in range(len(estimates))
         ]
-        found = [fitted(these, question) for these, question in zip(readings, questions, strict=True)]
-        fit, index = found[leader].fit, _index(found[leader].names, sharing)
-        moved = _turns(before, _tool(fit), sharing)
+        estimates = [fitted(of_tool, question) for of_tool, question in zip(readings, questions, strict=True)]
+        fit, index = estimates[leader].fit, _index(estimates[leader].names, sharing)
+        moved = _turns(before, fit.rigid_tool, sharing)
         if float(moved @ np.linalg.solve(fit.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
             break
-    return _Exchange(found, questions, messages, leader)
+    return _Agreement(estimates, questions, messages, leader)
 
 
 def _message(
     readings: PoseReadings, alone: Estimate, now: Estimate, point: RigidTool | None, sharing: _Sharing
 ) -> Message:
     """What a recording says at the common `point` (None: at its own), with the noise that it has `alone`."""
-    tool = _tool(now.fit)
+    tool = now.fit.rigid_tool
     common = tool if point is None else point
     R = common.R_flange_sensor if "mount" in sharing.names else tool.R_flange_sensor
     d = common.gravity_direction if "gravity" in sharing.names else tool.gravity_direction
@@ -226,7 +207,7 @@ def _agreeing(found: Estimate, readings: PoseReadings, common: Estimate, sharing
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """
     fit, names, index = found.fit, found.names, _index(found.names, sharing)
-    tool, agreed = _tool(fit), _tool(common.fit)
+    tool, agreed = fit.rigid_tool, common.fit.rigid_tool
     follow = np.linalg.solve(fit.covariance[np.ix_(index, index)], fit.covariance[index]).T
     moved = stepped(tool, follow @ _turns(tool, agreed, sharing), names)
     if "mount" in sharing.names:
@@ -265,12 +246,12 @@ def _auto_agreeing(auto: AutoFit | None, fit: Fit, common: AutoFit | None, shari
     return replace(auto, fit=fit, base_exact=common.base_exact)
 
 
-def _contradictions(exchange: _Exchange, sources: list[str], sharing: _Sharing) -> tuple[str, ...]:
-    """A warning that names the recording whose rotations differ from those of the others by more than chance."""
-    messages = exchange.messages
+def _contradictions(agreement: _Agreement, sources: list[str], sharing: _Sharing) -> tuple[Finding, ...]:
+    """A finding that names the recording whose rotations differ from those of the others by more than chance."""
+    messages = agreement.messages
     judged = [disagreement(message, [other for other in messages if other is not message]) for message in messages]
     two = len(messages) == 2
-    suspect = 1 - exchange.leader if two else int(np.argmin([one.test.probability for one in judged]))
+    suspect = 1 - agreement.leader if two else int(np.argmin([rotations.test.probability for rotations in judged]))
     odd = judged[suspect]
     # of two, either differs as much from the other: one test; of more, one test each
     chance = min(1.0, odd.test.probability * (1 if two else len(messages)))
@@ -281,11 +262,12 @@ def _contradictions(exchange: _Exchange, sources: list[str], sharing: _Sharing) 
         "gravity": "gravity by {:.2g} +- {:.2g} deg",
     }
     parts = [differ[name].format(*odd.angle(SHAREABLE[name])) for name in sharing.names]
-    return (
-        f"weak: {sources[suspect]} contradicts the other recording{'' if two else 's'}, {' and '.join(parts)} (chance "
+    text = (
+        f"{sources[suspect]} contradicts the other recording{'' if two else 's'}, {' and '.join(parts)} (chance "
         f"{percent(chance)}): the sensor or the base moved in between, or the tool touched something: calibrate it "
-        "apart",
+        "apart"
     )
+    return (Finding.weak(Kind.CONTRADICTS_OTHERS, text),)
 
 
 def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
@@ -301,12 +283,6 @@ def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
 
 def _index(names: tuple[str, ...], sharing: _Sharing) -> list[int]:
     return [names.index(parameter) for parameter in sharing.parameters]
-
-
-def _tool(fit: Fit) -> RigidTool:
-    if fit.tool is None:
-        raise TypeError("a rigid fit has a tool")
-    return fit.tool
 
 
 @contextmanager

@@ -9,23 +9,52 @@ marginal of the joint estimate.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..geometry.arrays import Array
 from ..model import GRAVITY, MOUNT, RigidTool, wrench_jacobian
 from ..statistics import MisfitTest
-from .least_squares import PoseReadings
+from .noise import PoseReadings
 from .priors import Knowledge, known_rotations, rows_of
 from .rigid import RigidProblem
 
 ROTATIONS = (*MOUNT, *GRAVITY)
+SHAREABLE = {"mount": MOUNT, "gravity": GRAVITY}
+"""What recordings may have in common, with its parameters."""
+
+SHARING_MODELS = ("auto", "mount", "mount+base")
 SAYS_NOTHING = 1.0
 """1/rad: a turn with a std of more than 1 rad may point anywhere, and nothing is said of it."""
 
 NEGLIGIBLE = 1e-10
 """Of the largest singular value: below, a combination of the tool's own parameters leaves no trace in the readings."""
+
+
+def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
+    """Raise `InputError` for what recordings cannot have in common."""
+    for name in shared:
+        if name not in SHAREABLE:
+            raise InputError(f"found {name!r} to share, expected {' or '.join(SHAREABLE)}, or both")
+    if not shared:
+        raise InputError(f"found nothing to share, expected {' or '.join(SHAREABLE)}, or both")
+    if recordings < 2:
+        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
+    if model not in SHARING_MODELS:
+        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
+    if model == "mount" and "gravity" in shared:
+        raise InputError(
+            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
+        )
+    of_tool = [name for name in known if name not in SHAREABLE]
+    if of_tool:
+        raise InputError(
+            f"known {of_tool[0]} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
+        )
 
 
 @dataclass(frozen=True, eq=False)

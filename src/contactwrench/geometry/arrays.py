@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..errors import InputError
 
 Array: TypeAlias = NDArray[np.float64]
+Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
+"""Types that say how many axes an array has, for a reader of files who has nothing but the type to go by."""
 
 
 def read_only(values: ArrayLike) -> Array:

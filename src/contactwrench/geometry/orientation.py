@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -40,7 +41,7 @@ class Convention:
     columns: tuple[str, ...]
     angle_unit: str | None
     to_matrices: Callable[[Array], Array]
-    meaning: str
+    description: str
 
 
 def from_quat_xyzw(quat_xyzw: Array) -> Array:
@@ -212,7 +213,8 @@ def convention(text: str) -> Convention:
         letters, _, rest = columns.partition(":")
         unit, _, columns = rest.partition(":")
         same_case = letters.isupper() or letters.islower()
-        if len(letters) != 3 or not same_case or set(letters.upper()) - set("XYZ") or _repeats(letters):
+        repeats = any(a == b for a, b in pairwise(letters))
+        if len(letters) != 3 or not same_case or set(letters.upper()) - set("XYZ") or repeats:
             raise InputError(
                 f"orientation {text!r}: found Euler letters {letters!r}, expected three such as ZYX (turned axes) "
                 "or xyz (fixed axes)"
@@ -232,8 +234,4 @@ def convention(text: str) -> Convention:
         raise InputError(
             f"orientation {text!r}: found columns {columns!r}, expected {len(chosen.columns)} different names"
         )
-    return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.meaning)
-
-
-def _repeats(letters: str) -> bool:
-    return letters[0] == letters[1] or letters[1] == letters[2]
+    return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.description)

@@ -45,8 +45,8 @@ def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
     vector = np.asarray(direction, dtype=np.float64)
     largest = float(np.abs(vector).max(initial=0.0))
     if vector.shape != (3,) or not 0.0 < largest < np.inf:
-        found = ",".join(f"{part:g}" for part in vector.ravel()[:6])
-        raise InputError(f"{name} is {found}, expected three finite numbers X,Y,Z that are not all zero")
+        parts = ",".join(f"{part:g}" for part in vector.ravel()[:6])
+        raise InputError(f"{name} is {parts}, expected three finite numbers X,Y,Z that are not all zero")
     scaled: Array = vector / largest
     return scaled / np.linalg.norm(scaled)
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
-from ..compensate.compensator import LONGEST_DELAY, Compensator, delay_of
+from ..compensate.compensator import LONGEST_DELAY, Compensator
 from ..compensate.contact_wrenches import ContactWrenches
-from ..compensate.filters import LowPass, smoothed
+from ..compensate.filters import LowPass, delay_of, smoothed
 from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..geometry.arrays import Array

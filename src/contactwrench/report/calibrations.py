@@ -12,7 +12,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.file import to_json
 from ..calibration.text import describe
 from ..errors import FileAccessError
-from ..estimation.auto import BASE_TILT_SD, MOUNT_TILT_SD
+from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..files import STDOUT, make_folder, require_distinct
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.text import meaningful_digits
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
 from ..recording.compensate import Treatment, compensated, write_compensated
 from ..recording.options import Options
 from ..recording.tables.columns import Advance
+from ..statistics import meaningful_digits
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
 from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
 from .signals import Envelope, envelope, outline

@@ -9,7 +9,7 @@ import numpy as np
 from ..assess.diagnose import Diagnosis, Explanation
 from ..assess.interpretations import Interpretation
 from ..calibration.text import COLUMNS
-from ..errors import two_digits
+from ..statistics import two_digits
 from .text import json_text
 
 LIKELY_CAUSES = (

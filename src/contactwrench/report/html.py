@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from ..assess.baselines import LeftOver, compare
-from ..calibration.alternative import largest_force_change
 from ..calibration.calibration import Calibration
-from ..calibration.text import headline, meaningful_digits, parameter_rows
+from ..calibration.fields import BIAS_MOVED
+from ..calibration.text import headline, parameter_rows
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
 from ..samples.still_segments import still_segments
+from ..statistics import meaningful_digits, three_digits
 from ..version import __version__
 from . import figures, signals
 
@@ -29,10 +30,6 @@ PURPOSE = {
     "gravity only": "the turning weight subtracted, the bias left in (the paper's Table VIII)",
     "raw": "what the sensor reads",
 }
-
-
-BIAS_MOVED = ("the bias stepped", "the bias drifted", "the bias wandered")
-"""How the warning of a bias that moved begins (estimation/cleaned.py)."""
 
 
 @dataclass(frozen=True)
@@ -128,10 +125,10 @@ def _poses(c: Calibration) -> list[str]:
 
 
 def _verdict(c: Calibration) -> str:
-    quality, _, sentence = c.verdict.partition(": ")
+    quality = "weak" if c.is_weak else "good"
     warnings = "".join(f"<li>{typeset(warning)}</li>" for warning in c.warnings)
     listed = f"<ul>{warnings}</ul>" if warnings else ""
-    said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(sentence))}"
+    said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(c.largest_error))}"
     return f'<div class="verdict {quality}">{said}{listed}</div>'
 
 
@@ -141,11 +138,11 @@ def _sentence(text: str) -> str:
 
 def _bias_moved(c: Calibration) -> list[str]:
     """How the left-overs are to be read where the bias moved."""
-    moved = [warning for warning in c.warnings if warning.startswith(BIAS_MOVED)]
+    moved = [finding.text.partition(": ")[0] for finding in c.findings if finding.kind in BIAS_MOVED]
     return [
-        f"But {warning.partition(': ')[0]}. The calibration holds the last bias; the poses before are drawn against "
-        "it, so their residuals show by how much theirs was another."
-        for warning in moved
+        f"But {how}. The calibration holds the last bias; the poses before are drawn against it, so their residuals "
+        "show by how much theirs was another."
+        for how in moved
     ]
 
 
@@ -165,9 +162,9 @@ def _alternatives(c: Calibration) -> str:
         weight = ("-", "")
         if other.weight is not None and other.weight_std is not None:
             weight = meaningful_digits(other.weight, other.weight_std)
-        change = largest_force_change(c.B, c.gravity_direction, other)
+        change = other.largest_force_change(c.B, c.gravity_direction)
         numbers = (other.force_left, 1e3 * other.torque_left, change)
-        rows.append(row_html(other.model, [weight[0], _plus_minus(weight[1]), *map(_significant, numbers)]))
+        rows.append(row_html(other.model, [weight[0], _plus_minus(weight[1]), *map(three_digits, numbers)]))
     head = head_html(["", "weight, N", "std", "left, N", "left, mN m", "change, N"])
     said = (
         "Left: root mean square norm of what the model leaves in a pose, its parameters counted. Change: by how much "
@@ -228,9 +225,7 @@ def _fit(c: Calibration) -> str:
         "condition number": f"{c.observability.condition:.3g}",
         "gravity to the flange's z": f"{low:.0f} to {high:.0f} deg",
     }
-    listed = "".join(
-        f"<tr><th>{name}</th><td colspan=6 class='fact'>{value}</td></tr>" for name, value in facts.items()
-    )
+    listed = "".join(f"<tr><th>{name}</th><td colspan=6 class='fact'>{fact}</td></tr>" for name, fact in facts.items())
     trade_offs = "".join(f"<li>{escape(pair)}</li>" for pair in c.observability.trade_offs[:4])
     trading = f"<p>Trading off against each other:</p><ul>{trade_offs}</ul>" if trade_offs else ""
     return f"{table_html(head_html(['', *AXES]) + body + listed)}<p class='unit'>N and mN m</p>{trading}"
@@ -291,19 +286,11 @@ def _line(name: str, cells: list[str], last: str) -> str:
 
 
 def _in_units(values: Array) -> list[str]:
-    return [_significant(value) for value in (*values[:3], *(1e3 * values[3:]))]
+    return [three_digits(value) for value in (*values[:3], *(1e3 * values[3:]))]
 
 
 def _plus_minus(std: str) -> str:
     return f"± {std}" if std else ""
-
-
-def _significant(value: float) -> str:
-    """Three significant figures without an exponent."""
-    if value == 0.0 or not np.isfinite(value):
-        return f"{value:g}"
-    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{min(digits, 6)}f}"
 
 
 def figure_html(svg: str, caption: str) -> str:

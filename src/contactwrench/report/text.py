@@ -16,11 +16,10 @@ import numpy as np
 from ..assess.verify import Verification
 from ..assess.weigh import HeldObject
 from ..calibration.difference import Difference, GroupChange
-from ..calibration.text import meaningful_digits
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
-from ..statistics import percent
+from ..statistics import meaningful_digits, percent
 
 NAME_AND_TYPE, TYPE_WIDTH = 34, 16
 UNIX_TIMES = (946684800.0, 4102444800.0)

@@ -52,27 +52,21 @@ class WindowNoise:
     least: Array
     joint: bool
 
-    def changes(self, difference: Array, of: float, over: float, alarm: float = FALSE_ALARM) -> NDArray[np.bool_]:
-        """Whether differences (n, d) of a mean over `of` blocks from one over `over` blocks are beyond noise."""
-        variance = self.variance * self.window * (1.0 / of + 1.0 / over)
-        return self._beyond(difference, variance, self.least, alarm)
-
-    def _beyond(self, difference: Array, variance: Array, least: Array, alarm: float) -> NDArray[np.bool_]:
+    def changes(
+        self, difference: Array, of: float, over: float, alarm: float = FALSE_ALARM, least: Array | None = None
+    ) -> NDArray[np.bool_]:
+        """Whether differences (n, d) of a mean over `of` blocks from one over `over` blocks are beyond noise, whose
+        probability is `alarm`, and `least` (d,); None: the noise's own.
+        """
         from scipy.special import chdtri, ndtri
 
+        least = self.least if least is None else least
+        variance = self.variance * self.window * (1.0 / of + 1.0 / over)
         d = difference.shape[-1]
         if self.joint:
-            limit = np.maximum(chdtri(d, alarm) * variance[0], least[0] ** 2)
-            beyond: NDArray[np.bool_] = np.sum(difference**2, axis=-1) > limit
-            return beyond
+            return np.asarray(np.sum(difference**2, axis=-1) > max(chdtri(d, alarm) * variance[0], least[0] ** 2))
         of_each = np.maximum(-ndtri(0.5 * alarm / d) * np.sqrt(variance), least)
-        beyond = (np.abs(difference) > of_each).any(axis=-1)
-        return beyond
-
-    def significant(self, difference: Array, of: float, over: float) -> NDArray[np.bool_]:
-        """The same at the end of a segment, where an axis that counts alone may not be off at all."""
-        variance = self.variance * self.window * (1.0 / of + 1.0 / over)
-        return self._beyond(difference, variance, self.least if self.joint else np.zeros_like(self.least), END_ALARM)
+        return np.asarray((np.abs(difference) > of_each).any(axis=-1))
 
 
 def noise_of_windows(series: Sequence[Array], window: int, least: Array, floor: Array, joint: bool) -> WindowNoise:
@@ -201,10 +195,13 @@ def _settled_after(values: Array, noise: WindowNoise) -> int:
     """How many blocks at the beginning are not yet at the level of those that follow."""
     n = len(values)
     off = np.zeros(n + 1, dtype=bool)
+    least = (
+        noise.least if noise.joint else np.zeros_like(noise.least)
+    )  # an axis that counts alone may not be off at all
     sums, size = _sums(values), 1
     while size <= (ONSET_WINDOWS if noise.joint else TAIL_WINDOWS) * noise.window and 3 * size <= n:
         means = _means_of(sums, size)
         after = 0.5 * (means[size:-size] + means[2 * size :])
-        off[: len(after)] |= noise.significant(means[: -2 * size] - after, size, 2 * size)
+        off[: len(after)] |= noise.changes(means[: -2 * size] - after, size, 2 * size, END_ALARM, least)
         size *= 2
     return int(np.argmin(off))

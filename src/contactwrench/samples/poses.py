@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, Frozen
+from ..geometry.arrays import Array, Frozen, Matrix, Vector
 from .samples import Samples
 
 SAME_POSE_ANGLE = np.deg2rad(0.2)
@@ -31,13 +31,13 @@ class Pose(Frozen):
     `rejected` the reason why the pose is left out, or None.
     """
 
-    R_base_flange: Array
-    wrench: Array
-    wrench_cov: Array
-    n: int = 1
-    t_start: float | None = None
-    t_end: float | None = None
-    rejected: str | None = None
+    R_base_flange: Matrix
+    wrench: Vector
+    wrench_cov: Matrix
+    n: int
+    t_start: float | None
+    t_end: float | None
+    rejected: str | None
 
 
 def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
@@ -75,14 +75,14 @@ def mean_pose(wrench: Array, R_base_flange: Array, t: Array | None, worth: Array
         worth: how many rows (6,) are worth one independent reading.
     """
     n = len(wrench)
-    times = (None, None) if t is None else (float(t.min()), float(t.max()))
+    t_start, t_end = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:
-        return Pose(R_base_flange[0], wrench[0], np.zeros((6, 6)), 1, *times)
+        return Pose(R_base_flange[0], wrench[0], np.zeros((6, 6)), 1, t_start, t_end, None)
     from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
     mean = from_first.mean(axis=0)
     centred = (from_first - mean) * np.sqrt(worth)
     U, _, Vt = np.linalg.svd(R_base_flange.mean(axis=0))
-    return Pose(U @ Vt, wrench[0] + mean, centred.T @ centred / (n * (n - 1.0)), n, *times)
+    return Pose(U @ Vt, wrench[0] + mean, centred.T @ centred / (n * (n - 1.0)), n, t_start, t_end, None)
 
 
 def label_orientations(R: Array) -> NDArray[np.intp]:
@@ -125,9 +125,9 @@ class PoseMoments(Frozen):
     """
 
     n: int
-    design: Array
-    cross: Array
-    wrench: Array
+    design: Matrix
+    cross: Matrix
+    wrench: Matrix
 
 
 def moments_of_poses(R_base_flange: Array, wrench: Array) -> PoseMoments:

@@ -59,10 +59,10 @@ def is_stream(samples: Samples) -> bool:
     step = np.diff(t)
     jump = (step < 0.0) | (step > SLOWEST) | (_angles(R) > FASTEST_TURN * np.maximum(step, HOLD))
     jumps = np.r_[0, np.cumsum(jump)]
-    return any(_turns_on_the_way(R, t, jumps, scale) for scale in SCALES)
+    return any(_turns_along(R, t, jumps, scale) for scale in SCALES)
 
 
-def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> bool:
+def _turns_along(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> bool:
     """Whether more turning lies on ways than in jumps, looked at once in `scale` s."""
     look = np.floor((t - t[0]) / scale)
     rows = np.flatnonzero(np.r_[True, look[1:] != look[:-1]])
@@ -71,9 +71,9 @@ def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float)
     turns = rotation_log(R[rows[:-1]].transpose(0, 2, 1) @ R[rows[1:]])
     angle = np.linalg.norm(turns, axis=1)
     turned = angle > SAME_POSE_ANGLE
-    on_way = turned & (jumps[rows[1:]] == jumps[rows[:-1]])
+    on_the_way = turned & (jumps[rows[1:]] == jumps[rows[:-1]])
     along = np.einsum("ni,ni->n", turns[1:], turns[:-1]) > ONWARD * angle[1:] * angle[:-1]
-    onward = on_way[1:] & on_way[:-1] & along
+    onward = on_the_way[1:] & on_the_way[:-1] & along
     going_on = np.r_[onward, False] | np.r_[False, onward]
     recorded = float(angle[going_on].sum())
     return recorded > max(0.5 * float(angle[turned].sum()), float(LEAST_ON_THE_WAY))
@@ -82,13 +82,14 @@ def _turns_on_the_way(R: Array, t: Array, jumps: NDArray[np.intp], scale: float)
 @dataclass(frozen=True, eq=False)
 class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
-    none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, and how many
-    `segments` made the poses (0: the rows of a table did).
+    none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, in how many of
+    them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did).
     """
 
     poses: tuple[Pose, ...]
     visits: tuple[Pose, ...] | None
     rejected: tuple[Pose, ...]
+    moved: int
     segments: int
 
 
@@ -109,7 +110,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         poses, visit = averaged(samples, label), visits(label, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0)
+        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0)
     still = still_segments(samples)
     if not still.accepted:
         raise InputError(_never_still(samples, still))
@@ -119,6 +120,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         _joined(still.accepted, label),
         None if visit is None else _joined(still.accepted, visit),
         tuple(_pose([segment]) for segment in still.rejected),
+        sum(segment.moves for segment in still.rejected),
         len(still.accepted),
     )
 
@@ -132,7 +134,7 @@ def _require_few(samples: Samples) -> None:
     """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged."""
     cells = np.rint(samples.R_base_flange.reshape(-1, 9) / CELL).astype(np.int16)
     count = len(np.unique(cells.view("V18")))
-    if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _is_way(samples.R_base_flange)):
+    if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _follows_the_arm(samples.R_base_flange)):
         raise _too_many(samples, count)
 
 
@@ -148,11 +150,11 @@ def _lie_close(poses: tuple[Pose, ...]) -> bool:
     return bool(np.median(_angles(np.array([pose.R_base_flange for pose in poses]))) < CLOSE)
 
 
-def _is_way(R: Array) -> bool:
+def _follows_the_arm(R: Array) -> bool:
     """Whether rows without times follow the arm on its way."""
     rows = np.arange(len(R), dtype=np.float64)
     jump = np.r_[0, np.cumsum(_angles(R) > LONGEST_STEP)]
-    return any(_turns_on_the_way(R, rows, jump, scale) for scale in ROW_SCALES)
+    return any(_turns_along(R, rows, jump, scale) for scale in ROW_SCALES)
 
 
 def _angles(R: Array) -> Array:

@@ -109,7 +109,8 @@ def _stationary_segments(blocks: Blocks, noise: WindowNoise, least: float) -> li
             segments[-1] = Segment(segments[-1].first, segment.last, False)
         else:
             segments.append(Segment(segment.first, segment.last, stands))
-    return [each for each in segments if each.steady or len(each) >= least or not _turns(blocks, each)]
+    # where it turns on while it seems to stand, the arm only passes
+    return [s for s in segments if s.steady or len(s) >= least or turn_over(blocks.path[s.blocks]) <= CREEP_ANGLE]
 
 
 def turn_over(path: Array) -> float:
@@ -123,11 +124,6 @@ def _creeps(path: Array, noise: WindowNoise) -> bool:
     """Whether the arm turns over the segment by more than noise and `CREEP_ANGLE`."""
     std = np.sqrt(12.0 * float(noise.variance[0]) * noise.window / len(path))
     return turn_over(path) > max(CREEP_ANGLE, CREEP_SHOWS * float(std))
-
-
-def _turns(blocks: Blocks, segment: Segment) -> bool:
-    """Whether the arm only passes: it turns on while it seems to stand."""
-    return turn_over(blocks.path[segment.blocks]) > CREEP_ANGLE
 
 
 def blocks_of(samples: Samples) -> tuple[float, list[Blocks]]:

@@ -19,8 +19,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ..errors import InputError, two_digits
+from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
+from ..statistics import two_digits
 from .change_detection import Segment, WindowNoise, noise_of_windows, segments_between_changes
 from .poses import Pose, mean_pose
 from .samples import Samples
@@ -50,7 +51,7 @@ AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StillSegment(Pose):
     """Rows `first` to `last`, both included, in which the arm stands, and their mean: the correlation of the rows in
-    time is counted in `wrench_cov`; `independent` readings that the rows are worth.
+    time is counted in `wrench_cov`; `independent` readings that the rows are worth; the reading `moves`.
     """
 
     first: int
@@ -58,6 +59,7 @@ class StillSegment(Pose):
     t_start: float
     t_end: float
     independent: float
+    moves: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +77,12 @@ class StillSegments(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """Rows `first` up to `last`, and why they are no still segment, where that is known already."""
+    """Rows `first` up to `last`, and why they are no still segment, where that is known; the reading `moves`."""
 
     first: int
     last: int
     reason: str | None = None
+    moves: bool = False
 
     @property
     def rows(self) -> slice:
@@ -151,16 +154,17 @@ def _where_the_reading_stays(
     if not usable:
         longest = max(settled, key=len, default=None)
         if longest is None or len(stationary) - longest.last > longest.first:
-            return [_Candidate(first, last, _moves(wrench))]
+            return [_Candidate(first, last, _moves(wrench), moves=True)]
         left = len(longest) * block
         reason = f"too short: of {seconds:.2g} s the reading takes {seconds - left:.2g} s to settle, and {left:.2g} s "
         return [_Candidate(first, last, f"{reason}are left, {duration:.2g} s are needed")]
     if not _agree(wrench, usable, noise):
-        return [_Candidate(first, last, _moves(wrench[usable[0].first :]))]
+        return [_Candidate(first, last, _moves(wrench[usable[0].first :]), moves=True)]
     candidates: list[_Candidate] = []
 
-    def add(a: int, b: int, reason: str | None) -> None:
-        candidates.append(_Candidate(*blocks.rows_of(stationary.first + a, stationary.first + b), reason))
+    def add(a: int, b: int, off: str | None) -> None:
+        rows = blocks.rows_of(stationary.first + a, stationary.first + b)
+        candidates.append(_Candidate(*rows, off, moves=off is not None))
 
     end = 0
     for segment in usable:
@@ -218,7 +222,9 @@ def _segment(samples: Samples, candidate: _Candidate, worth: Array, usual: Array
             f"{FEWEST_INDEPENDENT:.0f} are needed, {FEWEST_INDEPENDENT * mean.n / independent:.0f} rows"
         )
     known = vars(replace(mean, rejected=reason))
-    return StillSegment(**known, first=candidate.first, last=candidate.last - 1, independent=independent)
+    return StillSegment(
+        **known, first=candidate.first, last=candidate.last - 1, independent=independent, moves=candidate.moves
+    )
 
 
 def _saturated(samples: Samples, candidate: _Candidate) -> str | None:

@@ -73,11 +73,6 @@ class Synchronized:
     left_out: tuple[LeftOut, ...]
     notes: tuple[str, ...] = ()
 
-    @property
-    def reasons(self) -> dict[int, str]:
-        """Why a row of the wrench stream has no sample."""
-        return {int(row): part.reason for part in self.left_out for row in part.rows}
-
 
 def synchronize(
     streams: Streams, delay: float = 0.0, delay_std: float | None = None, longest_gap: float | None = None

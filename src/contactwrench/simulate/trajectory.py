@@ -97,7 +97,7 @@ def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
 
     Args:
         joints: to stop at (k, 7), rad.
-        move: time of each way, s.
+        move: time of each step, s.
         stop: time of each stop, s.
         rate: of the rows, Hz.
 
@@ -108,18 +108,18 @@ def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
     t = np.arange(round((len(joints) * each - move) * rate)) / rate
     row = np.minimum((t / each).astype(int), len(joints) - 1)
     s = np.maximum(t - row * each - stop, 0.0) / move
-    way = np.vstack([np.diff(joints, axis=0), np.zeros((1, joints.shape[1]))])[row]
+    step = np.vstack([np.diff(joints, axis=0), np.zeros((1, joints.shape[1]))])[row]
     along = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     speed, acceleration = 30.0 * s**2 * (1.0 - s) ** 2 / move, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / move**2
-    motion = Motion(t, joints[row] + along[:, None] * way, speed[:, None] * way, acceleration[:, None] * way)
+    motion = Motion(t, joints[row] + along[:, None] * step, speed[:, None] * step, acceleration[:, None] * step)
     _require_within(motion)
     return motion
 
 
 def calm(joints: Array) -> float:
-    """The time, s, for each way between rows of joints (k, 7), rad, in which none of them is fast."""
-    way = np.abs(np.diff(joints, axis=0)) / MAX_SPEED
-    return PEAK * float(way.max(initial=0.0)) / MOVE_SPEED
+    """The time, s, for each step between rows of joints (k, 7), rad, in which none of them is fast."""
+    step = np.abs(np.diff(joints, axis=0)) / MAX_SPEED
+    return PEAK * float(step.max(initial=0.0)) / MOVE_SPEED
 
 
 def exciting(duration: float, rate: float, rng: np.random.Generator) -> Motion:
@@ -141,5 +141,5 @@ def sweeping(duration: float, rate: float) -> Motion:
     """One joint of the wrist after the other, slowly: about the flange's z, tilted, and round in the tilt."""
     turns = np.zeros((len(SWEEP_DEG), len(HOME)))
     turns[:, 4:] = np.deg2rad(SWEEP_DEG)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
-    return through(duration * way / way[-1], HOME + turns, rate)
+    turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
+    return through(duration * turned / turned[-1], HOME + turns, rate)

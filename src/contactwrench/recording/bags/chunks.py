@@ -211,15 +211,15 @@ class Ros1Index:
     def _connection(self) -> Any:
         from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
 
-        head, said = _fields(_sized(self.file)), {k: v.decode() for k, v in _fields(_sized(self.file)).items()}
+        head, about = _fields(_sized(self.file)), {k: v.decode() for k, v in _fields(_sized(self.file)).items()}
         topic = "/".join(part for part in head["topic"].decode().split("/") if part)
-        package, _, name = said["type"].rpartition("/")
-        latching = said.get("latching")
+        package, _, name = about["type"].rpartition("/")
+        latching = about.get("latching")
         topic = "/" * head["topic"].startswith(b"/") + topic
-        definition = MessageDefinition(MessageDefinitionFormat.MSG, said["message_definition"])
-        details = ConnectionExtRosbag1(said.get("callerid"), int(latching) if latching else None)
+        definition = MessageDefinition(MessageDefinitionFormat.MSG, about["message_definition"])
+        details = ConnectionExtRosbag1(about.get("callerid"), int(latching) if latching else None)
         msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
-        return Connection(_uint(head["conn"]), topic, msgtype, definition, said["md5sum"], 0, details, self)
+        return Connection(_uint(head["conn"]), topic, msgtype, definition, about["md5sum"], 0, details, self)
 
     def _chunk(self) -> Ros1Chunk:
         head, counts = _fields(_sized(self.file)), np.frombuffer(_sized(self.file), "<u4").reshape(-1, 2)

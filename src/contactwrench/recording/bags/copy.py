@@ -216,16 +216,16 @@ def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, cou
     yaml = YAML(typ="safe")
     yaml.default_flow_style = False
     content = yaml.load((path_in / METADATA).read_text(encoding="utf-8"))
-    said = content["rosbag2_bagfile_information"]
+    recording = content["rosbag2_bagfile_information"]
     count = sum(counts.values())
-    said["message_count"] += count
-    topics = said["topics_with_message_count"]
+    recording["message_count"] += count
+    topics = recording["topics_with_message_count"]
     like = next(topic["topic_metadata"] for topic in topics if topic["topic_metadata"]["name"] == source.name)
     added = {**like, "name": name, "type": WRENCH_STAMPED}
     if "type_description_hash" in added:
         added["type_description_hash"] = typestore(False).hash_rihs01(WRENCH_STAMPED)
     topics.append({"topic_metadata": added, "message_count": count})
-    for file in said.get("files", []):
+    for file in recording.get("files", []):
         file["message_count"] += counts.get(Path(file["path"]).name, 0)
     with (path_out / METADATA).open("w", encoding="utf-8") as written:
         yaml.dump(content, written)

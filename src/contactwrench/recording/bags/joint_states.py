@@ -22,7 +22,7 @@ def joint_places(names: Sequence[str], arm: Arm) -> list[int] | None:
     """
     if arm.joint_names:
         return _all_of([names.index(name) if name in names else None for name in arm.joint_names])
-    sets = [one for one in (*_numbered(names, len(arm)), *_named(names, len(arm))) if one is not None]
+    sets = [places for places in (*_numbered(names, len(arm)), *_named(names, len(arm))) if places is not None]
     if sets:
         return sets[0] if len(sets) == 1 else None
     return list(range(len(arm))) if len(names) in (0, len(arm)) else None
@@ -51,5 +51,5 @@ def _named(names: Sequence[str], count: int) -> list[list[int] | None]:
 
 
 def _all_of(places: Sequence[int | None]) -> list[int] | None:
-    found = [place for place in places if place is not None]
-    return found if len(found) == len(places) else None
+    known = [place for place in places if place is not None]
+    return known if len(known) == len(places) else None

@@ -74,8 +74,7 @@ class Raw:
         offset, kind, count = layout.numbers[path]
         if count == 0:
             return np.empty((len(self), 0))
-        found = self.bytes_at(offset, count * int(kind[-1])).view(kind)
-        return found.astype(np.float64)
+        return self.bytes_at(offset, count * int(kind[-1])).view(kind).astype(np.float64)
 
     def columns(self, layout: MessageLayout, paths: Sequence[str]) -> Array:
         """The numbers (n, k) at `paths`, one of each; those that lie side by side are fetched together."""
@@ -138,10 +137,10 @@ class _Walk:
     def fields(self, msgtype: str, path: str, pos: int) -> int:
         """Pass a message of that type; where it ends. So do the methods below."""
         for name, what in self.types[msgtype][1]:
-            pos = self.one(what, f"{path}.{name}" if path else name, pos)
+            pos = self.part(what, f"{path}.{name}" if path else name, pos)
         return pos
 
-    def one(self, what: Any, path: str, pos: int) -> int:
+    def part(self, what: Any, path: str, pos: int) -> int:
         node, of = what[0].name, what[1]
         if node == "NAME":
             return self.fields(of, path, pos)
@@ -155,7 +154,7 @@ class _Walk:
         if count > len(self.message):
             raise IndexError
         for index in range(count):
-            pos = self.one(inner, f"{path}.{index}", pos)
+            pos = self.part(inner, f"{path}.{index}", pos)
         return pos
 
     def primitives(self, kind: str, path: str, pos: int, count: int) -> int:

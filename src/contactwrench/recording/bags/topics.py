@@ -44,16 +44,16 @@ def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm:
 
 
 def _transform_topics(bag: Bag, name: str | None) -> tuple[Topic, ...]:
-    found = _with_messages(bag, TRANSFORMS)
+    recorded = _with_messages(bag, TRANSFORMS)
     if name is not None:
         asked = _named(bag, name, (*TRANSFORMS, "geometry_msgs/msg/TransformStamped"), POSE_FLAG)
-        return (asked, *(topic for topic in found if topic.name.endswith(STATIC) and topic != asked))
-    if not found:
+        return (asked, *(topic for topic in recorded if topic.name.endswith(STATIC) and topic != asked))
+    if not recorded:
         raise FileFormatError(
             f"{bag.path}: found no topic of type {_types(TRANSFORMS[:1])} with messages, expected one for "
             f"{FRAMES_FLAG} (found {_listed(bag)})"
         )
-    return found
+    return recorded
 
 
 def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
@@ -71,20 +71,20 @@ def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
     return right[0]
 
 
-def _only(bag: Bag, what: str, types: tuple[str, ...], flag: str, meaning: str) -> Topic:
-    found = _with_messages(bag, types)
-    if not found:
+def _only(bag: Bag, what: str, types: tuple[str, ...], flag: str, content: str) -> Topic:
+    recorded = _with_messages(bag, types)
+    if not recorded:
         raise FileFormatError(
-            f"{bag.path}: found no topic of type {_types(types)} with messages, expected one with {meaning} "
+            f"{bag.path}: found no topic of type {_types(types)} with messages, expected one with {content} "
             f"(found {_listed(bag)})"
         )
-    if len(found) > 1:
-        listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in found)
+    if len(recorded) > 1:
+        listed = ", ".join(f"{topic.name} ({written(topic.type)}, {bag.counts[topic]} messages)" for topic in recorded)
         raise FileFormatError(
-            f"{bag.path}: found {len(found)} topics with {what}: {listed}, expected one: choose with {flag} "
-            f"{found[0].name}"
+            f"{bag.path}: found {len(recorded)} topics with {what}: {listed}, expected one: choose with {flag} "
+            f"{recorded[0].name}"
         )
-    return found[0]
+    return recorded[0]
 
 
 def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
@@ -107,7 +107,7 @@ def _with_messages(bag: Bag, types: tuple[str, ...]) -> tuple[Topic, ...]:
 
 
 def _types(types: tuple[str, ...]) -> str:
-    names = [written(one) for one in types if one != TRANSFORMS[1]]
+    names = [written(name) for name in types if name != TRANSFORMS[1]]
     return " or ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 

@@ -1,0 +1,289 @@
+"""What a calibration holds: its numbers, what was found on the way to them, and how good they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
+from ..geometry.orientation import OrientationLike, rotation_matrices
+from ..geometry.rotations import spread_rotations
+from ..geometry.wrench import STANDARD_GRAVITY
+from ..model import (
+    GRAVITY,
+    LINEAR_PARAMETERS,
+    MOUNT,
+    RigidTool,
+    affine_jacobian,
+    gravity_in_flange,
+    wrench_jacobian,
+    yaw_of_mounting,
+)
+from ..samples.poses import Pose, PoseMoments
+from .observability import Observability
+
+ROWS_AT_ONCE = 4096
+WEAK_SHARE = 0.1
+"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
+
+
+class Severity(StrEnum):
+    """What a finding means for the result."""
+
+    NOTE = "note"
+    """Nothing is wrong."""
+    WARNING = "warning"
+    """Something is to be looked at; the numbers hold."""
+    WEAK = "weak"
+    """A number, or its std, is not to be trusted."""
+    REFUSED = "refused"
+    """Readings took no part in the fit."""
+
+
+class Kind(StrEnum):
+    """What a finding is of."""
+
+    SATURATED_ROWS = "saturated_rows"
+    LOADED_ROWS = "loaded_rows"
+    STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
+    POSE_LEFT_OUT = "pose_left_out"
+    BIAS_STEPPED = "bias_stepped"
+    BIAS_DRIFTED = "bias_drifted"
+    BIAS_WANDERED = "bias_wandered"
+    SIGN_NOT_CONFIRMED = "sign_not_confirmed"
+    MIRRORED_AXIS = "mirrored_axis"
+    UNCERTAIN_PARAMETER = "uncertain_parameter"
+    ADVICE = "advice"
+    FEW_DEGREES_OF_FREEDOM = "few_degrees_of_freedom"
+    UNEQUAL_NOISE = "unequal_noise"
+    BEYOND_STATED_NOISE = "beyond_stated_noise"
+    POOR_FIT = "poor_fit"
+    FAR_CENTRE_OF_MASS = "far_centre_of_mass"
+    CROSS_TALK = "cross_talk"
+    CORRELATED_POSES = "correlated_poses"
+    NO_HELD_OUT_ERROR = "no_held_out_error"
+    CONTRADICTS_PRIOR = "contradicts_prior"
+    CONTRADICTS_OTHERS = "contradicts_others"
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Kind:
+        """A kind that a later version found."""
+        return cls.OTHER
+
+
+BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that calibrating found beside the numbers.
+
+    Attributes:
+        kind: what it is of.
+        severity: what it means for the result.
+        text: one sentence for people; it begins with `weak` where the severity is that.
+    """
+
+    kind: Kind
+    severity: Severity
+    text: str
+
+    @classmethod
+    def weak(cls, kind: Kind, text: str) -> Finding:
+        """A finding that says "weak" itself, for those who read warnings only."""
+        return cls(kind, Severity.WEAK, f"weak: {text}")
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative(Frozen):
+    """What another model would have made of the same poses: beside a result, so that nobody has to run five.
+
+    Attributes:
+        model: its name.
+        weight: N; None for `affine`.
+        weight_std: N; None for `affine`.
+        force_left: RMS norm of the force that it leaves in a pose, degrees of freedom counted, N.
+        torque_left: the same of the torque, N m.
+        B: (6, 4), as in `Calibration`.
+        gravity_direction: unit vector (3,), base axes.
+    """
+
+    model: str
+    weight: float | None
+    weight_std: float | None
+    force_left: float
+    torque_left: float
+    B: Matrix
+    gravity_direction: Vector
+
+    def largest_force_change(self, B: Array, gravity_direction: Array) -> float:
+        """The largest difference (N) of the contact force over all orientations, a norm, from that of `B`."""
+        R = spread_rotations(288, 24)
+        force = gravity_in_flange(R, gravity_direction) @ B[:3, :3].T + B[:3, 3]
+        others = gravity_in_flange(R, self.gravity_direction) @ self.B[:3, :3].T + self.B[:3, 3]
+        return float(np.linalg.norm(force - others, axis=1).max())
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationFields(Frozen):
+    """The fields of a `Calibration`, which says what each of them is, and what follows from them alone."""
+
+    requested_model: str
+    model: str
+    weight: float | None
+    mass: float | None
+    com: Vector | None
+    bias: Vector
+    R_flange_sensor: Matrix | None
+    yaw: float | None
+    gravity_direction: Vector
+    B: Matrix
+    B_covariance: Matrix
+    parameter_names: tuple[str, ...]
+    parameters: Vector
+    covariance: Matrix
+    noise: Vector
+    residual_rms: Vector
+    held_out_rms: Vector | None
+    reduced_chi2: float
+    dof: float
+    observability: Observability
+    findings: tuple[Finding, ...]
+    provenance: dict[str, str | int | float | bool | None]
+    poses: tuple[Pose, ...]
+    moments: PoseMoments | None
+    weight_xy: float | None
+    weight_z: float | None
+    parameter_dof: Vector | None = None
+    assumptions: tuple[str, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    delay: float | None = None
+    delay_std: float | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The texts of the findings."""
+        return tuple(finding.text for finding in self.findings)
+
+    @cached_property
+    def std(self) -> dict[str, Any]:
+        """Standard deviations under `weight` N, `com` (3,) m, `bias` (6,), `yaw` rad, `mount` (3,) rad about the
+        sensor's axes, `gravity` (2,) rad; None for what the model does not estimate.
+        """
+        index = {name: k for k, name in enumerate(self.parameter_names)}
+        std = np.sqrt(np.diag(self.covariance))
+
+        def of(*names: str) -> Array | None:
+            return read_only(std[[index[name] for name in names]]) if names[0] in index else None
+
+        weight = of("weight")
+        bias = of(*LINEAR_PARAMETERS[4:])
+        if bias is None:
+            bias = read_only(np.sqrt(np.diag(self.B_covariance)[3::4]))
+        return {
+            "weight": None if weight is None else float(weight[0]),
+            "com": of(*LINEAR_PARAMETERS[1:4]),
+            "bias": bias,
+            "yaw": self._yaw_std(index),
+            "mount": of(*MOUNT),
+            "gravity": of(*GRAVITY),
+        }
+
+    def _yaw_std(self, index: dict[str, int]) -> float | None:
+        if "yaw" in index:
+            return float(np.sqrt(self.covariance[index["yaw"], index["yaw"]]))
+        if self.R_flange_sensor is None:
+            return None
+        first = index[MOUNT[0]]
+        _, _, derivative = yaw_of_mounting(self.R_flange_sensor)
+        return float(np.sqrt(derivative @ self.covariance[first : first + 3, first : first + 3] @ derivative))
+
+    @property
+    def g(self) -> float:
+        """m/s^2: what turned the weight into the mass; standard gravity where nothing says."""
+        stated = self.provenance.get("g")
+        if isinstance(stated, float) and 0.0 < stated < np.inf:
+            return stated
+        return self.weight / self.mass if self.weight is not None and self.mass is not None else STANDARD_GRAVITY
+
+    @property
+    def first_time(self) -> float:
+        """The recording's first time, s, from which the times that people see are counted; 0 where nothing says."""
+        stated = self.provenance.get("t_first")
+        return stated if isinstance(stated, float) and np.isfinite(stated) else 0.0
+
+    @property
+    def fitted_poses(self) -> tuple[Pose, ...]:
+        """The poses that were not left out."""
+        return tuple(pose for pose in self.poses if pose.rejected is None)
+
+    @property
+    def sensor_z_along_flange(self) -> bool | None:
+        """Whether the sensor's z points along the flange's (True) or against it; `yaw` is counted accordingly."""
+        return None if self.R_flange_sensor is None else bool(self.R_flange_sensor[2, 2] >= 0.0)
+
+    def wrench_std(self, orientation: OrientationLike) -> Array:
+        """Standard deviation of a contact wrench from the calibration alone.
+
+        Args:
+            orientation: `R_base_flange`, as of `predict`.
+
+        Returns:
+            (n, 6) or (6,), N and N m, sensor axes.
+        """
+        R, single = rotation_matrices(orientation)
+        variance = np.empty((len(R), 6))
+        for start in range(0, len(R), ROWS_AT_ONCE):
+            J = self.free_wrench_jacobian(R[start : start + ROWS_AT_ONCE])
+            variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.covariance) * J, axis=2)
+        std: Array = np.sqrt(np.maximum(variance, 0.0))
+        return std[0] if single else std
+
+    def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
+        """Derivative of the free wrench with respect to `parameters`.
+
+        Args:
+            R_base_flange: matrices (n, 3, 3).
+
+        Returns:
+            (n, 6, p), sensor axes.
+        """
+        if self.weight is None or self.com is None or self.R_flange_sensor is None:
+            return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
+        tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
+        return wrench_jacobian(tool, R_base_flange, self.parameter_names)
+
+    @cached_property
+    def largest_std(self) -> tuple[float, float]:
+        """The largest standard deviation over all orientations of the contact force (N) and torque (N m), each the
+        root of the summed variances of its three axes; over a dense set of orientations, within 1 %.
+        """
+        std = self.wrench_std(spread_rotations(288, 24))
+        force, torque = np.linalg.norm(std[:, :3], axis=1), np.linalg.norm(std[:, 3:], axis=1)
+        return float(force.max()), float(torque.max())
+
+    @cached_property
+    def is_weak(self) -> bool:
+        """Whether a finding says so, or the error in the contact force is a large share of the weight somewhere."""
+        scale = float(np.linalg.norm(self.B[:3, :3], 2))
+        found = any(finding.severity is Severity.WEAK for finding in self.findings)
+        return found or self.largest_std[0] > WEAK_SHARE * scale
+
+    @property
+    def largest_error(self) -> str:
+        """In words, how large an error of the contact wrench the calibration's own uncertainty makes."""
+        force, torque = (float(f"{std:.2g}") for std in (self.largest_std[0], 1e3 * self.largest_std[1]))
+        return (
+            "at any orientation the calibration's error in the contact wrench has a std of at most "
+            f"{force:g} N and {torque:g} mN m"
+        )
+
+    @property
+    def verdict(self) -> str:
+        """In one sentence, how good the contact wrench is because of this calibration."""
+        return f"{'weak' if self.is_weak else 'good'}: {self.largest_error}"
