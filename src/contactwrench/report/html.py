@@ -72,7 +72,8 @@ def _section(section: Section) -> str:
     many = "<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>"
     return (
         f"<section><h2>{escape(section.title)}</h2>{paragraphs_html(section.paragraphs)}{_verdict(c)}"
-        f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div><div><h3>Fit</h3>{_fit(c)}</div></div>"
+        f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div>"
+        f"<div><h3>Fit</h3>{_fit(c)}</div></div>"
         f"{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}{_left_out(c)}"
         f"{''.join(_poses(c)) if c.fitted_poses else many}{_provenance(c)}</section>\n"
     )
