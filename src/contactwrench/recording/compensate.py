@@ -112,7 +112,7 @@ def require_writable(output: Path, path: Path, options: Options) -> None:
 
 def write_compensated(
     output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str
-) -> None:
+) -> str | None:
     """Write what was made of a recording, batch by batch.
 
     Args:
@@ -123,15 +123,19 @@ def write_compensated(
         options: how that is written.
         output_frame: axes of the contact wrench.
 
+    Returns:
+        The topic in which a bag has them.
+
     Raises what the writers raise.
     """
     like_folder = path.is_dir() and not output.suffix and str(output) != "-"
     is_bag = reader_of(path, options) is bag_blocks
     if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
-        wrenches, frame = (batch.wrench for batch in recording), None if output_frame == "sensor" else output_frame
-        write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
-    else:
-        write_contact_wrenches(output, recording, path)
+        frame = None if output_frame == "sensor" else output_frame
+        wrenches = (batch.wrench for batch in recording)
+        return write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
+    write_contact_wrenches(output, recording, path)
+    return None
 
 
 def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
