@@ -30,7 +30,7 @@ from ..estimation.noise import PoseReadings
 from ..estimation.rigid import fit_rigid
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
-from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Readings, as_read
+from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Interpretations, as_read
 from .screening import (
     LEAST_TILT,
     NOTHING_LEFT,
@@ -131,37 +131,37 @@ class Diagnosis:
         return self.best is self.given
 
 
-def diagnose(readings: Readings) -> Diagnosis:
+def diagnose(file: Interpretations) -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
     Raises `UnobservableError` for fewer than 5 poses, and `InputError` where no interpretation makes rotations.
     """
-    n = len(readings.wrench)
+    n = len(file.wrench)
     if n < FEWEST_POSES:
         raise UnobservableError(
-            f"{readings.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
+            f"{file.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
             "reading from another: record six or more that tilt the tool about two axes"
         )
-    if not readings.orientations:
+    if not file.orientations:
         raise InputError(
-            f"{readings.complaint}; no other convention makes rotations of these columns either: check that they "
+            f"{file.complaint}; no other convention makes rotations of these columns either: check that they "
             "hold an orientation"
         )
-    ways = screened(readings)
-    given = None if readings.given is None else _excused(readings, _explained(readings, ways.given))
+    ways = screened(file)
+    given = None if file.given is None else _excused(file, _explained(file, ways.given))
     fits = [] if given is None else [given]
-    fits += [_explained(readings, readings.interpretation(*place)) for place in ways.classes()]
+    fits += [_explained(file, file.interpretation(*place)) for place in ways.classes()]
     likeliest = min(fits, key=lambda fit: fit.odds)
-    leaning = [] if likeliest is given else [(_leaning(readings, likeliest.interpretation), likeliest)]
+    leaning = [] if likeliest is given else [(_leaning(file, likeliest.interpretation), likeliest)]
     leaning += [] if given is None else [(given.leaning, given)]
     fits += [fit for fit, upright in leaning if fit is not None and _decisively_better(fit, upright)]
     fits.sort(key=lambda fit: fit.odds)
     as_good = (fit for fit in fits if not any(_decisively_better(other, fit) for other in fits))
-    best = _in_likeliest_unit(readings, min(as_good, key=lambda fit: fit.interpretation.cost))
+    best = _in_likeliest_unit(file, min(as_good, key=lambda fit: fit.interpretation.cost))
     alike = _alike(ways, best, fits)
     likely = [interpretation for interpretation in alike if interpretation.cost <= best.interpretation.cost + TIE_REACH]
     return Diagnosis(
-        readings.source,
+        file.source,
         n,
         ways.odds.size,
         given,
@@ -169,17 +169,17 @@ def diagnose(readings: Readings) -> Diagnosis:
         _one_of_each(best, fits),
         tuple(alike),
         len(likely),
-        readings.observations(best.interpretation, likely),
-        readings.complaint,
+        file.observations(best.interpretation, likely),
+        file.complaint,
     )
 
 
-def _explained(readings: Readings, interpretation: Interpretation, model: str = "mount") -> Explanation:
+def _explained(file: Interpretations, interpretation: Interpretation, model: str = "mount") -> Explanation:
     """What the fit of a rigid tool makes of an interpretation. Of the degrees of freedom each parameter takes its share
     where the readings settle it: torques that settle the mounting explain nothing by being explained.
     """
-    R, wrench = as_read(readings, interpretation)
-    down = -readings.down if interpretation.reversed_gravity else readings.down
+    R, wrench = as_read(file, interpretation)
+    down = -file.down if interpretation.reversed_gravity else file.down
     tool, left, taken, sure = _fitted(R, wrench, model, down)
     lean = 0.0
     if model == "mount+base":
@@ -191,7 +191,7 @@ def _explained(readings: Readings, interpretation: Interpretation, model: str = 
     of_base = len(GRAVITY) if model == "mount+base" else 0
     force_left, torque_left = np.sqrt(3.0 * squares / (3.0 * len(R) - PARAMETERS - of_base))
     squares = np.maximum(squares, NOTHING_LEFT**2 * _of_kinds(wrench))
-    scatter = scatter_of(readings.wrench, readings.wrenches[interpretation.wrench].matrix)[0]
+    scatter = scatter_of(file.wrench, file.wrenches[interpretation.wrench].matrix)[0]
     odds = float(misfit(squares, dof, scatter))
     odds += COST_OF_CHANGE * (interpretation.cost + NO_TOOL * (not sure))
     com = read_only(tool.com)
@@ -217,26 +217,26 @@ def _of_kinds(values: Array) -> Array:
     return squares
 
 
-def _excused(readings: Readings, given: Explanation) -> Explanation:
+def _excused(file: Interpretations, given: Explanation) -> Explanation:
     """The stated interpretation with its best excuse: a right file may have a pose in contact, or a base that leans."""
     interpretation = given.interpretation
-    o, w = readings.orientations[interpretation.orientation], readings.wrenches[interpretation.wrench]
-    n = len(readings.wrench)
+    o, w = file.orientations[interpretation.orientation], file.wrenches[interpretation.wrench]
+    n = len(file.wrench)
     others = [Orientations(o.R_base_flange[kept], kept) for kept in ~np.eye(n, dtype=np.bool_)]
-    left = screen(others, readings.wrench, w.matrix[None], np.array([w.in_base]), readings.down)
-    without = misfit(left.squares, left.dof, scatter_of(readings.wrench, w.matrix))[:, 0, interpretation.place[2]]
+    left = screen(others, file.wrench, w.matrix[None], np.array([w.in_base]), file.down)
+    without = misfit(left.squares, left.dof, scatter_of(file.wrench, w.matrix))[:, 0, interpretation.place[2]]
     in_contact = float(without.min()) + COST_OF_CHANGE * (interpretation.cost + POSE_IN_CONTACT)
-    return replace(given, odds_in_contact=in_contact, leaning=_leaning(readings, interpretation))
+    return replace(given, odds_in_contact=in_contact, leaning=_leaning(file, interpretation))
 
 
-def _leaning(readings: Readings, interpretation: Interpretation) -> Explanation | None:
+def _leaning(file: Interpretations, interpretation: Interpretation) -> Explanation | None:
     """The fit with the direction of gravity free; None where no direction on the stated side explains the file."""
-    R, wrench = as_read(readings, interpretation)
-    down = -readings.down if interpretation.reversed_gravity else readings.down
+    R, wrench = as_read(file, interpretation)
+    down = -file.down if interpretation.reversed_gravity else file.down
     scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
     if explained_by_guess(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(np.sum(scatter**2)):
         return None
-    leaning = _explained(readings, interpretation, "mount+base")
+    leaning = _explained(file, interpretation, "mount+base")
     return leaning if leaning.lean <= MOST_LEAN else None
 
 
@@ -251,16 +251,16 @@ def _decisively_better(one: Explanation, other: Explanation) -> bool:
     return less_force or one.torque_left < LESS_THAN_HALF * other.torque_left
 
 
-def _in_likeliest_unit(readings: Readings, best: Explanation) -> Explanation:
+def _in_likeliest_unit(file: Interpretations, best: Explanation) -> Explanation:
     """The same tool with the torque in another unit, where its centre of mass is then the likelier one."""
     if best.force_left > LEFT_BY_NO_TOOL * best.weight:
         return best
-    for unit in readings.torque_units:
+    for unit in file.torque_units:
         if _oddity_of(unit.factor * best.com) < _oddity_of(best.com):
             own = best.interpretation
             return replace(
                 best,
-                interpretation=readings.interpretation(*own.place, by_gravity=own.reversed_gravity, unit=unit),
+                interpretation=file.interpretation(*own.place, by_gravity=own.reversed_gravity, unit=unit),
                 torque_left=unit.factor * best.torque_left,
                 com=read_only(unit.factor * best.com),
             )
@@ -276,11 +276,11 @@ def _alike(ways: Screened, best: Explanation, fits: list[Explanation]) -> list[I
     """The readings that free air cannot tell from the best, the likelier first: those of its class, of which nothing
     else is left, and those that chance may have put behind it.
     """
-    readings, own = ways.readings, best.interpretation
+    file, own = ways.file, best.interpretation
     alike = [fit.interpretation for fit in fits if not _decisively_better(best, fit)]
-    unit = next((u for u in readings.torque_units if u.factor == own.torque_factor), None)
+    unit = next((u for u in file.torque_units if u.factor == own.torque_factor), None)
     for place in [] if LEANING_FLAG in own.flags else np.argwhere(ways.class_of(own.place)).tolist():
-        alike += [readings.interpretation(*place, by_gravity=by_gravity, unit=unit) for by_gravity in (False, True)]
+        alike += [file.interpretation(*place, by_gravity=by_gravity, unit=unit) for by_gravity in (False, True)]
     others = {(interpretation.flags, interpretation.mends): interpretation for interpretation in alike}
     others.pop((own.flags, own.mends), None)
     return sorted(others.values(), key=lambda interpretation: interpretation.cost)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
-from .interpretations import COST_OF_CHANGE, REVERSED_SIGN, Interpretation, Readings
+from .interpretations import COST_OF_CHANGE, REVERSED_SIGN, Interpretation, Interpretations
 
 LEAST_TILT = 1e-6
 """Of the squared gravity directions, on average: an interpretation in which gravity moves less explains nothing."""
@@ -134,14 +134,14 @@ class Screened:
     counted.
     """
 
-    readings: Readings
+    file: Interpretations
     log_squares: Array
     odds: Array
 
     @property
     def given(self) -> Interpretation:
         """The stated interpretation."""
-        return self.readings.interpretation(self.readings.given or 0, 0, int(self.readings.sign == "reaction"))
+        return self.file.interpretation(self.file.given or 0, 0, int(self.file.sign == "reaction"))
 
     def classes(self) -> list[tuple[int, int, int]]:
         """Places of the most promising readings, one of each class, best first."""
@@ -162,22 +162,22 @@ class Screened:
         return same
 
 
-def screened(readings: Readings) -> Screened:
+def screened(file: Interpretations) -> Screened:
     """All ways to read a file, judged in closed form."""
-    matrices = np.array([w.matrix for w in readings.wrenches])
+    matrices = np.array([w.matrix for w in file.wrenches])
     left = screen(
-        [Orientations(o.R_base_flange, o.rows) for o in readings.orientations],
-        readings.wrench,
+        [Orientations(o.R_base_flange, o.rows) for o in file.orientations],
+        file.wrench,
         matrices,
-        np.array([w.in_base for w in readings.wrenches]),
-        readings.down,
+        np.array([w.in_base for w in file.wrenches]),
+        file.down,
     )
-    changed_sign = np.array([readings.sign == "reaction", readings.sign == "pull"], dtype=np.float64)
+    changed_sign = np.array([file.sign == "reaction", file.sign == "pull"], dtype=np.float64)
     costs = (
-        np.array([o.cost for o in readings.orientations])[:, None, None]
-        + np.array([w.cost for w in readings.wrenches])[:, None]
+        np.array([o.cost for o in file.orientations])[:, None, None]
+        + np.array([w.cost for w in file.wrenches])[:, None]
         + REVERSED_SIGN * changed_sign
     )
-    scatter = scatter_of(readings.wrench, matrices)[:, None]
+    scatter = scatter_of(file.wrench, matrices)[:, None]
     odds = misfit(left.squares, left.dof, scatter) + COST_OF_CHANGE * costs
-    return Screened(readings, np.log(left.squares), odds)
+    return Screened(file, np.log(left.squares), odds)

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from ..compensate.filters import LowPass
     from ..geometry.arrays import Array
 
-PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-"""A drift or a noise in N stands for as many N m at a lever of 5 cm, as in `drift.TYPICAL_DRIFT`."""
-
 
 @options.with_reading_options
 def compensate(
@@ -93,6 +90,7 @@ def compensate(
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
+    from ..compensate.noise import with_torques
     from ..files import require_distinct
     from ..recording.compensate import Treatment, require_writable
     from ..report.contacts import compensate_recording
@@ -117,7 +115,7 @@ def compensate(
         low_pass=_low_pass(lowpass, "--lowpass", 2),
         judged=contact or any(stated is not None for stated in judging),
         sensor_filter=_low_pass(sensor_filter, "--sensor-filter", 1),
-        drift=None if drift is None else drift * PER_NEWTON,
+        drift=None if drift is None else with_torques(drift),
         noise=None if noise is None else _noise(noise, recording, loaded.with_gravity(direction)),
     )
     with progress(f"compensating {recording.path.name}") as advance:
@@ -147,6 +145,8 @@ def _low_pass(text: str | None, option: str, usual_order: int) -> LowPass | None
 
 def _noise(text: str, recording: options.Recordings, calibration: Calibration) -> Array:
     """Std (6,) of a sample, or what compensation leaves (n, 6) of a recording of a free tool."""
+    from ..compensate.noise import with_torques
+
     try:
         std = float(text)
     except ValueError:
@@ -154,4 +154,4 @@ def _noise(text: str, recording: options.Recordings, calibration: Calibration) -
         return calibration.compensate(free.wrench, free.R_base_flange)
     if not 0.0 < std < np.inf:
         raise InputError(f"--noise is {text}, expected N above 0, or a recording of a free tool")
-    return std * PER_NEWTON
+    return with_torques(std)

@@ -10,11 +10,18 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import permutations
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..assess.interpretations import OrientationReading, Readings, TorqueUnit, WrenchReading
+from ..assess.interpretations import (
+    Interpretations,
+    OrientationInterpretation,
+    still_poses,
+    torque_units,
+    turned_and_shifted,
+    wrench_interpretations,
+)
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
@@ -23,27 +30,20 @@ from .read import bag_blocks, name_of, reader_of
 from .tables.columns import ANGLE, orientation_columns, roles_beside, whole_sets, wrench_columns
 from .tables.table import open_table, rotations, written_rows
 
-NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
-SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
-"""What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
+NAMED, GENERIC, UNIT = 1.0, 2.5, 1.0
+"""What a change costs, in changes as likely as a wrong option (see assess/interpretations.py)."""
 
-MOST_ROWS = 20_000
 MOST_POSES = 300
-"""A longer recording is thinned: a wrong reading shows in a few dozen poses."""
-
-STILL = float(np.deg2rad(0.2))
+"""Of a longer recording: a wrong interpretation shows in a few dozen poses."""
 
 TURNED_AXES = tuple("".join(letters) for letters in permutations("XYZ")) + tuple(
     f"{a}{b}{a}" for a in "XYZ" for b in "XYZ" if a != b
 )
 FORMULAS_OF_ANGLES = (*TURNED_AXES, *(letters.lower() for letters in TURNED_AXES), "rotvec")
 PROBE = np.array([[0.3, -0.5, 0.7]])
+WHOLE = slice(None)
 
-SHIFTS: dict[int, tuple[str, ...]] = {
-    0: (),
-    1: ("each orientation belonging to the next row's wrench",),
-    -1: ("each orientation belonging to the previous row's wrench",),
-}
+Candidates: TypeAlias = Iterator[OrientationInterpretation]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +64,7 @@ class _Written:
     load_mass: Array | None
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """Rotations (n, 3, 3) that can be made of an orientation's numbers, and what that takes."""
-
-    flags: tuple[str, ...]
-    mends: tuple[str, ...]
-    cost: float
-    R: Array
-
-
-def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Array | None = None) -> Readings:
+def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Array | None = None) -> Interpretations:
     """All interpretations of a file: of its orientation, times those of its wrench.
 
     Rows with a load or a saturated channel are left out; rows that follow each other at one orientation are averaged.
@@ -95,26 +85,28 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
             "--inverse-orientation"
         )
     written = _written(path, options.orientation)
-    middle, wrench = _still_poses(written)
+    middle, wrench = still_poses(written.wrench, [numbers for _, numbers in written.sets], written.load_mass)
     if not len(middle):
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
     picked = np.unique(np.linspace(0, len(middle) - 1, min(len(middle), MOST_POSES)).astype(np.intp))
     stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
-    candidates = [] if written.stated is None else [_Candidate(stated_flags, (), 0.0, written.stated[middle])]
+    candidates = []
+    if written.stated is not None:
+        candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated[middle], WHOLE))
     for columns, numbers in written.sets:
         candidates += _candidates(columns, numbers[middle], written.convention)
-    distinct: dict[bytes, OrientationReading] = {}
-    for one in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
+    distinct: dict[bytes, OrientationInterpretation] = {}
+    for one in sorted(turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
         distinct.setdefault(repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes(), one)
-    return Readings(
+    return Interpretations(
         name_of(path),
         wrench[picked],
         tuple(distinct.values()),
-        tuple(_wrench_readings(options.wrench_frame)),
+        tuple(wrench_interpretations(options.wrench_frame)),
         None if written.stated is None else 0,
         options.sign,
         gravity,
-        _torque_units(written.wrench_columns),
+        torque_units(written.wrench_columns),
         written.complaint,
     )
 
@@ -164,52 +156,18 @@ def _written(path: str | Path, orientation: str) -> _Written:
     )
 
 
-def _still_poses(written: _Written) -> tuple[NDArray[np.intp], Array]:
-    """The middle row (m,) of all rows in turn at one orientation, free of a load, and their mean wrench (m, 6)."""
-    free = np.arange(len(written.wrench))
-    if written.load_mass is not None:
-        free = free[written.load_mass == 0.0]
-    free = free[:: 1 + len(free) // MOST_ROWS]
-    blocks = [numbers[free] for _, numbers in written.sets]
-    in_deg = [one.shape[1] == 3 and np.abs(one).max(initial=0.0) > LONGEST_ROTATION_VECTOR for one in blocks]
-    rows = np.hstack([np.rad2deg(1.0) ** -float(deg) * one for one, deg in zip(blocks, in_deg, strict=True)]).tolist()
-    starts: list[int] = []
-    for k, row in enumerate(rows):
-        if not starts or any(abs(a - b) > STILL for a, b in zip(row, rows[starts[-1]], strict=True)):
-            starts.append(k)
-    ends = [*starts[1:], len(rows)]
-    means = [written.wrench[free[a:b]].mean(axis=0) for a, b in zip(starts, ends, strict=False)]
-    middle = free[np.array([(a + b) // 2 for a, b in zip(starts, ends, strict=False)], dtype=np.intp)]
-    return middle, np.array(means).reshape(-1, 6)
-
-
-def _turned_and_shifted(
-    candidates: list[_Candidate], inverse: bool, picked: NDArray[np.intp]
-) -> Iterator[OrientationReading]:
-    for one in candidates:
-        for is_inverse in (inverse, not inverse):
-            R = one.R.transpose(0, 2, 1) if is_inverse else one.R
-            flags = (*one.flags, *(["--inverse-orientation"] if is_inverse else []))
-            cost = one.cost + INVERSE * (is_inverse != inverse)
-            for shift, mends in SHIFTS.items():
-                there = (picked >= shift) & (picked - shift < len(R))
-                rows = slice(int(np.argmax(there)), int(np.argmax(there)) + int(there.sum()))
-                own = R[picked[there] - shift]
-                yield OrientationReading(flags, (*one.mends, *mends), cost + SHIFTED * bool(shift), own, rows)
-
-
 def _candidate(
     flag: str, mends: tuple[str, ...], cost: float, to_matrices: Callable[[Array], Array], numbers: Array
-) -> Iterator[_Candidate]:
+) -> Candidates:
     """One, where the numbers make rotations."""
     try:
         R = to_matrices(numbers)
     except InputError:
         return
-    yield _Candidate((f"--orientation {flag}",), mends, cost, R)
+    yield OrientationInterpretation((f"--orientation {flag}",), mends, cost, R, WHOLE)
 
 
-def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
+def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Candidates:
     """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
     k = len(names)
     if k == 3:
@@ -223,7 +181,7 @@ def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | Non
             yield from _candidate(_flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order])
 
 
-def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Candidate]:
+def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Candidates:
     """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
     suffixes = [name.rpartition("_")[2] if name.rpartition("_")[2] in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
@@ -273,52 +231,3 @@ def _bare(columns: tuple[str, ...]) -> tuple[str, ...]:
 def _flag(named: Convention, columns: tuple[str, ...]) -> str:
     """What --orientation takes for a convention of these columns: its name alone where they bear its names."""
     return named.name if _bare(columns) == named.columns else f"{named.name}:{','.join(columns)}"
-
-
-def _wrench_readings(stated_frame: str) -> Iterator[WrenchReading]:
-    """Every reading of the wrench but for its sign, the stated one first."""
-    for frame in (stated_frame, "base" if stated_frame == "sensor" else "sensor"):
-        flags = ("--wrench-frame base",) if frame == "base" else ()
-        for mends, cost, matrix in _axes(frame):
-            yield WrenchReading(flags, mends, cost + FRAME * (frame != stated_frame), matrix, frame == "base")
-
-
-def _axes(frame: str) -> Iterator[tuple[tuple[str, ...], float, Array]]:
-    """Axes exchanged, reversed or renamed: of force and torque alike, or of one of them."""
-    same = np.eye(3)
-    yield (), 0.0, _blocks(same, same)
-    for words, R in _axis_changes():
-        yield (words.format("fx", "fy", "fz"),), ONE_KIND, _blocks(R, same)
-    for words, R in _axis_changes():
-        force, torque = (words.format(*(kind + axis for axis in "xyz")) for kind in "ft")
-        yield (torque,), ONE_KIND, _blocks(same, R)
-        if frame == "base" or np.linalg.det(R) < 0.0:  # in the sensor's axes a rotation of all is another mounting
-            yield (force, torque), BOTH_KINDS, _blocks(R, R)
-    yield ("tx, ty and tz reversed",), TORQUE_REVERSED, _blocks(same, -same)
-    yield ("force and torque exchanged",), BOTH_KINDS, np.roll(np.eye(6), 3, axis=0)
-
-
-def _axis_changes() -> Iterator[tuple[str, Array]]:
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        order = [0, 1, 2]
-        order[i], order[j] = j, i
-        yield f"{{{i}}} and {{{j}}} exchanged", np.eye(3)[order]
-    for i in range(3):
-        yield f"{{{i}}} reversed", np.diag([-1.0 if k == i else 1.0 for k in range(3)])
-    yield "{0}, {1}, {2} written as {2}, {0}, {1}", np.eye(3)[[1, 2, 0]]
-    yield "{0}, {1}, {2} written as {1}, {2}, {0}", np.eye(3)[[2, 0, 1]]
-
-
-def _blocks(of_force: Array, of_torque: Array) -> Array:
-    matrix = np.zeros((6, 6))
-    matrix[:3, :3], matrix[3:, 3:] = of_force, of_torque
-    return matrix
-
-
-def _torque_units(wrench_columns: tuple[str, ...]) -> tuple[TorqueUnit, ...]:
-    """N mm where the file states N m, and the other way round."""
-    in_nmm = wrench_columns[3].endswith("_nmm")
-    factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
-    new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
-    mend = f"the torque in {unit} (rename {', '.join(wrench_columns[3:])} to {new})"
-    return (TorqueUnit(factor, mend, TORQUE_UNIT),)
