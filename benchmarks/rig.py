@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from contactwrench.simulate.joint_torque import friction_torque, joint_torque_readings
 from contactwrench.simulate.kinematics import paper_joints
 from contactwrench.simulate.recording import Recorded, record_motion, record_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
-from contactwrench.simulate.sensor import SensorStream
+from contactwrench.simulate.sensor import SensorStream, friction_torque, joint_torque_readings
 from contactwrench.simulate.settings import Drift, Sensor, Settings
 from contactwrench.simulate.trajectory import exciting
 

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from contactwrench.geometry.arrays import Array
 from contactwrench.geometry.wrench import cross_matrix
 from contactwrench.simulate.arm import BASE_TO_SHOULDER, ELBOW_TO_WRIST, SHOULDER_TO_ELBOW, WRIST_TO_FLANGE
-from contactwrench.simulate.joint_torque import friction_torque
 from contactwrench.simulate.kinematics import joints_for, paper_joints, random_joints
 from contactwrench.simulate.recording import Recorded, read_poses, record_poses
 from contactwrench.simulate.rig import JOINTS, Physics, Rig, build, inverse_dynamics
+from contactwrench.simulate.sensor import friction_torque
 from contactwrench.simulate.settings import JointTorque, Settings, changed
 
 from .joint_torque_sensors import any_robot, sensor_jacobians, torque_against

@@ -13,10 +13,10 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from contactwrench.geometry.arrays import Array
 from contactwrench.simulate.arm import MAX_TORQUE
-from contactwrench.simulate.joint_torque import friction_torque, joint_torque_readings
 from contactwrench.simulate.kinematics import paper_joints, random_joints
 from contactwrench.simulate.recording import record_motion, record_poses
 from contactwrench.simulate.rig import build, inverse_dynamics
+from contactwrench.simulate.sensor import friction_torque, joint_torque_readings
 from contactwrench.simulate.settings import Base, JointTorque, Mounting, Noise, Sensor, Settings, Tool
 from contactwrench.simulate.trajectory import exciting
 from reproduction.joint_torque_routes import (

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..assess.robot_arms import known_arm
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
@@ -16,10 +17,8 @@ from ..geometry.rotations import rotation_log
 from .arm import JOINT_RANGE
 from .rig import Rig, import_mujoco, inverse_dynamics, site_at
 
-HOME = np.deg2rad([0.0, 30.0, 0.0, -60.0, 0.0, 90.0, 0.0])
-"""Joints (7,) with the flange down in front of the base, at x = 0.600 and z = 0.560 m: every tilt is within the wrist's
-reach.
-"""
+HOME = known_arm("iiwa7").home
+"""Joints (7,), rad: flange down before the base, x = 0.600 and z = 0.560 m; every tilt is within the wrist's reach."""
 
 ITERATIONS = 200
 CLOSE = 1e-11

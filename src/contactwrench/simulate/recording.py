@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import rotation_exp
 from ..samples.samples import Samples
-from .joint_torque import friction_torque, joint_torque_readings
-from .pushes import Push, force_on_hook
 from .rig import Physics, build, inverse_dynamics
-from .sensor import SensorStream
+from .sensor import SensorStream, friction_torque, joint_torque_readings
 from .settings import Settings
-from .trajectory import Motion
+from .trajectory import Motion, Push, force_on_hook
 
 SENSOR_RATE = 1000.0
 """Hz, while static poses are recorded: the M8125 over Ethernet."""

@@ -6,7 +6,6 @@ exerts on the sensor. The sign is turned here, once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -101,41 +100,28 @@ def inverse_dynamics(
     at, speed, change = data.qpos, data.qvel, data.qacc
     sensed, drives = data.sensordata, data.qfrc_inverse
     R_world_flange, flange_in_world = data.site_xmat[rig.flange], data.site_xpos[rig.flange]
-    step, model = mujoco.mj_inverse, rig.model
-    speed[:] = change[:] = 0.0
-    push_at = _pusher(rig, data)
-    pushed = () if force_on_hook is None else np.flatnonzero(force_on_hook.any(axis=1))
-    pushes = set(map(int, pushed))
+    on_tool = data.xfrc_applied[rig.model.body("tool").id]
+    velocity = np.zeros(joints.shape) if velocity is None else velocity
+    acceleration = np.zeros(joints.shape) if acceleration is None else acceleration
+    pushed = None if force_on_hook is None else force_on_hook.any(axis=1).tolist()
     for k in range(n):
-        at[:] = joints[k]
-        if force_on_hook is not None:
-            push_at(force_on_hook[k], k in pushes)
-        if velocity is not None:
-            speed[:] = velocity[k]
-        if acceleration is not None:
-            change[:] = acceleration[k]
-        step(model, data)
+        at[:], speed[:], change[:] = joints[k], velocity[k], acceleration[k]
+        if force_on_hook is not None and pushed is not None:
+            on_tool[:] = _on_tool(rig, data, force_on_hook[k]) if pushed[k] else 0.0
+        mujoco.mj_inverse(rig.model, data)
         wrench[k], torque[k] = sensed, drives
         R[k], position[k] = R_world_flange, flange_in_world
     R_base_world = rig.settings.R_world_base.T
     return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
 
 
-def _pusher(rig: Rig, data: mujoco.MjData) -> Callable[[Array, bool], None]:
-    """Sets the external force on the hook for the joints as they are now; the kinematics only where there is one."""
-    kinematics = import_mujoco().mj_kinematics
-    tool, hook = rig.model.body("tool").id, np.array(rig.settings.tool.hook)
-    external, centre, origin = data.xfrc_applied[tool], data.xipos[tool], data.xpos[tool]
-    R_world_tool = data.xmat[tool].reshape(3, 3)
-
-    def push_at(force: Array, pushed: bool) -> None:
-        external[:] = 0.0
-        if pushed:
-            kinematics(rig.model, data)
-            external[:3] = rig.settings.R_world_base @ force
-            external[3:] = np.cross(origin + R_world_tool @ hook - centre, external[:3])
-
-    return push_at
+def _on_tool(rig: Rig, data: mujoco.MjData, force_on_hook: Array) -> Array:
+    """Of a force (3,), base axes, on the hook: force and torque (6,) about the tool's centre of mass, world axes."""
+    import_mujoco().mj_kinematics(rig.model, data)
+    tool = rig.model.body("tool").id
+    force = rig.settings.R_world_base @ force_on_hook
+    hook = data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ np.array(rig.settings.tool.hook)
+    return np.concatenate([force, np.cross(hook - data.xipos[tool], force)])
 
 
 def site_at(rig: Rig, data: Any, joints: Array, site: int) -> tuple[Array, Array, Array]:

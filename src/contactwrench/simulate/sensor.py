@@ -1,7 +1,11 @@
-"""What the sensor makes of the true wrench: gain and cross-talk, bias and its drift, filter, delay, noise, limits.
+"""What the sensors make of what is true: the six-axis sensor at the flange, and the torque sensors in the joints.
 
-The order is that of the signal's way: strain gauges, amplifier, filter, converter. Rows come at one rate, in blocks of
-any length, so that a whole recording is one block and a control loop takes one row, or a few, at a time.
+The six-axis sensor has gain and cross-talk, bias and its drift, filter, delay, noise and limits, in the order of the
+signal's way: strain gauges, amplifier, filter, converter. Rows come at one rate, in blocks of any length, so that a
+whole recording is one block and a control loop takes one row, or a few, at a time.
+
+A joint's sensor sits between gear and link: the friction of motor and gear, by far the largest, never reaches it. What
+does is the friction on the link's side, of bearings, seals and cables, and the sensor's own hysteresis.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from .settings import Sensor
+from .settings import JointTorque, Sensor
 
 HOUR = 3600.0
 
@@ -97,3 +101,20 @@ class SensorStream:
         line = np.concatenate([before, wrench])
         self._before = line[len(wrench) :]
         return line[: len(wrench)]
+
+
+def joint_torque_readings(sensors: JointTorque, torque: Array, friction: Array, rng: np.random.Generator) -> Array:
+    """Readings (n, 7), N m, where the drives exert `torque` (n, 7) without friction, and `friction` (n, 7) besides."""
+    noise = sensors.noise * rng.normal(size=torque.shape)
+    readings: Array = (torque + friction) * np.array(sensors.gain) + np.array(sensors.offset) + noise
+    return readings
+
+
+def friction_torque(sensors: JointTorque, velocity: Array, rng: np.random.Generator) -> Array:
+    """What Coulomb friction adds to the drives' torque (n, 7), N m, at joint velocities (n, 7), rad/s: all of it along
+    the velocity. At rest it is anything up to that, either way, as the joint came to rest; it stays as long as the
+    joint does, so a row here is a stay.
+    """
+    at_rest = rng.uniform(-sensors.friction, sensors.friction, size=velocity.shape)
+    friction: Array = np.where(velocity == 0.0, at_rest, sensors.friction * np.sign(velocity))
+    return friction
