@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from contactwrench.assess.diagnose import Diagnosis, diagnose
-from contactwrench.assess.interpretations import Readings, as_read
+from contactwrench.assess.interpretations import Interpretations, as_read
 from contactwrench.recording.interpretations import interpretations
 from contactwrench.recording.options import Options
 from tests.support.world import Array
@@ -34,7 +34,7 @@ SAME = 1e-4
 """Relative: files have six decimals."""
 
 
-def diagnosed(file: File, folder: Path) -> tuple[Readings, Diagnosis]:
+def diagnosed(file: File, folder: Path) -> tuple[Interpretations, Diagnosis]:
     """Write the file, and diagnose it."""
     path = folder / "file.csv"
     path.write_text(file.text())
@@ -66,7 +66,7 @@ def likeness(file: File, R: Array, wrench: Array) -> str:
     return "right" if proper and abs(factor - 1.0) < SAME else "class"
 
 
-def judged(file: File, found: Readings, diagnosis: Diagnosis) -> str:
+def judged(file: File, found: Interpretations, diagnosis: Diagnosis) -> str:
     """`first`; `tied` inside a class; `near`, behind a reading that the noise does not tell from it; or `missed`."""
     best = likeness(file, *as_read(found, diagnosis.best.interpretation))
     if best == "right":
@@ -105,7 +105,8 @@ def _untouched(file: File, folder: Path) -> bool:
     """Whether the stated reading of a right file is kept; a base that does lean may be found to."""
     found, diagnosis = diagnosed(file, folder)
     best = diagnosis.best.interpretation
-    return diagnosis.read_rightly or (best.orientation, best.wrench, best.negated) == (found.given, 0, False)
+    as_given = found.given is not None and (best.orientation, best.wrench, best.negated) == (0, 0, False)
+    return diagnosis.read_rightly or as_given
 
 
 def tables(pool: Executor | None, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:

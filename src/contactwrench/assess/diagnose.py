@@ -1,20 +1,18 @@
 """Which interpretation of a file a rigid tool explains.
 
-The most common failure of a calibration is not noise but a wrong interpretation of the file. So every interpretation
-that a person could have meant is tried, one of the orientation's columns times one of the wrench's, and ranked by what
-a rigid tool leaves of it: first all of them in closed form (screening.py), then the best by the fit that `calibrate`
-makes.
+Every interpretation that a person could have meant is tried, one of the orientation's columns times one of the
+wrench's, and ranked by what a rigid tool leaves of it: first all of them in closed form (screening.py), then the best
+by the fit that `calibrate` makes.
 
 The model is `mount`: the mounting is free, the base is upright or as stated. With the base free too, a convention with
 its axes renamed fits as well as the right one, on a robot whose base lies on its side; so a base that leans is tried
 for the best interpretation and the stated one only, has to leave decisively less, and counts as a change. The affine
 model never enters: it would explain what no tool can.
 
-Thousands of interpretations are tried, so one of them may win by chance. They are therefore compared by their marginal
-likelihood, which counts the few degrees of freedom that few poses leave, and by their prior: each change from what was
-stated has a probability of 1 in 20. The stated interpretation is given up only where the odds against it are
-overwhelming, also with the pose left out that fits it worst, as it may be in contact, and with a base that leans, and
-where the other leaves less than half. So a file that is read rightly is left alone.
+Of thousands of interpretations one may win by chance. They are compared by their marginal likelihood, which counts the
+few degrees of freedom that few poses leave, and by their prior: each change from what was stated has a probability of
+1 in 20. The stated one is given up only against overwhelming odds, also with the pose left out that fits it worst, as
+it may be in contact, and with a base that leans, and where the other leaves less than half.
 """
 
 from __future__ import annotations
@@ -30,18 +28,8 @@ from ..estimation.noise import PoseReadings
 from ..estimation.rigid import fit_rigid
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
-from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Readings, as_read
-from .screening import (
-    LEAST_TILT,
-    NOTHING_LEFT,
-    PARAMETERS,
-    Orientations,
-    Screened,
-    misfit,
-    scatter_of,
-    screen,
-    screened,
-)
+from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Interpretations, as_read
+from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
 
 FEWEST_POSES = 5
 
@@ -109,9 +97,9 @@ class Explanation:
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """`given`: the stated interpretation, None where it cannot be read. `best`: the one to use, which is the stated one
-    unless another is decisively better. `ranked`: the best of each class, best first. `alike`: readings
-    that free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the
-    `observations` that would decide between those. `n` poses, `tried` interpretations.
+    unless another is decisively better. `ranked`: the best of each class, best first. `alike`: those that
+    free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the `observations`
+    that would decide between those. `n` poses, `tried` interpretations.
     """
 
     source: str
@@ -131,55 +119,58 @@ class Diagnosis:
         return self.best is self.given
 
 
-def diagnose(readings: Readings) -> Diagnosis:
+def diagnose(file: Interpretations) -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
     Raises `UnobservableError` for fewer than 5 poses, and `InputError` where no interpretation makes rotations.
     """
-    n = len(readings.wrench)
+    n = len(file.wrench)
     if n < FEWEST_POSES:
         raise UnobservableError(
-            f"{readings.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
+            f"{file.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
             "reading from another: record six or more that tilt the tool about two axes"
         )
-    if not readings.orientations:
+    if not file.orientations:
         raise InputError(
-            f"{readings.complaint}; no other convention makes rotations of these columns either: check that they "
+            f"{file.complaint}; no other convention makes rotations of these columns either: check that they "
             "hold an orientation"
         )
-    ways = screened(readings)
-    given = None if readings.given is None else _excused(readings, _explained(readings, ways.given))
+    screening = screened(file)
+    given = None if file.given is None else _excused(file, _explained(file, file.given))
     fits = [] if given is None else [given]
-    fits += [_explained(readings, readings.interpretation(*place)) for place in ways.classes()]
+    fits += [_explained(file, file.interpretation(*place)) for place in screening.classes()]
     likeliest = min(fits, key=lambda fit: fit.odds)
-    leaning = [] if likeliest is given else [(_leaning(readings, likeliest.interpretation), likeliest)]
+    leaning = [] if likeliest is given else [(_leaning(file, likeliest.interpretation), likeliest)]
     leaning += [] if given is None else [(given.leaning, given)]
     fits += [fit for fit, upright in leaning if fit is not None and _decisively_better(fit, upright)]
     fits.sort(key=lambda fit: fit.odds)
     as_good = (fit for fit in fits if not any(_decisively_better(other, fit) for other in fits))
-    best = _in_likeliest_unit(readings, min(as_good, key=lambda fit: fit.interpretation.cost))
-    alike = _alike(ways, best, fits)
+    best = _in_likeliest_unit(file, min(as_good, key=lambda fit: fit.interpretation.cost))
+    ranked: dict[Interpretation, Explanation] = {}
+    for fit in (best, *fits):
+        ranked.setdefault(fit.interpretation, fit)
+    alike = _alike(file, screening, best, fits)
     likely = [interpretation for interpretation in alike if interpretation.cost <= best.interpretation.cost + TIE_REACH]
     return Diagnosis(
-        readings.source,
-        n,
-        ways.odds.size,
-        given,
-        best,
-        _one_of_each(best, fits),
-        tuple(alike),
-        len(likely),
-        readings.observations(best.interpretation, likely),
-        readings.complaint,
+        source=file.source,
+        n=n,
+        tried=screening.odds.size,
+        given=given,
+        best=best,
+        ranked=tuple(ranked.values()),
+        alike=tuple(alike),
+        likely=len(likely),
+        observations=file.observations(best.interpretation, likely),
+        complaint=file.complaint,
     )
 
 
-def _explained(readings: Readings, interpretation: Interpretation, model: str = "mount") -> Explanation:
+def _explained(file: Interpretations, interpretation: Interpretation, model: str = "mount") -> Explanation:
     """What the fit of a rigid tool makes of an interpretation. Of the degrees of freedom each parameter takes its share
     where the readings settle it: torques that settle the mounting explain nothing by being explained.
     """
-    R, wrench = as_read(readings, interpretation)
-    down = -readings.down if interpretation.reversed_gravity else readings.down
+    R, wrench = as_read(file, interpretation)
+    down = -file.down if interpretation.reversed_gravity else file.down
     tool, left, taken, sure = _fitted(R, wrench, model, down)
     lean = 0.0
     if model == "mount+base":
@@ -191,7 +182,7 @@ def _explained(readings: Readings, interpretation: Interpretation, model: str = 
     of_base = len(GRAVITY) if model == "mount+base" else 0
     force_left, torque_left = np.sqrt(3.0 * squares / (3.0 * len(R) - PARAMETERS - of_base))
     squares = np.maximum(squares, NOTHING_LEFT**2 * _of_kinds(wrench))
-    scatter = scatter_of(readings.wrench, readings.wrenches[interpretation.wrench].matrix)[0]
+    scatter = scatter_of(file.wrench, file.wrenches[interpretation.wrench].matrix)[0]
     odds = float(misfit(squares, dof, scatter))
     odds += COST_OF_CHANGE * (interpretation.cost + NO_TOOL * (not sure))
     com = read_only(tool.com)
@@ -217,26 +208,26 @@ def _of_kinds(values: Array) -> Array:
     return squares
 
 
-def _excused(readings: Readings, given: Explanation) -> Explanation:
+def _excused(file: Interpretations, given: Explanation) -> Explanation:
     """The stated interpretation with its best excuse: a right file may have a pose in contact, or a base that leans."""
     interpretation = given.interpretation
-    o, w = readings.orientations[interpretation.orientation], readings.wrenches[interpretation.wrench]
-    n = len(readings.wrench)
-    others = [Orientations(o.R_base_flange[kept], kept) for kept in ~np.eye(n, dtype=np.bool_)]
-    left = screen(others, readings.wrench, w.matrix[None], np.array([w.in_base]), readings.down)
-    without = misfit(left.squares, left.dof, scatter_of(readings.wrench, w.matrix))[:, 0, interpretation.place[2]]
+    o, w = file.orientations[interpretation.orientation], file.wrenches[interpretation.wrench]
+    n = len(o.R_base_flange)
+    others = [replace(o, R_base_flange=o.R_base_flange[kept], rows=kept) for kept in ~np.eye(n, dtype=np.bool_)]
+    squares, dof = screen(others, [w], file.wrench, file.down)
+    without = misfit(squares, dof, scatter_of(file.wrench, w.matrix))[:, 0, interpretation.place[2]]
     in_contact = float(without.min()) + COST_OF_CHANGE * (interpretation.cost + POSE_IN_CONTACT)
-    return replace(given, odds_in_contact=in_contact, leaning=_leaning(readings, interpretation))
+    return replace(given, odds_in_contact=in_contact, leaning=_leaning(file, interpretation))
 
 
-def _leaning(readings: Readings, interpretation: Interpretation) -> Explanation | None:
+def _leaning(file: Interpretations, interpretation: Interpretation) -> Explanation | None:
     """The fit with the direction of gravity free; None where no direction on the stated side explains the file."""
-    R, wrench = as_read(readings, interpretation)
-    down = -readings.down if interpretation.reversed_gravity else readings.down
+    R, wrench = as_read(file, interpretation)
+    down = -file.down if interpretation.reversed_gravity else file.down
     scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
     if explained_by_guess(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(np.sum(scatter**2)):
         return None
-    leaning = _explained(readings, interpretation, "mount+base")
+    leaning = _explained(file, interpretation, "mount+base")
     return leaning if leaning.lean <= MOST_LEAN else None
 
 
@@ -251,20 +242,17 @@ def _decisively_better(one: Explanation, other: Explanation) -> bool:
     return less_force or one.torque_left < LESS_THAN_HALF * other.torque_left
 
 
-def _in_likeliest_unit(readings: Readings, best: Explanation) -> Explanation:
+def _in_likeliest_unit(file: Interpretations, best: Explanation) -> Explanation:
     """The same tool with the torque in another unit, where its centre of mass is then the likelier one."""
-    if best.force_left > LEFT_BY_NO_TOOL * best.weight:
+    own, factor = best.interpretation, file.torque_unit.factor
+    if best.force_left > LEFT_BY_NO_TOOL * best.weight or _oddity_of(factor * best.com) >= _oddity_of(best.com):
         return best
-    for unit in readings.torque_units:
-        if _oddity_of(unit.factor * best.com) < _oddity_of(best.com):
-            own = best.interpretation
-            return replace(
-                best,
-                interpretation=readings.interpretation(*own.place, by_gravity=own.reversed_gravity, unit=unit),
-                torque_left=unit.factor * best.torque_left,
-                com=read_only(unit.factor * best.com),
-            )
-    return best
+    return replace(
+        best,
+        interpretation=file.interpretation(*own.place, by_gravity=own.reversed_gravity, other_unit=True),
+        torque_left=factor * best.torque_left,
+        com=read_only(factor * best.com),
+    )
 
 
 def _oddity_of(com: Array) -> float:
@@ -272,24 +260,17 @@ def _oddity_of(com: Array) -> float:
     return abs(float(np.log(max(float(np.linalg.norm(com)), 1e-12) / TYPICAL_COM)))
 
 
-def _alike(ways: Screened, best: Explanation, fits: list[Explanation]) -> list[Interpretation]:
-    """The readings that free air cannot tell from the best, the likelier first: those of its class, of which nothing
-    else is left, and those that chance may have put behind it.
+def _alike(
+    file: Interpretations, screening: Screened, best: Explanation, fits: list[Explanation]
+) -> list[Interpretation]:
+    """The interpretations that free air cannot tell from the best, the likelier first: those of its class, of
+    which nothing else is left, and those that chance may have put behind it.
     """
-    readings, own = ways.readings, best.interpretation
+    own = best.interpretation
     alike = [fit.interpretation for fit in fits if not _decisively_better(best, fit)]
-    unit = next((u for u in readings.torque_units if u.factor == own.torque_factor), None)
-    for place in [] if LEANING_FLAG in own.flags else np.argwhere(ways.class_of(own.place)).tolist():
-        alike += [readings.interpretation(*place, by_gravity=by_gravity, unit=unit) for by_gravity in (False, True)]
+    other_unit = own.torque_factor != 1.0
+    for place in [] if LEANING_FLAG in own.flags else np.argwhere(screening.class_of(own.place)).tolist():
+        alike += [file.interpretation(*place, by_gravity=turned, other_unit=other_unit) for turned in (False, True)]
     others = {(interpretation.flags, interpretation.mends): interpretation for interpretation in alike}
     others.pop((own.flags, own.mends), None)
     return sorted(others.values(), key=lambda interpretation: interpretation.cost)
-
-
-def _one_of_each(best: Explanation, fits: list[Explanation]) -> tuple[Explanation, ...]:
-    """The best first, then the others in order, each interpretation once."""
-    kept = [best]
-    for fit in fits:
-        if all(fit.interpretation != other.interpretation for other in kept):
-            kept.append(fit)
-    return tuple(kept)

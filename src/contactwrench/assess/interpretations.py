@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..estimation.estimate import negated
 from ..geometry.arrays import Array
@@ -36,8 +37,8 @@ SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on t
 
 
 @dataclass(frozen=True, eq=False)
-class OrientationReading:
-    """A way to read the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows` (m).
+class OrientationInterpretation:
+    """Of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows` (m).
 
     `flags` make it so on the command line; `mends` is what else to change in the file, in words; `cost` is 0 for what
     was stated, about 1 for each change.
@@ -47,13 +48,13 @@ class OrientationReading:
     mends: tuple[str, ...]
     cost: float
     R_base_flange: Array
-    rows: slice
+    rows: slice | NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class WrenchReading:
-    """A way to read the wrench, but for its sign: `matrix` (6, 6) turns the file's columns into fx..tz, `in_base` axes
-    or the sensor's; the rest as in `OrientationReading`.
+class WrenchInterpretation:
+    """Of the wrench, but for its sign: `matrix` (6, 6) turns the file's columns into fx..tz, `in_base` axes or the
+    sensor's; the rest as in `OrientationInterpretation`.
     """
 
     flags: tuple[str, ...]
@@ -72,47 +73,72 @@ class TorqueUnit:
     cost: float
 
 
-@dataclass(frozen=True, eq=False)
-class Readings:
-    """A file's readings (n, 6), N and N m as stated, and all ways to read them.
+@dataclass(frozen=True)
+class Interpretation:
+    """One way to read a file: the `flags` that make it so, all of them, and the `mends` that no flag makes.
 
-    `given` is the index of the stated one of `orientations`, None where it cannot be read (`complaint` says why); the
-    stated one of `wrenches` is the first. `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as
-    stated, or None.
+    `orientation`, `wrench` are indices into `Interpretations`; `negated`: the readings as they stand in the file;
+    `reversed_gravity`: the stated direction; `torque_factor` turns the stated unit of the torque into N m. `cost`: of
+    its changes from what was stated.
+    """
+
+    flags: tuple[str, ...]
+    mends: tuple[str, ...]
+    cost: float
+    orientation: int
+    wrench: int
+    negated: bool
+    reversed_gravity: bool
+    torque_factor: float = 1.0
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Its indices in what screening makes of all interpretations: orientation, wrench, sign."""
+        return self.orientation, self.wrench, int(self.negated != self.reversed_gravity)
+
+
+@dataclass(frozen=True, eq=False)
+class Interpretations:
+    """A file's readings `wrench` (n, 6), N and N m as stated, and all ways to read them, the stated ones first.
+
+    `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as stated, or None; `torque_unit` the
+    other one; `complaint` why the stated orientation cannot be read, which is then none of `orientations`.
     """
 
     source: str
     wrench: Array
-    orientations: tuple[OrientationReading, ...]
-    wrenches: tuple[WrenchReading, ...]
-    given: int | None
+    orientations: tuple[OrientationInterpretation, ...]
+    wrenches: tuple[WrenchInterpretation, ...]
     sign: str
     gravity: Array | None
-    torque_units: tuple[TorqueUnit, ...] = ()
-    complaint: str | None = None
+    torque_unit: TorqueUnit
+    complaint: str | None
 
     @property
     def down(self) -> Array:
         """The direction of gravity (3,) in base axes, as stated."""
         return np.array(DOWN) if self.gravity is None else np.asarray(self.gravity)
 
+    @property
+    def given(self) -> Interpretation | None:
+        """The stated interpretation; None where it cannot be read."""
+        return None if self.complaint is not None else self.interpretation(0, 0, int(self.sign == "reaction"))
+
     def interpretation(
-        self, orientation: int, wrench: int, negative: int, *, by_gravity: bool = False, unit: TorqueUnit | None = None
+        self, orientation: int, wrench: int, negative: int, *, by_gravity: bool = False, other_unit: bool = False
     ) -> Interpretation:
         """One way to read the file: of `orientations` and `wrenches` by their indices, the sign reversed where
-        `negative`, or `by_gravity` the direction of gravity in its stead.
+        `negative`, or `by_gravity` the direction of gravity in its stead; the torque in the `other_unit`.
         """
         o, w = self.orientations[orientation], self.wrenches[wrench]
         reaction = bool(negative) != by_gravity
         flags = (*o.flags, *w.flags, *(["--sign reaction"] if reaction else []))
-        if by_gravity:
-            flags = (*flags, f"--gravity {negated(self.down)}")
-        elif self.gravity is not None:
-            flags = (*flags, f"--gravity {negated(-self.down)}")
+        if by_gravity or self.gravity is not None:
+            flags = (*flags, f"--gravity {negated(self.down if by_gravity else -self.down)}")
         cost = o.cost + w.cost + REVERSED_SIGN * (reaction != (self.sign == "reaction"))
-        cost += REVERSED_GRAVITY * by_gravity + (unit.cost if unit else 0.0)
-        mends = (*o.mends, *w.mends, *([unit.mend] if unit else []))
-        factor = unit.factor if unit else 1.0
+        cost += REVERSED_GRAVITY * by_gravity + self.torque_unit.cost * other_unit
+        mends = (*o.mends, *w.mends, *([self.torque_unit.mend] if other_unit else []))
+        factor = self.torque_unit.factor if other_unit else 1.0
         return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 
     def observations(self, best: Interpretation, others: Sequence[Interpretation]) -> tuple[str, ...]:
@@ -130,45 +156,11 @@ class Readings:
         return tuple(observation for observation, decides in decisive.items() if decides)
 
 
-@dataclass(frozen=True)
-class Interpretation:
-    """One way to read a file: the `flags` that make it so, all of them, and the `mends` that no flag makes.
-
-    `orientation`, `wrench` are indices into `Readings`; `negated`: the readings as they stand in the file;
-    `reversed_gravity`: the stated direction; `torque_factor` turns the stated unit of the torque into N m. `cost`: of
-    its changes from what was stated.
-    """
-
-    flags: tuple[str, ...]
-    mends: tuple[str, ...]
-    cost: float
-    orientation: int
-    wrench: int
-    negated: bool
-    reversed_gravity: bool
-    torque_factor: float = 1.0
-
-    @property
-    def place(self) -> tuple[int, int, int]:
-        """Its indices in what screening makes of all ways to read the file: orientation, wrench, sign."""
-        return self.orientation, self.wrench, int(self.negated != self.reversed_gravity)
-
-
-def as_read(readings: Readings, interpretation: Interpretation) -> tuple[Array, Array]:
+def as_read(file: Interpretations, interpretation: Interpretation) -> tuple[Array, Array]:
     """`R_base_flange` (m, 3, 3) and the wrench (m, 6), N and N m, sensor axes, pull sign, by an interpretation."""
-    o, w = readings.orientations[interpretation.orientation], readings.wrenches[interpretation.wrench]
-    in_si = np.repeat([1.0, interpretation.torque_factor], 3)[:, None] * w.matrix
-    R = o.R_base_flange
-    return R, _read_wrench(
-        readings.wrench[o.rows], -in_si if interpretation.negated else in_si, R if w.in_base else None
-    )
-
-
-def _read_wrench(wrench: Array, matrix: Array, R_base_flange: Array | None) -> Array:
-    """The wrench (n, 6) in sensor axes, read by `matrix` (6, 6), which turns columns of the file into fx..tz; given
-    in base axes where `R_base_flange` (n, 3, 3) is given, and then turned back.
-    """
-    read: Array = wrench @ matrix.T
-    if R_base_flange is None:
-        return read
-    return np.concatenate([np.einsum("nij,ni->nj", R_base_flange, part) for part in (read[:, :3], read[:, 3:])], axis=1)
+    o, w = file.orientations[interpretation.orientation], file.wrenches[interpretation.wrench]
+    in_si = np.repeat([1.0, interpretation.torque_factor], 3) * (-1.0 if interpretation.negated else 1.0)
+    wrench = file.wrench[o.rows] @ (in_si[:, None] * w.matrix).T
+    if w.in_base:
+        wrench = np.hstack([np.einsum("nij,ni->nj", o.R_base_flange, part) for part in np.split(wrench, 2, axis=1)])
+    return o.R_base_flange, wrench

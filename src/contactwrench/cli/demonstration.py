@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..assess.baselines import compare
+from ..assess.verify import compare
 from ..calibration.calibration import Calibration
 from ..calibration.text import COLUMNS
 from ..compensate.output_frame import contact_wrenches
