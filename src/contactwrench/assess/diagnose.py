@@ -36,13 +36,12 @@ FEWEST_POSES = 5
 DECISIVE = 20.0
 """-2 log of the odds that a stated interpretation must be worse by, its prior counted: 1 to 22,000."""
 
-LESS_THAN_HALF = 0.5
-LEFT_BY_NO_TOOL = 0.5
-"""Of the weight: a wrong interpretation leaves as much, also where shifted rows happen to drop a pose in contact."""
+LESS_THAN_HALF, LEFT_BY_NO_TOOL = 0.5, 0.5
+"""Of what the other leaves; and of the weight: a wrong interpretation leaves as much, also where shifted rows happen to
+drop a pose in contact.
+"""
 
-POSE_IN_CONTACT = 1.0
-LEANING_BASE = 1.1
-NO_TOOL = 10.0
+POSE_IN_CONTACT, LEANING_BASE, NO_TOOL = 1.0, 1.1, 10.0
 """Costs, in changes: of a pose in contact; of a base that leans, once more for each right angle, so that a robot on a
 wall, whose user would have said so, counts for a little more than two wrong flags; of an interpretation that is
 explained by no weight at all.

@@ -48,7 +48,7 @@ class OrientationInterpretation:
     mends: tuple[str, ...]
     cost: float
     R_base_flange: Array
-    rows: slice | NDArray[np.bool_]
+    rows: slice | NDArray[np.bool_] = slice(None)
 
 
 @dataclass(frozen=True, eq=False)

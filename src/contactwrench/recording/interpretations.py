@@ -86,15 +86,14 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
     picked = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(np.intp))
     stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
-    every = slice(None)
     candidates: list[OrientationInterpretation] = []
     if written.stated is not None:
-        candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated, every))
+        candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated))
     for columns, numbers in written.sets:
         for option, mends, cost, to_matrices, values in _candidates(columns, numbers, written.convention):
             with suppress(InputError):
                 flags = (f"--orientation {option}",)
-                candidates.append(OrientationInterpretation(flags, mends, cost, to_matrices(values), every))
+                candidates.append(OrientationInterpretation(flags, mends, cost, to_matrices(values)))
     distinct: dict[bytes, OrientationInterpretation] = {}
     for each in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda o: o.cost):
         distinct.setdefault(repr(each.rows).encode() + np.round(each.R_base_flange, 9).tobytes(), each)
@@ -188,8 +187,7 @@ def _turned_and_shifted(
 
 def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Attempt]:
     """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
-    k = len(names)
-    if k == 3:
+    if (k := len(names)) == 3:
         yield from _of_angles(names, numbers, stated)
         return
     as_they_stand = list(range(k))
@@ -213,15 +211,13 @@ def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | No
         rename = f"the angles in {unit} (rename {', '.join(columns)} to {', '.join(renamed)})"
         for letters in FORMULAS_OF_ANGLES:
             to_matrices = _to_matrices(letters)
-            named = list(_named(letters))
+            named = _named(letters)
             same = stated is not None and bool(np.allclose(stated.to_matrices(PROBE), to_matrices(PROBE)))
-            fitting = [c for c in named if said or c.angle_unit == unit]
+            fitting = tuple(c for c in named if said or c.angle_unit == unit)
             usual = said or (stated.angle_unit if same and stated else named[0].angle_unit if named else unit)
             cost = (0.0 if same else NAMED if named else GENERIC) + UNIT * (unit != usual)
             must_rename = (bool(said) and unit != said) or (not fitting and letters == "rotvec")
-            names = renamed if must_rename else columns
-            if must_rename and named:
-                fitting = named
+            names, fitting = (renamed, named) if must_rename else (columns, fitting)
             best = min(fitting, key=lambda c: c.columns != _bare(names), default=None)
             flag = _flag(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
             yield (flag, (rename,) if must_rename else (), cost, to_matrices, angles)

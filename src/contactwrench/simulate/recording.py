@@ -59,8 +59,7 @@ def record_poses(
     Raises:
         MissingExtraError: mujoco is not installed.
     """
-    plan = settings.recording
-    speed = plan.creep * rng.choice([-1.0, 1.0], size=joints.shape)
+    speed = settings.recording.creep * rng.choice([-1.0, 1.0], size=joints.shape)
     return read_poses(settings, [true_poses(settings, joints, load, speed) for load in load_masses], load_masses, rng)
 
 
@@ -81,9 +80,8 @@ def read_poses(
     settings: Settings, truth: list[Physics], load_masses: tuple[float, ...], rng: np.random.Generator
 ) -> Recorded:
     """What sensors and robot state of true poses, one `Physics` a load: the part of `record_poses` that is random."""
-    plan = settings.recording
+    plan, rows = settings.recording, settings.recording.rows
     seen = len(_creeping(settings)) if plan.creep > 0.0 else 1
-    rows = plan.rows
     before = max(round(plan.settle * SENSOR_RATE), seen)
     poses = sum(len(physics.wrench) for physics in truth) // seen
 

@@ -70,10 +70,33 @@ def build(
         more: XML that stands beside the world, such as actuators.
 
     Raises:
+        InputError: a load below zero.
         MissingExtraError: mujoco is not installed.
     """
     mujoco = import_mujoco()
-    model = mujoco.MjModel.from_xml_string(_xml(settings, load_mass, tool_shape, scene, option, more))
+    if load_mass < 0.0:
+        raise InputError(f"the load is {load_mass:g} kg, expected 0 or more")
+    xml = f"""<mujoco model="iiwa7">
+  <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
+  <option gravity="0 0 {-settings.gravity!r}" {option}/>
+  <visual>
+    <headlight ambient="0.45 0.45 0.45" diffuse="0.45 0.45 0.45" specular="0.1 0.1 0.1"/>
+    <global offwidth="1280" offheight="960"/>
+    <quality shadowsize="4096"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.93 0.95 0.97" width="64" height="64"/>
+  </asset>
+  <default><geom contype="0" conaffinity="0" density="0"/></default>
+  <worldbody>
+    <light pos="1.5 -1.5 3" dir="-0.4 0.4 -1" diffuse="0.5 0.5 0.5"/>
+    {scene}
+    <body name="base" quat="{_quat(settings.R_world_base)}">{arm_xml(_tool_xml(settings, load_mass, tool_shape))}</body>
+  </worldbody>
+  <sensor><force name="force" site="sensor"/><torque name="torque" site="sensor"/></sensor>
+  {more}
+</mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
     return Rig(settings, load_mass, model, model.site("flange").id, model.site("sensor").id)
 
 
@@ -103,11 +126,12 @@ def inverse_dynamics(
     on_tool = data.xfrc_applied[rig.model.body("tool").id]
     velocity = np.zeros(joints.shape) if velocity is None else velocity
     acceleration = np.zeros(joints.shape) if acceleration is None else acceleration
-    pushed = None if force_on_hook is None else force_on_hook.any(axis=1).tolist()
+    pushed = set() if force_on_hook is None else set(np.flatnonzero(force_on_hook.any(axis=1)).tolist())
     for k in range(n):
         at[:], speed[:], change[:] = joints[k], velocity[k], acceleration[k]
-        if force_on_hook is not None and pushed is not None:
-            on_tool[:] = _on_tool(rig, data, force_on_hook[k]) if pushed[k] else 0.0
+        on_tool[:] = 0.0
+        if force_on_hook is not None and k in pushed:
+            on_tool[:] = _on_tool(rig, data, force_on_hook[k])
         mujoco.mj_inverse(rig.model, data)
         wrench[k], torque[k] = sensed, drives
         R[k], position[k] = R_world_flange, flange_in_world
@@ -146,31 +170,6 @@ def import_mujoco() -> Any:
             "the virtual rig needs mujoco, which is not installed: pip install 'contactwrench[sim]'"
         ) from None
     return mujoco
-
-
-def _xml(settings: Settings, load_mass: float, tool_shape: str, scene: str, option: str, more: str) -> str:
-    if load_mass < 0.0:
-        raise InputError(f"the load is {load_mass:g} kg, expected 0 or more")
-    return f"""<mujoco model="iiwa7">
-  <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
-  <option gravity="0 0 {-settings.gravity!r}" {option}/>
-  <visual>
-    <headlight ambient="0.45 0.45 0.45" diffuse="0.45 0.45 0.45" specular="0.1 0.1 0.1"/>
-    <global offwidth="1280" offheight="960"/>
-    <quality shadowsize="4096"/>
-  </visual>
-  <asset>
-    <texture type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.93 0.95 0.97" width="64" height="64"/>
-  </asset>
-  <default><geom contype="0" conaffinity="0" density="0"/></default>
-  <worldbody>
-    <light pos="1.5 -1.5 3" dir="-0.4 0.4 -1" diffuse="0.5 0.5 0.5"/>
-    {scene}
-    <body name="base" quat="{_quat(settings.R_world_base)}">{arm_xml(_tool_xml(settings, load_mass, tool_shape))}</body>
-  </worldbody>
-  <sensor><force name="force" site="sensor"/><torque name="torque" site="sensor"/></sensor>
-  {more}
-</mujoco>"""
 
 
 def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:

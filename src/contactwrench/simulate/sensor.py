@@ -38,11 +38,8 @@ class SensorStream:
     def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
         if rate <= 0.0:
             raise InputError(f"the rate is {rate:g} Hz, expected more than 0")
-        self._sensor = sensor
-        self._rng = rng
-        self._period = 1.0 / rate
-        self._rows = 0
-        self._walk = np.zeros(6)
+        self._sensor, self._rng, self._period = sensor, rng, 1.0 / rate
+        self._rows, self._walk = 0, np.zeros(6)
         self._late = round(sensor.delay * rate)
         self._before: Array | None = None
         self._filtered: Array | None = None

@@ -232,7 +232,7 @@ def changed(settings: Settings, assignments: Iterable[str]) -> Settings:
             raise InputError(f"found {assignment!r}, expected NAME=VALUE, as in sensor.noise.force=0.05")
         holder, last = _place(values, name)
         before = holder[last]
-        holder[last] = _spread(_parsed(text), before)
+        holder[last] = _value(text, before)
         try:
             settings = msgspec.convert(values, Settings)
         except msgspec.ValidationError as error:
@@ -263,15 +263,14 @@ def _place(values: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
     return group, last
 
 
-def _parsed(text: str) -> Any:
+def _value(text: str, like: Any) -> Any:
+    """What a text says in JSON, else itself. One number where a list stands becomes that list; in a matrix it is every
+    element off the diagonal.
+    """
     try:
-        return msgspec.json.decode(text)
+        value = msgspec.json.decode(text)
     except msgspec.DecodeError:
         return text
-
-
-def _spread(value: Any, like: Any) -> Any:
-    """One number where a list stands becomes that list; in a matrix it is every element off the diagonal."""
     if not isinstance(like, (list, tuple)) or not isinstance(value, (int, float)):
         return value
     if like and isinstance(like[0], (list, tuple)):

@@ -77,13 +77,13 @@ def through(t: Array, joints: Array, rate: float) -> Motion:
         raise InputError(
             f"t in point {row + 1} is {t[row]:g} s, expected more than {t[row - 1]:g}: sort the points", row
         )
-    rows = (t[-1] - t[0]) * rate
-    if rows > MOST_ROWS:
+    duration = t[-1] - t[0]
+    if duration * rate > MOST_ROWS:
         raise InputError(
-            f"t goes over {t[-1] - t[0]:g} s, expected at most {MOST_ROWS / rate:g} s at {rate:g} Hz: is it in seconds?"
+            f"t goes over {duration:g} s, expected at most {MOST_ROWS / rate:g} s at {rate:g} Hz: is it in seconds?"
         )
     spline = CubicSpline(t, joints, bc_type="clamped")
-    times = t[0] + np.arange(int(np.floor((t[-1] - t[0]) * rate + 1e-9)) + 1) / rate
+    times = t[0] + np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
     motion = Motion(times - t[0], spline(times), spline(times, 1), spline(times, 2))
     _require_within(motion)
     return motion
@@ -179,9 +179,7 @@ def random_pushes(n: int, duration: float, rng: np.random.Generator) -> tuple[Pu
     direction = rng.normal(size=(n, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     force = rng.uniform(*PUSH_FORCE, (n, 1)) * direction
-    return tuple(
-        Push(float(start), float(start + length), f) for start, length, f in zip(starts, lasting, force, strict=True)
-    )
+    return tuple(map(Push, starts.tolist(), (starts + lasting).tolist(), force))
 
 
 def force_on_hook(pushes: tuple[Push, ...], t: Array) -> Array:
