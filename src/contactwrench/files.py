@@ -6,7 +6,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -120,7 +120,7 @@ def _reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
 
 
-def require_distinct(output: str | Path | None, others: dict[str, str | Path | None]) -> None:
+def require_distinct(output: str | Path | None, others: Mapping[str, str | Path | None]) -> None:
     """Raise `FileAccessError` if `output` is one of the other files, each under what it is: it would be lost."""
     if output is None or str(output) == STDOUT:
         return

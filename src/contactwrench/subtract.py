@@ -1,7 +1,7 @@
 """Compensation: the contact wrench is the reading less what a free tool would read at that orientation.
 
 Whatever was identified is in B (6, 4): the free wrench is `B @ [r, 1]` with `r = R_base_flange^T d`. A batch takes one
-pass over memory: in numpy by chunks that stay in the cache, or fused with the `fast` extra. The step for one sample
+pass over memory: in numpy by chunks that stay in the cache, or fused by numba (extra `fast`). The step for one sample
 at a time is plain Python floats, which beat numpy there. For a unit quaternion with vector part v and scalar part w,
 
     r = d - w t + v x t,    t = 2 v x d
@@ -9,8 +9,11 @@ at a time is plain Python floats, which beat numpy there. For a unit quaternion 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from functools import cache
 from importlib.util import find_spec
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -26,6 +29,7 @@ CHUNK = 8192
 SQUARED_TOLERANCE = 2.0 * ROTATION_TOLERANCE
 FUSED_FROM = 50_000
 """Samples from which compiling and starting threads pays."""
+MAX_THREADS = 8
 
 Step: TypeAlias = Callable[
     [float, float, float, float, float, float, float, float, float, float],
@@ -40,12 +44,21 @@ def compensate(
     orientation: OrientationLike,
     out: Array | None = None,
 ) -> Array:
-    """The contact wrench (n, 6) of readings (n, 6), sensor axes, or (6,) of one.
+    """The contact wrench of readings. A NaN in a reading stays in its row.
 
-    `orientation`: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one
-    of them for all readings. `out` (n, 6) float64 receives the result, and may be `wrench` itself. A NaN in a
-    reading stays in its row. Raises `InputError` on shapes that do not pair, and on an orientation off unit length by
-    more than 1 % or NaN; `out` is then filled in part. Of 50,000 matrices and more only the length is checked.
+    Args:
+        B: what was identified, (6, 4).
+        gravity_direction: (3,) unit vector, base axes.
+        wrench: readings (n, 6), or (6,) of one, N and N m, sensor axes.
+        orientation: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one of
+            them for all readings. Of 50,000 matrices and more only the length is checked.
+        out: (n, 6) float64, C order, which receives the result; it may be `wrench` itself.
+
+    Returns:
+        (n, 6), or (6,) of one, N and N m, sensor axes.
+
+    Raises:
+        InputError: shapes that do not pair; an orientation off unit length by over 1 % or NaN, `out` filled in part.
     """
     readings, single = wrench_rows(wrench)
     if not len(readings):
@@ -60,9 +73,7 @@ def compensate(
                 f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order"
             )
     if len(readings) >= FUSED_FROM and find_spec("numba") is not None:
-        from .subtract_fused import compensate_fused
-
-        fine = compensate_fused(B, gravity_direction, readings, parts, result)
+        fine = _compensate_fused(B, gravity_direction, readings, parts, result)
     else:
         fine = _compensate_chunks(B, gravity_direction, readings, parts, result)
     if not fine:
@@ -130,6 +141,71 @@ def _gravity_from_matrices(matrices: Array, d: Array, r: Array) -> Array:
     return squared
 
 
+def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
+    """The same by numba, on as many threads as there are cores.
+
+    The kernel releases the interpreter and shares nothing, so plain Python threads run it; numba's own threading layers
+    would not be safe to call from several threads of a user's program at once.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    kernel = _compiled(_fused_from_quaternions if parts.shape[1] == 4 else _fused_from_matrices)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = min(MAX_THREADS, cores)
+    edges = np.linspace(0, len(readings), threads + 1).astype(int).tolist()
+
+    def wrong_in(block: tuple[int, int]) -> int:
+        rows = slice(*block)
+        return kernel(B, gravity_direction, readings[rows], parts[rows], result[rows])
+
+    with ThreadPoolExecutor(threads) as pool:
+        return sum(pool.map(wrong_in, pairwise(edges))) == 0
+
+
+@cache
+def _compiled(kernel: Callable[..., int]) -> Callable[..., int]:
+    import numba
+
+    fast = {"contract", "reassoc", "nsz"}
+    compiled: Callable[..., int] = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=fast)(kernel)
+    return compiled
+
+
+def _fused_from_quaternions(B, d, readings, quat_xyzw, result):  # type: ignore[no-untyped-def]
+    dx, dy, dz = d[0], d[1], d[2]
+    ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz
+    wrong = 0
+    for i in range(len(readings)):
+        x, y, z, w = quat_xyzw[i, 0], quat_xyzw[i, 1], quat_xyzw[i, 2], quat_xyzw[i, 3]
+        squared = x * x + y * y + z * z + w * w
+        scale = 1.0 / squared
+        tx, ty, tz = (y * ez - z * ey) * scale, (z * ex - x * ez) * scale, (x * ey - y * ex) * scale
+        rx = dx - w * tx + y * tz - z * ty
+        ry = dy - w * ty + z * tx - x * tz
+        rz = dz - w * tz + x * ty - y * tx
+        for k in range(6):
+            result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
+        wrong += not abs(squared - 1.0) <= SQUARED_TOLERANCE
+    return wrong
+
+
+def _fused_from_matrices(B, d, readings, matrices, result):  # type: ignore[no-untyped-def]
+    dx, dy, dz = d[0], d[1], d[2]
+    wrong = 0
+    for i in range(len(readings)):
+        R = matrices[i]
+        rx = dx * R[0] + dy * R[3] + dz * R[6]
+        ry = dx * R[1] + dy * R[4] + dz * R[7]
+        rz = dx * R[2] + dy * R[5] + dz * R[8]
+        squared = 0.0
+        for j in range(9):
+            squared += R[j] * R[j]
+        for k in range(6):
+            result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
+        wrong += not abs(squared / 3.0 - 1.0) <= SQUARED_TOLERANCE
+    return wrong
+
+
 def _refuse_first_off_unit(parts: Array) -> None:
     what, unit = ("quaternion", 1.0) if parts.shape[1] == 4 else ("matrix", 3.0)
     with np.errstate(all="ignore"):
@@ -144,9 +220,15 @@ def _refuse_first_off_unit(parts: Array) -> None:
 
 
 def stepper(B: Array, gravity_direction: Array) -> Step:
-    """A function for one sample: `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)` gives the contact wrench as six floats.
+    """Compensation of one sample at a time.
 
-    The quaternion of `R_base_flange` must have unit length: it is not checked here.
+    Args:
+        B: what was identified, (6, 4).
+        gravity_direction: (3,) unit vector, base axes.
+
+    Returns:
+        `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`, which gives the contact wrench as six floats. The quaternion of
+        `R_base_flange` must have unit length: it is not checked here.
     """
     dx, dy, dz = (float(part) for part in gravity_direction)
     ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz

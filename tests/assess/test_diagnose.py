@@ -275,9 +275,9 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     assert right.out.splitlines()[:5] == [
         "as given: 0.31 N left; no other reading explains it better: the file is read rightly",
         "",
-        f"17 poses, 1872 readings tried, {PANDA}",
+        f"17 poses, 1872 interpretations tried, {PANDA}",
         "",
-        "    N left  mN m left  weight N          com mm          reading",
+        "    N left  mN m left  weight N          com mm          interpretation",
     ]
     assert "Free air" not in right.out
     for flags, verdict in {

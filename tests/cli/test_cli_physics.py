@@ -72,7 +72,7 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> Pushed:
 def test_a_row_for_each_row_in_order_with_its_time(pushed: Pushed, capsys: Capture, tmp_path: Path) -> None:
     target = tmp_path / "contact.csv"
     done = run(capsys, "compensate", pushed.recording, "-c", pushed.calibration_file, "-o", target)
-    assert done == Run(0, "", "")
+    assert done == Run(0, f"Wrote the contact wrenches, 12 rows, to {target}\n", "")
     lines = target.read_text().splitlines()
     assert lines[0].split(",") == ["t", *COLUMNS]
     assert [line.split(",")[0] for line in lines[1:4]] == ["0.3", "0.1", "0.2"]

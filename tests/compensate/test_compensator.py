@@ -116,7 +116,7 @@ def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bo
         assert np.array_equal(sample.wrench, whole.wrench[k], equal_nan=True)
         assert np.array_equal(sample.std, whole.std[k], equal_nan=True)
         assert (sample.t, sample.valid, sample.reason) == (t[k], whole.valid[k], whole.reason[k])
-        assert sample.contact == {1: True, 0: False, -1: None}[int(whole.contact[k])]
+        assert sample.contact is {1: True, 0: False, -1: None}[int(whole.contact[k])]
 
 
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
@@ -146,7 +146,7 @@ def test_compiled_is_plain_to_the_last_bit(seed: int, model: str) -> None:
                 assert np.array_equal(sample.wrench, one.wrench[k], equal_nan=True)
                 assert np.array_equal(sample.std, one.std[k], equal_nan=True)
                 assert (sample.valid, sample.reason) == (one.valid[k], one.reason[k])
-                assert sample.contact == {1: True, 0: False, -1: None}[int(one.contact[k])]
+                assert sample.contact is {1: True, 0: False, -1: None}[int(one.contact[k])]
         plain_last, compiled_last = plain.last_contact, compiled.last_contact
         assert plain_last is not None
         assert compiled_last is not None

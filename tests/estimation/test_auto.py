@@ -185,6 +185,15 @@ def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
     assert calibration.std["weight"] > 1e-3
 
 
+@pytest.mark.parametrize("model", ["auto", "mount+base"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(model: str, sign: float) -> None:
+    """Of three poses they may be fitted exactly: what is left of them is rounding."""
+    rig, R, rng = example(1, poses=3)
+    with pytest.raises(UnobservableError, match=r"nothing is left to estimate the noise from|expected 4 or more"):
+        cw.calibrate(cw.Samples(sign * noisy(rig, R, rng).wrench, R), model)
+
+
 def test_two_perfect_poses_are_refused_and_nothing_worse() -> None:
     for seed in range(4):
         rig, R, _ = example(seed, poses=2)

@@ -89,6 +89,12 @@ def test_a_column_that_one_part_lacks_is_left_out() -> None:
     assert (len(joined), joined.valid, joined.reason) == (3, None, None)
 
 
+def test_a_part_without_rows_need_not_have_the_columns_of_the_others() -> None:
+    joined = _Table.concatenate([_Table(np.empty(0), np.empty((0, 6)), source="nowhere"), _table(2)])
+    assert (len(joined), joined.source) == (2, "nowhere")
+    assert joined.valid is not None
+
+
 @dataclass(frozen=True, eq=False)
 class _Result(Frozen):
     values: Array

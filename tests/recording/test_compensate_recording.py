@@ -235,7 +235,7 @@ def test_a_table_of_poses_is_taken_row_by_row(tmp_path: Path, calibration: Calib
 def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibration: Calibration) -> None:
     path, layout = write_two_files(tmp_path)
     log = ContactLog()
-    list(log.watched(compensated(path, layout, calibration, Treatment(delay=LATE, judged=True, noise=NOISE))))
+    list(log.noted(compensated(path, layout, calibration, Treatment(delay=LATE, judged=True, noise=NOISE))))
     assert summary(log) == "4000 samples over 7.998 s: 2 contacts, 16.2% of the time; 29 not valid."
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     page = (tmp_path / "r.html").read_text()
@@ -246,7 +246,7 @@ def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibrat
 
 def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:
     log = ContactLog()
-    list(log.watched([compensation.NOTHING]))
+    list(log.noted([compensation.NOTHING]))
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     assert "<h3>Contacts</h3><p>None.</p>" in (tmp_path / "r.html").read_text()
     assert "Samples with something wrong" not in (tmp_path / "r.html").read_text()

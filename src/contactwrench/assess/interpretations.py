@@ -6,7 +6,7 @@ They are made where files are read (recording/interpretations.py), and judged in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ class OrientationInterpretation:
     mends: tuple[str, ...]
     cost: float
     R_base_flange: Array
-    rows: slice | NDArray[np.bool_] = slice(None)
+    rows: slice | NDArray[np.bool_] = field(default_factory=lambda: slice(None))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange
 from ..subtract import Step, compensate, stepper
 from .difference import Difference, difference
 from .fields import CalibrationFields
-from .text import describe
+from .text import describe, flowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Calibration(CalibrationFields):
     """
 
     def __str__(self) -> str:
-        return describe(self)
+        return flowed(describe(self))
 
     def t_quantile(self, level: float = 0.95, dof: float | None = None) -> float:
         """How many standard deviations a two-sided interval reaches, by Student's t.

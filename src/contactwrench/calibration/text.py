@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from textwrap import wrap
 
 import numpy as np
@@ -15,12 +16,39 @@ from .fields import CalibrationFields
 Row = tuple[str, str, str, str]
 """Name, value, standard deviation, unit."""
 
-COLUMNS = 100
-"""Of text: sentences go on in the next line."""
+COLUMNS = 80
+"""Of text where nobody says how wide it may be."""
+LABEL = re.compile(r" *(?:[-*] |\S+  +)?")
+"""What stands before a sentence: an indent, a bullet, or a word and two spaces."""
+
+
+def flowed(text: str, columns: int = COLUMNS) -> str:
+    """Sentences that are too long go on in the next line, under their first word; a word is never broken.
+
+    Args:
+        text: lines; one with two spaces in a row behind its label is a row of a table, and stays as it is.
+        columns: the most that a line may have.
+
+    Returns:
+        The same words.
+    """
+    lines: list[str] = []
+    for line in text.split("\n"):
+        label = LABEL.match(line)
+        indent = label.end() if label is not None else 0
+        if len(line) <= columns or "  " in line[indent:]:
+            lines.append(line)
+        else:
+            room = max(columns, indent + 1)
+            below = " " * indent
+            lines += wrap(line, room, subsequent_indent=below, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines)
 
 
 def describe(calibration: CalibrationFields) -> str:
-    """Every parameter with its standard deviation and unit, how well it fits, the verdict and the warnings."""
+    """Every parameter with its standard deviation and unit, how well it fits, the verdict and the warnings; a sentence
+    is one line, which `flowed` makes fit.
+    """
     rows = parameter_rows(calibration)
     width = [max(len(row[k]) for row in rows) for k in range(3)]
     lines = [headline(calibration), ""]
@@ -29,25 +57,11 @@ def describe(calibration: CalibrationFields) -> str:
         for name, value, std, unit in rows
     ]
     lines += ["", *fit_lines(calibration), ""]
-    lines += [line for assumption in calibration.assumptions for line in _sentence("Assumed", assumption)]
+    lines += [f"Assumed  {assumption}" for assumption in calibration.assumptions]
     if calibration.alternatives:
         lines += ["", *alternative_lines(calibration), ""]
-    lines += _sentence("Verdict", calibration.verdict)
-    lines += [line for warning in calibration.warnings for line in _sentence("Warning", warning)]
+    lines += [f"Verdict  {calibration.verdict}", *(f"Warning  {warning}" for warning in calibration.warnings)]
     return "\n".join(lines)
-
-
-def _sentence(word: str, text: str) -> list[str]:
-    """What is said under a word, with a hanging indent where it needs more than one line."""
-    indent = f"{word}  "
-    return wrap(
-        text,
-        COLUMNS,
-        initial_indent=indent,
-        subsequent_indent=" " * len(indent),
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
 
 
 def headline(calibration: CalibrationFields) -> str:
@@ -122,13 +136,13 @@ def fit_lines(calibration: CalibrationFields) -> list[str]:
         ("residual rms", c.residual_rms),
         ("held-out rms", c.held_out_rms),
     ]
-    lines = [f"  {'':<16}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m"]
+    lines = [f"  {'':<15}" + "".join(f"{axis:>9}" for axis in AXES) + "  N, mN m"]
     for name, values in table:
         if values is None:
-            lines.append(f"  {name:<16}" + f"{'-':>9}" * 6)
+            lines.append(f"  {name:<15}" + f"{'-':>9}" * 6)
         else:
             in_units = [*values[:3], *(1e3 * values[3:])]
-            lines.append(f"  {name:<16}" + "".join(f"{value:9.3g}" for value in in_units))
+            lines.append(f"  {name:<15}" + "".join(f"{value:9.3g}" for value in in_units))
     low, high = np.rad2deg(c.observability.tilt_range)
     lines += [
         f"  reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom",
@@ -139,7 +153,7 @@ def fit_lines(calibration: CalibrationFields) -> list[str]:
 
 def alternative_lines(calibration: CalibrationFields) -> list[str]:
     """What other models make of the same poses, a line each."""
-    lines = ["  other models  weight N             left N     mN m   contact force changes by up to"]
+    lines = ["  other models  weight N             left N     mN m   force changes by up to"]
     for other in calibration.alternatives:
         weight = "-"
         if other.weight is not None and other.weight_std is not None:

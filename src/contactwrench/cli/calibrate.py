@@ -2,46 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from datetime import UTC, datetime
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from ..files import STDOUT, make_folder, require_distinct
-from .known import KNOWN_HELP, known_values, require_compatible
-from .reading import (
-    DEFAULT_G,
-    RECORDING_HELP,
-    Gravity,
-    Json,
-    Reading,
-    StandardGravity,
-    above_zero,
-    gravity_direction,
-    not_negative,
-    read_recording,
-    with_reading_flags,
+from ..files import STDOUT
+from ..geometry.arrays import Array
+from . import options
+
+KNOWN_HELP = (
+    "What is known, with its std; may be repeated. weight=N, mass=KG, com=X,Y,Z (m) or com_mm=X,Y,Z (sensor axes), "
+    "mount=A,B,C (deg, Rz(A) Ry(B) Rx(C)) or nine numbers row by row (R_flange_sensor), gravity=X,Y,Z (base axes); the "
+    "std of the last two in deg. Example: weight=12.3+-0.1"
 )
-from .several import json_of, output_files, shared_names
-
-if TYPE_CHECKING:
-    from ..calibration.calibration import Calibration
+LENGTHS = {"weight": (1,), "mass": (1,), "com": (3,), "com_mm": (3,), "mount": (3, 9), "gravity": (3,)}
+"""What may be known, and of how many numbers."""
 
 
-@with_reading_flags
+@options.with_reading_options
 def calibrate(
-    given: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared."),
-    ] = None,
     *,
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="CAL.json", help="Write the calibration; - is stdout. With --shared: the folder."
+            "--output",
+            "-o",
+            metavar="CAL.json",
+            help=f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on "
+            "stdout]",
         ),
     ] = None,
     model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
@@ -54,17 +45,16 @@ def calibrate(
         typer.Option(
             metavar="DEG",
             help="auto: std of the sensor's tilt, an axis. [default: 1.41]",
-            callback=above_zero,
+            callback=options.above_zero,
         ),
     ] = None,
     base_tilt_sd: Annotated[
         float | None,
-        typer.Option(metavar="DEG", help="auto: std of the base's tilt, an axis. [default: 0.71]", callback=above_zero),
+        typer.Option(
+            metavar="DEG", help="auto: std of the base's tilt, an axis. [default: 0.71]", callback=options.above_zero
+        ),
     ] = None,
-    known: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP),
-    ] = None,
+    known: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP)] = None,
     prior: Annotated[
         Path | None,
         typer.Option(
@@ -74,98 +64,149 @@ def calibrate(
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
         float | None,
-        typer.Option(metavar="N", help="Exit 1 if the calibration adds more force error (std).", callback=not_negative),
+        typer.Option(
+            metavar="N", help="Exit 1 if the calibration adds more force error (std).", callback=options.not_negative
+        ),
     ] = None,
     require_torque: Annotated[
         float | None,
         typer.Option(
-            metavar="NM", help="Exit 1 if the calibration adds more torque error (std).", callback=not_negative
+            metavar="NM", help="Exit 1 if the calibration adds more torque error (std).", callback=options.not_negative
         ),
     ] = None,
-    json: Json = False,
-    reading: Reading,
-    gravity: Gravity = None,
-    g: StandardGravity = DEFAULT_G,
+    json: options.Json = False,
+    recordings: options.Recordings,
+    gravity: options.Gravity = None,
+    g: options.StandardGravity = options.DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
-    from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
+    from ..calibration.text import COLUMNS
+    from ..report.calibrations import calibrate_recordings
 
-    files = reading.files(given)
-    require_compatible(model, gravity, known or [], prior, mount_tilt_sd, base_tilt_sd)
-    in_common = shared_names(files, shared, model, known or [], prior, report)
-    paths = output_files(files, output) if in_common else [output]
-    if not in_common:
-        read: dict[str, str | Path | None] = {
-            "recording that is read": files[0],
-            "recording of the poses that is read": reading.layout.pose_file,
-        }
-        require_distinct(output, {**read, "report": report})
-        require_distinct(report, read)
-    recordings = [read_recording(file, reading.layout) for file in files]
-    stated: dict[str, Any] = {
-        "gravity": gravity_direction(gravity),
-        "g": g,
-        "mount_tilt_sd": MOUNT_TILT_SD if mount_tilt_sd is None else float(np.deg2rad(mount_tilt_sd)),
-        "base_tilt_sd": BASE_TILT_SD if base_tilt_sd is None else float(np.deg2rad(base_tilt_sd)),
-        "known": known_values(known or [], g),
-    }
-    if in_common:
-        from ..estimation.several_tools import calibrate_shared
-
-        calibrations = calibrate_shared(recordings, in_common, model, **stated)
+    known = known or []
+    _require_compatible(model, gravity, known, prior, {"mount": mount_tilt_sd, "base": base_tilt_sd})
+    done = calibrate_recordings(
+        recordings.files,
+        recordings.options,
+        recordings.read,
+        model=model,
+        shared=_shared_names(recordings.files, shared, model, known, {"--prior": prior, "--report": report}),
+        gravity=options.gravity_direction(gravity),
+        g=g,
+        known=_known_values(known, g),
+        prior=prior,
+        mount_tilt_sd=None if mount_tilt_sd is None else float(np.deg2rad(mount_tilt_sd)),
+        base_tilt_sd=None if base_tilt_sd is None else float(np.deg2rad(base_tilt_sd)),
+        output=output,
+        report=report,
+        require_force=require_force,
+        require_torque=require_torque,
+    )
+    if json or str(output) == STDOUT:
+        typer.echo(done.json, nl=False)
     else:
-        from ..calibration.calibration import Calibration
-        from ..estimation.calibrate import calibrate as fit
-
-        calibrations = (fit(recordings[0], model, prior=None if prior is None else Calibration.load(prior), **stated),)
-    stated_of_file: dict[str, str | bool | None] = {
-        "orientation": reading.layout.orientation,
-        "wrench_frame": reading.layout.wrench_frame,
-        "sign": reading.layout.sign,
-        "inverse_orientation": reading.layout.inverse_orientation,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    calibrations = tuple(replace(one, provenance={**one.provenance, **stated_of_file}) for one in calibrations)
-    if in_common and output is not None and str(output) != STDOUT:
-        make_folder(output)
-    for path, calibration in zip(paths, calibrations, strict=True):
-        if path is not None:
-            calibration.save(path)
-    if report is not None:
-        from ..report.html import write_calibration_report
-
-        write_calibration_report(report, calibrations[0], recordings[0])
-    _print(calibrations, bool(in_common), json, output)
-    if not (json or str(output) == STDOUT):
-        for written, what in (*((path, "calibration") for path in paths), (report, "report")):
-            if written is not None:
-                typer.echo(f"Wrote the {what} to {written}")
-    failed = [line for one in calibrations for line in _missed(one, require_force, require_torque, bool(in_common))]
-    for line in failed:
-        typer.echo(line, err=True)
-    return 1 if failed else 0
+        options.say(done.text, elsewhere=COLUMNS)
+        for what, path in done.written:
+            options.say(f"Wrote the {what} to {path}")
+    for line in done.missed:
+        options.say(line, err=True)
+    return 1 if done.missed else 0
 
 
-def _print(calibrations: tuple[Calibration, ...], several: bool, json: bool, output: Path | None) -> None:
-    """The text or the JSON on stdout; a single calibration that went there already is not printed again."""
-    from ..calibration.file import to_json
+def _shared_names(
+    files: tuple[Path, ...], shared: str | None, model: str, known: list[str], of_one_file: dict[str, Path | None]
+) -> tuple[str, ...]:
+    """What --shared names; nothing for one file without it. Raises `InputError`, and typer's error for options that do
+    not go together, by name.
+    """
+    if shared is None:
+        if len(files) > 1:
+            raise typer.BadParameter(f"found {len(files)} files, expected one, or --shared mount,gravity")
+        return ()
+    from ..estimation.shared_rotations import require_shareable
 
-    to_stdout = str(output) == STDOUT
-    if several and (json or to_stdout):
-        typer.echo(json_of(calibrations), nl=False)
-    elif json and not to_stdout:
-        typer.echo(to_json(calibrations[0]), nl=False)
-    elif not to_stdout:
-        typer.echo("\n\n".join(map(str, calibrations)))
+    for option, value in of_one_file.items():
+        if value is not None:
+            raise typer.BadParameter(f"{option} is for one file, found --shared too: leave one of them out")
+    names = tuple(name.strip() for name in shared.split(","))
+    require_shareable(len(files), names, model, {stated.partition("=")[0].strip(): stated for stated in known})
+    real: dict[str, Path] = {}
+    for file in files:
+        first = real.setdefault(os.path.realpath(file), file)
+        if first is not file:
+            raise typer.BadParameter(f"found {file} twice, expected a recording of each tool: leave one out")
+    return names
 
 
-def _missed(calibration: Calibration, force: float | None, torque: float | None, named: bool) -> list[str]:
-    """The line that says which of the required accuracies is missed, if one is."""
-    largest, limits = calibration.largest_std, (force, torque)
-    missed = [
-        f"{name} {value:.3g} {unit} over {limit:g}"
-        for name, value, limit, unit in zip(("force", "torque"), largest, limits, ("N", "N m"), strict=True)
-        if limit is not None and not value <= limit
-    ]
-    where = f"{calibration.provenance['source']}: " if named else ""
-    return [f"{where}Required accuracy missed: largest std of the contact {' and '.join(missed)}"] if missed else []
+def _require_compatible(
+    model: str, gravity: str | None, known: list[str], prior: Path | None, tilts: dict[str, float | None]
+) -> None:
+    """Raise typer's error for options that contradict each other, by name."""
+    for name, value in tilts.items():
+        option = f"--{name}-tilt-sd"
+        if value is not None and model != "auto":
+            raise typer.BadParameter(f"{option} is for model auto, found --model {model}: leave one of them out")
+        if value is not None and prior is not None:
+            raise typer.BadParameter(
+                f"--prior brings its own mounting and base, found {option} too: leave one of them out"
+            )
+    gravity_known = any(stated.partition("=")[0].strip() == "gravity" for stated in known)
+    if prior is not None and model != "auto":
+        raise typer.BadParameter(f"--prior brings its model, found --model {model}: leave one of them out")
+    if prior is not None and (gravity is not None or gravity_known):
+        raise typer.BadParameter("--prior brings its gravity, found another one: leave one of them out")
+    if gravity is not None and gravity_known:
+        raise typer.BadParameter("--gravity and --known gravity both state it: leave one of them out")
+    if known and model in ("paper", "affine"):
+        raise typer.BadParameter(f"model {model} takes nothing as known, found --known: leave one of them out")
+    if gravity_known and model in ("yaw", "mount"):
+        raise typer.BadParameter(f"model {model} holds gravity, found --known gravity: take --model auto or mount+base")
+
+
+def _known_values(stated: list[str], g: float) -> dict[str, tuple[Any, Any]]:
+    """What `--known` says, as `calibrate` takes it: SI units, the mounting a matrix, std of angles in rad."""
+    known: dict[str, tuple[Any, Any]] = {}
+    for text in stated:
+        quantity, pair = _in_si(*_parsed(text), g)
+        if quantity in known:
+            raise typer.BadParameter(f"--known says {quantity} twice, expected once: leave one out")
+        known[quantity] = pair
+    return known
+
+
+def _parsed(text: str) -> tuple[str, Array, Array]:
+    name, _, rest = text.partition("=")
+    value, _, std = rest.partition("+-")
+    name = name.strip()
+    try:
+        numbers, spread = (np.array([float(number) for number in part.split(",")]) for part in (value, std))
+    except ValueError:
+        numbers = spread = np.empty(0)
+    finite = np.isfinite(numbers).all() and np.isfinite(spread).all()
+    stds = (1, 3) if name in ("com", "com_mm", "mount") else (1,)
+    whole = name in LENGTHS and len(numbers) in LENGTHS[name] and len(spread) in stds
+    if not (whole and finite and (spread > 0.0).all()):
+        raise typer.BadParameter(
+            f"found --known {text!r}, expected NAME=VALUE+-STD with a std above 0, as in weight=12.3+-0.1 or "
+            f"com_mm=0,0,50+-2; names: {', '.join(LENGTHS)}"
+        )
+    return name, numbers, spread if len(spread) == 3 else np.full(3, spread[0])
+
+
+def _in_si(name: str, value: Array, std: Array, g: float) -> tuple[str, tuple[Any, Any]]:
+    """The quantity's name and its value and std in SI units."""
+    if name in ("weight", "mass"):
+        newtons = g if name == "mass" else 1.0
+        return "weight", (newtons * float(value[0]), newtons * float(std[0]))
+    if name in ("com", "com_mm"):
+        per_metre = 1e3 if name == "com_mm" else 1.0
+        return "com", (value / per_metre, std / per_metre)
+    if name == "gravity":
+        return name, (value, float(np.deg2rad(std[0])))
+    if len(value) == 9:
+        from ..geometry.orientation import nearest_rotations
+
+        return name, (nearest_rotations(value.reshape(1, 3, 3))[0], np.deg2rad(std))
+    from scipy.spatial.transform import Rotation
+
+    return name, (Rotation.from_euler("ZYX", value, degrees=True).as_matrix(), np.deg2rad(std))

@@ -10,46 +10,31 @@ import numpy as np
 import typer
 
 from ..errors import InputError
+from ..files import STDOUT
+from . import options
 from .progress import progress
-from .reading import (
-    DEFAULT_G,
-    CalibrationFile,
-    Gravity,
-    Reading,
-    Recording,
-    StandardGravity,
-    gravity_direction,
-    not_negative,
-    note,
-    note_other_reading,
-    read_recording,
-    three_numbers,
-    with_reading_flags,
-)
 
 if TYPE_CHECKING:
     from ..calibration.calibration import Calibration
     from ..compensate.filters import LowPass
     from ..geometry.arrays import Array
 
-PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-"""A drift or a noise in N stands for as many N m at a lever of 5 cm, as in `drift.TYPICAL_DRIFT`."""
 
-
-@with_reading_flags
+@options.with_reading_options
 def compensate(
-    file: Recording = None,
     *,
-    calibration: CalibrationFile,
+    calibration: options.CalibrationFile,
     output: Annotated[
         Path,
         typer.Option(
             "--output",
             "-o",
             metavar="OUT",
-            help="Contact wrenches: .csv, .parquet, or, of a bag, a copy of it with a topic more; - is CSV on stdout.",
+            help="Contact wrenches: .csv, .parquet, or, of a bag, a copy of it with a topic more; "
+            f"{options.OUTPUT_HELP} CSV on stdout. [default: -]",
+            show_default=False,
         ),
-    ],
+    ] = Path(STDOUT),
     output_frame: Annotated[
         str, typer.Option(metavar="sensor|flange|base", help="Axes of the contact wrench.")
     ] = "sensor",
@@ -77,7 +62,7 @@ def compensate(
         typer.Option(
             metavar="N",
             help="Judging: follow the bias in free space, a random walk with this std after an hour; 0.05 is typical.",
-            callback=not_negative,
+            callback=options.not_negative,
         ),
     ] = None,
     sensor_filter: Annotated[
@@ -99,53 +84,52 @@ def compensate(
             metavar="S", help="By how much later than the pose the wrench is stamped. [default: the calibration's]"
         ),
     ] = None,
-    reading: Reading,
-    gravity: Gravity = None,
-    g: StandardGravity = DEFAULT_G,
+    recording: options.Recordings,
+    gravity: options.Gravity = None,
+    g: options.StandardGravity = options.DEFAULT_G,
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
+    from ..compensate.noise import with_torques
     from ..files import require_distinct
-    from ..recording.compensate import Treatment, compensated, require_writable, write_compensated
-    from ..report.contacts import ContactLog, summary, write_contact_report
+    from ..recording.compensate import Treatment, require_writable
+    from ..report.contacts import compensate_recording
 
-    path = reading.file(file)
-    read = {"recording that is read": path, "recording of the poses that is read": reading.layout.pose_file}
-    require_distinct(output, {**read, "calibration that is read": calibration, "report": report})
-    require_distinct(report, {**read, "calibration that is read": calibration})
-    require_writable(output, path, reading.layout)
+    inputs = {
+        "recording that is read": recording.path,
+        "recording of the poses that is read": recording.options.pose_file,
+        "calibration that is read": calibration,
+    }
+    require_distinct(output, {**inputs, "report": report})
+    require_distinct(report, inputs)
+    require_writable(output, recording.path, recording.options)
     loaded = Calibration.load(calibration)
-    note_other_reading(loaded.provenance, reading.layout)
+    recording.note_differences(loaded)
+    direction = options.gravity_direction(gravity)
     judging = (noise, drift, sensor_filter, report)
     treatment = Treatment(
         output_frame=output_frame,
-        point=None if at is None else three_numbers(at, "--at"),
-        gravity=gravity_direction(gravity),
+        point=None if at is None else options.numbers(at, "--at", "three numbers X,Y,Z", 3),
+        gravity=direction,
         delay=delay,
         low_pass=_low_pass(lowpass, "--lowpass", 2),
-        judged=contact or any(flag is not None for flag in judging),
+        judged=contact or any(stated is not None for stated in judging),
         sensor_filter=_low_pass(sensor_filter, "--sensor-filter", 1),
-        drift=_six(drift),
-        noise=None if noise is None else _noise(noise, reading, loaded.with_gravity(gravity_direction(gravity))),
+        drift=None if drift is None else with_torques(drift),
+        noise=None if noise is None else _noise(noise, recording, loaded.with_gravity(direction)),
     )
-    notes: list[str] = []
-    log = ContactLog()
-    with progress(f"compensating {path.name}") as advance:
-        rows = compensated(path, reading.layout, loaded, treatment, advance, notes.append)
-        rows = log.watched(rows) if treatment.judged else rows
-        write_compensated(output, rows, path, reading.layout, output_frame)
+    with progress(f"compensating {recording.path.name}") as advance:
+        lines, notes = compensate_recording(
+            recording.path, recording.options, loaded, treatment, output, report, advance
+        )
     for sentence in notes:
-        note(sentence)
-    if report is not None:
-        write_contact_report(report, "Contact report", log, (str(path),))
-    if treatment.judged:
-        typer.echo(summary(log), err=str(output) == "-")
-    if report is not None:
-        typer.echo(f"Wrote the report to {report}", err=str(output) == "-")
+        options.note(sentence)
+    for line in lines:
+        options.say(line, err=str(output) == STDOUT)
 
 
-def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:
-    """`HZ` or `HZ:ORDER`. Raises `InputError` naming the flag."""
+def _low_pass(text: str | None, option: str, usual_order: int) -> LowPass | None:
+    """`HZ` or `HZ:ORDER`. Raises `InputError` naming the option."""
     from ..compensate.filters import LowPass
 
     if text is None:
@@ -154,22 +138,20 @@ def _low_pass(text: str | None, flag: str, usual_order: int) -> LowPass | None:
     try:
         return LowPass(float(cutoff), int(order) if colon else usual_order)
     except InputError as error:
-        raise InputError(f"{flag} {text}: {error}") from None
+        raise InputError(f"{option} {text}: {error}") from None
     except ValueError:
-        raise InputError(f"{flag} is {text!r}, expected HZ or HZ:ORDER, as in 20 or 20:4") from None
+        raise InputError(f"{option} is {text!r}, expected HZ or HZ:ORDER, as in 20 or 20:4") from None
 
 
-def _noise(text: str, reading: Reading, calibration: Calibration) -> Array:
+def _noise(text: str, recording: options.Recordings, calibration: Calibration) -> Array:
     """Std (6,) of a sample, or what compensation leaves (n, 6) of a recording of a free tool."""
+    from ..compensate.noise import with_torques
+
     try:
         std = float(text)
     except ValueError:
-        free = read_recording(Path(text), replace(reading.layout, pose_file=None))
+        free = recording.read(Path(text), replace(recording.options, pose_file=None))
         return calibration.compensate(free.wrench, free.R_base_flange)
     if not 0.0 < std < np.inf:
         raise InputError(f"--noise is {text}, expected N above 0, or a recording of a free tool")
-    return std * PER_NEWTON
-
-
-def _six(force: float | None) -> Array | None:
-    return None if force is None else force * PER_NEWTON
+    return with_torques(std)

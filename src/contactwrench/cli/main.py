@@ -19,6 +19,7 @@ from .demo import demo
 from .diagnose import diagnose
 from .diff import diff
 from .info import info
+from .options import MOST_COLUMNS
 from .plan import plan
 from .show import show
 from .simulate import simulate
@@ -37,7 +38,7 @@ app = typer.Typer(
     no_args_is_help=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
 for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, demo):
     app.command()(verb)

@@ -5,22 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from ..errors import InputError
-from ..geometry.arrays import Array
+from ..files import STDOUT
 from ..recording.options import Options
-from .reading import (
-    Gravity,
-    InverseOrientation,
-    Json,
-    Orientation,
-    Sign,
-    WrenchFrame,
-    gravity_direction,
-    read_recording,
-)
+from . import options
 
 if TYPE_CHECKING:
     from ..assess.robot_arms import Reach
@@ -43,17 +33,18 @@ def plan(
         typer.Option(metavar="Q1,Q2,...", help="Where the arm stands, rad; all joints but the last three stay there."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="PLAN.csv", help="Write the poses; - is stdout.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="PLAN.csv", help=f"Write the poses; {options.OUTPUT_HELP} stdout."),
     ] = None,
     model: Annotated[
         str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
     ] = "auto",
-    json: Json = False,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
-    gravity: Gravity = None,
+    json: options.Json = False,
+    orientation: options.Orientation = "auto",
+    wrench_frame: options.WrenchFrame = "sensor",
+    sign: options.Sign = "pull",
+    inverse_orientation: options.InverseOrientation = False,
+    gravity: options.Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
     from ..assess.plan import expected_tool, recorded_orientations
@@ -62,34 +53,31 @@ def plan(
     from ..recording.urdf import urdf_file
     from ..report.plan import plan_csv, plan_json, plan_text
 
-    to_stdout = str(output) == "-"
+    to_stdout = str(output) == STDOUT
     if json and to_stdout:
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
     urdf = None if robot is None else urdf_file(robot)
     require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
-    samples = None
-    if recorded is not None:
-        samples = read_recording(recorded, Options(orientation, wrench_frame, sign, inverse_orientation))
-    elif (orientation, wrench_frame, sign, inverse_orientation) != ("auto", "sensor", "pull", False):
+    how = Options(orientation, wrench_frame, sign, inverse_orientation)
+    if recorded is None and how != Options():
         raise InputError(
             "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
             "none: give --from FILE, or leave them out"
         )
+    samples = None if recorded is None else options.Recordings((recorded,), how).read()
     result = choose(
         n,
-        expected_tool(samples, model, gravity_direction(gravity)),
+        expected_tool(samples, model, options.gravity_direction(gravity)),
         model=model,
         recorded=None if samples is None else recorded_orientations(samples),
         reach=_reach(robot, around),
     )
     if output is not None:
         write_text(output, plan_csv(result))
-    if json:
-        typer.echo(plan_json(result))
-    elif not to_stdout:
-        typer.echo(plan_text(result))
-        if output is not None:
-            typer.echo(f"Wrote the poses to {output}")
+    if not to_stdout:
+        options.print_result(result, json, plan_json, plan_text)
+    if output is not None and not (json or to_stdout):
+        options.say(f"Wrote the poses to {output}")
 
 
 def _reach(robot: str | None, around: str | None) -> Reach | None:
@@ -101,14 +89,5 @@ def _reach(robot: str | None, around: str | None) -> Reach | None:
         if around is not None:
             raise InputError("--around says where a robot stands, and there is none: give --robot, or leave it out")
         return None
-    return reach(arm_of(robot), None if around is None else _joints(around))
-
-
-def _joints(text: str) -> Array:
-    try:
-        joints = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        joints = np.array([np.nan])
-    if not np.isfinite(joints).all():
-        raise InputError(f"--around is {text!r}, expected joint angles Q1,Q2,..., rad")
-    return joints
+    joints = None if around is None else options.numbers(around, "--around", "joint angles Q1,Q2,..., rad")
+    return reach(arm_of(robot), joints)

@@ -7,16 +7,16 @@ from typing import Annotated
 
 import typer
 
-from .reading import Json
+from . import options
 
 
 def show(
     file: Annotated[Path, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")],
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Print a calibration: every parameter with its standard deviation, the verdict, the warnings."""
     from ..calibration.calibration import Calibration
     from ..calibration.file import to_json
+    from ..calibration.text import COLUMNS, describe
 
-    calibration = Calibration.load(file)
-    typer.echo(to_json(calibration) if json else f"{calibration}\n", nl=False)
+    options.print_result(Calibration.load(file), json, to_json, describe, elsewhere=COLUMNS)

@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from .reading import Orientation
+from . import options
 
 if TYPE_CHECKING:
     from ..simulate.recording import Recorded
@@ -63,7 +63,7 @@ def simulate(
             "name lists the right ones.",
         ),
     ] = None,
-    orientation: Orientation = "auto",
+    orientation: options.Orientation = "auto",
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
@@ -96,7 +96,7 @@ def simulate(
     else:
         write_truth(output, recorded, asked)
         _write_bag(output, recorded)
-    typer.echo(_said(recorded, output, truth_path(output)))
+    options.say(_said(recorded, output, truth_path(output)))
 
 
 def _write_bag(output: Path, recorded: Recorded) -> None:

@@ -23,7 +23,7 @@ from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, keep_contact, thre
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, FINE, reason_of
 from .filters import LowPass, delay_of
-from .noise import PER_NEWTON, noise_of_sample
+from .noise import noise_of_sample, with_torques
 from .runner import Compiled, Plain
 from .state import INTERVALS, SAMPLE, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
@@ -102,7 +102,9 @@ class Compensator:
         s.dof = calibration.dof
         s.fires, s.ends = (table.tolist() for table in thresholds(false_alarm_rate))
         s.follows_bias = drift is not None
-        s.walk = [std * std / HOUR for std in _six(_of_force(drift), "drift", 0.0, least=0.0)]
+        s.walk = [
+            std * std / HOUR for std in _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
+        ]
         track(s, self._calibration, self._noise.between)
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
@@ -131,7 +133,7 @@ class Compensator:
         Raises:
             InputError: a shape, or a rate that is too low for a cut-off.
         """
-        reading, turn = np.asarray(wrench, dtype=np.float64), np.asarray(orientation, dtype=np.float64)
+        reading, turn = np.asarray(wrench, np.float64), np.asarray(orientation, np.float64)
         if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
             raise InputError(
                 f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
@@ -275,11 +277,6 @@ class Compensator:
         s = self._runner.state
         peak, mean, covariance = (np.array(values) for values in (s.contact_peak, s.contact_mean, s.contact_covariance))
         return Contact(float(s.onset), release, peak, mean, covariance, bool(s.onset_seen))
-
-
-def _of_force(values: ArrayLike | None) -> ArrayLike | None:
-    """One number, N, as six: `PER_NEWTON` N m."""
-    return values if values is None or np.ndim(values) else float(np.asarray(values)) * PER_NEWTON
 
 
 def _six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:

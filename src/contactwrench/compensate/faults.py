@@ -23,24 +23,26 @@ BRAKING = 20.0
 """rad/s^2: no arm stops a turn faster."""
 
 
+REASONS = (
+    "",
+    "time: {detail:g} is no time",
+    "time: {detail:.6f} s again",
+    "reading: {axis} is {detail:g}",
+    "orientation: not a number",
+    "orientation: its squared length is {detail:.6g}, expected 1 within 2 %",
+    "time: jumped back by {detail:.6g} s",
+    "gap: nothing for {detail:.6g} s, filters start anew",
+    "overload: {axis} reads {detail:.6g} {unit}, at or beyond its range",
+    "stuck: {axis} has not moved for {detail:.0f} readings while others did",
+    "stuck: the whole reading has not moved for {detail:.3g} s",
+    "frozen: the orientation has not moved for {detail:.3g} s",
+    "orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
+)
+
+
 def reason_of(fault: int, detail: float, channel: int) -> str | None:
     """A fault of a sample in words; None where there is none."""
-    axis, unit = (AXES[channel], UNITS[channel]) if channel >= 0 else ("", "")
-    return (
-        None,
-        f"time: {detail:g} is no time",
-        f"time: {detail:.6f} s again",
-        f"reading: {axis} is {detail:g}",
-        "orientation: not a number",
-        f"orientation: its squared length is {detail:.6g}, expected 1 within 2 %",
-        f"time: jumped back by {detail:.6g} s",
-        f"gap: nothing for {detail:.6g} s, filters start anew",
-        f"overload: {axis} reads {detail:.6g} {unit}, at or beyond its range",
-        f"stuck: {axis} has not moved for {detail:.0f} readings while others did",
-        f"stuck: the whole reading has not moved for {detail:.3g} s",
-        f"frozen: the orientation has not moved for {detail:.3g} s",
-        f"orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
-    )[fault]
+    return REASONS[fault].format(detail=detail, axis=AXES[channel], unit=UNITS[channel]) or None
 
 
 @kernel

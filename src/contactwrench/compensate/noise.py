@@ -17,7 +17,7 @@ from .filters import LowPass
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 """N and N m: less noise than this no sensor has, and rounding begins to count."""
 PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-"""A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm."""
+"""A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm, as in `TYPICAL_DRIFT`."""
 LEAST_ROWS = 10
 LEAST_BLOCKS = 5
 
@@ -79,9 +79,14 @@ def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> Sample
     return SampleNoise(np.maximum(of_sample, LEAST_STD**2), between, recording)
 
 
+def with_torques(values: ArrayLike) -> Array:
+    """Numbers as they are, but a single one, N, as six: `PER_NEWTON`."""
+    array = np.asarray(values, dtype=np.float64)
+    return array * PER_NEWTON if array.ndim == 0 else array
+
+
 def _given(noise: ArrayLike) -> tuple[Array, Array | None]:
-    values = np.asarray(noise, dtype=np.float64)
-    values = values * PER_NEWTON if values.ndim == 0 else values
+    values = with_torques(noise)
     is_recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= LEAST_ROWS
     if not (is_recording or values.shape == (6,)) or not np.isfinite(values).all():
         raise InputError(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
-from pathlib import Path
+from inspect import getsource
 from threading import Timer
 from typing import Any
 
@@ -110,7 +110,7 @@ class Compiled:
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
         self._advance(self._record, self._samples, self._ring, self.settling, width, 0)
-        return self._said[0], np.frombuffer(self._wrench.tobytes())
+        return self._said.item(), np.frombuffer(self._wrench.tobytes())
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
@@ -132,8 +132,8 @@ def compiled() -> Callable[..., int]:
         register_jitable(error_model="numpy")(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
     signature = types.int64(state[::1], sample[::1], rows, rows, types.int64, types.int64)
-    files = sorted({Path(function.__code__.co_filename) for function in KERNEL})
-    digest = sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    sources = [getsource(sys.modules[name]) for name in sorted({function.__module__ for function in KERNEL})]
+    digest = sha256("".join(sources).encode()).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
         advance: Callable[..., int] = numba.njit(signature, cache=True, nogil=True, error_model="numpy")(_keyed(digest))
     return advance

@@ -87,20 +87,20 @@ class Rows:
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
-        """All rows, part after part; a column that one part lacks is left out, all else is as in the first."""
+        """All rows, part after part; a column that a part with rows lacks is left out, all else is as in the first."""
 
         def joined(values: list[Any]) -> Any:
             if any(part is None for part in values):
                 return None
             if isinstance(values[0], tuple):
                 return tuple(item for part in values for item in part)
-            return _handed_over(np.concatenate(values))
+            return values[0] if len(values) == 1 else _handed_over(np.concatenate(values))
 
         if len(parts) == 1:
             return parts[0]
-        return replace(
-            parts[0], **{c.name: joined([getattr(part, c.name) for part in parts]) for c in _columns(parts[0])}
-        )
+        with_rows = [part for part in parts if len(part)] or parts[:1]
+        columns = {each.name: joined([getattr(part, each.name) for part in with_rows]) for each in _columns(parts[0])}
+        return replace(parts[0], **columns)
 
     def _expected_shape(self, row: tuple[int, ...], n: int, first: str) -> str:
         """In words, of a column after the `first` with `n` rows, or of the first itself."""

@@ -6,11 +6,10 @@ wrong with it, the row says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +28,13 @@ from ..samples.timestamps import spread_evenly
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .options import Options
-from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
 from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
 SATURATED = "saturated: a channel stands at its limit"
-
-Note: TypeAlias = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +74,7 @@ def compensated(
     calibration: Calibration,
     treatment: Treatment,
     advance: Advance | None = None,
-    note: Note | None = None,
+    note: Tell | None = None,
 ) -> Iterator[ContactWrenches]:
     """The contact wrenches of a recording, in batches.
 
@@ -115,7 +112,7 @@ def require_writable(output: Path, path: Path, options: Options) -> None:
 
 def write_compensated(
     output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str
-) -> None:
+) -> str | None:
     """Write what was made of a recording, batch by batch.
 
     Args:
@@ -126,6 +123,9 @@ def write_compensated(
         options: how that is written.
         output_frame: axes of the contact wrench.
 
+    Returns:
+        The topic in which a bag has them.
+
     Raises what the writers raise.
     """
     like_folder = path.is_dir() and not output.suffix and str(output) != "-"
@@ -133,9 +133,9 @@ def write_compensated(
     if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame
         wrenches = (batch.wrench for batch in recording)
-        write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
-    else:
-        write_contact_wrenches(output, recording, path)
+        return write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
+    write_contact_wrenches(output, recording, path)
+    return None
 
 
 def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
@@ -148,15 +148,14 @@ def _paired(
     calibration: Calibration,
     treatment: Treatment,
     advance: Advance | None,
-    note: Note | None,
+    note: Tell | None,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order = _InOrder()
     delay = treatment.applied_delay(calibration)
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
-        late = f"stamped {1e3 * delay:.4g} ms later than the orientation"
-        note(f"the wrench is taken to be {late}, {whose}")
+        note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
     parts = synchronized(order.listening(batches(path, options, advance=advance)), delay)
     begun = list(islice(parts, 2))
     compensator = None

@@ -25,7 +25,6 @@ FLANGES = ("tool0", "flange")
 REVOLUTE = ("revolute", "continuous")
 WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
 
-
 URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE)
 
 
@@ -120,6 +119,9 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
             raise FileFormatError(f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {expected}")
         return values
 
+    def bound(which: str) -> float:
+        return float(numbers("limit", which, "0")[0])
+
     def link(tag: str) -> str:
         found = element.find(tag)
         if found is None or not found.get("link"):
@@ -131,9 +133,6 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         raise FileFormatError(f"{path}: joint {name} has the axis 0 0 0, expected a direction")
     if kind == "revolute" and element.find("limit") is None:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
-    limits = WITHOUT_LIMIT
-    if kind == "revolute":
-        limits = (float(numbers("limit", "lower", "0")[0]), float(numbers("limit", "upper", "0")[0]))
     return _Joint(
         name,
         kind,
@@ -141,7 +140,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         link("child"),
         Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
         axis / max(float(np.linalg.norm(axis)), 1e-300),
-        limits,
+        (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT,
     )
 
 

@@ -1,20 +1,23 @@
-"""The report of a compensated recording: the contact wrench over time, every contact, what was wrong with samples."""
+"""A recording's contact wrenches written, and the page about them: over time, every contact, what was wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from html import escape
 from pathlib import Path
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
-from ..files import write_text
+from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
+from ..recording.compensate import Treatment, compensated, write_compensated
+from ..recording.options import Options
+from ..recording.tables.columns import Advance
 from ..statistics import meaningful_digits
-from .envelope import Envelope, envelope
 from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
-from .html import figure_html, page, paragraphs_html, table_html
+from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
+from .signals import Envelope, envelope, outline
 
 SHADE = "#f3d9a4"
 MOST_LISTED = 200
@@ -32,10 +35,11 @@ class ContactLog:
         self.contacts: list[Contact] = []
         self.reasons: dict[str, tuple[int, float]] = {}
 
-    def watched(self, recording: Iterable[ContactWrenches]) -> Iterator[ContactWrenches]:
-        """The same batches, each noted as it goes by."""
+    def noted(self, recording: Iterable[ContactWrenches], every: bool = True) -> Iterator[ContactWrenches]:
+        """The same batches, each noted as it goes by; without `every` their rows are counted, no more."""
         for batch in recording:
-            if batch.judged:
+            self.rows += len(batch)
+            if every:
                 self._note(batch)
             yield batch
 
@@ -46,7 +50,6 @@ class ContactLog:
         if not np.isfinite(self.start):
             self.start = float(batch.t[0])
         self.end = float(batch.t[-1])
-        self.rows += len(batch)
         self.touching += int(np.sum(batch.contact == TOUCHING))
         self.envelope = envelope(batch.t, batch.wrench, self.envelope)
         for row in np.flatnonzero(~batch.valid).tolist():
@@ -60,6 +63,49 @@ def _kind(reason: str) -> str:
     """What is the same of all samples that lack the same: `left out` with its reason, else the first word."""
     head, _, rest = reason.partition(":")
     return rest.strip() if head == "left out" else head
+
+
+def compensate_recording(
+    path: Path,
+    options: Options,
+    calibration: Calibration,
+    treatment: Treatment,
+    output: Path,
+    report: Path | None,
+    advance: Advance | None = None,
+) -> tuple[list[str], list[str]]:
+    """Compensate a recording and write what comes out.
+
+    Args:
+        path: the recording.
+        options: how it is written.
+        calibration: of the tool.
+        treatment: what is to be done beside subtracting weight and bias.
+        output: the contact wrenches: a table, a copy of the bag, or `-`, CSV on stdout.
+        report: a page about every contact, which `treatment` must have judged.
+        advance: is told how far the reading is.
+
+    Returns:
+        What to say: what was found and written, and notes on how.
+
+    Raises:
+        ContactWrenchError: as reading, pairing, compensating and writing raise it.
+    """
+    notes: list[str] = []
+    log = ContactLog()
+    rows = log.noted(compensated(path, options, calibration, treatment, advance, notes.append), treatment.judged)
+    topic = write_compensated(output, rows, path, options, treatment.output_frame)
+    if report is not None:
+        write_contact_report(report, "Contact report", log, (str(path),))
+    lines = [summary(log)] if treatment.judged else []
+    if str(output) != STDOUT:
+        what = (
+            f"row{'' if log.rows == 1 else 's'}"
+            if topic is None
+            else f"message{'' if log.rows == 1 else 's'} of {topic}"
+        )
+        lines.append(f"Wrote the contact wrenches, {log.rows} {what}, to {output}")
+    return [*lines, *([] if report is None else [f"Wrote the report to {report}"])], notes
 
 
 def write_contact_report(path: str | Path, title: str, log: ContactLog, paragraphs: tuple[str, ...]) -> None:
@@ -92,8 +138,8 @@ def summary(log: ContactLog) -> str:
 
 def contact_signals(log: ContactLog) -> str:
     """Force and torque over the time from the first sample."""
-    bands = log.envelope or envelope(np.empty(0), np.empty((0, 6)))
-    t = bands.t - (log.start if np.isfinite(log.start) else 0.0)
+    t, lines = outline(log.envelope or envelope(np.empty(0), np.empty((0, 6))))
+    t -= log.start if np.isfinite(log.start) else 0.0
     with drawing(1, (8.6, 4.6), rows=2) as (figure, axes):
         for ax, part, name in zip(axes, (0, 3), ("force, N", "torque, N m"), strict=True):
             for contact in log.contacts[:MOST_SHADED]:
@@ -101,9 +147,7 @@ def contact_signals(log: ContactLog) -> str:
                 ax.axvspan(contact.onset - log.start, end - log.start, color=SHADE, lw=0)
             ax.axhline(0.0, color="#9aa2a9", lw=0.6)
             for k in range(3):
-                ax.fill_between(
-                    t, bands.low[:, part + k], bands.high[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.6
-                )
+                ax.plot(t, lines[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.7)
             for _, first in log.reasons.values():
                 ax.plot(first - log.start, 0.0, "|", color=LEFT_OUT, ms=8, transform=ax.get_xaxis_transform())
             ax.set_ylabel(name)
@@ -124,28 +168,24 @@ def _contacts(log: ContactLog) -> str:
         f = contact.mean[:3] / force if force > 0.0 else contact.mean[:3]
         along = float(np.sqrt(f @ contact.covariance[:3, :3] @ f)) if force > 0.0 else float(std.max())
         lasts = "lasts" if contact.release is None else f"{contact.release - contact.onset:.3f}"
-        place = escape(line.reason) if line.reason else _place(line.point, line.point_covariance)
-        cells = (
+        cells = [
             f"{contact.onset - log.start:.3f}",
             lasts,
             " ± ".join(meaningful_digits(float(force), along)),
             f"{np.linalg.norm(contact.peak[:3]):.2f}",
             " ".join(f"{part:.2f}" for part in line.direction) if line.reason is None else "-",
-        )
-        rows.append(
-            f"<tr><th>{number}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}<td class='said'>{place}</td></tr>"
-        )
-    head = (
-        "<th></th><th>onset, s</th><th>length, s</th><th>mean force, N</th><th>peak, N</th><th>direction</th>"
-        "<th class='said'>nearest point of its line to the sensor's origin, mm</th>"
-    )
+            line.reason or _place(line.point, line.point_covariance),
+        ]
+        rows.append(row_html(str(number), cells, "said"))
+    titles = ["", "onset, s", "length, s", "mean force, N", "peak, N", "direction"]
+    head = head_html([*titles, "nearest point of its line to the sensor's origin, mm"], "said")
     more = len(log.contacts) - MOST_LISTED
     cut = f"<p>And {more} more.</p>" if more > 0 else ""
     said = (
         "Means over the whole contact in the sensor's axes, which turn with the arm. The line of action is that of one "
         "force; ± is one std of the mean, what the arm turned meanwhile left out."
     )
-    table = table_html(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
+    table = table_html(head + "".join(rows))
     return f"<h3>Contacts</h3>{table}{cut}<p class='unit'>{said}</p>"
 
 
@@ -158,8 +198,8 @@ def _faults(log: ContactLog) -> str:
     if not log.reasons:
         return ""
     rows = "".join(
-        f"<tr><th>{escape(kind)}</th><td>{count}</td><td>{first - log.start:.3f}</td></tr>"
+        row_html(kind, [str(count), f"{first - log.start:.3f}"])
         for kind, (count, first) in sorted(log.reasons.items(), key=lambda item: item[1][1])
     )
-    table = table_html(f"<thead><tr><th></th><th>samples</th><th>first at, s</th></tr></thead>{rows}")
+    table = table_html(head_html(["", "samples", "first at, s"]) + rows)
     return f"<h3>Samples with something wrong</h3>{table}"

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from ..assess.diagnose import Diagnosis, Explanation
 from ..assess.interpretations import Interpretation
-
-WIDTH = 100
+from ..calibration.text import COLUMNS
+from ..statistics import two_digits
+from .text import json_text
 
 LIKELY_CAUSES = (
     "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the recording, "
@@ -48,26 +47,21 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     if d.complaint is not None:
         lines += [f"As given: {d.complaint}", ""]
     lines += [
-        f"{d.n} poses, {d.tried} readings tried, {d.source}",
+        f"{d.n} poses, {d.tried} interpretations tried, {d.source}",
         "",
-        f"  {'N left':>8}  {'mN m left':>9}  {'weight N':>8}  {'com mm':^22}  reading",
+        f"  {'N left':>8}  {'mN m left':>9}  {'weight N':>8}  {'com mm':^22}  interpretation",
     ]
-    lines += [_row(fit, "as given" if fit is d.given else _label(fit.interpretation)) for fit in rows]
+    lines += [line for fit in rows for line in _row(fit, "as given" if fit is d.given else _label(fit.interpretation))]
     leaning = [fit for fit in rows if fit.lean > 0.0]
     lines += [
         f"  with --model mount+base gravity is {np.rad2deg(fit.lean):.1f} deg from the stated one" for fit in leaning
     ]
     if not d.best.explained:
-        lines += ["", *wrap(LIKELY_CAUSES, WIDTH)]
+        lines += ["", LIKELY_CAUSES]
     if d.likely:
         lines += ["", "Free air cannot tell these from the first:"]
         lines += [f"  {_label(interpretation)}" for interpretation in d.alike[: d.likely]]
-        lines += ["To decide:"]
-        lines += [
-            line
-            for observation in d.observations
-            for line in wrap(observation, WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
-        ]
+        lines += ["To decide:", *(f"- {observation}" for observation in d.observations)]
     return "\n".join(lines)
 
 
@@ -85,62 +79,56 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "given": None if d.given is None else _explanation(d.given),
         "best": _explanation(d.best),
         "ranked": [_explanation(fit) for fit in d.ranked],
-        "alike": [_of_interpretation(interpretation) for interpretation in d.alike],
+        "alike": [_options_and_mends(interpretation) for interpretation in d.alike],
         "likely": d.likely,
-        "observations": list(d.observations),
+        "observations": d.observations,
     }
-    return msgspec.json.format(msgspec.json.encode(values), indent=2).decode()
+    return json_text(values)
 
 
-def _of_interpretation(interpretation: Interpretation) -> dict[str, Any]:
-    return {"flags": list(interpretation.flags), "mends": list(interpretation.mends), "cost": interpretation.cost}
+def _options_and_mends(of: Interpretation) -> dict[str, Any]:
+    return {"flags": of.flags, "mends": of.mends, "cost": of.cost}
 
 
 def _explanation(fit: Explanation) -> dict[str, Any]:
     return {
-        **_of_interpretation(fit.interpretation),
+        **_options_and_mends(fit.interpretation),
         "force_left": fit.force_left,
         "torque_left": fit.torque_left,
         "weight": fit.weight,
-        "com": fit.com.tolist(),
+        "com": fit.com,
         "lean": fit.lean,
         "odds": fit.odds,
     }
 
 
-def _row(fit: Explanation, label: str) -> str:
+def _row(fit: Explanation, label: str) -> list[str]:
+    """A line of the table; a long label stands below it."""
     com = ", ".join(f"{1e3 * part:6.1f}" for part in fit.com)
-    return f"  {_short(fit.force_left):>8}  {_short(1e3 * fit.torque_left):>9}  {fit.weight:8.3g}  {com:>22}  {label}"
+    numbers = f"  {two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}  {fit.weight:8.3g}  {com:>22}"
+    return [f"{numbers}  {label}"] if len(numbers) + 2 + len(label) <= COLUMNS else [numbers, f"      {label}"]
 
 
 def _label(interpretation: Interpretation) -> str:
-    return (
-        ", ".join([*([" ".join(interpretation.flags)] if interpretation.flags else []), *interpretation.mends])
-        or "no flags"
-    )
+    return ", ".join([*filter(None, [" ".join(interpretation.flags)]), *interpretation.mends]) or "no options"
 
 
 def _how(interpretation: Interpretation, given: Explanation | None) -> str:
-    """How to make that interpretation, of one that was given otherwise."""
+    """How to read a file so, if it was given otherwise."""
     kept = {flag.split()[0] for flag in interpretation.flags}
     dropped = [] if given is None else [flag for flag in given.interpretation.flags if flag.split()[0] not in kept]
-    flags = [f"`{' '.join(interpretation.flags)}`"] if interpretation.flags else []
-    parts = [f"with {', '.join([*flags, *interpretation.mends])}"] if flags or interpretation.mends else []
+    changes = [*([f"`{' '.join(interpretation.flags)}`"] if interpretation.flags else []), *interpretation.mends]
+    parts = [f"with {', '.join(changes)}"] if changes else []
     parts += [f"without `{' '.join(dropped)}`"] if dropped else []
-    return " and ".join(parts) or "with no flags"
+    return " and ".join(parts) or "with no options"
 
 
 def _left(fit: Explanation, torque_too: bool) -> str:
-    force = f"{_short(fit.force_left)} N"
-    return f"{force} and {_short(1e3 * fit.torque_left)} mN m" if torque_too else force
+    force = f"{two_digits(fit.force_left)} N"
+    return f"{force} and {two_digits(1e3 * fit.torque_left)} mN m" if torque_too else force
 
 
 def _share(fit: Explanation) -> str:
     return (
         f"{100.0 * fit.force_left / fit.weight:.0f} % of the weight" if fit.weight > 0.0 else "and no weight is found"
     )
-
-
-def _short(value: float) -> str:
-    """Two significant digits, without an exponent."""
-    return f"{float(f'{value:.2g}'):g}"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,6 @@ from ..samples.still_segments import still_segments
 from ..statistics import meaningful_digits, three_digits
 from ..version import __version__
 from . import figures, signals
-from .style import STYLE
 
 PURPOSE = {
     "full": "this calibration: bias and the turning weight subtracted",
@@ -57,38 +58,29 @@ def write_report(path: str | Path, title: str, introduction: tuple[str, ...], se
 
 def page(title: str, introduction: tuple[str, ...], body: str) -> str:
     """A whole page: `body` is HTML, the rest plain text."""
+    style = (files(__package__) / "style.css").read_text(encoding="utf-8")
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{escape(title)}</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<header><h1>{escape(title)}</h1>{paragraphs_html(introduction)}</header>"
+        f"<style>\n{style}</style>\n</head>\n<body>\n<header><h1>{escape(title)}</h1>{paragraphs_html(introduction)}</header>"
         f"\n{body}<footer>contactwrench {__version__}</footer>\n</body>\n</html>\n"
     )
 
 
 def _section(section: Section) -> str:
     c = section.calibration
-    parts = [f"<section><h2>{escape(section.title)}</h2>", paragraphs_html(section.paragraphs), _verdict(c)]
-    parts += [
-        '<div class="side-by-side"><div><h3>Parameters</h3>',
-        _parameters(c),
-        "</div><div><h3>Fit</h3>",
-        _fit(c),
-        "</div></div>",
-        _assumptions(c),
-        _alternatives(c),
-        _signals(c, section.samples),
-        _left_out(c),
-    ]
-    if c.fitted_poses:
-        parts += _poses(c)
-    else:
-        parts.append("<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>")
-    parts.append(_provenance(c))
-    return "".join(parts) + "</section>\n"
+    many = "<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>"
+    return (
+        f"<section><h2>{escape(section.title)}</h2>{paragraphs_html(section.paragraphs)}{_verdict(c)}"
+        f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div>"
+        f"<div><h3>Fit</h3>{_fit(c)}</div></div>"
+        f"{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}{_left_out(c)}"
+        f"{''.join(_poses(c)) if c.fitted_poses else many}{_provenance(c)}</section>\n"
+    )
 
 
 def _poses(c: Calibration) -> list[str]:
-    ways = compare(c, c.fitted_poses)
+    methods = compare(c, c.fitted_poses)
     shaded = " Shaded: poses that were left out." if len(c.fitted_poses) < len(c.poses) else ""
     hollow = " Hollow: poses that were left out." if shaded else ""
     return [
@@ -96,13 +88,14 @@ def _poses(c: Calibration) -> list[str]:
         "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
         *(f"<p>{typeset(text)}</p>" for text in _bias_moved(c)),
         figure_html(
-            figures.left_over_per_pose(c, ways), f"Norm of what each way of compensation leaves, log scale.{shaded}"
+            figures.left_over_per_pose(c, methods),
+            f"Norm of what each method of compensation leaves, log scale.{shaded}",
         ),
-        _ways(ways),
-        _pose_table(c, ways),
+        _methods(methods),
+        _pose_table(c, methods),
         "<h3>Residuals</h3>",
         figure_html(
-            figures.residuals_per_pose(c, ways[0]),
+            figures.residuals_per_pose(c, methods[0]),
             "What the fit leaves, axis by axis. The band is two standard deviations of the noise of a pose's reading."
             + shaded,
         ),
@@ -137,8 +130,8 @@ def _bias_moved(c: Calibration) -> list[str]:
     """How the left-overs are to be read where the bias moved."""
     moved = [finding.text.partition(": ")[0] for finding in c.findings if finding.kind in BIAS_MOVED]
     return [
-        f"But {how}. The calibration holds the last bias; the poses before are drawn against "
-        "it, so their residuals show by how much theirs was another."
+        f"But {how}. The calibration holds the last bias; the poses before are drawn against it, so their residuals "
+        "show by how much theirs was another."
         for how in moved
     ]
 
@@ -161,16 +154,13 @@ def _alternatives(c: Calibration) -> str:
             weight = meaningful_digits(other.weight, other.weight_std)
         change = other.largest_force_change(c.B, c.gravity_direction)
         numbers = (other.force_left, 1e3 * other.torque_left, change)
-        rows.append(
-            f"<tr><th>{escape(other.model)}</th><td>{weight[0]}</td><td>{'± ' + weight[1] if weight[1] else ''}</td>"
-            f"{''.join(f'<td>{three_digits(number)}</td>' for number in numbers)}</tr>"
-        )
-    head = "<th></th><th>weight, N</th><th>std</th><th>left, N</th><th>left, mN m</th><th>change, N</th>"
+        rows.append(row_html(other.model, [weight[0], _plus_minus(weight[1]), *map(three_digits, numbers)]))
+    head = head_html(["", "weight, N", "std", "left, N", "left, mN m", "change, N"])
     said = (
         "Left: root mean square norm of what the model leaves in a pose, its parameters counted. Change: by how much "
         "the contact force would be another one, at the worst orientation."
     )
-    table = table_html(f"<thead><tr>{head}</tr></thead>{''.join(rows)}")
+    table = table_html(head + "".join(rows))
     return f"<h3>What other models make of the same poses</h3>{table}<p class='unit'>{said}</p>"
 
 
@@ -200,33 +190,24 @@ def _left_out(c: Calibration) -> str:
     rows = []
     for number, pose in poses:
         left = c.compensate(pose.wrench, pose.R_base_flange)
-        at = "" if pose.t_start is None else f"{pose.t_start - c.first_time:.6g}"
-        rows.append(
-            f"<tr><th>{number}</th>{f'<td>{at}</td>' if timed else ''}<td>{np.linalg.norm(left[:3]):.3g}</td>"
-            f"<td>{1e3 * np.linalg.norm(left[3:]):.3g}</td><td class='said'>{escape(pose.rejected or '')}</td></tr>"
-        )
-    head = f"<th>pose</th>{'<th>time, s</th>' if timed else ''}<th>left, N</th><th>left, mN m</th>"
-    table = table_html(f"<thead><tr>{head}<th class='said'>why</th></tr></thead>{''.join(rows)}")
+        at = [] if not timed else [""] if pose.t_start is None else [f"{pose.t_start - c.first_time:.6g}"]
+        norms = [f"{np.linalg.norm(left[:3]):.3g}", f"{1e3 * np.linalg.norm(left[3:]):.3g}"]
+        rows.append(row_html(str(number), [*at, *norms, pose.rejected or ""], "said"))
+    head = head_html(["pose", *(["time, s"] if timed else []), "left, N", "left, mN m", "why"], "said")
+    table = table_html(head + "".join(rows))
     last = ", with the last bias" if _bias_moved(c) else ""
     said = f"{len(poses)} of {len(c.poses)} poses did not take part in the fit. Left: what compensation leaves{last}."
     return f"<h3>Poses that were left out</h3><p>{said}</p>{table}"
 
 
 def _parameters(c: Calibration) -> str:
-    rows = "".join(
-        f"<tr><th>{escape(name)}</th><td>{value}</td><td>{'± ' + std if std else ''}</td>"
-        f"<td class='unit'>{escape(unit)}</td></tr>"
-        for name, value, std, unit in parameter_rows(c)
-    )
-    return table_html(f"<thead><tr><th></th><th>value</th><th>std</th><th class='unit'>unit</th></tr></thead>{rows}")
+    rows = (row_html(name, [value, _plus_minus(std), unit], "unit") for name, value, std, unit in parameter_rows(c))
+    return table_html(head_html(["", "value", "std", "unit"], "unit") + "".join(rows))
 
 
 def _fit(c: Calibration) -> str:
     rows = {"noise of a pose": c.noise, "residual rms": c.residual_rms, "held-out rms": c.held_out_rms}
-    body = "".join(
-        f"<tr><th>{name}</th>{'<td>-</td>' * 6 if values is None else _cells(values)}</tr>"
-        for name, values in rows.items()
-    )
+    body = "".join(row_html(name, ["-"] * 6 if values is None else _in_units(values)) for name, values in rows.items())
     low, high = np.rad2deg(c.observability.tilt_range)
     facts = {
         "reduced chi-square": f"{c.reduced_chi2:.3g}",
@@ -234,44 +215,42 @@ def _fit(c: Calibration) -> str:
         "condition number": f"{c.observability.condition:.3g}",
         "gravity to the flange's z": f"{low:.0f} to {high:.0f} deg",
     }
-    listed = "".join(
-        f"<tr><th>{name}</th><td colspan=6 class='fact'>{value}</td></tr>" for name, value in facts.items()
-    )
+    listed = "".join(f"<tr><th>{name}</th><td colspan=6 class='fact'>{fact}</td></tr>" for name, fact in facts.items())
     trade_offs = "".join(f"<li>{escape(pair)}</li>" for pair in c.observability.trade_offs[:4])
     trading = f"<p>Trading off against each other:</p><ul>{trade_offs}</ul>" if trade_offs else ""
-    return f"{table_html(_axis_head() + body + listed)}<p class='unit'>N and mN m</p>{trading}"
+    return f"{table_html(head_html(['', *AXES]) + body + listed)}<p class='unit'>N and mN m</p>{trading}"
 
 
-def _ways(ways: tuple[LeftOver, ...]) -> str:
+def _methods(methods: tuple[LeftOver, ...]) -> str:
     rows = "".join(
-        f"<tr><th title='{escape(PURPOSE[way.name])}'>{escape(way.name)}</th>"
-        f"<td class='unit'>{kind}</td>{_cells(values)}</tr>"
-        for way in ways
-        for kind, values in (("mean", way.mean_abs), ("largest", way.max_abs))
+        f"<tr><th title='{escape(PURPOSE[method.name])}'>{escape(method.name)}</th>"
+        f"<td class='unit'>{kind}</td>{''.join(f'<td>{text}</td>' for text in _in_units(values))}</tr>"
+        for method in methods
+        for kind, values in (("mean", method.mean_abs), ("largest", method.max_abs))
     )
-    meaning = "; ".join(f"<b>{name}</b>: {escape(text)}" for name, text in PURPOSE.items())
-    said = f"Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII. {meaning}."
-    return f"{table_html(_axis_head('<th></th>') + rows)}<p class='unit'>{said}</p>"
+    purposes = "; ".join(f"<b>{name}</b>: {escape(text)}" for name, text in PURPOSE.items())
+    said = f"Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII. {purposes}."
+    return f"{table_html(head_html(['', '', *AXES]) + rows)}<p class='unit'>{said}</p>"
 
 
-def _pose_table(c: Calibration, ways: tuple[LeftOver, ...]) -> str:
-    head = "".join(f"<th>{escape(way.name)}</th>" for way in ways)
+def _pose_table(c: Calibration, methods: tuple[LeftOver, ...]) -> str:
+    n, head = len(methods), "".join(f"<th>{escape(method.name)}</th>" for method in methods)
     kept, left_out = figures.pose_numbers(c)
-    rows = {number: f"<td colspan={2 * len(ways)} class='fact'>left out</td>" for number in left_out.tolist()}
+    rows = dict.fromkeys(left_out.tolist(), f"<td colspan={2 * n} class='fact'>left out</td>")
     for k, number in enumerate(kept.tolist()):
-        force = "".join(f"<td>{np.linalg.norm(way.wrench[k, :3]):.3g}</td>" for way in ways)
-        torque = "".join(f"<td>{1e3 * np.linalg.norm(way.wrench[k, 3:]):.3g}</td>" for way in ways)
-        rows[number] = force + torque
+        forces = [np.linalg.norm(method.wrench[k, :3]) for method in methods]
+        torques = [1e3 * np.linalg.norm(method.wrench[k, 3:]) for method in methods]
+        rows[number] = "".join(f"<td>{norm:.3g}</td>" for norm in (*forces, *torques))
     body = "".join(f"<tr><th>{number}</th>{rows[number]}</tr>" for number in sorted(rows))
     table = table_html(
-        f"<thead><tr><th></th><th colspan={len(ways)}>force, N</th><th colspan={len(ways)}>torque, mN m</th></tr>"
+        f"<thead><tr><th></th><th colspan={n}>force, N</th><th colspan={n}>torque, mN m</th></tr>"
         f"<tr><th>pose</th>{head}{head}</tr></thead>{body}"
     )
     return f"<details><summary>Every pose in numbers</summary>{table}</details>"
 
 
 def _provenance(c: Calibration) -> str:
-    rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in c.provenance.items())
+    rows = "".join(row_html(name, [str(value)]) for name, value in c.provenance.items())
     return f"<details><summary>Where this comes from</summary>{table_html(rows, 'facts')}</details>"
 
 
@@ -280,13 +259,28 @@ def table_html(rows: str, kind: str = "") -> str:
     return f"<div class='scroll'><table{f' class={kind}' if kind else ''}>{rows}</table></div>"
 
 
-def _axis_head(before: str = "") -> str:
-    return f"<thead><tr><th></th>{before}{''.join(f'<th>{axis}</th>' for axis in AXES)}</tr></thead>"
+def head_html(titles: Iterable[str], last: str = "") -> str:
+    """The head of a table: plain text; `last` is the last column's class in the style sheet."""
+    return f"<thead>{_line('', [f'<th>{escape(title)}</th>' for title in titles], last)}</thead>"
 
 
-def _cells(values: Array) -> str:
-    in_units = [*values[:3], *(1e3 * values[3:])]
-    return "".join(f"<td>{three_digits(value)}</td>" for value in in_units)
+def row_html(name: str, values: Iterable[str], last: str = "") -> str:
+    """A row of a table: plain text; `last` is the last column's class in the style sheet."""
+    return _line(f"<th>{escape(name)}</th>", [f"<td>{escape(value)}</td>" for value in values], last)
+
+
+def _line(name: str, cells: list[str], last: str) -> str:
+    if last:
+        cells[-1] = f"{cells[-1][:3]} class='{last}'{cells[-1][3:]}"
+    return f"<tr>{name}{''.join(cells)}</tr>"
+
+
+def _in_units(values: Array) -> list[str]:
+    return [three_digits(value) for value in (*values[:3], *(1e3 * values[3:]))]
+
+
+def _plus_minus(std: str) -> str:
+    return f"± {std}" if std else ""
 
 
 def figure_html(svg: str, caption: str) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Iterable
 
-import msgspec
 import numpy as np
 
 from ..assess.plan import Accuracy, Plan
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
+from .text import json_text
 
 MUCH_WORSE = 1.05
 """Of the std that a plan without a robot reaches: more than this, and the arm's limits are said to cost it."""
@@ -35,22 +35,33 @@ def plan_text(plan: Plan) -> str:
 
 
 def _poses(plan: Plan) -> list[str]:
-    """One line a pose: what the flange sees of gravity, how far it is from the pose before, and how to go there."""
+    """One line a pose: what the flange sees of gravity, how far it is from the pose before, and how to go there; joint
+    angles in a table of their own, as there are up to seven.
+    """
     down = gravity_in_flange(plan.R_base_flange, plan.expected.tool.gravity_direction)
     tilt = np.rad2deg(np.arccos(np.clip(down[:, 2], -1.0, 1.0)))
-    way = _quat_xyzw(plan.R_base_flange) if plan.joints is None else plan.joints
-    names = "".join(f"{name:>9}" for name in _columns(plan)[-way.shape[1] :])
     lines = [
-        f"  {'':4}   {'down, in flange axes':^20}   {'flange z':>9}   {'turn':>7}",
-        f"  {'pose':4}   {'x':>6} {'y':>6} {'z':>6}   {'from down':>9}   {'':>7}{names}"
-        + ("" if plan.joints is None else "  rad"),
+        f"  {'':4}  {'down, in flange axes':^20}  {'flange z':>9}  {'turn':>7}",
+        f"  {'pose':4}  {'x':>6} {'y':>6} {'z':>6}  {'from down':>9}  {'':>7}",
     ]
     for k in range(len(plan)):
         turn = "" if np.isnan(plan.turn[k]) else f"{np.rad2deg(plan.turn[k]):.0f} deg"
         seen = " ".join(f"{value:+6.2f}" for value in down[k])
-        go_to = "".join(f"{value:9.4f}" for value in way[k])
-        lines.append(f"  {k + 1:4d}   {seen}   {tilt[k]:5.0f} deg   {turn:>7}{go_to}")
-    return lines
+        lines.append(f"  {k + 1:4d}  {seen}  {tilt[k]:5.0f} deg  {turn:>7}")
+    if plan.joints is None:
+        go_to = [_cells(_columns(plan), ">8"), *(_cells(row, "8.4f") for row in _quat_xyzw(plan.R_base_flange))]
+        return [lines[0], *(line + cells for line, cells in zip(lines[1:], go_to, strict=True))]
+    names = f"  pose{_cells(_columns(plan)[4:], '>9')}  rad"
+    return [
+        *(line.rstrip() for line in lines),
+        "",
+        names,
+        *(f"  {k:4d}{_cells(joints, '9.4f')}" for k, joints in enumerate(plan.joints, start=1)),
+    ]
+
+
+def _cells(values: Iterable[object], form: str) -> str:
+    return "".join(f"{value:{form}}" for value in values)
 
 
 def _accuracies(plan: Plan) -> list[str]:
@@ -90,37 +101,34 @@ def plan_csv(plan: Plan) -> str:
 
 def plan_json(plan: Plan) -> str:
     """What the plan is for, its poses, and what they are worth: SI and radians."""
-
-    def accuracy(of: Accuracy | None) -> dict[str, float] | None:
-        return None if of is None else asdict(of)
-
     expected = plan.expected
     down = gravity_in_flange(plan.R_base_flange, expected.tool.gravity_direction)
-    values = {
-        "model": plan.model,
-        "expected": {
-            "weight": expected.tool.weight,
-            "com": expected.tool.com.tolist(),
-            "noise": expected.noise.tolist(),
-            "fitted_to": expected.fitted_to,
-            "refusal": expected.refusal,
-        },
-        "recorded": plan.recorded,
-        "robot": None if plan.around is None else {"arm": plan.arm, "around": plan.around.tolist()},
-        "poses": [
-            {
-                "quat_xyzw": quat_xyzw,
-                "joints": None if plan.joints is None else plan.joints[k].tolist(),
-                "down_in_flange": down[k].tolist(),
-                "turn": None if np.isnan(plan.turn[k]) else float(plan.turn[k]),
-            }
-            for k, quat_xyzw in enumerate(_quat_xyzw(plan.R_base_flange).tolist())
-        ],
-        "before": accuracy(plan.before),
-        "after": accuracy(plan.after),
-        "anywhere": accuracy(plan.anywhere),
-    }
-    return msgspec.json.format(msgspec.json.encode(values), indent=2).decode()
+    return json_text(
+        {
+            "model": plan.model,
+            "expected": {
+                "weight": expected.tool.weight,
+                "com": expected.tool.com,
+                "noise": expected.noise,
+                "fitted_to": expected.fitted_to,
+                "refusal": expected.refusal,
+            },
+            "recorded": plan.recorded,
+            "robot": None if plan.around is None else {"arm": plan.arm, "around": plan.around},
+            "poses": [
+                {
+                    "quat_xyzw": quat_xyzw,
+                    "joints": None if plan.joints is None else plan.joints[k],
+                    "down_in_flange": down[k],
+                    "turn": float(plan.turn[k]),
+                }
+                for k, quat_xyzw in enumerate(_quat_xyzw(plan.R_base_flange))
+            ],
+            "before": plan.before,
+            "after": plan.after,
+            "anywhere": plan.anywhere,
+        }
+    )
 
 
 def _columns(plan: Plan) -> list[str]:

@@ -1,12 +1,11 @@
-"""The picture of a recording: what sensor and arm did over time, which stretches were averaged, which left out."""
+"""Recordings of any length in a picture: what sensor and arm did over time, what was averaged, what was left out."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array
@@ -18,8 +17,10 @@ from .figures import AXIS_COLOURS, drawing, svg_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS = 500
-"""Of the picture; in each the least and the largest reading are drawn, so that a million rows make no larger one."""
+MOST_BINS = 2000
+"""Of a picture; in each the least and the most are drawn, so that a million rows make no larger one."""
+FIRST_WIDTH = 0.005
+"""s: of a bin, until there are too many of them."""
 
 STILL, LEFT_OUT, ARM = "#d8ecdf", "#6a7178", "#2a3036"
 NARROWEST = 0.004
@@ -28,23 +29,103 @@ NARROWEST = 0.004
 MOST_NUMBERED = 40
 
 
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Bins of `width` s from `start` s on: the least `low` (m, k) and the most `high` (m, k) of k signals in each, NaN
+    where there was no sample.
+    """
+
+    start: float
+    width: float
+    low: Array
+    high: Array
+
+    @property
+    def t(self) -> Array:
+        """The middle of each bin (m,), s."""
+        middles: Array = self.start + self.width * (np.arange(len(self.low), dtype=np.float64) + 0.5)
+        return middles
+
+
+def envelope(t: Array, values: Array, before: Envelope | None = None, most_bins: int = MOST_BINS) -> Envelope:
+    """The envelope of signals.
+
+    Args:
+        t: times (n,), s, none before the first of all; NaN is left out.
+        values: signals (n, k).
+        before: an envelope that goes on with them.
+        most_bins: whose width doubles where there would be more.
+    """
+    known = np.isfinite(t)
+    t, values = t[known], values[known]
+    if not len(t):
+        return before or Envelope(0.0, FIRST_WIDTH, values, values)
+    if before is None or not len(before.low):
+        before = Envelope(float(t.min()), FIRST_WIDTH, values[:0], values[:0])
+    while (t.max() - before.start) / before.width >= most_bins:
+        before = _halved(before)
+    place = np.maximum(((t - before.start) / before.width).astype(np.intp), 0)
+    grown = _with_rows(before, max(len(before.low), int(place.max()) + 1))
+    low, high = grown.low.copy(), grown.high.copy()
+    np.fmin.at(low, place, values)
+    np.fmax.at(high, place, values)
+    return replace(grown, low=low, high=high)
+
+
+def _halved(fine: Envelope) -> Envelope:
+    """Bins twice as wide."""
+    even = _with_rows(fine, len(fine.low) + len(fine.low) % 2)
+    low, high = (values.reshape(-1, 2, values.shape[1]) for values in (even.low, even.high))
+    return Envelope(fine.start, 2.0 * fine.width, np.fmin(low[:, 0], low[:, 1]), np.fmax(high[:, 0], high[:, 1]))
+
+
+def _with_rows(bins: Envelope, rows: int) -> Envelope:
+    more = np.full((rows - len(bins.low), bins.low.shape[1]), np.nan)
+    return replace(bins, low=np.vstack([bins.low, more]), high=np.vstack([bins.high, more]))
+
+
+def outline(of: Envelope) -> tuple[Array, Array]:
+    """The envelope as lines to draw.
+
+    Args:
+        of: k signals.
+
+    Returns:
+        Times (m,), s, and values (m, k): the least and the most of each bin that holds a sample, the most first where
+        the signal falls; NaN in a gap.
+    """
+    held = np.isfinite(of.low).any(axis=1)
+    t, low, high = np.repeat(of.t[held], 2), of.low[held], of.high[held]
+    falls = np.diff(low + high, axis=0, prepend=np.inf) < 0.0
+    values = np.stack([np.where(falls, high, low), np.where(falls, low, high)], axis=1).reshape(len(t), low.shape[1])
+    step = np.diff(t)
+    usual, span = (float(np.median(step[step > 0.0])), float(np.ptp(t))) if (step > 0.0).any() else (0.0, 0.0)
+    gap = np.flatnonzero(step > max(10.0 * usual, 3.0 * span / MOST_BINS))
+    return np.insert(t, np.add(gap, 1), np.nan), np.insert(values, np.add(gap, 1), np.nan, axis=0)
+
+
 def signals_over_time(calibration: Calibration, samples: Samples, found: StillSegments) -> str:
-    """Force, torque and the angle of the arm from where it began, over the time since the first row. Green: still
-    stretches; hatched: those left out, by the numbers of their poses.
+    """Force, torque and the angle of the arm from where it began, over the time since the first row.
+
+    Args:
+        calibration: made from the samples.
+        samples: a stream, or rows in their order.
+        found: its still stretches, drawn green; those left out are hatched, by the numbers of their poses.
+
+    Returns:
+        SVG.
     """
     t = samples.t if samples.t is not None else np.arange(float(len(samples)))
     first = float(t[0])
     numbered = left_out_spans(calibration, found)
+    angle = np.rad2deg(_angle_from(samples.R_base_flange))
+    at, lines = outline(envelope(t - first, np.column_stack([samples.wrench, angle]), most_bins=MOST_BINS // 2))
     with drawing(1, (8.2, 5.6), rows=3) as (figure, axes):
-        for ax, columns, scale, name in zip(
-            axes[:2], (slice(0, 3), slice(3, 6)), (1.0, 1e3), ("force, N", "torque, mN m"), strict=True
-        ):
-            for k, values in enumerate(samples.wrench[:, columns].T):
-                at, outline = envelope(t - first, scale * values)
-                ax.plot(at, outline, color=AXIS_COLOURS[k], lw=0.7, label="xyz"[k])
+        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=False):
+            for k in range(3):
+                ax.plot(at, scale * lines[:, part + k], color=AXIS_COLOURS[k], lw=0.7, label="xyz"[k])
             ax.set_ylabel(name)
-        at, outline = envelope(t - first, np.rad2deg(_angle_from(samples.R_base_flange)))
-        axes[2].plot(at, outline, color=ARM, lw=0.8)
+        axes[2].plot(at, lines[:, 6], color=ARM, lw=0.8)
         axes[2].set_ylabel("angle of the arm, deg")
         axes[2].set_xlabel("time since the first row, s")
         span = float(t.max()) - first
@@ -81,24 +162,6 @@ def _is_of(stretch: StillSegment, pose: Pose) -> bool:
     within = pose.t_start <= stretch.t_start and stretch.t_end <= pose.t_end
     alike = float(np.linalg.norm(stretch.R_base_flange - pose.R_base_flange)) < np.sqrt(2.0) * 2.0 * SAME_POSE_ANGLE
     return within and alike and (stretch.rejected is None or stretch.rejected == pose.rejected)
-
-
-def envelope(t: Array, values: Array) -> tuple[Array, Array]:
-    """The least and the largest value of every so many rows, `COLUMNS` times, in the order in which they came; all
-    values where there are few. A gap in time leaves a gap.
-    """
-    if len(t) <= 2 * COLUMNS:
-        return _with_gaps(t, values)
-    edges = np.linspace(0, len(t), COLUMNS + 1).astype(np.intp)
-    ends = [(a + int(np.argmin(values[a:b])), a + int(np.argmax(values[a:b]))) for a, b in pairwise(edges)]
-    rows: NDArray[np.intp] = np.unique(ends)
-    return _with_gaps(t[rows], values[rows])
-
-
-def _with_gaps(t: Array, values: Array) -> tuple[Array, Array]:
-    step = np.diff(t)
-    gap = np.flatnonzero((step < 0.0) | (step > max(10.0 * float(np.median(step)), 3.0 * float(np.ptp(t)) / COLUMNS)))
-    return np.insert(t, gap + 1, np.nan), np.insert(values, gap + 1, np.nan)
 
 
 def _angle_from(R: Array) -> Array:

@@ -1,8 +1,13 @@
-"""Verification, held object and difference as text for the terminal, and as JSON."""
+"""Results as text for the terminal, and as JSON: verification, held object, difference, contents of a recording.
+
+A sentence is one line of the text, however long; tables are at most 80 columns wide.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from collections.abc import Iterator
+from dataclasses import fields
+from datetime import UTC, datetime
 from typing import Any
 
 import msgspec
@@ -10,10 +15,25 @@ import numpy as np
 
 from ..assess.verify import Verification
 from ..assess.weigh import HeldObject
-from ..calibration.difference import Difference
+from ..calibration.difference import Difference, GroupChange
 from ..geometry.arrays import Array
 from ..model import AXES
+from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
 from ..statistics import meaningful_digits, percent
+
+NAME_AND_TYPE, TYPE_WIDTH = 34, 16
+UNIX_TIMES = (946684800.0, 4102444800.0)
+"""s: 2000 to 2100. Other stamps are of clocks that start elsewhere."""
+NOTABLE_CLOCK = 0.5
+"""s by which stamps in headers may differ from the bag's own before it is said."""
+MOST_FRAMES = 60
+_MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
+_SPOKEN = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m"), "s": (1e3, "ms")}
+
+
+def json_text(values: Any) -> str:
+    """Values as JSON for people: arrays as lists, dataclasses as objects, NaN as null."""
+    return msgspec.json.format(msgspec.json.encode(values, enc_hook=np.ndarray.tolist), indent=2).decode()
 
 
 def verification_text(result: Verification) -> str:
@@ -44,10 +64,12 @@ def verification_text(result: Verification) -> str:
 
 def verification_json(result: Verification) -> str:
     """The fields of `Verification` under their names; each weighing with its `error` and `error_std`."""
-    values: dict[str, Any] = {field.name: getattr(result, field.name) for field in fields(result)}
-    values["residuals"], values["rms"] = result.residuals.tolist(), result.rms.tolist()
-    values["weighings"] = [{**asdict(w), "error": w.error, "error_std": w.error_std} for w in result.weighings]
-    return _json(values)
+    weighings = [{**_fields(w), "error": w.error, "error_std": w.error_std} for w in result.weighings]
+    return json_text({**_fields(result), "weighings": weighings})
+
+
+def _fields(of: Any) -> dict[str, Any]:
+    return {field.name: getattr(of, field.name) for field in fields(of)}
 
 
 def held_object_text(held: HeldObject) -> str:
@@ -98,8 +120,7 @@ def _triple(values: Array, digits: int) -> str:
 
 def held_object_json(held: HeldObject) -> str:
     """The fields of `HeldObject` under their names, and `com_std`; null where a number is not known."""
-    values = {field.name: getattr(held, field.name) for field in fields(held)} | {"com_std": held.com_std}
-    return _json({name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in values.items()})
+    return json_text({**_fields(held), "com_std": held.com_std})
 
 
 def difference_text(change: Difference) -> str:
@@ -131,34 +152,116 @@ def difference_json(change: Difference) -> str:
     """`change`, `std` and `in_std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle`, `significant`, the
     joint test of each group, and the `meaning` in words.
     """
-    return _json(
+    return json_text(
         {
             "change": dict(zip(change.names, change.change.tolist(), strict=True)),
             "std": dict(zip(change.names, change.std.tolist(), strict=True)),
             "units": dict(zip(change.names, change.units, strict=True)),
-            "free_wrench": change.free_wrench.tolist(),
+            "free_wrench": change.free_wrench,
             "mounting_angle": change.mounting_angle,
             "gravity_angle": change.gravity_angle,
-            "significant": list(change.significant),
+            "significant": change.significant,
             "in_std": dict(zip(change.names, change.in_std.tolist(), strict=True)),
-            "groups": {
-                group.name: {
-                    "parameters": group.parameters,
-                    "chi2": group.test.chi2,
-                    "dof": group.test.dof,
-                    "probability": group.test.probability,
-                    "significant": group.significant,
-                }
-                for group in change.groups
-            },
+            "groups": {group.name: {"parameters": group.parameters, **_test(group)} for group in change.groups},
             "meaning": change.meaning,
         }
     )
 
 
-_MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
-_SPOKEN = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m"), "s": (1e3, "ms")}
+def _test(group: GroupChange) -> dict[str, Any]:
+    test = group.test
+    return {"chi2": test.chi2, "dof": test.dof, "probability": test.probability, "significant": group.significant}
 
 
-def _json(values: dict[str, Any]) -> str:
-    return msgspec.json.format(msgspec.json.encode(values), indent=2).decode()
+def contents_text(contents: BagContents | TableContents) -> str:
+    """Topics or columns, how many, how often, the longest gap; times from the start of the recording."""
+    return "\n".join(_bag(contents) if isinstance(contents, BagContents) else _table(contents))
+
+
+def _bag(contents: BagContents) -> Iterator[str]:
+    count = sum(topic.rhythm.count for topic in contents.topics)
+    yield f"{contents.path}"
+    yield f"{contents.kind}, {count:,} messages in {contents.duration:.6g} s{_since(contents.start)}"
+    kind = max([4, *(len(_type(topic)) for topic in contents.topics)])
+    name = max([5, *(len(topic.name) for topic in contents.topics if len(topic.name) <= NAME_AND_TYPE - kind)])
+    yield ""
+    yield f"  {'topic':<{name}}  {'type':<{kind}}{'messages':>10}{'rate Hz':>8}  longest gap"
+    for gives in dict.fromkeys(["wrench", "pose", *sorted({t.gives for t in contents.topics}, reverse=True)]):
+        topics = [topic for topic in contents.topics if topic.gives == gives]
+        if topics:
+            yield f"{gives[0].upper()}{gives[1:]}" if gives else "Other"
+        for topic in topics:
+            yield from _topic(topic, name, kind)
+    if contents.frames:
+        yield ""
+        yield "Frames (= never moves against the one above)"
+        yield from _frames(contents.frames)
+    yield ""
+    yield "Read without options"
+    yield from (f"  {sentence}" for sentence in contents.reading)
+
+
+def _topic(topic: TopicContent, name: int, kind: int) -> Iterator[str]:
+    if len(topic.name) > name:  # whole, so that it can be copied
+        yield f"  {topic.name}"
+    shown = topic.name if len(topic.name) <= name else ""
+    head = f"  {shown:<{name}}  {_type(topic):<{kind}}"
+    yield f"{head}{topic.rhythm.count:>10,}{_rate(topic.rhythm):>8}  {_gap(topic.rhythm)}".rstrip()
+    if topic.clock is not None and abs(topic.clock) > NOTABLE_CLOCK:
+        way = "behind" if topic.clock > 0.0 else "ahead of"
+        yield f"    stamps in its headers are {abs(topic.clock):.6g} s {way} the bag's own"
+
+
+def _frames(frames: tuple[FrameContent, ...]) -> Iterator[str]:
+    children: dict[str, list[FrameContent]] = {}
+    for frame in frames:
+        children.setdefault(frame.parent, []).append(frame)
+    below = {frame.name for frame in frames}
+    lines: list[str] = []
+
+    def down(name: str, depth: int, sign: str, above: tuple[str, ...]) -> None:
+        lines.append(f"  {'  ' * depth}{sign}{name}")
+        for child in children.get(name, ()):
+            if child.name not in above:
+                down(child.name, depth + 1, "" if child.moves else "= ", (*above, name))
+
+    for root in dict.fromkeys(frame.parent for frame in frames):
+        if root not in below:
+            down(root, 0, "", ())
+    yield from lines[:MOST_FRAMES]
+    if len(lines) > MOST_FRAMES:
+        yield f"  and {len(lines) - MOST_FRAMES} more"
+
+
+def _table(contents: TableContents) -> Iterator[str]:
+    yield contents.path
+    yield f"Table, {contents.rows:,} rows of {len(contents.columns)} columns"
+    yield f"  {', '.join(contents.columns)}"
+    if contents.rhythm is None or contents.rhythm.last is None or contents.start is None:
+        yield "  no times: a column t would tell rate and gaps"
+        return
+    rhythm = contents.rhythm
+    yield f"  times: {rhythm.last:.6g} s{_since(contents.start)}"
+    yield f"  rate: {_rate(rhythm)} Hz, longest gap {_gap(rhythm)}" if rhythm.rate else "  rate: not known"
+
+
+def _rate(rhythm: Rhythm) -> str:
+    return f"{rhythm.rate:.4g}" if rhythm.rate is not None else ""
+
+
+def _gap(rhythm: Rhythm) -> str:
+    if rhythm.longest_gap is None or rhythm.gap_at is None:
+        return "" if rhythm.first is None else f"at {rhythm.first:.3f} s"
+    return f"{rhythm.longest_gap:.3g} s at {rhythm.gap_at:.3f} s"
+
+
+def _since(start: float) -> str:
+    if not UNIX_TIMES[0] < start < UNIX_TIMES[1]:
+        return ""
+    return f" from {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _type(topic: TopicContent) -> str:
+    """The type without its package: JSON has the whole."""
+    name = topic.type.rpartition("/")[2]
+    return name if len(name) <= TYPE_WIDTH else f"{name[: TYPE_WIDTH - 2]}.."

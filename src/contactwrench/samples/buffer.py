@@ -105,8 +105,8 @@ def with_batch(before: Buffer | None, batch: Streams) -> Buffer:
     origin = float(finite.min())
     wrench_stamps = stamps_after(before.wrench_stamps, wrench.t, origin)
     orientation_stamps = stamps_after(before.orientation_stamps, orientation.t, origin)
-    readings = _joined(before.readings, readings)
-    orientations = _joined(before.orientations, orientations)
+    readings = Readings.concatenate([before.readings, readings])
+    orientations = Orientations.concatenate([before.orientations, orientations])
     by_stamp = np.argsort(orientations.t, kind="stable")
     t = orientations.t[by_stamp]
     kept = by_stamp[np.r_[t[1:] > t[:-1], np.ones(min(len(t), 1), dtype=bool)]]
@@ -118,10 +118,6 @@ def with_batch(before: Buffer | None, batch: Streams) -> Buffer:
         origin,
         before.passed,
     )
-
-
-def _joined(before: Table, new: Table) -> Table:
-    return before.concatenate([rows for rows in (before, new) if len(rows)] or [before])
 
 
 def _in_order(rows: Table, order: NDArray[np.intp]) -> Table:

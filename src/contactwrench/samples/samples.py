@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,16 +125,10 @@ class Streams:
     @classmethod
     def concatenate(cls, parts: Sequence[Streams]) -> Streams:
         """All rows, part after part."""
-        return cls(_concatenated([part.wrench for part in parts]), _concatenated([part.orientation for part in parts]))
-
-
-_Stream = TypeVar("_Stream", WrenchStream, OrientationStream)
-
-
-def _concatenated(parts: list[_Stream]) -> _Stream:
-    """One stream of several; one without rows need not have the columns of the others."""
-    with_rows = [part for part in parts if len(part)]
-    return type(parts[0]).concatenate(with_rows or parts[:1])
+        return cls(
+            WrenchStream.concatenate([part.wrench for part in parts]),
+            OrientationStream.concatenate([part.orientation for part in parts]),
+        )
 
 
 def _rotations(R: Array) -> Array:

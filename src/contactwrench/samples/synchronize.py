@@ -18,7 +18,7 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import arcs_through
 from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
 from .samples import Samples, Streams
-from .timestamps import notes_of, require_common_span, require_times
+from .timestamps import counted, notes_of, require_common_span, require_times
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
 """A gap is longer than this many s and longer than this many median spacings of the stream, where no limit is given."""
@@ -234,7 +234,9 @@ class _Pairing:
     def _notes(self, buffer: Buffer) -> tuple[str, ...]:
         count = self._count
         notes = [*notes_of(buffer.wrench_stamps), *notes_of(buffer.orientation_stamps)]
-        notes += [f"{_readings(count[reason])} {reason} left out" for reason in (BEFORE, AFTER) if count[reason]]
+        notes += [
+            f"{counted(count[reason], 'reading')} {reason} left out" for reason in (BEFORE, AFTER) if count[reason]
+        ]
         for what, words in (
             (GAP, "no orientation {}: {} left out"),
             (TURN, "the orientation turns by more than 90 deg {}, which way round is not known: {} left out"),
@@ -242,12 +244,12 @@ class _Pairing:
         ):
             holes = {hole: n for hole, n in self._holes.items() if hole.what == what}
             named = list(holes)[:GAPS_NAMED]
-            notes += [words.format(_from_to(hole, buffer), _readings(holes.pop(hole))) for hole in named]
+            notes += [words.format(_from_to(hole, buffer), counted(holes.pop(hole), "reading")) for hole in named]
             if holes:
-                left_out = "" if what == WRENCH_GAP else f", {_readings(sum(holes.values()))} left out"
+                left_out = "" if what == WRENCH_GAP else f", {counted(sum(holes.values()), 'reading')} left out"
                 notes.append(f"and {len(holes)} more of these{left_out}")
         if n := count[NOT_A_NUMBER]:
-            notes.append(f"{_readings(n)} that {'is not a number' if n == 1 else 'are not numbers'} left out")
+            notes.append(f"{counted(n, 'reading')} that {'is not a number' if n == 1 else 'are not numbers'} left out")
         return tuple(notes)
 
 
@@ -268,7 +270,3 @@ def _interval(t: Array, moments: Array) -> tuple[NDArray[np.intp], NDArray[np.bo
 
 def _from_to(hole: Hole, buffer: Buffer) -> str:
     return f"from {hole.start - buffer.origin:.3f} s to {hole.end - buffer.origin:.3f} s"
-
-
-def _readings(n: int) -> str:
-    return "1 reading" if n == 1 else f"{n} readings"

@@ -97,13 +97,13 @@ def notes_of(stamps: Stamps) -> tuple[str, ...]:
     notes = []
     if stamps.out_of_order:
         notes.append(
-            f"{_rows(stamps.out_of_order)} of the {stamps.stream} came out of order, by up to "
+            f"{counted(stamps.out_of_order, 'row')} of the {stamps.stream} came out of order, by up to "
             f"{1e3 * stamps.furthest_back:.3g} ms: sorted by their stamps"
         )
     if stamps.repeated:
         which = "the last of each stamp counts" if stamps.stream == "orientation" else "all of them count"
         repeat = "repeats" if stamps.repeated == 1 else "repeat"
-        notes.append(f"{_rows(stamps.repeated)} of the {stamps.stream} {repeat} the stamp before: {which}")
+        notes.append(f"{counted(stamps.repeated, 'row')} of the {stamps.stream} {repeat} the stamp before: {which}")
     return tuple(notes)
 
 
@@ -165,5 +165,6 @@ def _remedy(wrench: Stamps, orientation: Stamps) -> str:
     return "record both with one clock, or correct the stamps of one"
 
 
-def _rows(n: int) -> str:
-    return "1 row" if n == 1 else f"{n} rows"
+def counted(n: int, noun: str) -> str:
+    """How many, in words."""
+    return f"1 {noun}" if n == 1 else f"{n} {noun}s"

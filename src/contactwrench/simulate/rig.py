@@ -24,10 +24,9 @@ JOINTS = 7
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The machine that `settings` describe, with `load_mass` (kg) on the tool's hook, compiled by MuJoCo."""
+    """The machine that `settings` describe, with a load on the tool's hook or none, compiled by MuJoCo."""
 
     settings: Settings
-    load_mass: float
     model: mujoco.MjModel
     flange: int
     sensor: int
@@ -97,7 +96,7 @@ def build(
   {more}
 </mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
-    return Rig(settings, load_mass, model, model.site("flange").id, model.site("sensor").id)
+    return Rig(settings, model, model.site("flange").id, model.site("sensor").id)
 
 
 def inverse_dynamics(

@@ -45,7 +45,7 @@ def write_bag_with(
     wrench_topic: str | None = None,
     topic: str | None = None,
     frame: str | None = None,
-) -> None:
+) -> str:
     """Copy a bag and add the contact wrench as a topic of `geometry_msgs/WrenchStamped`.
 
     Every other message keeps its payload, type, definition and the time at which it was recorded, in an MCAP with an
@@ -60,6 +60,9 @@ def write_bag_with(
         wrench_topic: that of the readings; None: the only one.
         topic: that of the contact wrench; None: the wrench's own with `/contact` behind it.
         frame: in which the contact wrench is; None: that of its reading.
+
+    Returns:
+        The name of the new topic.
 
     Raises:
         FileAccessError: the output is the input, is a folder that is there, or cannot be written.
@@ -84,6 +87,7 @@ def write_bag_with(
             _copy_mcaps(bag, path_out, source, name, copied)
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
+    return name
 
 
 def _copied(bag: Bag, topic: Topic, wrenches: Iterable[Array], frame: str | None) -> Copied:

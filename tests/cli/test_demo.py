@@ -1,23 +1,25 @@
 """`contactwrench demo` and the examples: what a newcomer runs first."""
 
 import runpy
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.cli.demonstration import demonstrate
+from tests.support.recordings import run_quietly
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    folder = tmp_path_factory.mktemp("demo") / "deep" / "folder"
-    said: list[str] = []
-    demonstrate(folder, said.append)
-    return folder, " ".join(" ".join(said).split())
+    folder, text = tmp_path_factory.mktemp("demo") / "deep" / "folder", StringIO()
+    with redirect_stdout(text):
+        assert run_quietly(["demo", "--out", folder]) == 0
+    return folder, " ".join(text.getvalue().split())
 
 
 def test_it_writes_recordings_calibrations_contact_wrenches_and_one_report(demo: tuple[Path, str]) -> None:

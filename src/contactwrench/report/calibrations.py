@@ -1,0 +1,159 @@
+"""Recordings to calibrations as files: fitted, saved, reported, and held to the accuracy that is required."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..calibration.calibration import Calibration
+from ..calibration.file import to_json
+from ..calibration.text import describe
+from ..errors import FileAccessError
+from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
+from ..files import STDOUT, make_folder, require_distinct
+from ..geometry.arrays import Array
+from ..geometry.wrench import STANDARD_GRAVITY
+from ..recording.options import Options
+from ..samples.samples import Samples
+
+OF_THE_FILE = ("orientation", "wrench_frame", "sign", "inverse_orientation")
+"""Options that a calibration keeps, so that a recording that is read otherwise is noticed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """What was made of recordings: the calibrations; what was `written` and where; the accuracies that were `missed`, a
+    line each.
+    """
+
+    calibrations: tuple[Calibration, ...]
+    written: tuple[tuple[str, Path], ...]
+    missed: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """For people: a sentence is one line."""
+        return "\n\n".join(map(describe, self.calibrations))
+
+    @property
+    def json(self) -> str:
+        """The saved form; of several a JSON array."""
+        forms = [to_json(calibration) for calibration in self.calibrations]
+        return forms[0] if len(forms) == 1 else "[\n" + ",\n".join(form.rstrip("\n") for form in forms) + "\n]\n"
+
+
+def calibrate_recordings(
+    files: Sequence[Path],
+    options: Options,
+    read: Callable[[Path], Samples],
+    *,
+    model: str = "auto",
+    shared: tuple[str, ...] = (),
+    gravity: Array | None = None,
+    g: float = STANDARD_GRAVITY,
+    known: dict[str, tuple[Any, Any]] | None = None,
+    prior: Path | None = None,
+    mount_tilt_sd: float | None = None,
+    base_tilt_sd: float | None = None,
+    output: Path | None = None,
+    report: Path | None = None,
+    require_force: float | None = None,
+    require_torque: float | None = None,
+) -> Calibrated:
+    """Calibrate, save and report.
+
+    Args:
+        files: one recording, or with `shared` one of each tool.
+        options: how they are written.
+        read: gives the samples of a file.
+        model: auto, paper, yaw, mount, mount+base or affine.
+        shared: what the recordings have in common: mount, gravity.
+        gravity: its direction (3,) in base axes, where it is known.
+        g: m/s^2, of the mass.
+        known: what is known beforehand, as `calibrate` takes it.
+        prior: file with an earlier calibration of the same tool.
+        mount_tilt_sd: std of the sensor's tilt, an axis, rad.
+        base_tilt_sd: of the base's.
+        output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
+        report: a page about the calibration.
+        require_force: N, the most that the calibration may add to the contact force (std).
+        require_torque: N m, to the torque.
+
+    Raises:
+        ContactWrenchError: as reading, fitting and writing raise it.
+    """
+    paths = _output_files(files, output, bool(shared))
+    if not shared:
+        inputs = {"recording that is read": files[0], "recording of the poses that is read": options.pose_file}
+        require_distinct(output, {**inputs, "report": report})
+        require_distinct(report, inputs)
+    recordings = [read(file) for file in files]
+    stated: dict[str, Any] = {
+        "gravity": gravity,
+        "g": g,
+        "mount_tilt_sd": MOUNT_TILT_SD if mount_tilt_sd is None else mount_tilt_sd,
+        "base_tilt_sd": BASE_TILT_SD if base_tilt_sd is None else base_tilt_sd,
+        "known": known or {},
+    }
+    if shared:
+        from ..estimation.several_tools import calibrate_shared
+
+        fitted = calibrate_shared(recordings, shared, model, **stated)
+    else:
+        from ..estimation.calibrate import calibrate
+
+        earlier = None if prior is None else Calibration.load(prior)
+        fitted = (calibrate(recordings[0], model, prior=earlier, **stated),)
+    kept = {name: getattr(options, name) for name in OF_THE_FILE}
+    kept["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+    calibrations = tuple(replace(c, provenance={**c.provenance, **kept}) for c in fitted)
+    if shared and output is not None and paths:
+        make_folder(output)
+    for path, calibration in zip(paths, calibrations, strict=bool(paths)):
+        calibration.save(path)
+    written = [("calibration", path) for path in paths]
+    if report is not None:
+        from .html import write_calibration_report
+
+        write_calibration_report(report, calibrations[0], recordings[0])
+        written.append(("report", report))
+    missed = [line for c in calibrations for line in _missed(c, require_force, require_torque, bool(shared))]
+    return Calibrated(calibrations, tuple(written), tuple(missed))
+
+
+def _output_files(files: Sequence[Path], output: Path | None, several: bool) -> list[Path]:
+    """`output`, or of several `output`/NAME.json for each recording NAME.csv; nothing for stdout.
+
+    Raises `FileAccessError` for a folder that is none, for two recordings of one name, and for an output that is read.
+    """
+    if output is None or str(output) == STDOUT:
+        return []
+    if not several:
+        return [output]
+    if output.exists() and not output.is_dir():
+        raise FileAccessError(f"{output}: found a file, expected a folder for {len(files)} calibrations: name one")
+    targets = [output / f"{file.stem}.json" for file in files]
+    for k, target in enumerate(targets):
+        if target in targets[:k]:
+            raise FileAccessError(
+                f"{target}: found two recordings named {files[k].stem}, expected different names: rename one, or leave "
+                "--output out"
+            )
+        require_distinct(target, {f"recording {file} that is read": file for file in files})
+    return targets
+
+
+def _missed(calibration: Calibration, force: float | None, torque: float | None, named: bool) -> list[str]:
+    """The line that says which of the required accuracies is missed, if one is."""
+    missed = [
+        f"{name} {value:.3g} {unit} over {limit:g}"
+        for name, value, limit, unit in zip(
+            ("force", "torque"), calibration.largest_std, (force, torque), ("N", "N m"), strict=True
+        )
+        if limit is not None and not value <= limit
+    ]
+    where = f"{calibration.provenance['source']}: " if named else ""
+    return [f"{where}Required accuracy missed: largest std of the contact {' and '.join(missed)}"] if missed else []

@@ -1,0 +1,154 @@
+"""How the program prints: within the terminal's width, no word broken; and what `compensate` says that it wrote."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.calibration.text import flowed
+from tests.support.bags import pose_stamped, wrench_stamped, write_bag
+from tests.support.recordings import PANDA, PAPER, Run, run, run_quietly, rz
+
+Capture = pytest.CaptureFixture[str]
+VERBS = ("info", "plan", "calibrate", "diagnose", "compensate", "verify", "weigh", "show", "diff", "simulate", "demo")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two calibrations, two recordings and a bag, under short names."""
+    folder = tmp_path_factory.mktemp("out")
+    (folder / "panda.csv").write_bytes(PANDA.read_bytes())
+    (folder / "paper.csv").write_bytes(PAPER.read_bytes())
+    cw.calibrate(cw.read(PANDA)).save(folder / "panda.json")
+    cw.calibrate(cw.read(PAPER), "paper").save(folder / "paper.json")
+    R = np.array([rz(0.05 * k) for k in range(20)])
+    messages = [wrench_stamped(0.1 * k, np.ones(6)) for k in range(20)]
+    messages += [pose_stamped(0.1 * k, R[k], np.zeros(3)) for k in range(20)]
+    write_bag(folder / "run.mcap", messages)
+    return folder
+
+
+def on_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, columns: int, *arguments: str
+) -> list[str]:
+    """The lines that the program shows on a terminal of so many columns, stdout before stderr."""
+    capsys.readouterr()
+    with monkeypatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("COLUMNS", str(columns))
+        patch.setattr(sys.stdout, "isatty", lambda: True)
+        patch.setattr(sys.stderr, "isatty", lambda: True)
+        assert run_quietly(arguments) in (0, 1)
+    shown = capsys.readouterr()
+    return (shown.out + shown.err).splitlines()
+
+
+OUTPUTS = {
+    "calibrate": ("calibrate", "panda.csv", "--require-force", "1e-6"),
+    "calibrate, weak": ("calibrate", "paper.csv", "--model", "paper"),
+    "show": ("show", "panda.json"),
+    "verify": ("verify", "paper.csv", "-c", "panda.json"),
+    "weigh": ("weigh", "panda.csv", "-c", "panda.json"),
+    "diff": ("diff", "panda.json", "paper.json"),
+    "info": ("info", "run.mcap"),
+    "info of a table": ("info", "panda.csv"),
+    "plan": ("plan", "-n", "3"),
+    "plan, seven joints": ("plan", "-n", "3", "--robot", "iiwa7", "--from", "paper.csv", "-o", "plan.csv"),
+    "diagnose": ("diagnose", "panda.csv", "--orientation", "rpy:qx,qy,qz", "--inverse-orientation"),
+    "compensate": ("compensate", "run.mcap", "-c", "panda.json", "-o", "out.mcap", "--contact", "--delay", "0.01"),
+    "simulate": ("simulate", "-o", "sim.csv", "--set", "sensor.bias=1"),
+    "demo": ("demo", "--out", "demo"),
+}
+ALL_BUT_HELP = pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
+
+
+@ALL_BUT_HELP
+def test_nothing_is_wider_than_eighty_columns_and_no_word_is_broken(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, arguments: tuple[str, ...]
+) -> None:
+    if arguments[0] == "simulate":
+        pytest.importorskip("mujoco")
+    narrow, wide = (
+        on_terminal(monkeypatch, capsys, folder, 80, *arguments),
+        on_terminal(monkeypatch, capsys, folder, 120, *arguments),
+    )
+    assert max(map(len, narrow)) <= 80
+    assert " ".join(" ".join(narrow).split()) == " ".join(" ".join(wide).split())
+
+
+@pytest.mark.parametrize("arguments", [OUTPUTS["calibrate, weak"], OUTPUTS["verify"]], ids=["calibrate", "verify"])
+def test_sentences_flow_to_the_width_of_the_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, arguments: tuple[str, ...]
+) -> None:
+    for columns in (60, 80, 120, 200):
+        sentences = [
+            line
+            for line in on_terminal(monkeypatch, capsys, folder, columns, *arguments)
+            if "  " not in line.strip()[9:]
+        ]
+        assert min(columns, 120) - 20 < max(map(len, sentences)) <= min(columns, 120)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_breaks_no_word(monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, verb: str) -> None:
+    narrow, wide = (
+        on_terminal(monkeypatch, capsys, folder, 80, verb, "--help"),
+        on_terminal(monkeypatch, capsys, folder, 120, verb, "--help"),
+    )
+    assert max(map(len, narrow)) <= 80
+    assert " ".join(" ".join(narrow).split()) == " ".join(" ".join(wide).split())
+
+
+def test_without_a_terminal_a_sentence_is_a_line(folder: Path, capsys: Capture) -> None:
+    lines = run(capsys, "verify", PAPER, "-c", folder / "panda.json").out.splitlines()
+    assert lines[-1].startswith("FAILED  the residual is more than the calibration's covariance and noise explain (")
+    assert lines[-1].endswith(")")
+
+
+def test_flowing_text_keeps_tables_bullets_and_paths() -> None:
+    path = "/".join(["folder"] * 12)
+    text = f"Verdict  good and so on\n- to be done at once\n  a table   of three   columns\n  {path} is long"
+    assert flowed(text, 16).splitlines() == [
+        "Verdict  good",
+        "         and so",
+        "         on",
+        "- to be done at",
+        "  once",
+        "  a table   of three   columns",
+        path,
+        "  is long",
+    ]
+
+
+@pytest.mark.parametrize("before", [None, b"an older file"])
+@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
+def test_compensate_says_what_it_wrote_and_replaces_what_was_there(
+    folder: Path, tmp_path: Path, capsys: Capture, name: str, before: bytes | None
+) -> None:
+    if before is not None:
+        (tmp_path / name).write_bytes(before)
+    done = run(capsys, "compensate", folder / "run.mcap", "-c", folder / "panda.json", "-o", tmp_path / name)
+    rows = {"out.csv": "20 rows", "out.mcap": "20 messages of /wrench/contact"}[name]
+    assert done == Run(0, f"Wrote the contact wrenches, {rows}, to {tmp_path / name}\n", "")
+    assert (tmp_path / name).read_bytes() != before
+    assert [entry.name for entry in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
+def test_a_folder_that_is_there_is_never_replaced(folder: Path, tmp_path: Path, capsys: Capture, name: str) -> None:
+    (tmp_path / name).mkdir()
+    done = run(capsys, "compensate", folder / "run.mcap", "-c", folder / "panda.json", "-o", tmp_path / name)
+    assert done.complaint.startswith(f"{tmp_path / name}: found a ")
+    assert (tmp_path / name).is_dir()
+
+
+def test_without_an_output_the_contact_wrenches_go_to_stdout(folder: Path, capsys: Capture) -> None:
+    arguments = ("compensate", folder / "panda.csv", "-c", folder / "panda.json")
+    done = run(capsys, *arguments)
+    assert (done.status, done.err) == (0, "")
+    assert len(done.out.splitlines()) == 18
+    assert run(capsys, *arguments, "-o", "-") == done
