@@ -105,7 +105,8 @@ def _untouched(file: File, folder: Path) -> bool:
     """Whether the stated reading of a right file is kept; a base that does lean may be found to."""
     found, diagnosis = diagnosed(file, folder)
     best = diagnosis.best.interpretation
-    return diagnosis.read_rightly or (best.orientation, best.wrench, best.negated) == (found.given, 0, False)
+    as_given = found.given is not None and (best.orientation, best.wrench, best.negated) == (0, 0, False)
+    return diagnosis.read_rightly or as_given
 
 
 def tables(pool: Executor | None, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.assess.baselines import LeftOver, compare, tared, without_gravity
+from contactwrench.assess.verify import LeftOver, compare
 from tests.support.rigs import example, noise_free, noisy
-from tests.support.world import readings
 
 TABLE_6 = np.array(
     [
@@ -46,8 +45,8 @@ def test_rms_is_of_the_norms() -> None:
 
 def test_a_tare_removes_the_first_reading() -> None:
     rig, R, _ = example(1, poses=6)
-    wrench = readings(rig, R)
-    left = tared(wrench)
+    calibration = cw.calibrate(noise_free(rig, R), "mount")
+    left = compare(calibration, calibration.poses)[1].wrench
     assert np.all(left[0] == 0.0)
     weight = rig.weight * np.einsum("nji,j->ni", R @ rig.R_flange_sensor, rig.down)
     assert left[:, :3] == pytest.approx(weight - weight[0])
@@ -56,7 +55,7 @@ def test_a_tare_removes_the_first_reading() -> None:
 def test_gravity_alone_leaves_the_bias() -> None:
     rig, R, _ = example(2)
     calibration = cw.calibrate(noise_free(rig, R), "mount")
-    left = without_gravity(calibration, readings(rig, R), R)
+    left = compare(calibration, calibration.poses)[2].wrench
     assert left == pytest.approx(np.tile(rig.bias, (24, 1)), abs=1e-8)
 
 

@@ -20,8 +20,15 @@ from hypothesis import example as hypothesis_example
 import contactwrench as cw
 from benchmarks.diagnose import few_left_alone
 from contactwrench.assess.diagnose import Diagnosis, diagnose
-from contactwrench.assess.interpretations import PUSH, SEE_BASE, SEE_COM, as_read
-from contactwrench.assess.screening import Orientations, screen
+from contactwrench.assess.interpretations import (
+    PUSH,
+    SEE_BASE,
+    SEE_COM,
+    OrientationInterpretation,
+    WrenchInterpretation,
+    as_read,
+)
+from contactwrench.assess.screening import screen
 from contactwrench.recording.interpretations import interpretations
 from contactwrench.recording.options import Options
 from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, csv_text, run, written
@@ -249,11 +256,10 @@ def test_screening_is_exact_without_noise() -> None:
     """The right reading leaves nothing, the negated one leaves the forces that no weight above zero can make."""
     rig, R, rng = example(13)
     wrench = noisy_readings(rig, R, np.zeros(6), rng)
-    negative = -1.0 * np.eye(6)
-    left = screen(
-        [Orientations(R, slice(None))], wrench, np.array([np.eye(6), negative]), np.array([False, False]), rig.down
-    )
-    root_mean_square = np.sqrt(left.squares / left.dof)[0]
+    orientation = OrientationInterpretation((), (), 0.0, R, slice(None))
+    wrenches = [WrenchInterpretation((), (), 0.0, sign * np.eye(6), in_base=False) for sign in (1.0, -1.0)]
+    squares, dof = screen([orientation], wrenches, wrench, rig.down)
+    root_mean_square = np.sqrt(squares / dof)[0]
     assert root_mean_square == pytest.approx(root_mean_square[::-1, ::-1])
     assert root_mean_square[0, 0, 0] < 1e-5 * rig.weight
     assert root_mean_square[0, 0, 1] < 1e-5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.assess.baselines import compare
+from contactwrench.assess.verify import compare
 from contactwrench.report import figures
 from contactwrench.report.html import write_calibration_report
 from contactwrench.samples.poses import Pose

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.errors import InputError
-from contactwrench.simulate.settings import BOUNDS, UPRIGHT_OF, Base, Mounting, Settings, changed
+from contactwrench.simulate.settings import UPRIGHT_OF, Base, Mounting, Settings, bounded_settings, changed
 from tests.support.world import Array
 
 DEFAULTS = {
@@ -196,4 +196,4 @@ def test_every_number_has_bounds() -> None:
             return [] if isinstance(values, str) else [path]
         return [name for key, value in values.items() for name in names(f"{path}.{key}".strip("."), value)]
 
-    assert names("", msgspec.to_builtins(Settings())) == list(BOUNDS)
+    assert names("", msgspec.to_builtins(Settings())) == [name for name, _, _ in bounded_settings(Settings())]

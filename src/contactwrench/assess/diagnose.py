@@ -1,20 +1,18 @@
 """Which interpretation of a file a rigid tool explains.
 
-The most common failure of a calibration is not noise but a wrong interpretation of the file. So every interpretation
-that a person could have meant is tried, one of the orientation's columns times one of the wrench's, and ranked by what
-a rigid tool leaves of it: first all of them in closed form (screening.py), then the best by the fit that `calibrate`
-makes.
+Every interpretation that a person could have meant is tried, one of the orientation's columns times one of the
+wrench's, and ranked by what a rigid tool leaves of it: first all of them in closed form (screening.py), then the best
+by the fit that `calibrate` makes.
 
 The model is `mount`: the mounting is free, the base is upright or as stated. With the base free too, a convention with
 its axes renamed fits as well as the right one, on a robot whose base lies on its side; so a base that leans is tried
 for the best interpretation and the stated one only, has to leave decisively less, and counts as a change. The affine
 model never enters: it would explain what no tool can.
 
-Thousands of interpretations are tried, so one of them may win by chance. They are therefore compared by their marginal
-likelihood, which counts the few degrees of freedom that few poses leave, and by their prior: each change from what was
-stated has a probability of 1 in 20. The stated interpretation is given up only where the odds against it are
-overwhelming, also with the pose left out that fits it worst, as it may be in contact, and with a base that leans, and
-where the other leaves less than half. So a file that is read rightly is left alone.
+Of thousands of interpretations one may win by chance. They are compared by their marginal likelihood, which counts the
+few degrees of freedom that few poses leave, and by their prior: each change from what was stated has a probability of
+1 in 20. The stated one is given up only against overwhelming odds, also with the pose left out that fits it worst, as
+it may be in contact, and with a base that leans, and where the other leaves less than half.
 """
 
 from __future__ import annotations
@@ -31,30 +29,19 @@ from ..estimation.rigid import fit_rigid
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
 from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Interpretations, as_read
-from .screening import (
-    LEAST_TILT,
-    NOTHING_LEFT,
-    PARAMETERS,
-    Orientations,
-    Screened,
-    misfit,
-    scatter_of,
-    screen,
-    screened,
-)
+from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
 
 FEWEST_POSES = 5
 
 DECISIVE = 20.0
 """-2 log of the odds that a stated interpretation must be worse by, its prior counted: 1 to 22,000."""
 
-LESS_THAN_HALF = 0.5
-LEFT_BY_NO_TOOL = 0.5
-"""Of the weight: a wrong interpretation leaves as much, also where shifted rows happen to drop a pose in contact."""
+LESS_THAN_HALF, LEFT_BY_NO_TOOL = 0.5, 0.5
+"""Of what the other leaves; and of the weight: a wrong interpretation leaves as much, also where shifted rows happen to
+drop a pose in contact.
+"""
 
-POSE_IN_CONTACT = 1.0
-LEANING_BASE = 1.1
-NO_TOOL = 10.0
+POSE_IN_CONTACT, LEANING_BASE, NO_TOOL = 1.0, 1.1, 10.0
 """Costs, in changes: of a pose in contact; of a base that leans, once more for each right angle, so that a robot on a
 wall, whose user would have said so, counts for a little more than two wrong flags; of an interpretation that is
 explained by no weight at all.
@@ -109,9 +96,9 @@ class Explanation:
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """`given`: the stated interpretation, None where it cannot be read. `best`: the one to use, which is the stated one
-    unless another is decisively better. `ranked`: the best of each class, best first. `alike`: readings
-    that free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the
-    `observations` that would decide between those. `n` poses, `tried` interpretations.
+    unless another is decisively better. `ranked`: the best of each class, best first. `alike`: those that
+    free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the `observations`
+    that would decide between those. `n` poses, `tried` interpretations.
     """
 
     source: str
@@ -147,10 +134,10 @@ def diagnose(file: Interpretations) -> Diagnosis:
             f"{file.complaint}; no other convention makes rotations of these columns either: check that they "
             "hold an orientation"
         )
-    ways = screened(file)
-    given = None if file.given is None else _excused(file, _explained(file, ways.given))
+    screening = screened(file)
+    given = None if file.given is None else _excused(file, _explained(file, file.given))
     fits = [] if given is None else [given]
-    fits += [_explained(file, file.interpretation(*place)) for place in ways.classes()]
+    fits += [_explained(file, file.interpretation(*place)) for place in screening.classes()]
     likeliest = min(fits, key=lambda fit: fit.odds)
     leaning = [] if likeliest is given else [(_leaning(file, likeliest.interpretation), likeliest)]
     leaning += [] if given is None else [(given.leaning, given)]
@@ -158,19 +145,22 @@ def diagnose(file: Interpretations) -> Diagnosis:
     fits.sort(key=lambda fit: fit.odds)
     as_good = (fit for fit in fits if not any(_decisively_better(other, fit) for other in fits))
     best = _in_likeliest_unit(file, min(as_good, key=lambda fit: fit.interpretation.cost))
-    alike = _alike(ways, best, fits)
+    ranked: dict[Interpretation, Explanation] = {}
+    for fit in (best, *fits):
+        ranked.setdefault(fit.interpretation, fit)
+    alike = _alike(file, screening, best, fits)
     likely = [interpretation for interpretation in alike if interpretation.cost <= best.interpretation.cost + TIE_REACH]
     return Diagnosis(
-        file.source,
-        n,
-        ways.odds.size,
-        given,
-        best,
-        _one_of_each(best, fits),
-        tuple(alike),
-        len(likely),
-        file.observations(best.interpretation, likely),
-        file.complaint,
+        source=file.source,
+        n=n,
+        tried=screening.odds.size,
+        given=given,
+        best=best,
+        ranked=tuple(ranked.values()),
+        alike=tuple(alike),
+        likely=len(likely),
+        observations=file.observations(best.interpretation, likely),
+        complaint=file.complaint,
     )
 
 
@@ -221,10 +211,10 @@ def _excused(file: Interpretations, given: Explanation) -> Explanation:
     """The stated interpretation with its best excuse: a right file may have a pose in contact, or a base that leans."""
     interpretation = given.interpretation
     o, w = file.orientations[interpretation.orientation], file.wrenches[interpretation.wrench]
-    n = len(file.wrench)
-    others = [Orientations(o.R_base_flange[kept], kept) for kept in ~np.eye(n, dtype=np.bool_)]
-    left = screen(others, file.wrench, w.matrix[None], np.array([w.in_base]), file.down)
-    without = misfit(left.squares, left.dof, scatter_of(file.wrench, w.matrix))[:, 0, interpretation.place[2]]
+    n = len(o.R_base_flange)
+    others = [replace(o, R_base_flange=o.R_base_flange[kept], rows=kept) for kept in ~np.eye(n, dtype=np.bool_)]
+    squares, dof = screen(others, [w], file.wrench, file.down)
+    without = misfit(squares, dof, scatter_of(file.wrench, w.matrix))[:, 0, interpretation.place[2]]
     in_contact = float(without.min()) + COST_OF_CHANGE * (interpretation.cost + POSE_IN_CONTACT)
     return replace(given, odds_in_contact=in_contact, leaning=_leaning(file, interpretation))
 
@@ -253,18 +243,15 @@ def _decisively_better(one: Explanation, other: Explanation) -> bool:
 
 def _in_likeliest_unit(file: Interpretations, best: Explanation) -> Explanation:
     """The same tool with the torque in another unit, where its centre of mass is then the likelier one."""
-    if best.force_left > LEFT_BY_NO_TOOL * best.weight:
+    own, factor = best.interpretation, file.torque_unit.factor
+    if best.force_left > LEFT_BY_NO_TOOL * best.weight or _oddity_of(factor * best.com) >= _oddity_of(best.com):
         return best
-    for unit in file.torque_units:
-        if _oddity_of(unit.factor * best.com) < _oddity_of(best.com):
-            own = best.interpretation
-            return replace(
-                best,
-                interpretation=file.interpretation(*own.place, by_gravity=own.reversed_gravity, unit=unit),
-                torque_left=unit.factor * best.torque_left,
-                com=read_only(unit.factor * best.com),
-            )
-    return best
+    return replace(
+        best,
+        interpretation=file.interpretation(*own.place, by_gravity=own.reversed_gravity, other_unit=True),
+        torque_left=factor * best.torque_left,
+        com=read_only(factor * best.com),
+    )
 
 
 def _oddity_of(com: Array) -> float:
@@ -272,24 +259,17 @@ def _oddity_of(com: Array) -> float:
     return abs(float(np.log(max(float(np.linalg.norm(com)), 1e-12) / TYPICAL_COM)))
 
 
-def _alike(ways: Screened, best: Explanation, fits: list[Explanation]) -> list[Interpretation]:
-    """The readings that free air cannot tell from the best, the likelier first: those of its class, of which nothing
-    else is left, and those that chance may have put behind it.
+def _alike(
+    file: Interpretations, screening: Screened, best: Explanation, fits: list[Explanation]
+) -> list[Interpretation]:
+    """The interpretations that free air cannot tell from the best, the likelier first: those of its class, of
+    which nothing else is left, and those that chance may have put behind it.
     """
-    file, own = ways.file, best.interpretation
+    own = best.interpretation
     alike = [fit.interpretation for fit in fits if not _decisively_better(best, fit)]
-    unit = next((u for u in file.torque_units if u.factor == own.torque_factor), None)
-    for place in [] if LEANING_FLAG in own.flags else np.argwhere(ways.class_of(own.place)).tolist():
-        alike += [file.interpretation(*place, by_gravity=by_gravity, unit=unit) for by_gravity in (False, True)]
+    other_unit = own.torque_factor != 1.0
+    for place in [] if LEANING_FLAG in own.flags else np.argwhere(screening.class_of(own.place)).tolist():
+        alike += [file.interpretation(*place, by_gravity=turned, other_unit=other_unit) for turned in (False, True)]
     others = {(interpretation.flags, interpretation.mends): interpretation for interpretation in alike}
     others.pop((own.flags, own.mends), None)
     return sorted(others.values(), key=lambda interpretation: interpretation.cost)
-
-
-def _one_of_each(best: Explanation, fits: list[Explanation]) -> tuple[Explanation, ...]:
-    """The best first, then the others in order, each interpretation once."""
-    kept = [best]
-    for fit in fits:
-        if all(fit.interpretation != other.interpretation for other in kept):
-            kept.append(fit)
-    return tuple(kept)

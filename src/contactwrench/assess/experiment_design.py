@@ -95,17 +95,14 @@ def short_order(between: Array, from_start: Array | None = None) -> list[int]:
     distance[:n, :n] = between
     if from_start is not None:
         distance[n, :n] = distance[:n, n] = from_start
-    tours = [_without_crossings(_always_the_nearest(first, distance), distance) for first in range(n)]
+    tours = []
+    for first in range(n):
+        tour, left = [n, first], set(range(n)) - {first}
+        while left:
+            tour.append(min(left, key=lambda place: (distance[tour[-1], place], place)))
+            left.remove(tour[-1])
+        tours.append(_without_crossings(tour, distance))
     return min(tours, key=lambda tour: float(distance[tour[:-1], tour[1:]].sum()))[1:]
-
-
-def _always_the_nearest(first: int, distance: Array) -> list[int]:
-    start = len(distance) - 1
-    tour, left = [start, first], set(range(start)) - {first}
-    while left:
-        tour.append(min(left, key=lambda place: (distance[tour[-1], place], place)))
-        left.remove(tour[-1])
-    return tour
 
 
 def _without_crossings(tour: list[int], distance: Array) -> list[int]:

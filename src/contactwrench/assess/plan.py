@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..calibration.observability import LEVER, natural_jacobian, require_separable
 from ..errors import AmbiguityError, InputError, UnobservableError
@@ -32,8 +32,7 @@ MOST_POSES = 100
 TILTS = {"mount_x": MOUNT_TILT_SD, "mount_y": MOUNT_TILT_SD, **dict.fromkeys(GRAVITY, BASE_TILT_SD)}
 """Standard deviations that `auto` expects of the tilts, rad."""
 
-WEIGHT = 10.0
-COM = (0.0, 0.0, 0.05)
+WEIGHT, COM = 10.0, (0.0, 0.0, 0.05)
 NOISE = (0.05, 0.05, 0.05, 0.002, 0.002, 0.002)
 """N, m, and N and N m: a tool of 1 kg on a decent sensor, where nothing is known yet. Which poses are best hardly
 depends on it: it cancels but for the tilts of `auto`, which are known beforehand as well as they are.
@@ -47,8 +46,7 @@ finite while there are too few poses, and is far too vague to be felt once there
 APART = np.deg2rad(10.0)
 """Between any two poses: one beside another repeats the errors of arm and cables, and tells nothing new."""
 
-CANDIDATES = (72, 14)
-EVERYWHERE = (288, 24)
+CANDIDATES, EVERYWHERE = (72, 14), (288, 24)
 """Directions and turns of `spread_rotations`: to choose from, and to average over. Choosing from the second set takes
 seven times as long and gains less than one per cent in the standard deviation.
 """
@@ -172,23 +170,14 @@ def plan(
     chosen = _chosen(n, expected, model, recorded, R)
     order, turn = _in_order(R[chosen], recorded, reach, chosen)
     chosen = [chosen[k] for k in order]
-    anywhere = None
-    if reach is not None:
-        best = free[_chosen(n, expected, model, recorded, free)]
-        anywhere = _accuracy(expected, model, np.concatenate([recorded, best]))
-    return Plan(
-        model=model,
-        expected=expected,
-        recorded=len(recorded),
-        R_base_flange=R[chosen],
-        turn=turn,
-        before=_accuracy(expected, model, recorded),
-        after=_accuracy(expected, model, np.concatenate([recorded, R[chosen]])),
-        joints=None if reach is None else reach.joints[chosen],
-        arm=None if reach is None else reach.arm,
-        around=None if reach is None else reach.around,
-        anywhere=anywhere,
-    )
+    before = _accuracy(expected, model, recorded)
+    after = _accuracy(expected, model, np.concatenate([recorded, R[chosen]]))
+    planned = Plan(model, expected, len(recorded), R[chosen], turn, before, after)
+    if reach is None:
+        return planned
+    best = free[_chosen(n, expected, model, recorded, free)]
+    anywhere = _accuracy(expected, model, np.concatenate([recorded, best]))
+    return replace(planned, joints=reach.joints[chosen], arm=reach.arm, around=reach.around, anywhere=anywhere)
 
 
 def _require_model(model: str) -> None:
@@ -202,27 +191,20 @@ def _names(model: str) -> tuple[str, ...]:
 
 def _chosen(n: int, expected: Expected, model: str, recorded: Array, R: Array) -> list[int]:
     """The `n` of the candidates `R` (m, 3, 3) that tell most after the recorded poses."""
-    usable = np.flatnonzero(_apart(R, recorded).all(axis=1))
+    usable = np.flatnonzero((_angles(R, recorded) > APART).all(axis=1))
     R = R[usable]
     names, tool = _names(model), expected.tool
     J = wrench_jacobian(tool, R, names) / expected.noise[:, None]
     anywhere = wrench_jacobian(tool, spread_rotations(*EVERYWHERE), names)
     anywhere[:, 3:] /= LEVER
     M = np.einsum("nip,niq->pq", anywhere, anywhere, optimize=True) / len(anywhere)
-    chosen = chosen_experiments(n, J, _information(expected, model, recorded), M, _apart(R, R))
+    chosen = chosen_experiments(n, J, _information(expected, model, recorded), M, _angles(R, R) > APART)
     if len(chosen) < n:
         raise InputError(
             f"found {len(chosen)} orientations {np.rad2deg(APART):.0f} deg apart and from the {len(recorded)} poses "
             f"recorded, expected {n}: plan fewer poses"
         )
     return [int(usable[k]) for k in chosen]
-
-
-def _apart(R_a: Array, R_b: Array) -> NDArray[np.bool_]:
-    """Whether each of the rotations (a, 3, 3) is at least `APART` from each of (b, 3, 3): (a, b)."""
-    trace = R_a.reshape(-1, 9) @ R_b.reshape(-1, 9).T
-    apart: NDArray[np.bool_] = trace < 1.0 + 2.0 * np.cos(APART)
-    return apart
 
 
 def _information(expected: Expected, model: str, R_base_flange: Array) -> Array:
@@ -270,7 +252,7 @@ def _in_order(R: Array, recorded: Array, reach: Reach | None, chosen: list[int])
 
 
 def _angles(R_a: Array, R_b: Array) -> Array:
-    """Angles (a, b), rad, between rotations."""
+    """Angles (a, b), rad, between rotations (a, 3, 3) and (b, 3, 3)."""
     trace = R_a.reshape(-1, 9) @ R_b.reshape(-1, 9).T
     angles: Array = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
     return angles

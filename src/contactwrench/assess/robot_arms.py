@@ -128,13 +128,11 @@ def _apart(R: Array, angle: float) -> list[int]:
     """The rotations (n, 3, 3), first come first kept, that are at least `angle` from every one kept before."""
     flat = R.reshape(-1, 9)
     most = 1.0 + 2.0 * np.cos(angle)  # the trace of the rotation from one to the other
-    kept, count, indices = np.empty_like(flat), 0, []
+    kept: list[int] = []
     for index, rotation in enumerate(flat):
-        if count == 0 or (kept[:count] @ rotation).max() <= most:
-            kept[count] = rotation
-            count += 1
-            indices.append(index)
-    return indices
+        if not kept or (flat[kept] @ rotation).max() <= most:
+            kept.append(index)
+    return kept
 
 
 def known_arm(name: str) -> Arm:
@@ -152,49 +150,37 @@ def _about_x(quarter_deg: int) -> Array:
 
 
 def _arms(
-    names: tuple[str, ...], twists: tuple[int, ...], limits: Array, home: tuple[int, ...], source: str
+    names: tuple[str, ...], twists: tuple[int, ...], limits: ArrayLike, home: tuple[int, ...], source: str
 ) -> dict[str, Arm]:
     """Arms with one wrist, by their Denavit-Hartenberg twists, deg: `Rx(twist 0) Rz(q1) Rx(twist 1) ... Rx(twist k)`.
 
-    `limits` rad, (2, k), or (k,) for the same on both sides; `home` deg, flange down and forearm level, so that every
-    tilt is within the wrist's reach.
+    `limits` rad, (2, k), lowest and highest; `home` deg, flange down and forearm level, so that every tilt is within
+    the wrist's reach.
     """
     R = np.array([_about_x(twist) for twist in twists])
     axis = np.tile([0.0, 0.0, 1.0], (len(home), 1))
-    lowest, highest = limits if limits.ndim == 2 else (-limits, limits)
-    ends = np.stack([lowest, highest], axis=1)
-    return {name: Arm(name, R[:-1], axis, R[-1], ends, np.deg2rad(home), source) for name in names}
+    return {name: Arm(name, R[:-1], axis, R[-1], np.array(limits).T, np.deg2rad(home), source) for name in names}
 
 
-IIWA_LIMITS = np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0])
-PANDA_LIMITS = np.array(
-    [
-        [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973],
-        [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973],
-    ]
+IIWA_LIMITS = np.outer([-1.0, 1.0], np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]))
+UR_LIMITS = np.outer([-1.0, 1.0], np.deg2rad(np.full(6, 360.0)))
+PANDA_LIMITS = (
+    (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),
+    (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973),
 )
-FR3_LIMITS = np.array(
-    [
-        [-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159],
-        [2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159],
-    ]
+FR3_LIMITS = (
+    (-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159),
+    (2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159),
 )
 FRANKA_TWISTS, FRANKA_HOME = (0, -90, 90, 90, -90, 90, 90, 0), (0, -45, 0, -135, 0, 90, 45)
 KUKA = "KUKA, LBR iiwa 7 R800, LBR iiwa 14 R820, Specification: axis data"
-UNIVERSAL_ROBOTS = (
-    "Universal Robots, DH parameters for calculations of kinematics and dynamics; user manual: joint ranges"
-)
+UNIVERSAL = "Universal Robots, DH parameters for calculations of kinematics and dynamics; user manual: joint ranges"
+UR_TWISTS, UR_HOME = (0, 90, 0, 0, 90, -90, 0), (0, -90, 90, -90, -90, 0)
 FRANKA = "Franka Robotics, Franka Control Interface documentation: robot and interface specifications"
 
 ARMS: dict[str, Arm] = {
     **_arms(("iiwa7", "iiwa14"), (0, -90, 90, 90, -90, -90, 90, 0), IIWA_LIMITS, (0, 30, 0, -60, 0, 90, 0), KUKA),
-    **_arms(
-        ("ur3e", "ur5e", "ur10e", "ur16e", "ur20"),
-        (0, 90, 0, 0, 90, -90, 0),
-        np.deg2rad(np.full(6, 360.0)),
-        (0, -90, 90, -90, -90, 0),
-        UNIVERSAL_ROBOTS,
-    ),
+    **_arms(("ur3e", "ur5e", "ur10e", "ur16e", "ur20"), UR_TWISTS, UR_LIMITS, UR_HOME, UNIVERSAL),
     **_arms(("panda",), FRANKA_TWISTS, PANDA_LIMITS, FRANKA_HOME, FRANKA),
     **_arms(("fr3",), FRANKA_TWISTS, FR3_LIMITS, FRANKA_HOME, FRANKA),
 }

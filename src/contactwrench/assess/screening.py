@@ -1,4 +1,4 @@
-"""How well a rigid tool can explain thousands of readings of one file, all at once.
+"""How well a rigid tool can explain thousands of interpretations of one file, all at once.
 
 An interpretation is one of the orientation's columns times one of the wrench's. For each, the mounting that explains
 the forces best is a Procrustes rotation (Kabsch, 1976; see estimation/initial_guess.py), and with it held the torques
@@ -11,6 +11,7 @@ Negated readings have the moments negated, so both signs come for one decomposit
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,13 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
-from .interpretations import COST_OF_CHANGE, REVERSED_SIGN, Interpretation, Interpretations
+from .interpretations import (
+    COST_OF_CHANGE,
+    REVERSED_SIGN,
+    Interpretations,
+    OrientationInterpretation,
+    WrenchInterpretation,
+)
 
 LEAST_TILT = 1e-6
 """Of the squared gravity directions, on average: an interpretation in which gravity moves less explains nothing."""
@@ -34,59 +41,46 @@ NOT_FITTED = 60.0
 """-2 log of the odds by which screening may be worse than at its best, and its interpretation still be fitted."""
 
 SAME_FIT = 1e-6
-"""Relative: readings of which screening leaves sums of squares this close are one class, see docs/method.md."""
+"""Relative: interpretations of which screening leaves sums of squares this close are one class, see docs/method.md."""
 
 SAME_ODDS = 1e-3
-"""Readings of a class differ by less: the first of them is taken, whatever the rounding."""
-
-
-@dataclass(frozen=True, eq=False)
-class Orientations:
-    """One interpretation of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows`
-    (m,).
-    """
-
-    R_base_flange: Array
-    rows: slice | NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Unexplained:
-    """What a rigid tool leaves, for every interpretation: arrays (orientations, wrenches, 2, 2), the last axis for
-    force (N^2) and torque (N^2 m^2), the one before for the readings and the negated readings.
-
-    `squares`: the sum of squares that is left; `dof` (orientations, 1, 1, 2): of how many degrees of freedom.
-    """
-
-    squares: Array
-    dof: Array
+"""Interpretations of a class differ by less: the first of them is taken, whatever the rounding."""
 
 
 def screen(
-    orientations: list[Orientations], wrench: Array, matrices: Array, in_base: Array, gravity_direction: Array
-) -> Unexplained:
+    orientations: Sequence[OrientationInterpretation],
+    wrenches: Sequence[WrenchInterpretation],
+    wrench: Array,
+    gravity_direction: Array,
+) -> tuple[Array, Array]:
     """What a rigid tool leaves of each interpretation of `wrench` (n, 6), the file's columns.
 
-    `matrices` (k, 6, 6) turn the columns into fx..tz, in base axes where `in_base` (k,), and then turned back.
+    Returns:
+        The sums of squares that are left (orientations, wrenches, 2, 2), the last axis for force (N^2) and torque
+        (N^2 m^2), the one before for the readings and the negated readings; and of how many degrees of freedom
+        (orientations, 1, 1, 2).
     """
+    matrices, in_base = np.array([w.matrix for w in wrenches]), np.array([w.in_base for w in wrenches])
     cross, total, square, rows = [], [], [], []
     for orientation in orientations:
         r = gravity_in_flange(orientation.R_base_flange, gravity_direction)
         r = r - r.mean(axis=0)
         n = len(r)
         read = (wrench[orientation.rows] @ matrices.reshape(-1, 6).T).reshape(n, -1, 2, 3)
-        given_in_base = read[:, in_base]
-        turned_back = given_in_base.reshape(n, -1, 3) @ orientation.R_base_flange
-        read[:, in_base] = turned_back.reshape(given_in_base.shape)
+        stated_in_base = read[:, in_base]
+        turned_back = stated_in_base.reshape(n, -1, 3) @ orientation.R_base_flange
+        read[:, in_base] = turned_back.reshape(stated_in_base.shape)
         read -= read.mean(axis=0)
         cross.append((r.T @ read.reshape(n, -1)).reshape(3, -1, 2, 3).transpose(1, 2, 0, 3))
         total.append(np.einsum("nkpb,nkpb->kp", read, read))
         square.append(r.T @ r)
         rows.append(n)
-    return _unexplained(np.array(cross), np.array(total), np.array(square), np.array(rows, dtype=np.float64))
+    of_rows = np.array(rows, dtype=np.float64)
+    squares = _unexplained(np.array(cross), np.array(total), np.array(square), of_rows)
+    return squares, (3.0 * of_rows[:, None] - PARAMETERS)[:, None, None]
 
 
-def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Unexplained:
+def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Array:
     """From moments `cross` (v, k, 2, 3, 3), `total` (v, k, 2) and `square` (v, 3, 3) of n (v,) rows; force first."""
     spread = np.trace(square, axis1=1, axis2=2)
     moving = spread > LEAST_TILT * n
@@ -105,8 +99,8 @@ def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Unexpla
         moment = np.stack([across[..., i, j] - across[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
         explained = np.einsum("vki,vkij,vkj->vk", moment, inverse_inertia * moving[:, None, None, None], moment)
         squares[..., k, 1] = total[..., 1] - explained
-    least = NOTHING_LEFT**2 * total[0, 0]
-    return Unexplained(np.maximum(squares, least), (3.0 * n[:, None] - PARAMETERS)[:, None, None])
+    left: Array = np.maximum(squares, NOTHING_LEFT**2 * total[0, 0])
+    return left
 
 
 def scatter_of(wrench: Array, matrices: Array) -> Array:
@@ -134,17 +128,11 @@ class Screened:
     counted.
     """
 
-    file: Interpretations
     log_squares: Array
     odds: Array
 
-    @property
-    def given(self) -> Interpretation:
-        """The stated interpretation."""
-        return self.file.interpretation(self.file.given or 0, 0, int(self.file.sign == "reaction"))
-
     def classes(self) -> list[tuple[int, int, int]]:
-        """Places of the most promising readings, one of each class, best first."""
+        """Places of the most promising interpretations, one of each class, best first."""
         places: list[tuple[int, int, int]] = []
         left = self.odds.copy()
         while len(places) < MOST_FITTED and (least := left.min()) < np.inf:
@@ -157,27 +145,19 @@ class Screened:
         return places
 
     def class_of(self, place: tuple[int, int, int]) -> NDArray[np.bool_]:
-        """Which readings screening cannot tell from the one at `place`."""
+        """Which interpretations screening cannot tell from the one at `place`."""
         same: NDArray[np.bool_] = (np.abs(self.log_squares - self.log_squares[place]) < SAME_FIT).all(axis=-1)
         return same
 
 
 def screened(file: Interpretations) -> Screened:
     """All ways to read a file, judged in closed form."""
-    matrices = np.array([w.matrix for w in file.wrenches])
-    left = screen(
-        [Orientations(o.R_base_flange, o.rows) for o in file.orientations],
-        file.wrench,
-        matrices,
-        np.array([w.in_base for w in file.wrenches]),
-        file.down,
-    )
+    squares, dof = screen(file.orientations, file.wrenches, file.wrench, file.down)
     changed_sign = np.array([file.sign == "reaction", file.sign == "pull"], dtype=np.float64)
     costs = (
         np.array([o.cost for o in file.orientations])[:, None, None]
         + np.array([w.cost for w in file.wrenches])[:, None]
         + REVERSED_SIGN * changed_sign
     )
-    scatter = scatter_of(file.wrench, matrices)[:, None]
-    odds = misfit(left.squares, left.dof, scatter) + COST_OF_CHANGE * costs
-    return Screened(file, np.log(left.squares), odds)
+    scatter = scatter_of(file.wrench, np.array([w.matrix for w in file.wrenches]))[:, None]
+    return Screened(np.log(squares), misfit(squares, dof, scatter) + COST_OF_CHANGE * costs)

@@ -3,11 +3,14 @@
 The residual of a pose has the covariance of its reading's noise plus that of the prediction, which all poses share;
 so the test is one chi-square over all of them (an F test where the noise itself was estimated). With loads hung on
 the tool, the contact force along "down" is a weighing: the paper's Table IX.
+
+`compare` has beside it what people do without this package, gravity alone or a tare in one pose: Tables VI to VIII.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -48,9 +51,8 @@ class Verification(Frozen):
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
     norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
-    the residuals or of the weighings, whichever is the less probable;
-    the `limits` asked for, N and N m; `weighings`, one a load; `passed`, and the `reason` in words. `warnings`: what
-    was left out.
+    the residuals or of the weighings, whichever is the less probable; the limits asked for, N and N m; `weighings`, one
+    a load; `passed`, and the `reason` in words. `warnings`: what was left out.
     """
 
     residuals: Array
@@ -65,6 +67,44 @@ class Verification(Frozen):
     passed: bool
     reason: str
     warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOver(Frozen):
+    """What one method of compensation leaves of a contact-free recording: `wrench` (n, 6), pose by pose, N and N m."""
+
+    name: str
+    wrench: Array
+
+    @property
+    def mean_abs(self) -> Array:
+        """Mean of the absolute values (6,): the paper's average error, Tables VII and VIII."""
+        return np.asarray(np.abs(self.wrench).mean(axis=0))
+
+    @property
+    def max_abs(self) -> Array:
+        """Largest absolute values (6,): the paper's maximum error."""
+        return np.asarray(np.abs(self.wrench).max(axis=0))
+
+    @property
+    def rms(self) -> tuple[float, float]:
+        """Root mean square of the norms of force (N) and torque (N m)."""
+        squares = self.wrench**2
+        return float(np.sqrt(squares[:, :3].sum(axis=1).mean())), float(np.sqrt(squares[:, 3:].sum(axis=1).mean()))
+
+
+def compare(calibration: Calibration, poses: tuple[Pose, ...]) -> tuple[LeftOver, ...]:
+    """The contact wrench left over in contact-free poses: by full compensation, by a tare in the first pose, with the
+    tool's gravity taken off and the bias left in (the paper's Table VIII), and raw.
+    """
+    raw = np.array([pose.wrench for pose in poses])
+    full = calibration.compensate(raw, np.array([pose.R_base_flange for pose in poses]))
+    return (
+        LeftOver("full", full),
+        LeftOver("tare", raw - raw[0]),
+        LeftOver("gravity only", full + calibration.bias),
+        LeftOver("raw", raw),
+    )
 
 
 def verify(
@@ -118,12 +158,10 @@ def verify(
     else:
         if not poses:
             raise InputError(f"{samples.source}: found poses with a load only, expected free ones to hold to a limit")
+        held_to = (("force", force, limit_force, "N"), ("torque", torque, limit_torque, "N m"))
         exceeded = [
             f"{name} {value:.3g} {unit} over {limit:g}"
-            for name, value, limit, unit in (
-                ("force", force, limit_force, "N"),
-                ("torque", torque, limit_torque, "N m"),
-            )
+            for name, value, limit, unit in held_to
             if limit is not None and value > limit
         ]
         passed = not exceeded
@@ -148,13 +186,9 @@ def _weigh(
     calibration: Calibration, samples: Samples, load: Array, g: float
 ) -> tuple[tuple[Weighing, ...], MisfitTest | None]:
     """Each load's weighing, and the joint test of all of them."""
-    poses: list[Pose] = []
-    masses: list[float] = []
-    stream = is_stream(samples)
-    for mass in np.unique(load[load > 0.0]):
-        of_load = resting_poses(samples.select(load == mass), stream)
-        poses += of_load
-        masses += [float(mass)] * len(of_load)
+    masses, stream = np.unique(load[load > 0.0]), is_stream(samples)
+    of_load = [resting_poses(samples.select(load == mass), stream) for mass in masses]
+    poses = tuple(chain.from_iterable(of_load))
     if not poses:
         return (), None
     R = np.array([pose.R_base_flange for pose in poses])
@@ -162,11 +196,11 @@ def _weigh(
     down = gravity_in_sensor(calibration, R)
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     each = np.einsum("ni,ni->n", contact[:, :3], down) / g
-    noise = np.sum(down**2 * reading_variance(calibration, tuple(poses))[:, :3], axis=1) / g**2
+    noise = np.sum(down**2 * reading_variance(calibration, poses)[:, :3], axis=1) / g**2
     J = np.einsum("ni,nip->np", down, calibration.free_wrench_jacobian(R)[:, :3]) / g
-    actual = np.array(masses)
+    actual = np.repeat(masses, [len(held) for held in of_load])
     weighings = []
-    for mass in np.unique(actual):
+    for mass in masses:
         rows = actual == mass
         n = int(np.sum(rows))
         of_mean = J[rows].mean(axis=0)

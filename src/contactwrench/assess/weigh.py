@@ -10,6 +10,7 @@ Turning the tool about gravity shows nothing new, and with gravity along one lin
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,8 +76,8 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     """Weigh what the tool of `calibration` holds in `samples`, still and touching nothing else.
 
     `g` m/s^2, None: the calibration's. Samples with a `load_mass` of 0 are left out where others have one above 0, and
-    those with a saturated channel always.
-    Raises `InputError` for no samples, for loads of several masses, and for a `g` that is none.
+    those with a saturated channel always. Raises `InputError` for no samples, for loads of several masses, and for a
+    `g` that is none.
     """
     g = calibration.g if g is None else g
     if not 0.0 < g < np.inf:
@@ -89,28 +90,30 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     contact = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
     down, turned = _down(calibration, R)
     across, unknown_along = _seen(down)
-    gravity = _gravity_of_unit(down, across, g)
+    # Wrenches (n, 6, 1 + k) of a unit mass at the origin, and of unit moments along the columns of `across`.
+    gravity = np.zeros((len(R), 6, 1 + across.shape[1]))
+    gravity[:, :3, 0], gravity[:, 3:, 1:] = g * down, -g * cross_matrix(down) @ across
 
     std = np.sqrt(np.maximum(reading_variance(calibration, poses), 1e-300))
     root = square_root(calibration.covariance)
     of_tool = calibration.free_wrench_jacobian(R)
-    solved = _Solved(np.zeros(gravity.shape[2]), np.empty(0), 0.0)
+    x = np.zeros(gravity.shape[2])
     for _ in range(PASSES):
-        mass, moment = float(solved.x[0]), across @ solved.x[1:]
-        of_object = g * np.concatenate([mass * turned, cross_matrix(moment) @ turned], axis=1)
-        solved = _least_squares(gravity / std[..., None], (of_tool + of_object) @ root / std[..., None], contact / std)
-    mass, moment = float(solved.x[0]), across @ solved.x[1:]
+        of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
+        errors = (of_tool + of_object) @ root
+        x, x_covariance, misfit = _least_squares(gravity / std[..., None], errors / std[..., None], contact / std)
+    mass, moment = float(x[0]), across @ x[1:]
 
-    unfold = np.zeros((4, len(solved.x)))
+    unfold = np.zeros((4, len(x)))
     unfold[0, 0], unfold[1:, 1:] = 1.0, across
-    covariance = unfold @ solved.covariance @ unfold.T
+    covariance = unfold @ x_covariance @ unfold.T
     mass_std = float(np.sqrt(covariance[0, 0]))
     com = com_covariance = com_flange = com_flange_std = None
     surely = calibration.t_quantile(THREE_STD) * mass_std
     if mass > surely:
         com = moment / mass
         of_com = np.column_stack([-com, np.eye(3)]) @ unfold / mass
-        com_covariance = of_com @ solved.covariance @ of_com.T
+        com_covariance = of_com @ x_covariance @ of_com.T
         R_flange_sensor = calibration.R_flange_sensor
         if unknown_along is None and R_flange_sensor is not None:
             # Sensor-frame torques over sensor-frame forces give com whatever the mounting: the two errors add
@@ -118,8 +121,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
             turn = cross_matrix(com) @ mounting_turn(calibration.parameter_names) @ root
             com_flange = R_flange_sensor @ com
             com_flange_std = np.sqrt(np.diag(R_flange_sensor @ (com_covariance + turn @ turn.T) @ R_flange_sensor.T))
-    test = MisfitTest(solved.misfit, contact.size - len(solved.x), noise_dof(calibration))
-    residual = contact - gravity @ solved.x
+    test = MisfitTest(misfit, contact.size - len(x), noise_dof(calibration))
     return HeldObject(
         mass=mass,
         mass_std=mass_std,
@@ -131,12 +133,12 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         com_flange=com_flange,
         com_flange_std=com_flange_std,
         poses=len(poses),
-        residual_rms=np.sqrt(np.mean(residual**2, axis=0)),
+        residual_rms=np.sqrt(np.mean((contact - gravity @ x) ** 2, axis=0)),
         chi2=test.chi2,
         probability=test.probability,
         dof=calibration.dof,
         g=g,
-        warnings=warnings + _doubts(mass, surely, unknown_along is not None, test),
+        warnings=(*warnings, *_doubts(mass, surely, unknown_along is not None, test)),
     )
 
 
@@ -185,26 +187,9 @@ def _seen(down: Array) -> tuple[Array, Array | None]:
     return axes[:, 1:], along
 
 
-def _gravity_of_unit(down: Array, across: Array, g: float) -> Array:
-    """Wrenches (n, 6, 1 + k) of a unit mass at the origin, and of unit moments along the columns of `across`."""
-    wrench = np.zeros((len(down), 6, 1 + across.shape[1]))
-    wrench[:, :3, 0] = g * down
-    wrench[:, 3:, 1:] = -g * cross_matrix(down) @ across
-    return wrench
-
-
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """Unknowns x (q,), their covariance (q, q), and the misfit."""
-
-    x: Array
-    covariance: Array
-    misfit: float
-
-
-def _least_squares(A: Array, J: Array, y: Array) -> _Solved:
+def _least_squares(A: Array, J: Array, y: Array) -> tuple[Array, Array, float]:
     """Least squares of whitened readings y (n, 6) in unknowns A (n, 6, q), with the calibration's errors J (n, 6, p)
-    as further unknowns that have unit variance.
+    as further unknowns that have unit variance: the unknowns x (q,), their covariance (q, q), and the misfit.
     """
     q, p = A.shape[2], J.shape[2]
     design = np.concatenate([A, J], axis=2).reshape(-1, q + p)
@@ -214,31 +199,29 @@ def _least_squares(A: Array, J: Array, y: Array) -> _Solved:
     inverse = np.linalg.inv(triangle)
     along = Q.T @ readings
     left = readings - Q @ along
-    return _Solved((inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left))
+    return (inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left)
 
 
-def _doubts(mass: float, surely: float, one_direction: bool, test: MisfitTest) -> tuple[str, ...]:
+def _doubts(mass: float, surely: float, one_direction: bool, test: MisfitTest) -> Iterator[str]:
     """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
-    warnings = []
     if mass < -surely:
-        warnings.append(
+        yield (
             "the mass is below zero: the tool is lighter than when it was calibrated, or the sign of the readings "
             "differs (--sign)"
         )
     elif mass <= surely:
-        warnings.append(
+        yield (
             "the mass is not above zero by three standard deviations: nothing is held, or too little for this "
             "calibration; no centre of mass"
         )
     elif one_direction:
-        warnings.append(
+        yield (
             "gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the tool to "
             "another pose for the rest"
         )
     if test.probability < SIGNIFICANCE:
-        warnings.append(
+        yield (
             f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
             f"freedom, probability {percent(test.probability)}): it or the tool touched something, it moved between "
             "the poses, or the calibration no longer holds"
         )
-    return tuple(warnings)

@@ -67,7 +67,7 @@ def demo(
 
 
 def _panda(folder: Path) -> _Set:
-    from ..assess.baselines import compare
+    from ..assess.verify import compare
     from ..estimation.calibrate import calibrate
     from ..recording.read import read
 
@@ -95,7 +95,7 @@ def _panda(folder: Path) -> _Set:
 
 
 def _paper(folder: Path) -> _Set:
-    from ..assess.baselines import compare
+    from ..assess.verify import compare
     from ..estimation.calibrate import calibrate
     from ..recording.read import read
 

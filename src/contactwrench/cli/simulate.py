@@ -161,9 +161,8 @@ def _moving(
     settings: Settings, trajectory: str, loads: tuple[float, ...], pushes: int, rng: np.random.Generator
 ) -> Recorded:
     from ..simulate.kinematics import HOME
-    from ..simulate.pushes import random_pushes
     from ..simulate.recording import record_motion
-    from ..simulate.trajectory import calm, exciting, stopping, sweeping, through
+    from ..simulate.trajectory import calm, exciting, random_pushes, stopping, sweeping, through
 
     if len(loads) > 1:
         raise InputError(f"found {len(loads)} loads for a motion, expected one: simulate a file for each")

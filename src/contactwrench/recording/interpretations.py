@@ -6,22 +6,17 @@ One is made by options where there are options, by words about the file where th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import permutations
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..assess.interpretations import (
-    Interpretations,
-    OrientationInterpretation,
-    still_poses,
-    torque_units,
-    turned_and_shifted,
-    wrench_interpretations,
-)
+from ..assess.interpretations import Interpretations, OrientationInterpretation, TorqueUnit, WrenchInterpretation
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
@@ -30,29 +25,31 @@ from .read import bag_blocks, name_of, reader_of
 from .tables.columns import ANGLE, orientation_columns, roles_beside, whole_sets, wrench_columns
 from .tables.table import open_table, rotations, written_rows
 
-NAMED, GENERIC, UNIT = 1.0, 2.5, 1.0
-"""What a change costs, in changes as likely as a wrong option (see assess/interpretations.py)."""
+NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
+SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
+"""What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
 
+MOST_ROWS = 20_000
 MOST_POSES = 300
-"""Of a longer recording: a wrong interpretation shows in a few dozen poses."""
+"""A longer recording is thinned: a wrong interpretation shows in a few dozen poses."""
 
-TURNED_AXES = tuple("".join(letters) for letters in permutations("XYZ")) + tuple(
-    f"{a}{b}{a}" for a in "XYZ" for b in "XYZ" if a != b
-)
+STILL = float(np.deg2rad(0.2))
+
+TURNED_AXES = (*map("".join, permutations("XYZ")), *(f"{a}{b}{a}" for a, b in permutations("XYZ", 2)))
 FORMULAS_OF_ANGLES = (*TURNED_AXES, *(letters.lower() for letters in TURNED_AXES), "rotvec")
 PROBE = np.array([[0.3, -0.5, 0.7]])
-WHOLE = slice(None)
 
-Candidates: TypeAlias = Iterator[OrientationInterpretation]
+_Attempt: TypeAlias = tuple[str, tuple[str, ...], float, Callable[[Array], Array], Array]
+"""What --orientation takes for it, mends and cost, a formula, and the numbers that may make rotations by it."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Written:
-    """What a table holds before anything is made of its orientation.
+    """What a table holds of contact-free poses before anything is made of their orientation.
 
-    `wrench` (n, 6) N and N m. `sets` of columns that could be an orientation, by their names in the file, and their
-    numbers (n, k) as they stand: one that was asked for or that the names tell, which `convention` makes the rotations
-    `stated` (n, 3, 3) of; else all. `complaint`: why there is no convention, or no rotation. `load_mass` (n,) kg.
+    `wrench` (n, 6) N and N m of the poses. `sets` of columns that could be an orientation, by their names in the file,
+    and their numbers (n, k) as they stand: one that was asked for or that the names tell, which `convention` makes the
+    rotations `stated` (n, 3, 3) of; else all. `complaint`: why there is no convention, or no rotation.
     """
 
     wrench: Array
@@ -61,7 +58,6 @@ class _Written:
     convention: Convention | None
     stated: Array | None
     complaint: str | None
-    load_mass: Array | None
 
 
 def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Array | None = None) -> Interpretations:
@@ -85,29 +81,31 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
             "--inverse-orientation"
         )
     written = _written(path, options.orientation)
-    middle, wrench = still_poses(written.wrench, [numbers for _, numbers in written.sets], written.load_mass)
-    if not len(middle):
+    n = len(written.wrench)
+    if not n:
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
-    picked = np.unique(np.linspace(0, len(middle) - 1, min(len(middle), MOST_POSES)).astype(np.intp))
+    picked = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(np.intp))
     stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
-    candidates = []
+    candidates: list[OrientationInterpretation] = []
     if written.stated is not None:
-        candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated[middle], WHOLE))
+        candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated))
     for columns, numbers in written.sets:
-        candidates += _candidates(columns, numbers[middle], written.convention)
+        for option, mends, cost, to_matrices, values in _candidates(columns, numbers, written.convention):
+            with suppress(InputError):
+                flags = (f"--orientation {option}",)
+                candidates.append(OrientationInterpretation(flags, mends, cost, to_matrices(values)))
     distinct: dict[bytes, OrientationInterpretation] = {}
-    for one in sorted(turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda one: one.cost):
-        distinct.setdefault(repr(one.rows).encode() + np.round(one.R_base_flange, 9).tobytes(), one)
+    for each in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda o: o.cost):
+        distinct.setdefault(repr(each.rows).encode() + np.round(each.R_base_flange, 9).tobytes(), each)
     return Interpretations(
-        name_of(path),
-        wrench[picked],
-        tuple(distinct.values()),
-        tuple(wrench_interpretations(options.wrench_frame)),
-        None if written.stated is None else 0,
-        options.sign,
-        gravity,
-        torque_units(written.wrench_columns),
-        written.complaint,
+        source=name_of(path),
+        wrench=written.wrench[picked],
+        orientations=tuple(distinct.values()),
+        wrenches=tuple(_of_wrench(options.wrench_frame)),
+        sign=options.sign,
+        gravity=gravity,
+        torque_unit=_other_torque_unit(written.wrench_columns),
+        complaint=written.complaint,
     )
 
 
@@ -116,7 +114,7 @@ def _written(path: str | Path, orientation: str) -> _Written:
     for numbers that are no rotation, nor where `auto` cannot choose between columns that all could be one.
 
     Of a recording with times only rows that have a wrench and an orientation are kept, and none with a saturated
-    channel.
+    channel or a load; a long one is thinned.
     """
     table = open_table(path)
     of_wrench = wrench_columns(table)
@@ -143,34 +141,53 @@ def _written(path: str | Path, orientation: str) -> _Written:
             except FileFormatError as error:
                 complaint = str(error)
     wrench, load, numbers = (np.concatenate(values) for values in zip(*parts, strict=True))
+    free = np.flatnonzero(load[:, 0] == 0.0) if roles.load else np.arange(len(wrench))
+    free = free[:: 1 + len(free) // MOST_ROWS]
     of_sets = np.split(numbers, np.cumsum([len(columns) for columns in sets])[:-1].tolist(), axis=1)
+    middle, means = _still_poses(wrench[free], [of_set[free] for of_set in of_sets])
+    middle = free[middle]
     names = [tuple(column.name for column in columns) for columns in (of_wrench, *sets)]
     return _Written(
-        wrench,
-        names[0],
-        tuple(zip(names[1:], of_sets, strict=True)),
-        convention,
-        np.concatenate(stated) if complaint is None else None,
-        complaint,
-        load[:, 0] if roles.load else None,
+        wrench=means,
+        wrench_columns=names[0],
+        sets=tuple(zip(names[1:], [of_set[middle] for of_set in of_sets], strict=True)),
+        convention=convention,
+        stated=np.concatenate(stated)[middle] if complaint is None else None,
+        complaint=complaint,
     )
 
 
-def _candidate(
-    flag: str, mends: tuple[str, ...], cost: float, to_matrices: Callable[[Array], Array], numbers: Array
-) -> Candidates:
-    """One, where the numbers make rotations."""
-    try:
-        R = to_matrices(numbers)
-    except InputError:
-        return
-    yield OrientationInterpretation((f"--orientation {flag}",), mends, cost, R, WHOLE)
+def _still_poses(wrench: Array, sets: list[Array]) -> tuple[NDArray[np.intp], Array]:
+    """The middle row (m,) of all rows in turn at one orientation, and their mean wrench (m, 6)."""
+    in_deg = [part.shape[1] == 3 and np.abs(part).max(initial=0.0) > LONGEST_ROTATION_VECTOR for part in sets]
+    rows = np.hstack([np.deg2rad(part) if deg else part for part, deg in zip(sets, in_deg, strict=True)]).tolist()
+    starts: list[int] = []
+    for k, row in enumerate(rows):
+        if not starts or any(abs(a - b) > STILL for a, b in zip(row, rows[starts[-1]], strict=True)):
+            starts.append(k)
+    segments = list(pairwise([*starts, len(rows)]))
+    means = [wrench[a:b].mean(axis=0) for a, b in segments]
+    return np.array([(a + b) // 2 for a, b in segments], dtype=np.intp), np.array(means).reshape(-1, 6)
 
 
-def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Candidates:
+def _turned_and_shifted(
+    candidates: list[OrientationInterpretation], inverse: bool, picked: NDArray[np.intp]
+) -> Iterator[OrientationInterpretation]:
+    for made in candidates:
+        for is_inverse in (inverse, not inverse):
+            R = made.R_base_flange.transpose(0, 2, 1) if is_inverse else made.R_base_flange
+            flags = (*made.flags, *(["--inverse-orientation"] if is_inverse else []))
+            for shift, whose in ((0, ""), (1, "next"), (-1, "previous")):
+                mends = (*made.mends, *([f"each orientation belonging to the {whose} row's wrench"] if shift else []))
+                cost = made.cost + INVERSE * (is_inverse != inverse) + SHIFTED * bool(shift)
+                there = np.flatnonzero((picked >= shift) & (picked - shift < len(R)))
+                rows = slice(int(there[0]), int(there[-1]) + 1) if len(there) else slice(0, 0)
+                yield OrientationInterpretation(flags, mends, cost, R[picked[there] - shift], rows)
+
+
+def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Attempt]:
     """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
-    k = len(names)
-    if k == 3:
+    if (k := len(names)) == 3:
         yield from _of_angles(names, numbers, stated)
         return
     as_they_stand = list(range(k))
@@ -178,10 +195,10 @@ def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | Non
     for named in CONVENTIONS.values():
         for order in (as_they_stand, another) if len(named.columns) == k else ():
             columns = tuple(names[place] for place in order)
-            yield from _candidate(_flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order])
+            yield (_flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order])
 
 
-def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Candidates:
+def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Attempt]:
     """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
     suffixes = [name.rpartition("_")[2] if name.rpartition("_")[2] in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
@@ -194,25 +211,22 @@ def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | No
         rename = f"the angles in {unit} (rename {', '.join(columns)} to {', '.join(renamed)})"
         for letters in FORMULAS_OF_ANGLES:
             to_matrices = _to_matrices(letters)
-            named = list(_named(letters))
+            named = _named(letters)
             same = stated is not None and bool(np.allclose(stated.to_matrices(PROBE), to_matrices(PROBE)))
-            fitting = [c for c in named if said or c.angle_unit == unit]
+            fitting = tuple(c for c in named if said or c.angle_unit == unit)
             usual = said or (stated.angle_unit if same and stated else named[0].angle_unit if named else unit)
             cost = (0.0 if same else NAMED if named else GENERIC) + UNIT * (unit != usual)
             must_rename = (bool(said) and unit != said) or (not fitting and letters == "rotvec")
-            names = renamed if must_rename else columns
-            if must_rename and named:
-                fitting = named
+            names, fitting = (renamed, named) if must_rename else (columns, fitting)
             best = min(fitting, key=lambda c: c.columns != _bare(names), default=None)
             flag = _flag(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
-            yield from _candidate(flag, (rename,) if must_rename else (), cost, to_matrices, angles)
+            yield (flag, (rename,) if must_rename else (), cost, to_matrices, angles)
 
 
 @cache
 def _to_matrices(letters: str) -> Callable[[Array], Array]:
-    return (
-        CONVENTIONS["ur_rotvec"].to_matrices if letters == "rotvec" else convention(f"euler:{letters}:rad").to_matrices
-    )
+    formula = CONVENTIONS["ur_rotvec"] if letters == "rotvec" else convention(f"euler:{letters}:rad")
+    return formula.to_matrices
 
 
 @cache
@@ -231,3 +245,51 @@ def _bare(columns: tuple[str, ...]) -> tuple[str, ...]:
 def _flag(named: Convention, columns: tuple[str, ...]) -> str:
     """What --orientation takes for a convention of these columns: its name alone where they bear its names."""
     return named.name if _bare(columns) == named.columns else f"{named.name}:{','.join(columns)}"
+
+
+def _of_wrench(stated_frame: str) -> Iterator[WrenchInterpretation]:
+    """Every interpretation of the wrench but for its sign, the stated one first."""
+    for frame in (stated_frame, "base" if stated_frame == "sensor" else "sensor"):
+        flags = ("--wrench-frame base",) if frame == "base" else ()
+        for mends, cost, matrix in _axes(frame):
+            yield WrenchInterpretation(flags, mends, cost + FRAME * (frame != stated_frame), matrix, frame == "base")
+
+
+def _axes(frame: str) -> Iterator[tuple[tuple[str, ...], float, Array]]:
+    """Axes exchanged, reversed or renamed: of force and torque alike, or of one of them."""
+    same = np.eye(3)
+    yield (), 0.0, np.eye(6)
+    for words, R in _axis_changes():
+        yield (words.format("fx", "fy", "fz"),), ONE_KIND, _blocks(R, same)
+    for words, R in _axis_changes():
+        force, torque = (words.format(*(kind + axis for axis in "xyz")) for kind in "ft")
+        yield (torque,), ONE_KIND, _blocks(same, R)
+        if frame == "base" or np.linalg.det(R) < 0.0:  # in the sensor's axes a rotation of all is another mounting
+            yield (force, torque), BOTH_KINDS, _blocks(R, R)
+    yield ("tx, ty and tz reversed",), TORQUE_REVERSED, _blocks(same, -same)
+    yield ("force and torque exchanged",), BOTH_KINDS, np.roll(np.eye(6), 3, axis=0)
+
+
+def _axis_changes() -> Iterator[tuple[str, Array]]:
+    same = np.eye(3)
+    yield "{0} and {1} exchanged", same[[1, 0, 2]]
+    yield "{1} and {2} exchanged", same[[0, 2, 1]]
+    yield "{2} and {0} exchanged", same[[2, 1, 0]]
+    for axis in range(3):
+        yield f"{{{axis}}} reversed", np.diag(1.0 - 2.0 * same[axis])
+    yield "{0}, {1}, {2} written as {2}, {0}, {1}", same[[1, 2, 0]]
+    yield "{0}, {1}, {2} written as {1}, {2}, {0}", same[[2, 0, 1]]
+
+
+def _blocks(of_force: Array, of_torque: Array) -> Array:
+    zero = np.zeros((3, 3))
+    return np.block([[of_force, zero], [zero, of_torque]])
+
+
+def _other_torque_unit(wrench_columns: tuple[str, ...]) -> TorqueUnit:
+    """N mm where the file states N m, and the other way round."""
+    in_nmm = wrench_columns[3].endswith("_nmm")
+    factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
+    new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
+    mend = f"the torque in {unit} (rename {', '.join(wrench_columns[3:])} to {new})"
+    return TorqueUnit(factor, mend, TORQUE_UNIT)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assess.baselines import LeftOver
+from ..assess.verify import LeftOver
 from ..calibration.calibration import Calibration
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array

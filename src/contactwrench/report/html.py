@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..assess.baselines import LeftOver, compare
+from ..assess.verify import LeftOver, compare
 from ..calibration.calibration import Calibration
 from ..calibration.fields import BIAS_MOVED
 from ..calibration.text import headline, parameter_rows

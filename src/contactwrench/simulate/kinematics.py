@@ -1,6 +1,4 @@
-"""Where the arm goes: the flange at given joints, joints that bring the flange to given poses, and poses to go to: the
-paper's six and random ones.
-"""
+"""Where the flange is at given joints, joints that bring it to given poses, and poses to go to: the paper's, random."""
 
 from __future__ import annotations
 
@@ -9,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..assess.robot_arms import known_arm
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
@@ -16,15 +15,12 @@ from ..geometry.rotations import rotation_log
 from .arm import JOINT_RANGE
 from .rig import Rig, import_mujoco, inverse_dynamics, site_at
 
-HOME = np.deg2rad([0.0, 30.0, 0.0, -60.0, 0.0, 90.0, 0.0])
-"""Joints (7,) with the flange down in front of the base, at x = 0.600 and z = 0.560 m: every tilt is within the wrist's
-reach.
-"""
+HOME = known_arm("iiwa7").home
+"""Joints (7,), rad: flange down before the base, x = 0.600 and z = 0.560 m; every tilt is within the wrist's reach."""
 
-ITERATIONS = 200
+ITERATIONS, TRIES = 200, 24
 CLOSE = 1e-11
 """m and rad."""
-TRIES = 24
 MILLIMETRES = 10.0
 """m: beyond this a position was meant in mm."""
 
@@ -52,7 +48,7 @@ def _flange(rig: Rig, data: Any, joints: Array) -> tuple[Array, Array, Array]:
     """`R_base_flange` (3, 3), position (3,) and Jacobian (6, 7) at joints (7,); `data` is MuJoCo's, to work in."""
     R_world_flange, in_world, jacobian = site_at(rig, data, joints, rig.flange)
     R_base_world = rig.settings.R_world_base.T
-    turned = np.concatenate([R_base_world @ jacobian[:3], R_base_world @ jacobian[3:]])
+    turned = (R_base_world @ jacobian.reshape(2, 3, -1)).reshape(6, -1)
     return R_base_world @ R_world_flange, R_base_world @ in_world, turned
 
 

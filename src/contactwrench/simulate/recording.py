@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import rotation_exp
 from ..samples.samples import Samples
-from .pushes import Push, force_on_hook
 from .rig import Physics, build, inverse_dynamics
 from .sensor import SensorStream, friction_torque, joint_torque_readings
 from .settings import Settings
-from .trajectory import Motion
+from .trajectory import Motion, Push, force_on_hook
 
 SENSOR_RATE = 1000.0
 """Hz, while static poses are recorded: the M8125 over Ethernet."""
@@ -60,8 +59,7 @@ def record_poses(
     Raises:
         MissingExtraError: mujoco is not installed.
     """
-    plan = settings.recording
-    speed = plan.creep * rng.choice([-1.0, 1.0], size=joints.shape)
+    speed = settings.recording.creep * rng.choice([-1.0, 1.0], size=joints.shape)
     return read_poses(settings, [true_poses(settings, joints, load, speed) for load in load_masses], load_masses, rng)
 
 
@@ -82,9 +80,8 @@ def read_poses(
     settings: Settings, truth: list[Physics], load_masses: tuple[float, ...], rng: np.random.Generator
 ) -> Recorded:
     """What sensors and robot state of true poses, one `Physics` a load: the part of `record_poses` that is random."""
-    plan = settings.recording
+    plan, rows = settings.recording, settings.recording.rows
     seen = len(_creeping(settings)) if plan.creep > 0.0 else 1
-    rows = plan.rows
     before = max(round(plan.settle * SENSOR_RATE), seen)
     poses = sum(len(physics.wrench) for physics in truth) // seen
 

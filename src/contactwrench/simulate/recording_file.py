@@ -40,18 +40,12 @@ def write_recording(path: Path, recorded: Recorded, command: dict[str, object]) 
 
 
 def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> None:
-    """Write what was true beside a recording that is at `path`. Raises `FileAccessError`."""
-    write_text(truth_path(path), truth_json(recorded, command))
-
-
-def truth_json(recorded: Recorded, command: dict[str, object]) -> str:
-    """What was true, under the names of a calibration file, with the settings of the rig and how it was asked for.
+    """Write what was true beside the recording at `path`, under the names of a calibration file, with the settings.
 
     `bias` is the setting; where it drifts, `settings.sensor.drift` says how. `saturated` counts rows a channel;
-    `pushes` are forces on the tool's hook, N, base axes.
+    `pushes` are forces on the tool's hook, N, base axes. Raises `FileAccessError`.
     """
-    settings = recorded.settings
-    tool = settings.tool
+    settings, tool = recorded.settings, recorded.settings.tool
     values = {
         "schema": TRUTH_SCHEMA,
         "weight": tool.mass * settings.gravity,
@@ -61,31 +55,20 @@ def truth_json(recorded: Recorded, command: dict[str, object]) -> str:
         "R_flange_sensor": settings.R_flange_sensor.tolist(),
         "gravity_direction": (settings.gravity_direction + 0.0).tolist(),
         "saturated": dict(zip(AXES, recorded.saturated.sum(axis=0).tolist(), strict=True)),
-        "pushes": [
-            {"t_start": push.t_start, "t_end": push.t_end, "force": push.force.tolist()} for push in recorded.pushes
-        ],
+        "pushes": [vars(push) | {"force": push.force.tolist()} for push in recorded.pushes],
         "command": command,
         "settings": msgspec.to_builtins(settings),
     }
-    return msgspec.json.format(msgspec.json.encode(values), indent=2).decode() + "\n"
+    write_text(truth_path(path), msgspec.json.format(msgspec.json.encode(values), indent=2).decode() + "\n")
 
 
 def _rows(recorded: Recorded) -> Iterator[str]:
     from scipy.spatial.transform import Rotation
 
     quat_xyzw: Array = Rotation.from_matrix(recorded.R_base_flange).as_quat(canonical=True)
-    table: Array = np.column_stack(
-        [
-            recorded.t,
-            recorded.wrench,
-            quat_xyzw,
-            recorded.position,
-            1000.0 * recorded.load_mass,
-            recorded.joints,
-            recorded.joint_torque,
-            recorded.saturated.any(axis=1),
-        ]
-    )
+    pose = [recorded.t, recorded.wrench, quat_xyzw, recorded.position, 1000.0 * recorded.load_mass]
+    at_joints = [recorded.joints, recorded.joint_torque]
+    table: Array = np.column_stack([*pose, *at_joints, recorded.saturated.any(axis=1)])
     yield ",".join(COLUMNS) + "\n"
     for row in (table + 0.0).tolist():
         yield FORMAT % tuple(row)

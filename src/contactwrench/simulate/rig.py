@@ -6,7 +6,6 @@ exerts on the sensor. The sign is turned here, once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +24,9 @@ JOINTS = 7
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The machine that `settings` describe, with `load_mass` (kg) on the tool's hook, compiled by MuJoCo."""
+    """The machine that `settings` describe, with a load on the tool's hook or none, compiled by MuJoCo."""
 
     settings: Settings
-    load_mass: float
     model: mujoco.MjModel
     flange: int
     sensor: int
@@ -71,11 +69,34 @@ def build(
         more: XML that stands beside the world, such as actuators.
 
     Raises:
+        InputError: a load below zero.
         MissingExtraError: mujoco is not installed.
     """
     mujoco = import_mujoco()
-    model = mujoco.MjModel.from_xml_string(_xml(settings, load_mass, tool_shape, scene, option, more))
-    return Rig(settings, load_mass, model, model.site("flange").id, model.site("sensor").id)
+    if load_mass < 0.0:
+        raise InputError(f"the load is {load_mass:g} kg, expected 0 or more")
+    xml = f"""<mujoco model="iiwa7">
+  <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
+  <option gravity="0 0 {-settings.gravity!r}" {option}/>
+  <visual>
+    <headlight ambient="0.45 0.45 0.45" diffuse="0.45 0.45 0.45" specular="0.1 0.1 0.1"/>
+    <global offwidth="1280" offheight="960"/>
+    <quality shadowsize="4096"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.93 0.95 0.97" width="64" height="64"/>
+  </asset>
+  <default><geom contype="0" conaffinity="0" density="0"/></default>
+  <worldbody>
+    <light pos="1.5 -1.5 3" dir="-0.4 0.4 -1" diffuse="0.5 0.5 0.5"/>
+    {scene}
+    <body name="base" quat="{_quat(settings.R_world_base)}">{arm_xml(_tool_xml(settings, load_mass, tool_shape))}</body>
+  </worldbody>
+  <sensor><force name="force" site="sensor"/><torque name="torque" site="sensor"/></sensor>
+  {more}
+</mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    return Rig(settings, model, model.site("flange").id, model.site("sensor").id)
 
 
 def inverse_dynamics(
@@ -101,41 +122,29 @@ def inverse_dynamics(
     at, speed, change = data.qpos, data.qvel, data.qacc
     sensed, drives = data.sensordata, data.qfrc_inverse
     R_world_flange, flange_in_world = data.site_xmat[rig.flange], data.site_xpos[rig.flange]
-    step, model = mujoco.mj_inverse, rig.model
-    speed[:] = change[:] = 0.0
-    push_at = _pusher(rig, data)
-    pushed = () if force_on_hook is None else np.flatnonzero(force_on_hook.any(axis=1))
-    pushes = set(map(int, pushed))
+    on_tool = data.xfrc_applied[rig.model.body("tool").id]
+    velocity = np.zeros(joints.shape) if velocity is None else velocity
+    acceleration = np.zeros(joints.shape) if acceleration is None else acceleration
+    pushed = set() if force_on_hook is None else set(np.flatnonzero(force_on_hook.any(axis=1)).tolist())
     for k in range(n):
-        at[:] = joints[k]
-        if force_on_hook is not None:
-            push_at(force_on_hook[k], k in pushes)
-        if velocity is not None:
-            speed[:] = velocity[k]
-        if acceleration is not None:
-            change[:] = acceleration[k]
-        step(model, data)
+        at[:], speed[:], change[:] = joints[k], velocity[k], acceleration[k]
+        on_tool[:] = 0.0
+        if force_on_hook is not None and k in pushed:
+            on_tool[:] = _on_tool(rig, data, force_on_hook[k])
+        mujoco.mj_inverse(rig.model, data)
         wrench[k], torque[k] = sensed, drives
         R[k], position[k] = R_world_flange, flange_in_world
     R_base_world = rig.settings.R_world_base.T
     return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
 
 
-def _pusher(rig: Rig, data: mujoco.MjData) -> Callable[[Array, bool], None]:
-    """Sets the external force on the hook for the joints as they are now; the kinematics only where there is one."""
-    kinematics = import_mujoco().mj_kinematics
-    tool, hook = rig.model.body("tool").id, np.array(rig.settings.tool.hook)
-    external, centre, origin = data.xfrc_applied[tool], data.xipos[tool], data.xpos[tool]
-    R_world_tool = data.xmat[tool].reshape(3, 3)
-
-    def push_at(force: Array, pushed: bool) -> None:
-        external[:] = 0.0
-        if pushed:
-            kinematics(rig.model, data)
-            external[:3] = rig.settings.R_world_base @ force
-            external[3:] = np.cross(origin + R_world_tool @ hook - centre, external[:3])
-
-    return push_at
+def _on_tool(rig: Rig, data: mujoco.MjData, force_on_hook: Array) -> Array:
+    """Of a force (3,), base axes, on the hook: force and torque (6,) about the tool's centre of mass, world axes."""
+    import_mujoco().mj_kinematics(rig.model, data)
+    tool = rig.model.body("tool").id
+    force = rig.settings.R_world_base @ force_on_hook
+    hook = data.xpos[tool] + data.xmat[tool].reshape(3, 3) @ np.array(rig.settings.tool.hook)
+    return np.concatenate([force, np.cross(hook - data.xipos[tool], force)])
 
 
 def site_at(rig: Rig, data: Any, joints: Array, site: int) -> tuple[Array, Array, Array]:
@@ -160,31 +169,6 @@ def import_mujoco() -> Any:
             "the virtual rig needs mujoco, which is not installed: pip install 'contactwrench[sim]'"
         ) from None
     return mujoco
-
-
-def _xml(settings: Settings, load_mass: float, tool_shape: str, scene: str, option: str, more: str) -> str:
-    if load_mass < 0.0:
-        raise InputError(f"the load is {load_mass:g} kg, expected 0 or more")
-    return f"""<mujoco model="iiwa7">
-  <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
-  <option gravity="0 0 {-settings.gravity!r}" {option}/>
-  <visual>
-    <headlight ambient="0.45 0.45 0.45" diffuse="0.45 0.45 0.45" specular="0.1 0.1 0.1"/>
-    <global offwidth="1280" offheight="960"/>
-    <quality shadowsize="4096"/>
-  </visual>
-  <asset>
-    <texture type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.93 0.95 0.97" width="64" height="64"/>
-  </asset>
-  <default><geom contype="0" conaffinity="0" density="0"/></default>
-  <worldbody>
-    <light pos="1.5 -1.5 3" dir="-0.4 0.4 -1" diffuse="0.5 0.5 0.5"/>
-    {scene}
-    <body name="base" quat="{_quat(settings.R_world_base)}">{arm_xml(_tool_xml(settings, load_mass, tool_shape))}</body>
-  </worldbody>
-  <sensor><force name="force" site="sensor"/><torque name="torque" site="sensor"/></sensor>
-  {more}
-</mujoco>"""
 
 
 def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:

@@ -1,11 +1,11 @@
-"""What the sensors make of the truth.
+"""What the sensors make of what is true: the six-axis sensor at the flange, and the torque sensors in the joints.
 
-The wrist sensor: gain and cross-talk, bias and its drift, filter, delay, noise, limits, in the order of strain gauges,
-amplifier, filter and converter. Rows come at one rate, in blocks of any length, so that a whole recording is one block
-and a control loop takes one row, or a few, at a time.
+The six-axis sensor has gain and cross-talk, bias and its drift, filter, delay, noise and limits, in the order of the
+signal's way: strain gauges, amplifier, filter, converter. Rows come at one rate, in blocks of any length, so that a
+whole recording is one block and a control loop takes one row, or a few, at a time.
 
-The torque sensors in the joints sit between gear and link: the friction of motor and gear, which is by far the largest,
-never reaches them. What does is the friction on the link's side, of bearings, seals and cables.
+A joint's sensor sits between gear and link: the friction of motor and gear, by far the largest, never reaches it. What
+does is the friction on the link's side, of bearings, seals and cables, and the sensor's own hysteresis.
 """
 
 from __future__ import annotations
@@ -38,11 +38,8 @@ class SensorStream:
     def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
         if rate <= 0.0:
             raise InputError(f"the rate is {rate:g} Hz, expected more than 0")
-        self._sensor = sensor
-        self._rng = rng
-        self._period = 1.0 / rate
-        self._rows = 0
-        self._walk = np.zeros(6)
+        self._sensor, self._rng, self._period = sensor, rng, 1.0 / rate
+        self._rows, self._walk = 0, np.zeros(6)
         self._late = round(sensor.delay * rate)
         self._before: Array | None = None
         self._filtered: Array | None = None

@@ -5,9 +5,8 @@ Fields are what people speak: millimetres and degrees only where the name ends i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from operator import attrgetter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal, TypeAlias
 
 import msgspec
@@ -21,6 +20,7 @@ from ..geometry.wrench import STANDARD_GRAVITY
 Three: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]
 Seven: TypeAlias = tuple[float, float, float, float, float, float, float]
+SixBySix: TypeAlias = tuple[Six, Six, Six, Six, Six, Six]
 
 NONE: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -31,55 +31,36 @@ UPRIGHT_OF: dict[str, Array] = {
 }
 """`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
 
-BOUNDS: dict[str, tuple[float, float, str]] = {
-    "gravity": (0.1, 100.0, ""),
-    "tool.mass": (1e-12, 1000.0, ""),
-    "tool.com": (-1.0, 1.0, " (are these mm?)"),
-    "tool.hook": (-1.0, 1.0, " (are these mm?)"),
-    "mounting.yaw_deg": (-360.0, 360.0, ""),
-    "mounting.tilt_deg": (-360.0, 360.0, ""),
-    "mounting.height": (0.0, 1.0, " (is this mm?)"),
-    "base.tilt_deg": (-360.0, 360.0, ""),
-    "sensor.ranges": (1e-6, 1e6, ""),
-    "sensor.overload": (1e-3, 1e6, ""),
-    "sensor.bias": (-1e6, 1e6, ""),
-    "sensor.noise.force": (0.0, 1e6, ""),
-    "sensor.noise.torque": (0.0, 1e6, ""),
-    "sensor.quantum": (0.0, 1e6, ""),
-    "sensor.gain": (-1e3, 1e3, ""),
-    "sensor.crosstalk": (-1e3, 1e3, ""),
-    "sensor.low_pass": (0.0, 1e6, ""),
-    "sensor.delay": (0.0, 10.0, " (is this ms?)"),
-    "sensor.drift.warm_up": (-1e6, 1e6, ""),
-    "sensor.drift.warm_up_time": (1e-3, 1e9, ""),
-    "sensor.drift.walk": (0.0, 1e6, ""),
-    "joint_torque.noise": (0.0, 1e3, ""),
-    "joint_torque.offset": (-1e3, 1e3, ""),
-    "joint_torque.gain": (-1e3, 1e3, ""),
-    "joint_torque.friction": (0.0, 1e3, ""),
-    "recording.settle": (0.0, 60.0, ""),
-    "recording.rows": (1, 10_000, ""),
-    "recording.creep": (0.0, 1.7, ""),
-    "recording.orientation_error_deg": (0.0, 180.0, ""),
-    "recording.rate": (1.0, 1e5, ""),
-    "recording.duration": (0.1, 1e5, ""),
-    "recording.rest": (0.0, 1e3, ""),
-    "recording.pose_rate": (0.1, 1e5, ""),
-}
-"""The least and the most of every number, each end included: what MuJoCo can compute and somebody could mean."""
 MOST_ROWS = 1e7
 """Of a motion: 3 GB of CSV."""
+
+
+def between(least: float, most: float, hint: str = "") -> dict[str, Any]:
+    """Metadata of a setting: the least and the most that MuJoCo can compute and somebody could mean, each included, and
+    what to ask of a number beyond them.
+    """
+    return {"bounds": (least, most, hint)}
+
+
+def bounded_settings(settings: Any, path: str = "") -> Iterator[tuple[str, Any, tuple[float, float, str]]]:
+    """Every number that can be set: its full name, its value, and its bounds."""
+    for each in fields(settings):
+        name, value = f"{path}{each.name}", getattr(settings, each.name)
+        if is_dataclass(value):
+            yield from bounded_settings(value, f"{name}.")
+        elif "bounds" in each.metadata:
+            yield name, value, each.metadata["bounds"]
 
 
 @dataclass(frozen=True)
 class Tool:
     """Everything on the tool side of the sensor. Defaults: the paper, Table V (weight 1.980 N)."""
 
-    mass: float = 1.980 / STANDARD_GRAVITY
+    mass: float = field(default=1.980 / STANDARD_GRAVITY, metadata=between(1e-12, 1000.0))
     """kg."""
-    com: Three = (-0.006, 0.006, 0.032)
+    com: Three = field(default=(-0.006, 0.006, 0.032), metadata=between(-1.0, 1.0, " (are these mm?)"))
     """Centre of mass, m, sensor axes."""
-    hook: Three = (0.0, 0.0, 0.1)
+    hook: Three = field(default=(0.0, 0.0, 0.1), metadata=between(-1.0, 1.0, " (are these mm?)"))
     """Where a load hangs, m, sensor axes; assumed (the paper does not say)."""
 
 
@@ -87,12 +68,12 @@ class Tool:
 class Mounting:
     """How the sensor sits on the flange: `R_flange_sensor = exp(tilt) Rz(yaw)`."""
 
-    yaw_deg: float = 33.918
+    yaw_deg: float = field(default=33.918, metadata=between(-360.0, 360.0))
     """About the flange's z. Default: the paper, Table V."""
-    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    tilt_deg: tuple[float, float] = field(default=(0.0, 0.0), metadata=between(-360.0, 360.0))
     """Rotation vector about the flange's x and y; 180 about one of them is a sensor mounted upside down. Default: the
     parallel faces that the paper assumes."""
-    height: float = 0.03
+    height: float = field(default=0.03, metadata=between(0.0, 1.0, " (is this mm?)"))
     """From the flange to the sensor's origin along the flange's z, m; assumed. It moves no static wrench."""
 
 
@@ -101,7 +82,7 @@ class Base:
     """What the robot stands on."""
 
     on: Literal["table", "wall", "ceiling"] = "table"
-    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    tilt_deg: tuple[float, float] = field(default=(0.0, 0.0), metadata=between(-360.0, 360.0))
     """Rotation vector about the base's x and y on top of that. Default: level, as the paper assumes."""
 
 
@@ -109,9 +90,9 @@ class Base:
 class Noise:
     """Standard deviation of the white noise of one row, per axis. Default: 0.05 % of the ranges (assumed)."""
 
-    force: Three = (0.035, 0.035, 0.035)
+    force: Three = field(default=(0.035, 0.035, 0.035), metadata=between(0.0, 1e6))
     """N."""
-    torque: Three = (0.0015, 0.0005, 0.0005)
+    torque: Three = field(default=(0.0015, 0.0005, 0.0005), metadata=between(0.0, 1e6))
     """N m."""
 
 
@@ -119,11 +100,11 @@ class Noise:
 class Drift:
     """How the bias moves. Default: not at all, as in the paper's model."""
 
-    warm_up: Six = NONE
+    warm_up: Six = field(default=NONE, metadata=between(-1e6, 1e6))
     """What is added to the bias at t = 0 and decays, N and N m."""
-    warm_up_time: float = 1200.0
+    warm_up_time: float = field(default=1200.0, metadata=between(1e-3, 1e9))
     """Its time constant, s; assumed."""
-    walk: Six = NONE
+    walk: Six = field(default=NONE, metadata=between(0.0, 1e6))
     """Random walk: standard deviation after one hour, N and N m."""
 
 
@@ -131,23 +112,23 @@ class Drift:
 class Sensor:
     """An SRI M8125 six-axis force/torque sensor."""
 
-    ranges: Six = (70.0, 70.0, 70.0, 3.0, 1.0, 1.0)
+    ranges: Six = field(default=(70.0, 70.0, 70.0, 3.0, 1.0, 1.0), metadata=between(1e-6, 1e6))
     """Capacity, N and N m: the paper, Table II."""
-    overload: float = 1.2
+    overload: float = field(default=1.2, metadata=between(1e-3, 1e6))
     """The reading stops at this multiple of the range. Not 1: in the paper's Table IV, row 5, the sensor reads 1.054
     N m on an axis with a range of 1."""
-    bias: Six = (3.769, -6.903, 57.657, 2.228, 0.963, -0.002)
+    bias: Six = field(default=(3.769, -6.903, 57.657, 2.228, 0.963, -0.002), metadata=between(-1e6, 1e6))
     """N and N m: the paper, Table V."""
     noise: Noise = Noise()
-    quantum: float = 0.001
+    quantum: float = field(default=0.001, metadata=between(0.0, 1e6))
     """Step of the readings, N and N m: the digits of the paper's Table IV. 0: none."""
-    gain: Six = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    gain: Six = field(default=(1.0, 1.0, 1.0, 1.0, 1.0, 1.0), metadata=between(-1e3, 1e3))
     """Reading over truth, axis by axis. Default: exact; Table IX of the paper shows 0.974."""
-    crosstalk: tuple[Six, Six, Six, Six, Six, Six] = (NONE, NONE, NONE, NONE, NONE, NONE)
+    crosstalk: SixBySix = field(default=(NONE, NONE, NONE, NONE, NONE, NONE), metadata=between(-1e3, 1e3))
     """What an axis (row) shows of the others (columns), N and N m each. Default: none."""
-    low_pass: float = 50.0
+    low_pass: float = field(default=50.0, metadata=between(0.0, 1e6))
     """Cut-off of its first-order filter, Hz; 0: none. The paper filters, and does not say at what frequency."""
-    delay: float = 0.001
+    delay: float = field(default=0.001, metadata=between(0.0, 10.0, " (is this ms?)"))
     """s; assumed: one sample at 1 kHz."""
     drift: Drift = Drift()
 
@@ -160,13 +141,13 @@ class JointTorque:
     half is taken for offset and half for gain. Defaults: a robot with half of both, signs alternating.
     """
 
-    noise: float = 0.05
+    noise: float = field(default=0.05, metadata=between(0.0, 1e3))
     """Standard deviation of one row, N m; assumed."""
-    offset: Seven = (0.88, -0.88, 0.55, -0.55, 0.55, -0.2, 0.2)
+    offset: Seven = field(default=(0.88, -0.88, 0.55, -0.55, 0.55, -0.2, 0.2), metadata=between(-1e3, 1e3))
     """What they read at no torque, N m."""
-    gain: Seven = (1.005, 0.995, 1.005, 0.995, 1.005, 0.995, 1.005)
+    gain: Seven = field(default=(1.005, 0.995, 1.005, 0.995, 1.005, 0.995, 1.005), metadata=between(-1e3, 1e3))
     """Reading over truth."""
-    friction: float = 0.1
+    friction: float = field(default=0.1, metadata=between(0.0, 1e3))
     """Coulomb friction on the link's side of the sensor, N m: at rest anything up to it, in motion all; assumed."""
 
 
@@ -174,21 +155,21 @@ class JointTorque:
 class Recording:
     """How the rig is recorded."""
 
-    settle: float = 2.0
+    settle: float = field(default=2.0, metadata=between(0.0, 60.0))
     """From one static pose to the next, s: what drift sees."""
-    rows: int = 1
+    rows: int = field(default=1, metadata=between(1, 10_000))
     """Rows in each static pose, 1 ms apart."""
-    creep: float = 0.0
+    creep: float = field(default=0.0, metadata=between(0.0, 1.7))
     """Speed of the joints while a static pose is read, rad/s, each in a random direction: a reading in motion."""
-    orientation_error_deg: float = 0.0
+    orientation_error_deg: float = field(default=0.0, metadata=between(0.0, 180.0))
     """Standard deviation, per axis, of the orientation that the robot states in a pose."""
-    rate: float = 1000.0
+    rate: float = field(default=1000.0, metadata=between(1.0, 1e5))
     """Rows per second of a trajectory."""
-    duration: float = 20.0
+    duration: float = field(default=20.0, metadata=between(0.1, 1e5))
     """Of a trajectory that comes without times, s."""
-    rest: float = 1.5
+    rest: float = field(default=1.5, metadata=between(0.0, 1e3))
     """At each stop of a trajectory that stops, s."""
-    pose_rate: float = 100.0
+    pose_rate: float = field(default=100.0, metadata=between(0.1, 1e5))
     """Poses per second in a bag, which has wrench and pose in streams of their own; in a table every row has both."""
 
 
@@ -196,7 +177,7 @@ class Recording:
 class Settings:
     """The whole rig."""
 
-    gravity: float = STANDARD_GRAVITY
+    gravity: float = field(default=STANDARD_GRAVITY, metadata=between(0.1, 100.0))
     """m/s^2."""
     tool: Tool = Tool()
     mounting: Mounting = Mounting()
@@ -206,8 +187,8 @@ class Settings:
     recording: Recording = Recording()
 
     def __post_init__(self) -> None:
-        for name, (least, most, hint) in BOUNDS.items():
-            values = np.atleast_1d(attrgetter(name)(self)).ravel()
+        for name, value, (least, most, hint) in bounded_settings(self):
+            values = np.atleast_1d(value).ravel()
             beyond = ~((values >= least) & (values <= most))
             if beyond.any():
                 raise InputError(f"{name} is {values[beyond][0]:g}, expected {least:g} to {most:g}{hint}")
@@ -221,9 +202,8 @@ class Settings:
     @property
     def R_flange_sensor(self) -> Array:
         """The mounting (3, 3)."""
-        tilt = np.deg2rad([*self.mounting.tilt_deg, 0.0])
-        yaw = np.deg2rad([0.0, 0.0, self.mounting.yaw_deg])
-        R: Array = rotation_exp(tilt) @ rotation_exp(yaw)
+        tilt, yaw = [*self.mounting.tilt_deg, 0.0], [0.0, 0.0, self.mounting.yaw_deg]
+        R: Array = rotation_exp(np.deg2rad(tilt)) @ rotation_exp(np.deg2rad(yaw))
         return R
 
     @property
@@ -252,7 +232,7 @@ def changed(settings: Settings, assignments: Iterable[str]) -> Settings:
             raise InputError(f"found {assignment!r}, expected NAME=VALUE, as in sensor.noise.force=0.05")
         holder, last = _place(values, name)
         before = holder[last]
-        holder[last] = _spread(_parsed(text), before)
+        holder[last] = _value(text, before)
         try:
             settings = msgspec.convert(values, Settings)
         except msgspec.ValidationError as error:
@@ -268,31 +248,29 @@ def changed(settings: Settings, assignments: Iterable[str]) -> Settings:
 
 def _place(values: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
     """The table that holds the setting of that name, and its key there."""
-    holder, path = values, ""
-    parts = name.split(".")
-    for depth, part in enumerate(parts, start=1):
+    *groups, last = name.split(".")
+    holder: Any = values
+    for depth, part in enumerate([*groups, last]):
+        path = ".".join(groups[:depth])
         if not isinstance(holder, dict):
             raise InputError(f"there is no setting {name}, expected {path}: there is nothing below it")
         if part not in holder:
             within = f"{path} with " if path else ""
             raise InputError(f"there is no setting {name}, expected {within}one of: {', '.join(holder)}")
-        if depth < len(parts):
-            holder, path = holder[part], ".".join(parts[:depth])
-    last = parts[-1]
-    if isinstance(holder[last], dict):
-        raise InputError(f"{name} is a group, expected one of its settings: {', '.join(holder[last])}")
-    return holder, last
+        group, holder = holder, holder[part]
+    if isinstance(holder, dict):
+        raise InputError(f"{name} is a group, expected one of its settings: {', '.join(holder)}")
+    return group, last
 
 
-def _parsed(text: str) -> Any:
+def _value(text: str, like: Any) -> Any:
+    """What a text says in JSON, else itself. One number where a list stands becomes that list; in a matrix it is every
+    element off the diagonal.
+    """
     try:
-        return msgspec.json.decode(text)
+        value = msgspec.json.decode(text)
     except msgspec.DecodeError:
         return text
-
-
-def _spread(value: Any, like: Any) -> Any:
-    """One number where a list stands becomes that list; in a matrix it is every element off the diagonal."""
     if not isinstance(like, (list, tuple)) or not isinstance(value, (int, float)):
         return value
     if like and isinstance(like[0], (list, tuple)):

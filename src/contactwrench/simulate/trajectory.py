@@ -1,4 +1,6 @@
-"""Motions of the arm: splines through joint angles at given times, and three that are made to identify a tool."""
+"""Motions of the arm: splines through joint angles at given times, and three that are made to identify a tool; and the
+pushes by a hand on the tool's hook meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +37,15 @@ SWEEP_DEG = (
 )
 """Turns of the last three joints from home: about the flange's z, then tilted, then round."""
 
+PUSH_FORCE = (1.0, 10.0)
+"""N: least and largest."""
+PUSH_TIME = (0.2, 2.0)
+"""s: shortest and longest."""
+RISE = 0.03
+"""s: from nothing to the whole force, and back; a hand that taps is about as quick."""
+APART = 1.0
+"""s: least time between pushes, and before the first and after the last."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion(Frozen):
@@ -66,13 +77,13 @@ def through(t: Array, joints: Array, rate: float) -> Motion:
         raise InputError(
             f"t in point {row + 1} is {t[row]:g} s, expected more than {t[row - 1]:g}: sort the points", row
         )
-    rows = (t[-1] - t[0]) * rate
-    if rows > MOST_ROWS:
+    duration = t[-1] - t[0]
+    if duration * rate > MOST_ROWS:
         raise InputError(
-            f"t goes over {t[-1] - t[0]:g} s, expected at most {MOST_ROWS / rate:g} s at {rate:g} Hz: is it in seconds?"
+            f"t goes over {duration:g} s, expected at most {MOST_ROWS / rate:g} s at {rate:g} Hz: is it in seconds?"
         )
     spline = CubicSpline(t, joints, bc_type="clamped")
-    times = t[0] + np.arange(int(np.floor((t[-1] - t[0]) * rate + 1e-9)) + 1) / rate
+    times = t[0] + np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
     motion = Motion(times - t[0], spline(times), spline(times, 1), spline(times, 2))
     _require_within(motion)
     return motion
@@ -143,3 +154,38 @@ def sweeping(duration: float, rate: float) -> Motion:
     turns[:, 4:] = np.deg2rad(SWEEP_DEG)
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns, axis=0)).max(axis=1))])
     return through(duration * turned / turned[-1], HOME + turns, rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Push(Frozen):
+    """A force (3,), N, base axes, on the hook from `t_start` to `t_end`, s, rising and falling over `RISE`."""
+
+    t_start: float
+    t_end: float
+    force: Array
+
+
+def random_pushes(n: int, duration: float, rng: np.random.Generator) -> tuple[Push, ...]:
+    """`n` pushes with random force, direction and length, spread over `duration` s. Raises `InputError` where they do
+    not fit.
+    """
+    lasting = rng.uniform(*PUSH_TIME, n)
+    free = duration - float(lasting.sum()) - APART * (n + 1)
+    if free < 0.0:
+        needed = (PUSH_TIME[1] + APART) * n + APART
+        raise InputError(f"{n} pushes do not fit into {duration:g} s, expected {needed:g} s or more, or fewer pushes")
+    gaps = np.diff(np.sort(rng.uniform(0.0, free, n)), prepend=0.0) + APART
+    starts = np.cumsum(gaps + np.r_[0.0, lasting[:-1]])
+    direction = rng.normal(size=(n, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    force = rng.uniform(*PUSH_FORCE, (n, 1)) * direction
+    return tuple(map(Push, starts.tolist(), (starts + lasting).tolist(), force))
+
+
+def force_on_hook(pushes: tuple[Push, ...], t: Array) -> Array:
+    """The force (n, 3), N, base axes, at times (n,), s."""
+    force = np.zeros((len(t), 3))
+    for push in pushes:
+        smooth = np.clip(np.minimum(t - push.t_start, push.t_end - t) / RISE, 0.0, 1.0)
+        force += (smooth**2 * (3.0 - 2.0 * smooth))[:, None] * push.force
+    return force
