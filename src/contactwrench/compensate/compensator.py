@@ -19,7 +19,7 @@ from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, free_mean, start, track
-from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, keep_contact, thresholds
+from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, FINE, reason_of
 from .filters import LowPass, delay_of
@@ -233,7 +233,6 @@ class Compensator:
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
         if self._runner.state.touching:
-            keep_contact(self._runner.state, self._runner.settling)
             return self._contact(None)
         return self._last_contact
 
@@ -273,10 +272,14 @@ class Compensator:
         s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
 
     def _contact(self, release: float | None) -> Contact:
-        """The contact that the step keeps."""
+        """The contact so far, or the one that ended with the last sample."""
         s = self._runner.state
-        peak, mean, covariance = (np.array(values) for values in (s.contact_peak, s.contact_mean, s.contact_covariance))
-        return Contact(float(s.onset), release, peak, mean, covariance, bool(s.onset_seen))
+        variance, rows = self._noise.of_sample, float(s.contact_rows)
+        share = np.minimum(np.array(self._runner.settling[-1]) * readings_held(s) / variance, 1.0)
+        noise = variance * share / (1.0 + (rows - 1.0) * share)
+        covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
+        mean = np.array(s.contact_sum) / rows
+        return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
 
 
 def _six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:

@@ -78,15 +78,9 @@ def from_quaternion(quat_xyzw: Row, R: Row) -> float:
     xx, yy, zz = tx * x, ty * y, tz * z
     xy, xz, yz = tx * y, tx * z, ty * z
     wx, wy, wz = two * w * x, two * w * y, two * w * z
-    R[0] = 1.0 - yy - zz
-    R[1] = xy - wz
-    R[2] = xz + wy
-    R[3] = xy + wz
-    R[4] = 1.0 - xx - zz
-    R[5] = yz - wx
-    R[6] = xz - wy
-    R[7] = yz + wx
-    R[8] = 1.0 - xx - yy
+    R[0], R[1], R[2] = 1.0 - yy - zz, xy - wz, xz + wy
+    R[3], R[4], R[5] = xy + wz, 1.0 - xx - zz, yz - wx
+    R[6], R[7], R[8] = xz - wy, yz + wx, 1.0 - xx - yy
     return squared
 
 
@@ -167,16 +161,16 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         usual = since
     usual += 0.05 * (min(since, 5.0 * usual) - usual)
     R, last, turn = s.R, s.last_R, s.last_turn
-    squared = along = 0.0
+    squared = before = along = 0.0
     for k in range(9):
         new = R[k]
         step = new - last[k]
         squared += step * step
+        before += turn[k] * turn[k]
         along += step * turn[k]
         turn[k] = step
         last[k] = new
-    straight = along > 0.5 * sqrt(squared * s.turn_squared)
-    s.turn_squared = squared
+    straight = along > 0.5 * sqrt(squared * before)
     speed = sqrt(0.5 * squared) / since
     s.steady = straight and min(speed, s.speed) > BRAKING * max(since, usual)
     s.longest_rest = max(s.longest_rest, since)

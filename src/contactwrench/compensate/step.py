@@ -49,7 +49,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     restart = interruption != FINE or s.time != s.time
     changed = turned(s)
     if restart and s.touching:
-        end_contact(s, sample, settling, s.time)
+        end_contact(s, sample, s.time)
     if restart or s.stale or (changed and far(s)):
         renew_covariance(s, sample, settling, restart)
     arrive(s, sample, restart)
@@ -71,7 +71,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
     if fault in (FINE, OVERLOAD):
         if not recovers:
-            detect(s, sample, settling)
+            detect(s, sample)
         sample.contact = TOUCHING if s.touching else FREE
     else:
         s.spoiled = True
@@ -96,7 +96,7 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
     s.run = 0
     s.free_time = nan
     s.block_time = s.new_time = s.turn_time = sample.time
-    s.block_rows = s.speed = s.turn_squared = 0.0
+    s.block_rows = s.speed = 0.0
     s.known_free, s.spoiled, s.steady = False, True, False
     for k in range(6):
         s.block_sum[k] = s.repeats[k] = 0.0
@@ -170,9 +170,9 @@ def end_block(s: State, settled: int) -> None:
         for k in range(6):
             mean[k] = mean[k] / rows + s.offset[k]
         if clean and s.clean_blocks >= 2:
-            learn(s, s.block_R, s.block_end, s.block_mean, s.block_variance)
+            learn(s, s.block_R, s.block_time, s.block_mean, s.block_variance)
         s.clean_blocks = s.clean_blocks + 1 if clean else 0
-        s.block_end, held = s.time, readings_held(s)
+        held = readings_held(s)
         for k in range(6):
             s.block_mean[k] = mean[k]
             s.block_variance[k] = s.noise_variance[k] * min(s.slowness[k] * held / rows, 1.0)
