@@ -125,8 +125,7 @@ def turned(s: State) -> bool:
 @kernel
 def standing_still(s: State, sample: Sample, changed: bool) -> tuple[int, float, int]:
     """What else is wrong with a sample that can be computed, with a figure and the channel; notes what moved."""
-    frozen = frozen_for(s, changed, sample.time)
-    stuck = stuck_channel(s, sample.reading, sample.time)
+    frozen, stuck = frozen_for(s, changed, sample.time), stuck_channel(s, sample.reading, sample.time)
     if frozen > 0.0:
         return FROZEN, frozen, -1
     if stuck == 6:
@@ -147,8 +146,7 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
     frozen where it has repeated for longer than poses take to come, although the arm was turning too fast to stop in
     that time; or for much longer than ever before, although at rest it always jittered.
     """
-    usual = s.turn_usual
-    since = now - s.turn_time
+    usual, since = s.turn_usual, now - s.turn_time
     if not changed:
         if s.steady and since > max(5.0 * usual, 0.02):
             return since
@@ -157,8 +155,7 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         return 0.0
     if since <= 0.0:
         return 0.0
-    if usual == 0.0:
-        usual = since
+    usual = since if usual == 0.0 else usual
     usual += 0.05 * (min(since, 5.0 * usual) - usual)
     R, last, turn = s.R, s.last_R, s.last_turn
     squared = before = along = 0.0

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import LONGEST_DELAY, Compensator
-from ..compensate.contact_wrenches import ContactWrenches
+from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..compensate.filters import LowPass, delay_of, smoothed
-from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
