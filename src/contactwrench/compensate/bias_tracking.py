@@ -175,7 +175,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
     if n < LEAST_SAMPLES:
         raise InputError(f"no new zero: found {n} samples, expected at least {LEAST_SAMPLES} at rest")
     R = samples.R_base_flange
-    angle = max(rotation_angle(R[0].T @ R[k]) for k in (n // 2, n - 1, _farthest(R)))
+    angle = rotation_angle(R[0].T @ R[np.argmax(np.sum((R - R[0]) ** 2, axis=(1, 2)))])
     if angle > SAME_POSE_ANGLE:
         raise InputError(
             f"no new zero: the arm turns by {np.degrees(angle):.2g} deg in these samples, expected at most "
@@ -191,9 +191,8 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
             "keep everything away from the tool, and the arm still"
         )
     half = n // 2
-    moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / (
-        noise * np.sqrt(1.0 / half + 1.0 / (n - half))
-    )
+    std = noise * np.sqrt(1.0 / half + 1.0 / (n - half))
+    moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / std
     if moved.max() > MOST_MOVED:
         axis = int(np.argmax(moved))
         raise InputError(
@@ -201,7 +200,3 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
             f"samples, expected at most {MOST_MOVED:g}; wait until nothing touches the tool"
         )
     return left.mean(axis=0), R[half]
-
-
-def _farthest(R: Array) -> int:
-    return int(np.argmax(np.sum((R - R[0]) ** 2, axis=(1, 2))))

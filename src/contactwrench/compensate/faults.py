@@ -97,10 +97,9 @@ def from_matrix(given: Row, R: Row) -> float:
     if total - total != 0.0:
         return total
     worst = first
-    if abs(second - 1.0) > abs(worst - 1.0):
-        worst = second
-    if abs(third - 1.0) > abs(worst - 1.0):
-        worst = third
+    for other in (second, third):
+        if abs(other - 1.0) > abs(worst - 1.0):
+            worst = other
     if not abs(worst - 1.0) <= SQUARED_TOLERANCE:
         return worst
     # The third row of a rotation is the cross product of the others.

@@ -57,7 +57,10 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     if interruption != FINE:
         fault, detail, channel = interruption, abs(passed), -1
     fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
-    if without_past(s, fresh_pose, sample.time) and fault == FINE:
+    if fresh_pose:
+        s.poses_from = sample.time
+        s.fresh = min(s.fresh, WRENCH_ALONE)
+    if fault == FINE and s.delay != 0.0 and sample.time - s.look_back < s.poses_from:
         fault, detail = NO_PAST, s.look_back
     recovers = s.fresh != 0 and fault < STUCK
     compensate(s, sample, ring, restart or recovers, fresh_pose)
@@ -104,15 +107,6 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
     for k in range(9):
         s.last_R[k] = s.R[k]
         s.last_turn[k] = 0.0
-
-
-@kernel
-def without_past(s: State, fresh_pose: bool, now: float) -> bool:
-    """Whether the delay asks for an orientation from before the first one that counts."""
-    if fresh_pose:
-        s.poses_from = now
-        s.fresh = min(s.fresh, WRENCH_ALONE)
-    return s.delay != 0.0 and now - s.look_back < s.poses_from
 
 
 @kernel
