@@ -1,7 +1,5 @@
-"""Contact wrenches one sample at a time: compensation, filters, drift, contact, faults. The only class with state.
-
-The work on each sample is step.py's, on the state of state.py, compiled or plain. Here is what stands around it:
-settings, what the rate decides, a new zero, and results.
+"""What stands around the step of step.py, the only class with state: settings, what the rate decides, a new zero, and
+results.
 """
 
 from __future__ import annotations
@@ -102,9 +100,8 @@ class Compensator:
         s.dof = calibration.dof
         s.fires, s.ends = (table.tolist() for table in thresholds(false_alarm_rate))
         s.follows_bias = drift is not None
-        s.walk = [
-            std * std / HOUR for std in _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
-        ]
+        of_an_hour = _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
+        s.walk = [std * std / HOUR for std in of_an_hour]
         track(s, self._calibration, self._noise.between)
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
@@ -232,9 +229,7 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        if self._runner.state.touching:
-            return self._contact(None)
-        return self._last_contact
+        return self._contact(None) if self._runner.state.touching else self._last_contact
 
     @property
     def drift(self) -> Array:

@@ -91,7 +91,7 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
     """
     from scipy.signal import sosfiltfilt
 
-    if len(values) and not np.isfinite(values).all():
+    if not np.isfinite(values).all():
         row = int(np.argmax(~np.isfinite(values).all(axis=1)))
         raise InputError(f"row {row} is not finite, expected numbers: filter the stretches before and after it", row)
     sections = low_pass.sections(rate)

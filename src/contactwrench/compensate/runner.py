@@ -28,10 +28,7 @@ MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
 class Plain:
-    """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array.
-
-    `ring` (k, 4) and `settling` (k, 6) are those of `take`.
-    """
+    """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array."""
 
     def __init__(self, state: State, ring: Array, settling: Array) -> None:
         self.state: Any = state

@@ -20,14 +20,10 @@ ASK = 2
 
 @kernel
 def take(s: State, sample: Sample, ring: Matrix, settling: Matrix, width: int) -> None:
-    """Take one sample.
+    """Take one sample, with an orientation of `width` 4 or 9 numbers.
 
-    Args:
-        s: what is known of before.
-        sample: what is given, and what comes out.
-        ring: (k, 4) times and directions of down, for a delay.
-        settling: (k, 6) variance of the noise behind the low-pass, as many samples after its start.
-        width: how many numbers the orientation has, 4 or 9.
+    `ring` (k, 4): times and directions of down, for a delay. `settling` (k, 6): variance of the noise behind the
+    low-pass, as many samples after its start.
     """
     sample.events, sample.contact = 0, NOT_JUDGED
     fault, detail, channel = unreadable(s, sample, width)
