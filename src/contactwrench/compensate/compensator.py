@@ -174,14 +174,13 @@ class Compensator:
         samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(n, width)
         samples["time"], samples["temperature"] = times, heats
         contacts: list[Contact] = []
-        covariances, renewed, taken = [self._covariance()], np.zeros(n, dtype=np.intp), 0
+        covariances, taken = [self._covariance()], 0
         while taken < n:
             taken = self._runner.advance(samples, width, taken)
             events = int(samples["events"][taken - 1])
             self._attend(events)
             if events & COVARIANCE:
                 covariances.append(self._covariance())
-                renewed[taken - 1] = 1
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
         fault = samples["fault"]
@@ -199,7 +198,7 @@ class Compensator:
             contacts=tuple(contacts),
             statistic=samples["statistic"],
             threshold=samples["threshold"],
-            covariance_of=np.cumsum(renewed),
+            covariance_of=np.cumsum(samples["events"] & COVARIANCE != 0),
             covariance=read_only(covariances),
         )
 
@@ -210,15 +209,14 @@ class Compensator:
             InputError: the samples move, scatter more than noise does or are fewer than 10, or come in a contact whose
                 beginning was seen; nothing is changed.
         """
-        contact = self.last_contact
-        if contact is not None and contact.release is None and contact.onset_seen:
+        s, before = self._runner.state, self.drift
+        if s.touching and s.onset_seen:
             raise InputError(
-                f"no new zero: in contact since t = {contact.onset:g} s, expected a free tool; let go of it, or, if "
+                f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
                 "nothing touches it, reset() first"
             )
         mean, R = free_mean(self._calibration, samples, np.sqrt(self._noise.of_sample))
         variance = self._noise.of_sample * self._noise.slowness(len(samples)) / len(samples)
-        s, before = self._runner.state, self.drift
         start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros((6, 6)), R, float(s.time))
         if s.first_temperature == s.first_temperature:
             s.first_temperature = s.temperature

@@ -120,16 +120,16 @@ def detect(s: State, sample: Sample) -> None:
     """The contact, with hysteresis: it begins with the first of a run of samples above one threshold, and ends with the
     first of a run below another; a run lasts the minimum duration, and two samples.
     """
-    now = sample.time
+    now, above = sample.time, sample.statistic > (s.end if s.touching else s.fire)
+    if not s.touching and not above:
+        s.run = 0
+        if s.free_time != s.free_time:
+            s.free_time = now
+        elif now - s.free_time >= s.minimum_duration:
+            s.known_free = True
+        return
+    s.spoiled = True
     if not s.touching:
-        if not sample.statistic > s.fire:
-            s.run = 0
-            if s.free_time != s.free_time:
-                s.free_time = now
-            elif now - s.free_time >= s.minimum_duration:
-                s.known_free = True
-            return
-        s.spoiled = True
         s.free_time = nan
         if s.run == 0:
             s.onset = now
@@ -144,8 +144,7 @@ def detect(s: State, sample: Sample) -> None:
             s.onset_seen = s.known_free
             s.quiet = 0
         return
-    s.spoiled = True
-    if sample.statistic > s.end:
+    if above:
         s.quiet = 0
         gather(s, sample)
         return
