@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.compensate.output_frame import contact_wrenches
+from contactwrench.compensate.contact_wrenches import contact_wrenches
 from contactwrench.recording.read import batches, pairs_in_batches, read_streams
 from contactwrench.recording.tables.columns import ROWS as BLOCK
 from contactwrench.recording.tables.write import write_contact_wrenches

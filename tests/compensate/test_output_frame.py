@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.compensate.output_frame import contact_wrenches
+from contactwrench.compensate.contact_wrenches import contact_wrenches
 from contactwrench.errors import InputError
 from tests.support.rigs import NOISE, example, noise_free, noisy
 from tests.support.world import Array, Rig, random_rotations, readings

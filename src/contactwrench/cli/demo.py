@@ -42,7 +42,7 @@ def demo(
 ) -> None:
     """Run the main job on two measured sets that come with the package, and say what the results mean."""
     from ..calibration.text import COLUMNS, describe
-    from ..compensate.output_frame import contact_wrenches
+    from ..compensate.contact_wrenches import contact_wrenches
     from ..recording.tables.write import write_contact_wrenches
     from ..report.html import Section, write_report
 

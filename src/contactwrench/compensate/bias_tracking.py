@@ -74,11 +74,11 @@ def predict(s: State, R: Row, now: float) -> float:
     """Write the offset's `systematic` covariance at another orientation and time, and the `change` of H on the way
     there; what u there shares with u here. A clock that went back adds nothing.
     """
-    passed, apart, squared = max(now - s.offset_time, 0.0), s.apart, 0.0
-    for k in range(9):
-        apart[k] = R[k] - s.offset_R[k]
-        squared += apart[k] * apart[k]
-    a, b, c, d, e, f, g, h, i = apart[0], apart[1], apart[2], apart[3], apart[4], apart[5], apart[6], apart[7], apart[8]
+    passed, there = max(now - s.offset_time, 0.0), s.offset_R
+    a, b, c = R[0] - there[0], R[1] - there[1], R[2] - there[2]
+    d, e, f = R[3] - there[3], R[4] - there[4], R[5] - there[5]
+    g, h, i = R[6] - there[6], R[7] - there[7], R[8] - there[8]
+    squared = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
     for row in range(6):
         change, slopes = s.change[row], s.H_slope[row]
@@ -175,7 +175,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
     if n < LEAST_SAMPLES:
         raise InputError(f"no new zero: found {n} samples, expected at least {LEAST_SAMPLES} at rest")
     R = samples.R_base_flange
-    angle = max(rotation_angle(R[0].T @ R[k]) for k in (n // 2, n - 1, _farthest(R)))
+    angle = rotation_angle(R[0].T @ R[np.argmax(np.sum((R - R[0]) ** 2, axis=(1, 2)))])
     if angle > SAME_POSE_ANGLE:
         raise InputError(
             f"no new zero: the arm turns by {np.degrees(angle):.2g} deg in these samples, expected at most "
@@ -191,9 +191,8 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
             "keep everything away from the tool, and the arm still"
         )
     half = n // 2
-    moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / (
-        noise * np.sqrt(1.0 / half + 1.0 / (n - half))
-    )
+    std = noise * np.sqrt(1.0 / half + 1.0 / (n - half))
+    moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / std
     if moved.max() > MOST_MOVED:
         axis = int(np.argmax(moved))
         raise InputError(
@@ -201,7 +200,3 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
             f"samples, expected at most {MOST_MOVED:g}; wait until nothing touches the tool"
         )
     return left.mean(axis=0), R[half]
-
-
-def _farthest(R: Array) -> int:
-    return int(np.argmax(np.sum((R - R[0]) ** 2, axis=(1, 2))))

@@ -1,7 +1,5 @@
-"""Contact wrenches one sample at a time: compensation, filters, drift, contact, faults. The only class with state.
-
-The work on each sample is step.py's, on the state of state.py, compiled or plain. Here is what stands around it:
-settings, what the rate decides, a new zero, and results.
+"""What stands around the step of step.py, the only class with state: settings, what the rate decides, a new zero, and
+results.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, free_mean, start, track
-from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, keep_contact, thresholds
+from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, FINE, reason_of
 from .filters import LowPass, delay_of
@@ -102,9 +100,8 @@ class Compensator:
         s.dof = calibration.dof
         s.fires, s.ends = (table.tolist() for table in thresholds(false_alarm_rate))
         s.follows_bias = drift is not None
-        s.walk = [
-            std * std / HOUR for std in _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
-        ]
+        of_an_hour = _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
+        s.walk = [std * std / HOUR for std in of_an_hour]
         track(s, self._calibration, self._noise.between)
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
@@ -177,14 +174,13 @@ class Compensator:
         samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(n, width)
         samples["time"], samples["temperature"] = times, heats
         contacts: list[Contact] = []
-        covariances, renewed, taken = [self._covariance()], np.zeros(n, dtype=np.intp), 0
+        covariances, taken = [self._covariance()], 0
         while taken < n:
             taken = self._runner.advance(samples, width, taken)
             events = int(samples["events"][taken - 1])
             self._attend(events)
             if events & COVARIANCE:
                 covariances.append(self._covariance())
-                renewed[taken - 1] = 1
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
         fault = samples["fault"]
@@ -202,7 +198,7 @@ class Compensator:
             contacts=tuple(contacts),
             statistic=samples["statistic"],
             threshold=samples["threshold"],
-            covariance_of=np.cumsum(renewed),
+            covariance_of=np.cumsum(samples["events"] & COVARIANCE != 0),
             covariance=read_only(covariances),
         )
 
@@ -213,15 +209,14 @@ class Compensator:
             InputError: the samples move, scatter more than noise does or are fewer than 10, or come in a contact whose
                 beginning was seen; nothing is changed.
         """
-        contact = self.last_contact
-        if contact is not None and contact.release is None and contact.onset_seen:
+        s, before = self._runner.state, self.drift
+        if s.touching and s.onset_seen:
             raise InputError(
-                f"no new zero: in contact since t = {contact.onset:g} s, expected a free tool; let go of it, or, if "
+                f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
                 "nothing touches it, reset() first"
             )
         mean, R = free_mean(self._calibration, samples, np.sqrt(self._noise.of_sample))
         variance = self._noise.of_sample * self._noise.slowness(len(samples)) / len(samples)
-        s, before = self._runner.state, self.drift
         start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros((6, 6)), R, float(s.time))
         if s.first_temperature == s.first_temperature:
             s.first_temperature = s.temperature
@@ -232,10 +227,7 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        if self._runner.state.touching:
-            keep_contact(self._runner.state, self._runner.settling)
-            return self._contact(None)
-        return self._last_contact
+        return self._contact(None) if self._runner.state.touching else self._last_contact
 
     @property
     def drift(self) -> Array:
@@ -273,10 +265,14 @@ class Compensator:
         s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
 
     def _contact(self, release: float | None) -> Contact:
-        """The contact that the step keeps."""
+        """The contact so far, or the one that ended with the last sample."""
         s = self._runner.state
-        peak, mean, covariance = (np.array(values) for values in (s.contact_peak, s.contact_mean, s.contact_covariance))
-        return Contact(float(s.onset), release, peak, mean, covariance, bool(s.onset_seen))
+        variance, rows = self._noise.of_sample, float(s.contact_rows)
+        share = np.minimum(np.array(self._runner.settling[-1]) * readings_held(s) / variance, 1.0)
+        noise = variance * share / (1.0 + (rows - 1.0) * share)
+        covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
+        mean = np.array(s.contact_sum) / rows
+        return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
 
 
 def _six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:

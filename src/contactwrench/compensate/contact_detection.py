@@ -116,48 +116,45 @@ def statistic_of(f: Row, W: Matrix) -> float:
 
 
 @kernel
-def detect(s: State, sample: Sample, settling: Matrix) -> None:
+def detect(s: State, sample: Sample) -> None:
     """The contact, with hysteresis: it begins with the first of a run of samples above one threshold, and ends with the
     first of a run below another; a run lasts the minimum duration, and two samples.
     """
-    now = sample.time
+    now, above = sample.time, sample.statistic > (s.end if s.touching else s.fire)
+    if not s.touching and not above:
+        s.run = 0
+        if s.free_time != s.free_time:
+            s.free_time = now
+        elif now - s.free_time >= s.minimum_duration:
+            s.known_free = True
+        return
+    s.spoiled = True
     if not s.touching:
-        if not sample.statistic > s.fire:
-            s.run = 0
-            if s.free_time != s.free_time:
-                s.free_time = now
-            elif now - s.free_time >= s.minimum_duration:
-                s.known_free = True
-            return
-        s.spoiled = True
         s.free_time = nan
         if s.run == 0:
-            s.run_time = now
+            s.onset = now
             s.contact_rows = 0.0
             s.peak_statistic = -1.0
             for k in range(6):
                 s.contact_sum[k] = 0.0
         s.run += 1
         gather(s, sample)
-        if s.run >= 2 and now - s.run_time >= s.minimum_duration:
+        if s.run >= 2 and now - s.onset >= s.minimum_duration:
             s.touching = True
-            s.onset = s.run_time
             s.onset_seen = s.known_free
             s.quiet = 0
         return
-    s.spoiled = True
-    if sample.statistic > s.end:
+    if above:
         s.quiet = 0
         gather(s, sample)
         return
     if s.quiet == 0:
-        s.quiet_time = now
+        s.free_time = now
     s.quiet += 1
-    if s.quiet >= 2 and now - s.quiet_time >= s.minimum_duration:
+    if s.quiet >= 2 and now - s.free_time >= s.minimum_duration:
         s.run = 0
-        s.free_time = s.quiet_time
         s.known_free = True
-        end_contact(s, sample, settling, s.quiet_time)
+        end_contact(s, sample, s.free_time)
 
 
 @kernel
@@ -175,25 +172,14 @@ def gather(s: State, sample: Sample) -> None:
 
 
 @kernel
-def end_contact(s: State, sample: Sample, settling: Matrix, now: float) -> None:
-    """The contact is over, and kept as the last one."""
+def end_contact(s: State, sample: Sample, now: float) -> None:
+    """The contact is over; its covariance is the one of before a gap."""
     s.touching = False
     s.release = now
     sample.events |= ENDED
-    keep_contact(s, settling)
-
-
-@kernel
-def keep_contact(s: State, settling: Matrix) -> None:
-    """The contact so far: its mean, with the covariance of that, and its peak."""
-    rows, held, settled = s.contact_rows, readings_held(s), settling[len(settling) - 1]
     for i in range(6):
-        s.contact_peak[i] = s.peak[i]
-        s.contact_mean[i] = s.contact_sum[i] / rows
-        for j in range(6):
-            s.contact_covariance[i][j] = s.systematic[i][j]
-        share = min(settled[i] * held / s.noise_variance[i], 1.0)
-        s.contact_covariance[i][i] += s.noise_variance[i] * share / (1.0 + (rows - 1.0) * share)
+        for k in range(6):
+            s.contact_covariance[i][k] = s.systematic[i][k]
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""What compensation gives: contact wrenches, one or a table of them, contacts, a new zero."""
+"""What compensation gives: contact wrenches, in whatever axes and about whatever point, contacts, a new zero."""
 
 from __future__ import annotations
 
@@ -10,9 +10,16 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.calibration import Calibration
+from ..calibration.fields import ROWS_AT_ONCE
+from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
+from ..geometry.wrench import cross_matrix, wrench_transform
+from ..model import mounting_turn
+from ..samples.samples import Samples
 from .line_of_action import LineOfAction, line_of_action
 
+OUTPUT_FRAMES = ("sensor", "flange", "base")
 NOT_KNOWN = read_only(np.full(6, np.nan))
 """The std of a wrench that cannot be computed."""
 NOT_GIVEN: Any = None
@@ -108,3 +115,73 @@ class Zero(Frozen):
 
     shift: Array
     std: Array
+
+
+def contact_wrenches(
+    calibration: Calibration,
+    samples: Samples,
+    output_frame: str = "sensor",
+    point: Array | None = None,
+    gravity: Array | None = None,
+) -> ContactWrenches:
+    """Compensate every sample.
+
+    `output_frame`: sensor, flange or base axes; in the last two the std also counts that the mounting, known within
+    a std of its own, turns the wrench. `point` (3,) m in SENSOR axes: where the torque is taken, the TCP, default the
+    sensor's origin. `gravity` (3,): its direction in the base axes of this recording, where that differs from the
+    calibration's. Raises `InputError` for an unknown frame, or one that `affine` cannot give.
+    """
+    require_frame(calibration, output_frame)
+    calibration = calibration.with_gravity(gravity)
+    R = samples.R_base_flange
+    wrench, std = calibration.compensate(samples.wrench, R), np.empty((len(samples), 6))
+    if output_frame == "sensor" and point is None:
+        return ContactWrenches(wrench, calibration.wrench_std(R), samples.t)
+    for start in range(0, len(samples), ROWS_AT_ONCE):
+        rows = slice(start, start + ROWS_AT_ONCE)
+        transform, wrench[rows], J_mounting = _turned(calibration, R[rows], wrench[rows], output_frame, point)
+        J = transform @ calibration.free_wrench_jacobian(R[rows]) + J_mounting
+        std[rows] = np.sqrt(np.maximum(np.sum((J @ calibration.covariance) * J, axis=2), 0.0))
+    return ContactWrenches(wrench, std, samples.t)
+
+
+def in_axes(
+    calibration: Calibration,
+    R_base_flange: Array,
+    wrench: Array,
+    covariance: Array,
+    output_frame: str,
+    point: Array | None = None,
+) -> tuple[Array, Array]:
+    """Contact wrenches (n, 6), sensor axes, with `covariance` (n, 6, 6) of whatever origin, in the axes and about the
+    point of `contact_wrenches`, and their std (n, 6): what the mounting's uncertainty adds counts as independent.
+    """
+    require_frame(calibration, output_frame)
+    transform, turned, J = _turned(calibration, R_base_flange, wrench, output_frame, point)
+    variance = np.sum((transform @ covariance) * transform, axis=2) + np.sum((J @ calibration.covariance) * J, axis=2)
+    return turned, np.sqrt(np.maximum(variance, 0.0))
+
+
+def require_frame(calibration: Calibration, output_frame: str) -> None:
+    """Raise `InputError` for an unknown frame, or one that `affine` cannot give."""
+    if output_frame not in OUTPUT_FRAMES:
+        raise InputError(f"output frame is {output_frame!r}, expected {', '.join(OUTPUT_FRAMES)}")
+    if output_frame != "sensor" and calibration.R_flange_sensor is None:
+        raise InputError(f"model affine has no mounting, so no {output_frame} axes: use sensor, or another model")
+
+
+def _turned(
+    calibration: Calibration, R_base_flange: Array, wrench: Array, output_frame: str, point: Array | None
+) -> tuple[Array, Array, Array]:
+    """The transforms (n, 6, 6) from sensor axes, what they make of contact wrenches (n, 6), and the derivative
+    (n, 6, p) of that, sign turned, because the output axes follow the mounting: an error delta of it, in sensor axes,
+    turns force and torque by delta in output axes.
+    """
+    follows = output_frame != "sensor"
+    R_output_sensor = calibration.R_flange_sensor if follows and calibration.R_flange_sensor is not None else np.eye(3)
+    axes = R_base_flange @ R_output_sensor if output_frame == "base" else np.tile(R_output_sensor, (len(wrench), 1, 1))
+    transform = wrench_transform(axes, np.zeros(3) if point is None else point)
+    turned = np.einsum("nij,nj->ni", transform, wrench)
+    turn = axes @ mounting_turn(calibration.parameter_names) * follows
+    parts = [cross_matrix(turned[:, part]) @ turn for part in (slice(0, 3), slice(3, 6))]
+    return transform, turned, np.concatenate(parts, axis=1)

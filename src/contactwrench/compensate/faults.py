@@ -78,15 +78,9 @@ def from_quaternion(quat_xyzw: Row, R: Row) -> float:
     xx, yy, zz = tx * x, ty * y, tz * z
     xy, xz, yz = tx * y, tx * z, ty * z
     wx, wy, wz = two * w * x, two * w * y, two * w * z
-    R[0] = 1.0 - yy - zz
-    R[1] = xy - wz
-    R[2] = xz + wy
-    R[3] = xy + wz
-    R[4] = 1.0 - xx - zz
-    R[5] = yz - wx
-    R[6] = xz - wy
-    R[7] = yz + wx
-    R[8] = 1.0 - xx - yy
+    R[0], R[1], R[2] = 1.0 - yy - zz, xy - wz, xz + wy
+    R[3], R[4], R[5] = xy + wz, 1.0 - xx - zz, yz - wx
+    R[6], R[7], R[8] = xz - wy, yz + wx, 1.0 - xx - yy
     return squared
 
 
@@ -103,10 +97,9 @@ def from_matrix(given: Row, R: Row) -> float:
     if total - total != 0.0:
         return total
     worst = first
-    if abs(second - 1.0) > abs(worst - 1.0):
-        worst = second
-    if abs(third - 1.0) > abs(worst - 1.0):
-        worst = third
+    for other in (second, third):
+        if abs(other - 1.0) > abs(worst - 1.0):
+            worst = other
     if not abs(worst - 1.0) <= SQUARED_TOLERANCE:
         return worst
     # The third row of a rotation is the cross product of the others.
@@ -131,8 +124,7 @@ def turned(s: State) -> bool:
 @kernel
 def standing_still(s: State, sample: Sample, changed: bool) -> tuple[int, float, int]:
     """What else is wrong with a sample that can be computed, with a figure and the channel; notes what moved."""
-    frozen = frozen_for(s, changed, sample.time)
-    stuck = stuck_channel(s, sample.reading, sample.time)
+    frozen, stuck = frozen_for(s, changed, sample.time), stuck_channel(s, sample.reading, sample.time)
     if frozen > 0.0:
         return FROZEN, frozen, -1
     if stuck == 6:
@@ -153,8 +145,7 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
     frozen where it has repeated for longer than poses take to come, although the arm was turning too fast to stop in
     that time; or for much longer than ever before, although at rest it always jittered.
     """
-    usual = s.turn_usual
-    since = now - s.turn_time
+    usual, since = s.turn_usual, now - s.turn_time
     if not changed:
         if s.steady and since > max(5.0 * usual, 0.02):
             return since
@@ -163,20 +154,19 @@ def frozen_for(s: State, changed: bool, now: float) -> float:
         return 0.0
     if since <= 0.0:
         return 0.0
-    if usual == 0.0:
-        usual = since
+    usual = since if usual == 0.0 else usual
     usual += 0.05 * (min(since, 5.0 * usual) - usual)
     R, last, turn = s.R, s.last_R, s.last_turn
-    squared = along = 0.0
+    squared = before = along = 0.0
     for k in range(9):
         new = R[k]
         step = new - last[k]
         squared += step * step
+        before += turn[k] * turn[k]
         along += step * turn[k]
         turn[k] = step
         last[k] = new
-    straight = along > 0.5 * sqrt(squared * s.turn_squared)
-    s.turn_squared = squared
+    straight = along > 0.5 * sqrt(squared * before)
     speed = sqrt(0.5 * squared) / since
     s.steady = straight and min(speed, s.speed) > BRAKING * max(since, usual)
     s.longest_rest = max(s.longest_rest, since)

@@ -17,7 +17,6 @@ from ..samples.synchronize import default_gap
 from ..samples.timestamps import SORTED_WITHIN
 from .state import SECTIONS, Matrix, Row, State, kernel
 
-ORDERS = (1, 2, 3, 4)
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
 """Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
 SETTLED = 4.0
@@ -36,7 +35,7 @@ class LowPass:
     order: int = 2
 
     def __post_init__(self) -> None:
-        if self.order not in (0, *ORDERS):
+        if self.order not in range(len(LAG)):
             raise InputError(
                 f"order of a low-pass is {self.order}, expected 1 to 4 (Butterworth) or 0 (y += a (x - y))"
             )
@@ -45,9 +44,7 @@ class LowPass:
 
     @property
     def lag(self) -> float:
-        """How late (s) it makes what changes slowly: the group delay at rest, of a Butterworth by its first coefficient
-        (1, 1.414, 2, 2.613 over the angular cut-off).
-        """
+        """How late (s) it makes what changes slowly: the group delay at rest."""
         return LAG[self.order] / (2.0 * pi * self.cutoff)
 
     def sections(self, rate: float) -> Array:
@@ -94,7 +91,7 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
     """
     from scipy.signal import sosfiltfilt
 
-    if len(values) and not np.isfinite(values).all():
+    if not np.isfinite(values).all():
         row = int(np.argmax(~np.isfinite(values).all(axis=1)))
         raise InputError(f"row {row} is not finite, expected numbers: filter the stretches before and after it", row)
     sections = low_pass.sections(rate)
@@ -137,11 +134,10 @@ def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> 
     """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
     itself: what was estimated from a motion contains it.
     """
-    if calibration.delay is None or calibration.delay_std is None:
+    delay, std = calibration.delay, calibration.delay_std
+    if delay is None or std is None or not is_significant(delay, std):
         return 0.0
-    if not is_significant(calibration.delay, calibration.delay_std):
-        return 0.0
-    return calibration.delay - (0.0 if sensor_filter is None else sensor_filter.lag)
+    return delay - (0.0 if sensor_filter is None else sensor_filter.lag)
 
 
 @kernel
@@ -169,8 +165,7 @@ def as_the_wrench_is_stamped(
     s.ring_at = at
     older = ring[at]
     later = older if at == newest else ring[(at + 1) % size]
-    share = (wanted - older[0]) / (later[0] - older[0]) if later[0] > older[0] else 0.0
-    share = max(share, 0.0)
+    share = max((wanted - older[0]) / (later[0] - older[0]), 0.0) if later[0] > older[0] else 0.0
     xb = older[1] + share * (later[1] - older[1])
     yb = older[2] + share * (later[2] - older[2])
     zb = older[3] + share * (later[3] - older[3])

@@ -20,6 +20,7 @@ LEAST_FORCE = 4.0
 """Standard deviations of the force along itself: with less, direction and lever are no better than noise."""
 LEAST_INCIDENCE = 0.05
 """Sine of the angle between the force and a surface, or an axis: flatter, the point runs away along it."""
+NO_POINT, NO_COVARIANCE = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,23 +61,15 @@ def line_of_action(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
     """
     w, C = _checked(wrench, covariance)
     if reason := _too_weak(w, C):
-        nothing = np.full(3, np.nan), np.full((3, 3), np.nan)
-        return LineOfAction(nothing[0], nothing[0], nothing[1], nothing[1], np.nan, np.nan, reason)
+        return LineOfAction(NO_POINT, NO_POINT, NO_COVARIANCE, NO_COVARIANCE, np.nan, np.nan, reason)
     F, T = w[:3], w[3:]
     length = float(np.linalg.norm(F))
     f = F / length
     across = (np.eye(3) - np.outer(f, f)) / length
-    point = np.cross(F, T) / length**2
+    point, of_point = _closest_point(F, T)
     along = np.r_[across @ T, f]
-    of_point = _point_derivative(F, T, point)
-    return LineOfAction(
-        f,
-        point,
-        across @ C[:3, :3] @ across.T,
-        of_point @ C @ of_point.T,
-        float(f @ T),
-        float(np.sqrt(along @ C @ along)),
-    )
+    std = float(np.sqrt(along @ C @ along))
+    return LineOfAction(f, point, across @ C[:3, :3] @ across.T, of_point @ C @ of_point.T, float(f @ T), std)
 
 
 def point_on_plane(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, normal: ArrayLike) -> PointOfAction:
@@ -88,11 +81,10 @@ def point_on_plane(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, 
     n, q = unit_direction(np.asarray(normal), "normal"), np.asarray(origin, dtype=np.float64)
     F, T = w[:3], w[3:]
     if reason := _too_weak(w, C) or _too_flat(abs(float(n @ F)), F, "plane"):
-        return PointOfAction(np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, reason)
+        return PointOfAction(NO_POINT, NO_COVARIANCE, np.nan, reason)
     # The point x of the plane, n . x = n . q, with x x F = T up to what of T is along F.
-    p = np.cross(F, T) / float(F @ F)
+    p, of_p = _closest_point(F, T)
     s = float(n @ (q - p)) / float(n @ F)
-    of_p = _point_derivative(F, T, p)
     of_s = -(n @ of_p) / float(n @ F)
     of_s[:3] -= s * n / float(n @ F)
     derivative = of_p + np.outer(F, of_s)
@@ -111,30 +103,30 @@ def point_on_axis(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, a
     F, T = w[:3], w[3:]
     m, M, Q = np.cross(a, F), cross_matrix(a), cross_matrix(q)
     if reason := _too_weak(w, C) or _too_flat(float(np.linalg.norm(m)), F, "axis"):
-        return PointOfAction(np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, reason)
+        return PointOfAction(NO_POINT, NO_COVARIANCE, np.nan, reason)
     # (q + s a) x F = T along a x F: s = (T - q x F) . m / |m|^2, m = a x F.
     rest = T - Q @ F
     mm = float(m @ m)
     s = float(rest @ m) / mm
     of_s = np.r_[(rest @ M - m @ Q - 2.0 * s * (m @ M)) / mm, m / mm]
     derivative = np.outer(a, of_s)
-    p = np.cross(F, T) / float(F @ F)
-    miss = abs(float((q - p) @ m)) / float(np.sqrt(mm))
+    miss = abs(float((q - _closest_point(F, T)[0]) @ m)) / float(np.sqrt(mm))
     return PointOfAction(q + s * a, derivative @ C @ derivative.T, miss)
 
 
-def _point_derivative(F: Array, T: Array, point: Array) -> Array:
-    """Derivative (3, 6) of `F x T / |F|^2`, which is `point`."""
+def _closest_point(F: Array, T: Array) -> tuple[Array, Array]:
+    """The line's point (3,) closest to the origin, `F x T / |F|^2`, and its derivative (3, 6)."""
     squared = float(F @ F)
-    return np.hstack([-cross_matrix(T) - 2.0 * np.outer(point, F), cross_matrix(F)]) / squared
+    point = np.cross(F, T) / squared
+    return point, np.hstack([-cross_matrix(T) - 2.0 * np.outer(point, F), cross_matrix(F)]) / squared
 
 
 def _too_weak(wrench: Array, covariance: Array) -> str | None:
     F = wrench[:3]
     length = float(np.linalg.norm(F))
     f = F / length if length > 0.0 else F
-    std = float(np.sqrt(f @ covariance[:3, :3] @ f)) if length > 0.0 else 0.0
-    if length > LEAST_FORCE * std and length > 0.0:
+    std = float(np.sqrt(f @ covariance[:3, :3] @ f))
+    if length > LEAST_FORCE * std:
         return None
     return f"the force is {length:.3g} N with a std of {std:.3g} N, expected more than {LEAST_FORCE:g} of those"
 

@@ -49,8 +49,7 @@ class SampleNoise:
 
     def slowness(self, rows: int) -> Array:
         """How many times larger (6,) the variance of a mean of so many samples is than that of white noise."""
-        blocks = 0 if self.recording is None else len(self.recording) // rows
-        if self.recording is None or blocks < LEAST_BLOCKS:
+        if self.recording is None or (blocks := len(self.recording) // rows) < LEAST_BLOCKS:
             return np.ones(6)
         means = self.recording[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1)
         slowness: Array = np.maximum(np.mean(means**2, axis=0) * rows / self.of_sample, 1.0)
@@ -69,7 +68,7 @@ def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> Sample
     of_mean = 0.0 if scatter is None else np.einsum("nii->ni", scatter.covariance).mean(axis=0)
     recording = None
     if noise is not None:
-        of_sample, recording = _given(noise)
+        of_sample, recording = _stated(noise)
         of_mean = of_sample if scatter is None else of_mean
     elif scatter is not None:
         of_sample = np.diag(scatter.covariance[0]) * calibration.fitted_poses[0].n
@@ -85,7 +84,8 @@ def with_torques(values: ArrayLike) -> Array:
     return array * PER_NEWTON if array.ndim == 0 else array
 
 
-def _given(noise: ArrayLike) -> tuple[Array, Array | None]:
+def _stated(noise: ArrayLike) -> tuple[Array, Array | None]:
+    """Variances (6,) of a sample, and the recording that they were taken from, less its mean."""
     values = with_torques(noise)
     is_recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= LEAST_ROWS
     if not (is_recording or values.shape == (6,)) or not np.isfinite(values).all():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import astuple
 from functools import cache
 from hashlib import sha256
 from inspect import getsource
@@ -27,10 +28,7 @@ MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
 class Plain:
-    """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array.
-
-    `ring` (k, 4) and `settling` (k, 6) are those of `take`.
-    """
+    """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array."""
 
     def __init__(self, state: State, ring: Array, settling: Array) -> None:
         self.state: Any = state
@@ -64,27 +62,11 @@ class Plain:
         return begin + len(made)
 
 
-class Record:
-    """The attributes of a record, by views on its fields."""
-
-    def __init__(self, record: NDArray[np.void]) -> None:
-        object.__setattr__(self, "fields", {name: record[name] for name in record.dtype.names or ()})
-
-    def __getattr__(self, name: str) -> Any:
-        return self.fields[name][0]
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        self.fields[name][0] = value
-
-
 class Compiled:
     """By numba, on records; else as `Plain`."""
 
     def __init__(self, state: State, ring: Array, settling: Array) -> None:
-        record = np.zeros(1, STATE)
-        for name in STATE.names or ():
-            record[name] = getattr(state, name)
-        self.__setstate__((record, np.zeros(1, SAMPLE), ring, settling))
+        self.__setstate__((np.array([astuple(state)], STATE), np.zeros(1, SAMPLE), ring, settling))
 
     def __getstate__(self) -> tuple[NDArray[Any], ...]:
         return self._record, self._samples, self._ring, self.settling
@@ -93,8 +75,8 @@ class Compiled:
         self._record, self._samples, self._ring, settling = arrays
         self.settling: Any = settling
         self._advance = compiled()
-        self.state: Any = Record(self._record)
-        self.sample: Any = Record(self._samples)
+        self.state: Any = self._record.view(np.recarray)[0]
+        self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
         self._time, self._temperature, self._said = (self._samples[name] for name in ("time", "temperature", "said"))

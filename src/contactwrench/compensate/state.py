@@ -109,7 +109,6 @@ class State:
     R: Row = numbers(9)
     last_R: Row = numbers(9)
     last_turn: Row = numbers(9)
-    turn_squared: float = 0.0
     turn_time: float = 0.0
     turn_usual: float = 0.0
     speed: float = 0.0
@@ -129,7 +128,6 @@ class State:
     offset_covariance: Matrix = numbers(6, 6)
     with_calibration: Matrix = numbers(6, PARAMETERS)
     with_pose: Matrix = numbers(6, 6)
-    apart: Row = numbers(9)
     change: Matrix = numbers(6, PARAMETERS)
     left: Matrix = numbers(6, 6)
     column: Row = numbers(6)
@@ -143,7 +141,6 @@ class State:
     block_mean: Row = numbers(6)
     block_variance: Row = numbers(6)
     block_R: Row = numbers(9)
-    block_end: float = 0.0
 
     # The covariance of the contact wrench, `systematic` and of the noise, and the test against it.
     dof: float = 0.0
@@ -161,9 +158,7 @@ class State:
     # The contact, and what is kept of it when it has ended.
     touching: bool = False
     run: int = 0
-    run_time: float = 0.0
     quiet: int = 0
-    quiet_time: float = 0.0
     free_time: float = nan
     known_free: bool = False
     onset: float = nan
@@ -173,8 +168,6 @@ class State:
     contact_sum: Row = numbers(6)
     peak_statistic: float = 0.0
     peak: Row = numbers(6)
-    contact_mean: Row = numbers(6)
-    contact_peak: Row = numbers(6)
     contact_covariance: Matrix = numbers(6, 6)
 
 

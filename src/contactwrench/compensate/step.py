@@ -20,14 +20,10 @@ ASK = 2
 
 @kernel
 def take(s: State, sample: Sample, ring: Matrix, settling: Matrix, width: int) -> None:
-    """Take one sample.
+    """Take one sample, with an orientation of `width` 4 or 9 numbers.
 
-    Args:
-        s: what is known of before.
-        sample: what is given, and what comes out.
-        ring: (k, 4) times and directions of down, for a delay.
-        settling: (k, 6) variance of the noise behind the low-pass, as many samples after its start.
-        width: how many numbers the orientation has, 4 or 9.
+    `ring` (k, 4): times and directions of down, for a delay. `settling` (k, 6): variance of the noise behind the
+    low-pass, as many samples after its start.
     """
     sample.events, sample.contact = 0, NOT_JUDGED
     fault, detail, channel = unreadable(s, sample, width)
@@ -49,7 +45,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     restart = interruption != FINE or s.time != s.time
     changed = turned(s)
     if restart and s.touching:
-        end_contact(s, sample, settling, s.time)
+        end_contact(s, sample, s.time)
     if restart or s.stale or (changed and far(s)):
         renew_covariance(s, sample, settling, restart)
     arrive(s, sample, restart)
@@ -57,7 +53,10 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     if interruption != FINE:
         fault, detail, channel = interruption, abs(passed), -1
     fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
-    if without_past(s, fresh_pose, sample.time) and fault == FINE:
+    if fresh_pose:
+        s.poses_from = sample.time
+        s.fresh = min(s.fresh, WRENCH_ALONE)
+    if fault == FINE and s.delay != 0.0 and sample.time - s.look_back < s.poses_from:
         fault, detail = NO_PAST, s.look_back
     recovers = s.fresh != 0 and fault < STUCK
     compensate(s, sample, ring, restart or recovers, fresh_pose)
@@ -71,7 +70,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
     if fault in (FINE, OVERLOAD):
         if not recovers:
-            detect(s, sample, settling)
+            detect(s, sample)
         sample.contact = TOUCHING if s.touching else FREE
     else:
         s.spoiled = True
@@ -96,7 +95,7 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
     s.run = 0
     s.free_time = nan
     s.block_time = s.new_time = s.turn_time = sample.time
-    s.block_rows = s.speed = s.turn_squared = 0.0
+    s.block_rows = s.speed = 0.0
     s.known_free, s.spoiled, s.steady = False, True, False
     for k in range(6):
         s.block_sum[k] = s.repeats[k] = 0.0
@@ -104,15 +103,6 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
     for k in range(9):
         s.last_R[k] = s.R[k]
         s.last_turn[k] = 0.0
-
-
-@kernel
-def without_past(s: State, fresh_pose: bool, now: float) -> bool:
-    """Whether the delay asks for an orientation from before the first one that counts."""
-    if fresh_pose:
-        s.poses_from = now
-        s.fresh = min(s.fresh, WRENCH_ALONE)
-    return s.delay != 0.0 and now - s.look_back < s.poses_from
 
 
 @kernel
@@ -170,9 +160,9 @@ def end_block(s: State, settled: int) -> None:
         for k in range(6):
             mean[k] = mean[k] / rows + s.offset[k]
         if clean and s.clean_blocks >= 2:
-            learn(s, s.block_R, s.block_end, s.block_mean, s.block_variance)
+            learn(s, s.block_R, s.block_time, s.block_mean, s.block_variance)
         s.clean_blocks = s.clean_blocks + 1 if clean else 0
-        s.block_end, held = s.time, readings_held(s)
+        held = readings_held(s)
         for k in range(6):
             s.block_mean[k] = mean[k]
             s.block_variance[k] = s.noise_variance[k] * min(s.slowness[k] * held / rows, 1.0)

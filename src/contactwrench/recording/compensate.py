@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import LONGEST_DELAY, Compensator
-from ..compensate.contact_wrenches import ContactWrenches
+from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..compensate.filters import LowPass, delay_of, smoothed
-from ..compensate.output_frame import contact_wrenches, in_axes, require_frame
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.recorded_poses import is_stream
@@ -90,7 +89,8 @@ def compensated(
         advance: is told how far it is.
         note: is told, at the end, what was left out and why.
 
-    Raises what reading, pairing and compensating raise.
+    Raises:
+        ContactWrenchError: as reading, pairing and compensating raise it.
     """
     require_frame(calibration, treatment.output_frame)
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance)
@@ -126,7 +126,8 @@ def write_compensated(
     Returns:
         The topic in which a bag has them.
 
-    Raises what the writers raise.
+    Raises:
+        ContactWrenchError: as the writers raise it.
     """
     like_folder = path.is_dir() and not output.suffix and str(output) != "-"
     is_bag = reader_of(path, options) is bag_blocks
@@ -151,8 +152,7 @@ def _paired(
     note: Tell | None,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
-    order = _InOrder()
-    delay = treatment.applied_delay(calibration)
+    order, delay = _InOrder(), treatment.applied_delay(calibration)
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
@@ -170,8 +170,7 @@ def _paired(
             fast=None if len(begun) > 1 else False,  # one batch is done before the step is compiled
         )
     for part in chain(begun, parts):
-        rows = _of_samples(calibration, compensator, part.samples, treatment)
-        yield order.whole(rows, part)
+        yield order.whole(_of_samples(calibration, compensator, part.samples, treatment), part)
         if note is not None:
             for sentence in part.notes:
                 note(sentence)
@@ -186,13 +185,10 @@ def _of_samples(
     if compensator is None or samples.t is None:
         return replace(_plain(calibration, samples, treatment), judged=True)
     rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t))
-    wrench, std = rows.wrench, rows.std
-    if treatment.output_frame != "sensor" or treatment.point is not None:
+    wrench, std, frame, point = rows.wrench, rows.std, treatment.output_frame, treatment.point
+    if frame != "sensor" or point is not None:
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
-        turned = calibration.with_gravity(treatment.gravity)
-        wrench, std = in_axes(
-            turned, samples.R_base_flange, wrench, covariance, treatment.output_frame, treatment.point
-        )
+        wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
 
