@@ -41,18 +41,10 @@ def calibrate(
         typer.Option(metavar="mount,gravity", help="Several tools on one sensor: what the recordings share."),
     ] = None,
     mount_tilt_sd: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEG",
-            help="auto: std of the sensor's tilt, an axis. [default: 1.41]",
-            callback=options.above_zero,
-        ),
+        float | None, options.above_zero("DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]")
     ] = None,
     base_tilt_sd: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEG", help="auto: std of the base's tilt, an axis. [default: 0.71]", callback=options.above_zero
-        ),
+        float | None, options.above_zero("DEG", "auto: std of the base's tilt, an axis. [default: 0.71]")
     ] = None,
     known: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP)] = None,
     prior: Annotated[
@@ -63,16 +55,10 @@ def calibrate(
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N", help="Exit 1 if the calibration adds more force error (std).", callback=options.not_negative
-        ),
+        float | None, options.not_negative("N", "Exit 1 if the calibration adds more force error (std).")
     ] = None,
     require_torque: Annotated[
-        float | None,
-        typer.Option(
-            metavar="NM", help="Exit 1 if the calibration adds more torque error (std).", callback=options.not_negative
-        ),
+        float | None, options.not_negative("NM", "Exit 1 if the calibration adds more torque error (std).")
     ] = None,
     json: options.Json = False,
     recordings: options.Recordings,

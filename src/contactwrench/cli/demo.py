@@ -69,9 +69,8 @@ def demo(
 def _panda(folder: Path) -> _Set:
     from ..assess.baselines import compare
     from ..estimation.calibrate import calibrate
-    from ..recording.read import read
 
-    samples = read(_copied("panda_mini45.csv", folder))
+    samples = _copied("panda_mini45.csv", folder)
     calibration = calibrate(samples)
     full, tare, gravity_only, raw = (method.rms[0] for method in compare(calibration, calibration.fitted_poses))
     mass, std = calibration.mass or np.nan, calibration.std["weight"] / 9.80665
@@ -97,9 +96,8 @@ def _panda(folder: Path) -> _Set:
 def _paper(folder: Path) -> _Set:
     from ..assess.baselines import compare
     from ..estimation.calibrate import calibrate
-    from ..recording.read import read
 
-    samples = read(_copied("paper_six_poses.csv", folder))
+    samples = _copied("paper_six_poses.csv", folder)
     calibration = calibrate(samples, "paper")
     by_model = {name: calibrate(samples, name) for name in ("auto", "yaw", "mount")}
     others = ", ".join(f"{name} {c.weight:.2f} +- {c.std['weight']:.2f} N" for name, c in by_model.items())
@@ -130,8 +128,9 @@ def _least_weight(samples: Samples) -> float:
     return float(np.linalg.norm(samples.wrench[0, :3] - samples.wrench[2, :3]) / np.linalg.norm(r[0] - r[2]))
 
 
-def _copied(name: str, folder: Path) -> Path:
-    """A recording of the package as a file in `folder`, for the user to try other commands on."""
-    path = folder / name
-    write_text(path, (files("contactwrench") / "data" / name).read_text(encoding="utf-8"))
-    return path
+def _copied(name: str, folder: Path) -> Samples:
+    """A recording of the package, copied to `folder` for the user to try other commands on."""
+    from ..recording.read import read
+
+    write_text(folder / name, (files("contactwrench") / "data" / name).read_text(encoding="utf-8"))
+    return read(folder / name)
