@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..statistics import counted
 from . import options
 
 if TYPE_CHECKING:
@@ -195,7 +196,7 @@ def _said(recorded: Recorded, output: Path, truth: Path) -> str:
     from ..simulate.recording_file import AXES
 
     rows = len(recorded.t)
-    lines = [f"Wrote {rows} row{'' if rows == 1 else 's'} to {output}, and what is true to {truth}"]
+    lines = [f"Wrote {counted(rows, 'row')} to {output}, and what is true to {truth}"]
     stuck = recorded.saturated.sum(axis=0)
     if stuck.any():
         channels = ", ".join(f"{axis} in {n}" for axis, n in zip(AXES, stuck, strict=True) if n)
@@ -203,7 +204,7 @@ def _said(recorded: Recorded, output: Path, truth: Path) -> str:
             f"  saturated: {channels} of {rows} rows; they show less than there is: leave them out (column saturated), "
             "or give the sensor room (--set sensor.bias=0)"
         )
-    below = np.unique(np.flatnonzero(recorded.position[:, 2] < 0.0))
+    below = np.flatnonzero(recorded.position[:, 2] < 0.0)
     if len(below):
         lines.append(
             f"  below: in {len(below)} of {rows} rows, the first of them row {below[0] + 2}, the flange is below the "
