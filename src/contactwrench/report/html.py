@@ -190,7 +190,7 @@ def _left_out(c: Calibration) -> str:
     for number, pose in poses:
         left = c.compensate(pose.wrench, pose.R_base_flange)
         at = [] if not timed else [""] if pose.t_start is None else [f"{pose.t_start - c.first_time:.6g}"]
-        norms = [f"{np.linalg.norm(left[:3]):.3g}", f"{1e3 * np.linalg.norm(left[3:]):.3g}"]
+        norms = [three_digits(float(np.linalg.norm(part))) for part in (left[:3], 1e3 * left[3:])]
         rows.append(row_html(str(number), [*at, *norms, pose.rejected or ""], "said"))
     head = head_html(["pose", *(["time, s"] if timed else []), "left, N", "left, mN m", "why"], "said")
     table = table_html(head + "".join(rows))
@@ -236,9 +236,8 @@ def _pose_table(c: Calibration, methods: tuple[LeftOver, ...]) -> str:
     kept, left_out = figures.pose_numbers(c)
     rows = dict.fromkeys(left_out.tolist(), f"<td colspan={2 * n} class='fact'>left out</td>")
     for k, number in enumerate(kept.tolist()):
-        forces = [np.linalg.norm(method.wrench[k, :3]) for method in methods]
-        torques = [1e3 * np.linalg.norm(method.wrench[k, 3:]) for method in methods]
-        rows[number] = "".join(f"<td>{norm:.3g}</td>" for norm in (*forces, *torques))
+        parts = [*(method.wrench[k, :3] for method in methods), *(1e3 * method.wrench[k, 3:] for method in methods)]
+        rows[number] = "".join(f"<td>{three_digits(float(np.linalg.norm(part)))}</td>" for part in parts)
     body = "".join(f"<tr><th>{number}</th>{rows[number]}</tr>" for number in sorted(rows))
     table = table_html(
         f"<thead><tr><th></th><th colspan={n}>force, N</th><th colspan={n}>torque, mN m</th></tr>"
