@@ -23,13 +23,13 @@ def read_bytes(path: str | Path) -> bytes:
         return file.read()
 
 
-def blocks_of_lines(path: str | Path, lines: int | None = None) -> Iterator[tuple[bytes, float]]:
-    """The content of a file, all at once or so many lines at a time, each with the part of the file, 0 to 1, that ends
-    with it; NaN for a pipe. Raises `FileAccessError` naming the path and why it cannot be read.
+def blocks_of_lines(path: str | Path, lines: int) -> Iterator[tuple[bytes, float]]:
+    """The content of a file, so many lines at a time, each block with the part of the file, 0 to 1, that ends with it;
+    NaN for a pipe. Raises `FileAccessError` naming the path and why it cannot be read.
     """
     with open_bytes(path) as file:
         size, so_far = os.fstat(file.fileno()).st_size, 0
-        while block := file.read() if lines is None else b"".join(islice(file, lines)):
+        while block := b"".join(islice(file, lines)):
             so_far += len(block)
             yield block, so_far / size if size else float("nan")
 

@@ -97,6 +97,11 @@ def meaningful_digits(value: float, std: float) -> tuple[str, str]:
     return f"{value:.{digits}f}", f"{std:.{digits}f}"
 
 
+def counted(count: int, noun: str) -> str:
+    """A count with its noun, which has an s unless it is one."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def two_digits(value: float) -> str:
     """A number with two digits, or all before the point, never in powers of ten."""
     rounded = float(f"{value:.2g}")

@@ -120,6 +120,17 @@ def test_the_program_calibrates_a_run(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "Hatched: stretches that were left out" in page
 
 
+def test_a_stretch_that_was_left_out_is_hatched_where_a_channel_was_saturated_too(tmp_path: Path) -> None:
+    samples = recorded(pushed=True).samples
+    assert samples.t is not None
+    saturated = replace(samples, saturated=(samples.t > 18.3) & (samples.t < 18.4))
+    write_calibration_report(tmp_path / "run.html", cw.calibrate(saturated), saturated)
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert "Green: the 13 stretches" in page
+    assert "Hatched: stretches that were left out" in page
+    assert "<pattern" in page
+
+
 def test_visits_follow_a_bias_that_steps_half_way() -> None:
     there_and_back = changed(Settings(), ["sensor.noise.force=0.05"])
     rig = build(there_and_back)

@@ -10,7 +10,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..model import AXES, GRAVITY, MOUNT, horizontal_axes
 from ..samples.delay import applied_or_not
-from ..statistics import meaningful_digits
+from ..statistics import counted, meaningful_digits
 from .fields import CalibrationFields
 
 Row = tuple[str, str, str, str]
@@ -71,7 +71,7 @@ def headline(calibration: CalibrationFields) -> str:
     kept = len(c.fitted_poses) if c.moments is None else n
     rows = c.provenance.get("rows", n)
     of_all = "" if kept == n else f"{kept} of "
-    poses = f"{of_all}{n} {'pose' if n == 1 else 'poses'}"
+    poses = f"{of_all}{counted(n, 'pose')}"
     of_rows = "" if rows == n else f" from {rows} rows"
     return f"Calibration, model {c.requested_model}, {poses}{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
 

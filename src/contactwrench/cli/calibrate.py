@@ -41,18 +41,10 @@ def calibrate(
         typer.Option(metavar="mount,gravity", help="Several tools on one sensor: what the recordings share."),
     ] = None,
     mount_tilt_sd: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEG",
-            help="auto: std of the sensor's tilt, an axis. [default: 1.41]",
-            callback=options.above_zero,
-        ),
+        float | None, options.above_zero("DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]")
     ] = None,
     base_tilt_sd: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEG", help="auto: std of the base's tilt, an axis. [default: 0.71]", callback=options.above_zero
-        ),
+        float | None, options.above_zero("DEG", "auto: std of the base's tilt, an axis. [default: 0.71]")
     ] = None,
     known: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP)] = None,
     prior: Annotated[
@@ -63,16 +55,10 @@ def calibrate(
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N", help="Exit 1 if the calibration adds more force error (std).", callback=options.not_negative
-        ),
+        float | None, options.not_negative("N", "Exit 1 if the calibration adds more force error (std).")
     ] = None,
     require_torque: Annotated[
-        float | None,
-        typer.Option(
-            metavar="NM", help="Exit 1 if the calibration adds more torque error (std).", callback=options.not_negative
-        ),
+        float | None, options.not_negative("NM", "Exit 1 if the calibration adds more torque error (std).")
     ] = None,
     json: options.Json = False,
     recordings: options.Recordings,
@@ -84,7 +70,8 @@ def calibrate(
     from ..report.calibrations import calibrate_recordings
 
     known = known or []
-    _require_compatible(model, gravity, known, prior, {"mount": mount_tilt_sd, "base": base_tilt_sd})
+    tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
+    _require_compatible(model, gravity, known, prior, tilts)
     done = calibrate_recordings(
         recordings.files,
         recordings.options,
@@ -95,12 +82,10 @@ def calibrate(
         g=g,
         known=_known_values(known, g),
         prior=prior,
-        mount_tilt_sd=None if mount_tilt_sd is None else float(np.deg2rad(mount_tilt_sd)),
-        base_tilt_sd=None if base_tilt_sd is None else float(np.deg2rad(base_tilt_sd)),
+        **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
         output=output,
         report=report,
-        require_force=require_force,
-        require_torque=require_torque,
+        required=(require_force, require_torque),
     )
     if json or str(output) == STDOUT:
         typer.echo(done.json, nl=False)
@@ -143,7 +128,7 @@ def _require_compatible(
 ) -> None:
     """Raise typer's error for options that contradict each other, by name."""
     for name, value in tilts.items():
-        option = f"--{name}-tilt-sd"
+        option = f"--{name.replace('_', '-')}"
         if value is not None and model != "auto":
             raise typer.BadParameter(f"{option} is for model auto, found --model {model}: leave one of them out")
         if value is not None and prior is not None:

@@ -59,10 +59,8 @@ def compensate(
     ] = None,
     drift: Annotated[
         float | None,
-        typer.Option(
-            metavar="N",
-            help="Judging: follow the bias in free space, a random walk with this std after an hour; 0.05 is typical.",
-            callback=options.not_negative,
+        options.not_negative(
+            "N", "Judging: follow the bias in free space, a random walk with this std after an hour; 0.05 is typical."
         ),
     ] = None,
     sensor_filter: Annotated[

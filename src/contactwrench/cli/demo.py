@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,24 +14,13 @@ from ..model import gravity_in_flange
 from . import options
 
 if TYPE_CHECKING:
-    from ..calibration.calibration import Calibration
+    from ..report.html import Section
     from ..samples.samples import Samples
 
 PANDA_MASS = 0.788
 """kg, as the set's authors found it (notebook of agimus-project/panda_ft_sensor_calibration, g = 9.81)."""
 PRINTED_WEIGHT = 1.980
 """N, the paper's Table V."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Set:
-    """A measured set: its recording, its calibration, and what to say about it."""
-
-    name: str
-    title: str
-    samples: Samples
-    calibration: Calibration
-    words: tuple[str, ...]
 
 
 def demo(
@@ -43,35 +31,39 @@ def demo(
     """Run the main job on two measured sets that come with the package, and say what the results mean."""
     from ..calibration.text import COLUMNS, describe
     from ..compensate.contact_wrenches import contact_wrenches
+    from ..recording.read import read
     from ..recording.tables.write import write_contact_wrenches
-    from ..report.html import Section, write_report
+    from ..report.html import write_report
 
     make_folder(out)
-    sets = (_panda(out), _paper(out))
-    for measured in sets:
-        measured.calibration.save(out / f"{measured.name}.json")
-        contact = contact_wrenches(measured.calibration, measured.samples)
-        write_contact_wrenches(out / f"{measured.name}_contact.csv", [contact])
-        title = f"{measured.title}\n{'=' * len(measured.title)}"
-        for text in (title, describe(measured.calibration), *measured.words):
+    sections = []
+    for name, section_of in {"panda_mini45": _panda, "paper_six_poses": _paper}.items():
+        recording = out / f"{name}.csv"
+        write_text(recording, (files("contactwrench") / "data" / recording.name).read_text(encoding="utf-8"))
+        samples = read(recording)
+        section = section_of(samples)
+        section.calibration.save(out / f"{name}.json")
+        write_contact_wrenches(out / f"{name}_contact.csv", [contact_wrenches(section.calibration, samples)])
+        title = f"{section.title}\n{'=' * len(section.title)}"
+        for text in (title, describe(section.calibration), *section.paragraphs):
             options.say(f"{text}\n", elsewhere=COLUMNS)
+        sections.append(section)
     write_report(
         out / "report.html",
         "From raw readings to contact wrenches: two measured sets",
         ("Both sets are contact-free: whatever is left after compensation is error.",),
-        tuple(Section(measured.title, measured.words, measured.calibration) for measured in sets),
+        tuple(sections),
     )
     options.say(
         f"Wrote recordings (*.csv), calibrations (*.json), contact wrenches (*_contact.csv) and report.html to {out}"
     )
 
 
-def _panda(folder: Path) -> _Set:
+def _panda(samples: Samples) -> Section:
     from ..assess.verify import compare
     from ..estimation.calibrate import calibrate
-    from ..recording.read import read
+    from ..report.html import Section
 
-    samples = read(_copied("panda_mini45.csv", folder))
     calibration = calibrate(samples)
     full, tare, gravity_only, raw = (method.rms[0] for method in compare(calibration, calibration.fitted_poses))
     mass, std = calibration.mass or np.nan, calibration.std["weight"] / 9.80665
@@ -91,15 +83,14 @@ def _panda(folder: Path) -> _Set:
         f"Nothing touches the tool, so the contact force should be zero. Left over, root mean square: {full:.2f} N "
         f"compensated, {tare:.1f} N with a tare in one pose, {gravity_only:.1f} N with gravity alone, {raw:.1f} N raw.",
     )
-    return _Set("panda_mini45", "Franka Panda with an ATI Mini45, 17 poses", samples, calibration, words)
+    return Section("Franka Panda with an ATI Mini45, 17 poses", words, calibration)
 
 
-def _paper(folder: Path) -> _Set:
+def _paper(samples: Samples) -> Section:
     from ..assess.verify import compare
     from ..estimation.calibrate import calibrate
-    from ..recording.read import read
+    from ..report.html import Section
 
-    samples = read(_copied("paper_six_poses.csv", folder))
     calibration = calibrate(samples, "paper")
     by_model = {name: calibrate(samples, name) for name in ("auto", "yaw", "mount")}
     others = ", ".join(f"{name} {c.weight:.2f} +- {c.std['weight']:.2f} N" for name, c in by_model.items())
@@ -119,7 +110,7 @@ def _paper(folder: Path) -> _Set:
         f"III and IV under any reading; the forces of poses 1 and 3 alone demand {_least_weight(samples):.2f} N or "
         "more. docs/reproduction.md has every figure, with the command that shows it.",
     )
-    return _Set("paper_six_poses", "The paper's six poses, KUKA iiwa with an SRI M8125", samples, calibration, words)
+    return Section("The paper's six poses, KUKA iiwa with an SRI M8125", words, calibration)
 
 
 def _least_weight(samples: Samples) -> float:
@@ -128,10 +119,3 @@ def _least_weight(samples: Samples) -> float:
     """
     r = gravity_in_flange(samples.R_base_flange, np.array([0.0, 0.0, -1.0]))
     return float(np.linalg.norm(samples.wrench[0, :3] - samples.wrench[2, :3]) / np.linalg.norm(r[0] - r[2]))
-
-
-def _copied(name: str, folder: Path) -> Path:
-    """A recording of the package as a file in `folder`, for the user to try other commands on."""
-    path = folder / name
-    write_text(path, (files("contactwrench") / "data" / name).read_text(encoding="utf-8"))
-    return path

@@ -7,12 +7,7 @@ from . import options
 
 
 @options.with_reading_options
-def diagnose(
-    *,
-    json: options.Json = False,
-    recording: options.Recordings,
-    gravity: options.Gravity = None,
-) -> None:
+def diagnose(*, json: options.Json = False, recording: options.Recordings, gravity: options.Gravity = None) -> None:
     """Find the interpretation of FILE that a rigid tool explains, and the options that make it so.
 
     Tries every orientation convention, inverse and unit, both signs, wrenches in base axes, exchanged axes, shifted

@@ -30,18 +30,26 @@ MOST_COLUMNS = 120
 """Of text on a terminal, however wide: longer lines are hard to read."""
 
 
-def not_negative(value: float | None) -> float | None:
-    """A limit that an option states. Raises typer's error unless it is a finite number of 0 or more."""
-    if value is not None and not 0.0 <= value < np.inf:
-        raise typer.BadParameter(f"found {value:g}, expected a number of 0 or more")
-    return value
+def not_negative(metavar: str, help: str) -> Any:
+    """The declaration of an option that takes a finite number of 0 or more."""
+
+    def checked(value: float | None) -> float | None:
+        if value is not None and not 0.0 <= value < np.inf:
+            raise typer.BadParameter(f"found {value:g}, expected a number of 0 or more")
+        return value
+
+    return typer.Option(metavar=metavar, help=help, callback=checked)
 
 
-def above_zero(value: float | None) -> float | None:
-    """A quantity that an option states. Raises typer's error unless it is finite and above 0."""
-    if value is not None and not 0.0 < value < np.inf:
-        raise typer.BadParameter(f"found {value:g}, expected a number above 0")
-    return value
+def above_zero(metavar: str, help: str, *names: str) -> Any:
+    """The declaration of an option that takes a finite number above 0."""
+
+    def checked(value: float | None) -> float | None:
+        if value is not None and not 0.0 < value < np.inf:
+            raise typer.BadParameter(f"found {value:g}, expected a number above 0")
+        return value
+
+    return typer.Option(*names, metavar=metavar, help=help, callback=checked)
 
 
 RECORDING_HELP = "Recording: a table (CSV, Parquet) with fx..tz and an orientation, or a bag."
@@ -79,14 +87,9 @@ Gravity = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
 ]
-StandardGravity = Annotated[
-    float, typer.Option("--g", metavar="G", help="m/s^2, turns a weight into a mass.", callback=above_zero)
-]
+StandardGravity = Annotated[float, above_zero("G", "m/s^2, turns a weight into a mass.", "--g")]
 WeighingGravity = Annotated[
-    float | None,
-    typer.Option(
-        "--g", metavar="G", help="m/s^2, turns a weight into a mass. [default: the calibration's]", callback=above_zero
-    ),
+    float | None, above_zero("G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
 ]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
@@ -165,18 +168,8 @@ def _recordings(
     frames: Frames = None,
     robot: Robot = None,
 ) -> Recordings:
-    base_and_flange = None if frames is None else _two_names(frames)
-    options = Options(
-        orientation,
-        wrench_frame,
-        sign,
-        inverse_orientation,
-        wrench_topic,
-        pose_topic,
-        base_and_flange,
-        robot,
-        pose,
-    )
+    axes = (orientation, wrench_frame, sign, inverse_orientation)
+    options = Options(*axes, wrench_topic, pose_topic, None if frames is None else _two_names(frames), robot, pose)
     named = [option for option, path in {"--wrench": wrench, "--pose": pose}.items() if path is not None]
     if file and named:
         raise InputError(
@@ -207,13 +200,13 @@ def calibration_and_samples(path: Path, gravity: str | None, recording: Recordin
     return calibration, samples
 
 
-def numbers(text: str, option: str, expected: str, count: int | None = None) -> Array:
-    """Numbers with commas between, so many or any. Raises `InputError` naming the option and what is expected."""
+def numbers(text: str, option: str, expected: str, count: int | None = None, least: float = -np.inf) -> Array:
+    """Finite numbers with commas between, so many or any. Raises `InputError` naming the option and what it takes."""
     try:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError:
         values = np.array([np.nan])
-    if not np.isfinite(values).all() or count not in (None, len(values)):
+    if not (np.isfinite(values) & (values >= least)).all() or count not in (None, len(values)):
         raise InputError(f"{option} is {text!r}, expected {expected}")
     return values
 

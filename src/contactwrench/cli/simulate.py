@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..statistics import counted
 from . import options
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def simulate(
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
     from ..recording.bags.open import SUFFIXES_OF_BAGS
+    from ..simulate.recording import record_poses
     from ..simulate.recording_file import truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
 
@@ -83,9 +85,11 @@ def simulate(
     source = trajectory or poses or DEFAULT_POSES
     require_distinct(output, {"file that is read": Path(source)})
     rng = np.random.default_rng(seed)
-    loads = (0.0,) if load_g is None else _loads(load_g)
+    expected_loads = "loads in grams, 0 or more, as in 100,200,500"
+    grams = options.numbers("0" if load_g is None else load_g, "--load-g", expected_loads, least=0.0)
+    loads = tuple((grams / 1000.0).tolist())
     if trajectory is None:
-        recorded = _static(rig_settings, source, loads, orientation, rng)
+        recorded = record_poses(rig_settings, _joints(rig_settings, source, orientation, rng), loads, rng=rng)
     else:
         recorded = _moving(rig_settings, trajectory, loads, pushes, rng)
     asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}
@@ -108,14 +112,6 @@ def _write_bag(output: Path, recorded: Recorded) -> None:
     posed = slice(None, None, max(round(plan.rate / plan.pose_rate), 1))
     poses = OrientationStream(recorded.t[posed], recorded.R_base_flange[posed], recorded.position[posed])
     write_streams_bag(output, Streams(WrenchStream(recorded.t, recorded.wrench), poses))
-
-
-def _static(
-    settings: Settings, poses: str, loads: tuple[float, ...], orientation: str, rng: np.random.Generator
-) -> Recorded:
-    from ..simulate.recording import record_poses
-
-    return record_poses(settings, _joints(settings, poses, orientation, rng), loads, rng=rng)
 
 
 def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Generator) -> Array:
@@ -195,22 +191,11 @@ def _moving(
     return record_motion(settings, motion, loads[0], pushed, rng=rng)
 
 
-def _loads(text: str) -> tuple[float, ...]:
-    """Loads in kg."""
-    try:
-        grams = [float(part) for part in text.split(",")]
-    except ValueError:
-        grams = [-1.0]
-    if not all(0.0 <= load < np.inf for load in grams):
-        raise InputError(f"--load-g is {text!r}, expected loads in grams, 0 or more, as in 100,200,500")
-    return tuple(load / 1000.0 for load in grams)
-
-
 def _said(recorded: Recorded, output: Path, truth: Path) -> str:
     from ..simulate.recording_file import AXES
 
     rows = len(recorded.t)
-    lines = [f"Wrote {rows} row{'' if rows == 1 else 's'} to {output}, and what is true to {truth}"]
+    lines = [f"Wrote {counted(rows, 'row')} to {output}, and what is true to {truth}"]
     stuck = recorded.saturated.sum(axis=0)
     if stuck.any():
         channels = ", ".join(f"{axis} in {n}" for axis, n in zip(AXES, stuck, strict=True) if n)
@@ -218,7 +203,7 @@ def _said(recorded: Recorded, output: Path, truth: Path) -> str:
             f"  saturated: {channels} of {rows} rows; they show less than there is: leave them out (column saturated), "
             "or give the sensor room (--set sensor.bias=0)"
         )
-    below = np.unique(np.flatnonzero(recorded.position[:, 2] < 0.0))
+    below = np.flatnonzero(recorded.position[:, 2] < 0.0)
     if len(below):
         lines.append(
             f"  below: in {len(below)} of {rows} rows, the first of them row {below[0] + 2}, the flange is below the "

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from . import options
 
 
@@ -14,16 +12,10 @@ def verify(
     *,
     calibration: options.CalibrationFile,
     limit_force: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N", help="Largest contact force that may be left in a pose.", callback=options.not_negative
-        ),
+        float | None, options.not_negative("N", "Largest contact force that may be left in a pose.")
     ] = None,
     limit_torque: Annotated[
-        float | None,
-        typer.Option(
-            metavar="NM", help="Largest contact torque that may be left in a pose.", callback=options.not_negative
-        ),
+        float | None, options.not_negative("NM", "Largest contact torque that may be left in a pose.")
     ] = None,
     json: options.Json = False,
     recording: options.Recordings,

@@ -193,6 +193,8 @@ def _of_samples(
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
 
 
+LEFT_OUT = "left out"
+"""The first words of why a row was not paired."""
 NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
@@ -234,7 +236,7 @@ class _InOrder:
 def _missing(reason: str, t: Array) -> ContactWrenches:
     """Rows without a contact wrench."""
     n, nan = len(t), np.full((len(t), 6), np.nan)
-    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"left out: {reason}",) * n)
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"{LEFT_OUT}: {reason}",) * n)
 
 
 def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:

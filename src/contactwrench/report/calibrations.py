@@ -25,9 +25,7 @@ OF_THE_FILE = ("orientation", "wrench_frame", "sign", "inverse_orientation")
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """What was made of recordings: the calibrations; what was `written` and where; the accuracies that were `missed`, a
-    line each.
-    """
+    """The calibrations of recordings, what was `written` where, and the accuracies that were `missed`, a line each."""
 
     calibrations: tuple[Calibration, ...]
     written: tuple[tuple[str, Path], ...]
@@ -56,12 +54,11 @@ def calibrate_recordings(
     g: float = STANDARD_GRAVITY,
     known: dict[str, tuple[Any, Any]] | None = None,
     prior: Path | None = None,
-    mount_tilt_sd: float | None = None,
-    base_tilt_sd: float | None = None,
+    mount_tilt_sd: float = MOUNT_TILT_SD,
+    base_tilt_sd: float = BASE_TILT_SD,
     output: Path | None = None,
     report: Path | None = None,
-    require_force: float | None = None,
-    require_torque: float | None = None,
+    required: tuple[float | None, float | None] = (None, None),
 ) -> Calibrated:
     """Calibrate, save and report.
 
@@ -79,8 +76,7 @@ def calibrate_recordings(
         base_tilt_sd: of the base's.
         output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
         report: a page about the calibration.
-        require_force: N, the most that the calibration may add to the contact force (std).
-        require_torque: N m, to the torque.
+        required: the most that the calibration may add to the contact force (std), N, and to the torque, N m.
 
     Raises:
         ContactWrenchError: as reading, fitting and writing raise it.
@@ -91,13 +87,8 @@ def calibrate_recordings(
         require_distinct(output, {**inputs, "report": report})
         require_distinct(report, inputs)
     recordings = [read(file) for file in files]
-    stated: dict[str, Any] = {
-        "gravity": gravity,
-        "g": g,
-        "mount_tilt_sd": MOUNT_TILT_SD if mount_tilt_sd is None else mount_tilt_sd,
-        "base_tilt_sd": BASE_TILT_SD if base_tilt_sd is None else base_tilt_sd,
-        "known": known or {},
-    }
+    tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
+    stated: dict[str, Any] = {"gravity": gravity, "g": g, "known": known or {}, **tilts}
     if shared:
         from ..estimation.several_tools import calibrate_shared
 
@@ -120,7 +111,7 @@ def calibrate_recordings(
 
         write_calibration_report(report, calibrations[0], recordings[0])
         written.append(("report", report))
-    missed = [line for c in calibrations for line in _missed(c, require_force, require_torque, bool(shared))]
+    missed = [line for c in calibrations for line in _missed(c, required, bool(shared))]
     return Calibrated(calibrations, tuple(written), tuple(missed))
 
 
@@ -146,12 +137,12 @@ def _output_files(files: Sequence[Path], output: Path | None, several: bool) -> 
     return targets
 
 
-def _missed(calibration: Calibration, force: float | None, torque: float | None, named: bool) -> list[str]:
+def _missed(calibration: Calibration, required: tuple[float | None, float | None], named: bool) -> list[str]:
     """The line that says which of the required accuracies is missed, if one is."""
     missed = [
         f"{name} {value:.3g} {unit} over {limit:g}"
         for name, value, limit, unit in zip(
-            ("force", "torque"), calibration.largest_std, (force, torque), ("N", "N m"), strict=True
+            ("force", "torque"), calibration.largest_std, required, ("N", "N m"), strict=True
         )
         if limit is not None and not value <= limit
     ]

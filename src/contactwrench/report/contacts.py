@@ -11,15 +11,15 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import Treatment, compensated, write_compensated
+from ..recording.compensate import LEFT_OUT, Treatment, compensated, write_compensated
 from ..recording.options import Options
 from ..recording.tables.columns import Advance
-from ..statistics import meaningful_digits
-from .figures import AXIS_COLOURS, LEFT_OUT, drawing, svg_text
+from ..statistics import counted, meaningful_digits
+from .figures import AXIS_COLOURS, drawing, svg_text
 from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
 from .signals import Envelope, envelope, outline
 
-SHADE = "#f3d9a4"
+SHADE, FAULT = "#f3d9a4", "#b3541e"
 MOST_LISTED = 200
 """Contacts in the page's table."""
 MOST_SHADED = 1000
@@ -54,15 +54,10 @@ class ContactLog:
         self.envelope = envelope(batch.t, batch.wrench, self.envelope)
         for row in np.flatnonzero(~batch.valid).tolist():
             self.faults += 1
-            word = _kind(batch.reason[row] or "")
-            count, first = self.reasons.get(word, (0, float(batch.t[row])))
-            self.reasons[word] = count + 1, first
-
-
-def _kind(reason: str) -> str:
-    """What is the same of all samples that lack the same: `left out` with its reason, else the first word."""
-    head, _, rest = reason.partition(":")
-    return rest.strip() if head == "left out" else head
+            kind, _, detail = (batch.reason[row] or "").partition(": ")
+            shown = detail if kind == LEFT_OUT else kind
+            count, first = self.reasons.get(shown, (0, float(batch.t[row])))
+            self.reasons[shown] = count + 1, first
 
 
 def compensate_recording(
@@ -95,45 +90,35 @@ def compensate_recording(
     log = ContactLog()
     rows = log.noted(compensated(path, options, calibration, treatment, advance, notes.append), treatment.judged)
     topic = write_compensated(output, rows, path, options, treatment.output_frame)
-    if report is not None:
-        write_contact_report(report, "Contact report", log, (str(path),))
     lines = [summary(log)] if treatment.judged else []
     if str(output) != STDOUT:
-        what = (
-            f"row{'' if log.rows == 1 else 's'}"
-            if topic is None
-            else f"message{'' if log.rows == 1 else 's'} of {topic}"
-        )
-        lines.append(f"Wrote the contact wrenches, {log.rows} {what}, to {output}")
-    return [*lines, *([] if report is None else [f"Wrote the report to {report}"])], notes
+        what = counted(log.rows, "row") if topic is None else f"{counted(log.rows, 'message')} of {topic}"
+        lines.append(f"Wrote the contact wrenches, {what}, to {output}")
+    if report is not None:
+        write_contact_report(report, "Contact report", log, (str(path),))
+        lines.append(f"Wrote the report to {report}")
+    return lines, notes
 
 
 def write_contact_report(path: str | Path, title: str, log: ContactLog, paragraphs: tuple[str, ...]) -> None:
     """Write the page. Raises `FileAccessError`, and `MissingExtraError` without matplotlib."""
-    body = "".join(
-        [
-            paragraphs_html((summary(log),)),
-            figure_html(
-                contact_signals(log),
-                "Contact wrench over time, x red, y green, z blue: the band between the least and the most reading. "
-                "Shaded: contact. Marks at the foot: the first sample of each kind that has something wrong.",
-            ),
-            _contacts(log),
-            _faults(log),
-        ]
+    figure = figure_html(
+        contact_signals(log),
+        "Contact wrench over time, x red, y green, z blue: the band between the least and the most reading. "
+        "Shaded: contact. Marks at the foot: the first sample of each kind that has something wrong.",
     )
+    body = f"{paragraphs_html((summary(log),))}{figure}{_contacts(log)}{_faults(log)}"
     write_text(path, page(title, paragraphs, f"<section>{body}</section>"))
 
 
 def summary(log: ContactLog) -> str:
     """The recording in a sentence."""
-    n = len(log.contacts)
-    contacts = "no contact" if n == 0 else f"{n} contact{'' if n == 1 else 's'}"
-    share = log.touching / log.rows if log.rows else 0.0
+    contacts = "no contact"
+    if log.contacts:
+        contacts = f"{counted(len(log.contacts), 'contact')}, {log.touching / log.rows:.1%} of the time"
     faults = "all valid" if log.faults == 0 else f"{log.faults} not valid"
     span = log.end - log.start if log.rows else 0.0
-    touched = f"{contacts}, {share:.1%} of the time" if n else contacts
-    return f"{log.rows} samples over {span:.4g} s: {touched}; {faults}."
+    return f"{log.rows} samples over {span:.4g} s: {contacts}; {faults}."
 
 
 def contact_signals(log: ContactLog) -> str:
@@ -149,7 +134,7 @@ def contact_signals(log: ContactLog) -> str:
             for k in range(3):
                 ax.plot(t, lines[:, part + k], color=AXIS_COLOURS[k], alpha=0.85, lw=0.7)
             for _, first in log.reasons.values():
-                ax.plot(first - log.start, 0.0, "|", color=LEFT_OUT, ms=8, transform=ax.get_xaxis_transform())
+                ax.plot(first - log.start, 0.0, "|", color=FAULT, ms=8, transform=ax.get_xaxis_transform())
             ax.set_ylabel(name)
             ax.set_xlim(0.0, max(log.end - log.start, 1e-9) if log.rows else 1.0)
         axes[0].set_xticklabels([])
@@ -173,20 +158,18 @@ def _contacts(log: ContactLog) -> str:
             lasts,
             " ± ".join(meaningful_digits(float(force), along)),
             f"{np.linalg.norm(contact.peak[:3]):.2f}",
-            " ".join(f"{part:.2f}" for part in line.direction) if line.reason is None else "-",
+            " ".join(f"{round(part, 2) + 0.0:.2f}" for part in line.direction) if line.reason is None else "-",
             line.reason or _place(line.point, line.point_covariance),
         ]
         rows.append(row_html(str(number), cells, "said"))
-    titles = ["", "onset, s", "length, s", "mean force, N", "peak, N", "direction"]
-    head = head_html([*titles, "nearest point of its line to the sensor's origin, mm"], "said")
-    more = len(log.contacts) - MOST_LISTED
-    cut = f"<p>And {more} more.</p>" if more > 0 else ""
+    point = "nearest point of its line to the sensor's origin, mm"
+    head = head_html(["", "onset, s", "length, s", "mean force, N", "peak, N", "direction", point], "said")
+    cut = f"<p>And {len(log.contacts) - MOST_LISTED} more.</p>" if len(log.contacts) > MOST_LISTED else ""
     said = (
         "Means over the whole contact in the sensor's axes, which turn with the arm. The line of action is that of one "
         "force; ± is one std of the mean, what the arm turned meanwhile left out."
     )
-    table = table_html(head + "".join(rows))
-    return f"<h3>Contacts</h3>{table}{cut}<p class='unit'>{said}</p>"
+    return f"<h3>Contacts</h3>{table_html(head + ''.join(rows))}{cut}<p class='unit'>{said}</p>"
 
 
 def _place(point: Array, covariance: Array) -> str:
@@ -201,5 +184,4 @@ def _faults(log: ContactLog) -> str:
         row_html(kind, [str(count), f"{first - log.start:.3f}"])
         for kind, (count, first) in sorted(log.reasons.items(), key=lambda item: item[1][1])
     )
-    table = table_html(head_html(["", "samples", "first at, s"]) + rows)
-    return f"<h3>Samples with something wrong</h3>{table}"
+    return f"<h3>Samples with something wrong</h3>{table_html(head_html(['', 'samples', 'first at, s']) + rows)}"

@@ -91,15 +91,8 @@ def _options_and_mends(of: Interpretation) -> dict[str, Any]:
 
 
 def _explanation(fit: Explanation) -> dict[str, Any]:
-    return {
-        **_options_and_mends(fit.interpretation),
-        "force_left": fit.force_left,
-        "torque_left": fit.torque_left,
-        "weight": fit.weight,
-        "com": fit.com,
-        "lean": fit.lean,
-        "odds": fit.odds,
-    }
+    numbers = ("force_left", "torque_left", "weight", "com", "lean", "odds")
+    return {**_options_and_mends(fit.interpretation), **{name: getattr(fit, name) for name in numbers}}
 
 
 def _row(fit: Explanation, label: str) -> list[str]:

@@ -15,19 +15,25 @@ from ..assess.verify import LeftOver
 from ..calibration.calibration import Calibration
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array
-from ..geometry.rotations import rotations_about_z
 from ..model import gravity_in_flange
+from ..statistics import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.patches import Circle
 
 SIDES = (1.0, -1.0)
 AXIS_COLOURS = ("#c1443c", "#3a7d44", "#2f5fa8")
-WAY_COLOURS = {"full": "#1b6e9c", "tare": "#c98a1b", "gravity only": "#8a5a9e", "raw": "#8a8f94"}
+METHODS = {
+    "full": ("#1b6e9c", "o"),
+    "tare": ("#c98a1b", "s"),
+    "gravity only": ("#8a5a9e", "^"),
+    "raw": ("#8a8f94", "x"),
+}
+"""Colour and marker of each."""
 LEFT_OUT = "#b3541e"
-WAY_MARKERS = {"full": "o", "tare": "s", "gravity only": "^", "raw": "x"}
+PARTS = ((0, "force, N", 1.0), (3, "torque, mN m", 1e3))
+"""Of a wrench: the first column, name and unit, and the factor to that unit from SI."""
 ONE_AT_A_TIME = Lock()
 """Matplotlib's style belongs to the whole program, whose threads may draw."""
 STYLE: dict[Any, Any] = {
@@ -51,33 +57,32 @@ def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
     """What the fit leaves in each pose, axis by axis; the band is two standard deviations of a pose's noise."""
     kept, left_out = pose_numbers(calibration)
     with drawing(2, (8.2, 2.9)) as (figure, axes):
-        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
+        for ax, (part, name, scale) in zip(axes, PARTS, strict=True):
             band = 2.0 * scale * float(calibration.noise[part : part + 3].max())
             ax.axhspan(-band, band, color="#e9eef2", lw=0)
             ax.axhline(0.0, color="#9aa2a9", lw=0.8)
             for k in range(3):
-                shift = 0.18 * (k - 1)
                 values = scale * left.wrench[:, part + k]
-                ax.plot(kept + shift, values, "o", ms=4, color=AXIS_COLOURS[k], label="xyz"[k])
-            _label(ax, "pose", f"residual {name}")
+                ax.plot(kept + 0.18 * (k - 1), values, "o", ms=4, color=AXIS_COLOURS[k], label="xyz"[k])
+            ax.set_ylabel(f"residual {name}")
             _number_poses(ax, len(calibration.poses), left_out)
         axes[1].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=1.0)
         return svg_text(figure)
 
 
-def left_over_per_pose(calibration: Calibration, ways: tuple[LeftOver, ...]) -> str:
-    """The norm of force and torque left in each contact-free pose, by each way of compensation; log scale."""
+def left_over_per_pose(calibration: Calibration, methods: tuple[LeftOver, ...]) -> str:
+    """The norm of force and torque left in each contact-free pose, by each method of compensation; log scale."""
     kept, left_out = pose_numbers(calibration)
     with drawing(2, (8.2, 3.0)) as (figure, axes):
-        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=True):
-            for way in ways:
-                norm = scale * np.linalg.norm(way.wrench[:, part : part + 3], axis=1)
-                norm = np.where(norm > 0.0, norm, np.nan)
-                colour, marker = WAY_COLOURS[way.name], WAY_MARKERS[way.name]
-                ax.plot(kept, norm, marker, ms=4, color=colour, label=way.name, ls="-", lw=0.7)
+        for ax, (part, name, scale) in zip(axes, PARTS, strict=True):
+            for method in methods:
+                norm = scale * np.linalg.norm(method.wrench[:, part : part + 3], axis=1)
+                colour, marker = METHODS[method.name]
+                shown = np.where(norm > 0.0, norm, np.nan)
+                ax.plot(kept, shown, marker, ms=4, color=colour, label=method.name, ls="-", lw=0.7)
             ax.set_yscale("log")
             ax.yaxis.set_major_formatter("{x:g}")
-            _label(ax, "pose", f"left over, {name}")
+            ax.set_ylabel(f"left over, {name}")
             _number_poses(ax, len(calibration.poses), left_out)
         axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
         return svg_text(figure)
@@ -103,7 +108,7 @@ def gravity_on_sphere(calibration: Calibration) -> str:
             ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=9, mfc="none", mec=LEFT_OUT, mew=1.2)
             ax.plot(*_equal_area(r[here & fitted], side), "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
             count = int((here & fitted).sum())
-            ax.set_title(f"{_side(side)}: {count} pose{'' if count == 1 else 's'}", fontsize=9, color="#2a3036")
+            ax.set_title(f"{_side(side)}: {counted(count, 'pose')}", fontsize=9, color="#2a3036")
         return svg_text(figure)
 
 
@@ -121,10 +126,12 @@ def std_over_orientations(calibration: Calibration, quantity: str) -> str:
         for side in SIDES
     ]
     with drawing(2, (6.9, 3.2)) as (figure, axes):
+        from matplotlib.patches import Circle
+
         for ax, half, side in zip(axes, std, SIDES, strict=True):
             shown = ax.pcolormesh(
                 x, y, half.reshape(x.shape), vmin=np.min(std), vmax=np.max(std), cmap="YlGnBu", shading="gouraud",
-                rasterized=True, clip_path=_disc(ax),
+                rasterized=True, clip_path=Circle((0.0, 0.0), 1.0, transform=ax.transData),
             )  # fmt: skip
             _globe(ax, side)
             here = side * poses[:, 2] >= 0.0
@@ -138,35 +145,23 @@ def std_over_orientations(calibration: Calibration, quantity: str) -> str:
 
 def _std(calibration: Calibration, r: Array, part: slice) -> Array:
     """Root of the summed variances of three axes for gravity along r (n, 3), the mean over turns about it."""
+    from scipy.spatial.transform import Rotation
+
     d = calibration.gravity_direction
-    tilts = np.array([_rotation_between(direction, d) for direction in r])
-    z_to_d = _rotation_between(np.array([0.0, 0.0, 1.0]), d)
-    variance = np.zeros(len(r))
-    turns = rotations_about_z(np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False))
-    for turn in turns:
-        about_d = z_to_d @ turn @ z_to_d.T
-        variance += np.sum(calibration.wrench_std(about_d @ tilts)[:, part] ** 2, axis=1)
-    std: Array = np.sqrt(variance / len(turns))
+    R = np.array([_half_turn(direction, d) for direction in r])
+    turns = Rotation.from_rotvec(np.outer(np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False), d)).as_matrix()
+    variances = [np.sum(calibration.wrench_std(turn @ R)[:, part] ** 2, axis=1) for turn in turns]
+    std: Array = np.sqrt(np.mean(variances, axis=0))
     return std
 
 
-def _disc(ax: Axes) -> Circle:
-    from matplotlib.patches import Circle
-
-    return Circle((0.0, 0.0), 1.0, transform=ax.transData)
-
-
-def _rotation_between(start: Array, end: Array) -> Array:
-    """A rotation R with `R @ start = end` for unit vectors."""
-    total = start + end
-    square = float(total @ total)
-    if square < 1e-12:
-        across = np.cross(start, np.eye(3)[int(np.argmin(np.abs(start)))])
-        across /= np.linalg.norm(across)
-        return 2.0 * np.outer(across, across) - np.eye(3)
-    half_turn: Array = 2.0 * np.outer(total, total) / square - np.eye(3)
-    flip: Array = 2.0 * np.outer(start, start) - np.eye(3)
-    return half_turn @ flip
+def _half_turn(start: Array, end: Array) -> Array:
+    """The half turn R about the axis midway between two unit vectors: `R @ start = end`."""
+    axis = start + end
+    if axis @ axis < 1e-12:
+        axis = np.cross(start, np.eye(3)[int(np.argmin(np.abs(start)))])
+    R: Array = 2.0 * np.outer(axis, axis) / (axis @ axis) - np.eye(3)
+    return R
 
 
 def _equal_area(r: Array, side: float) -> tuple[Array, Array]:
@@ -183,20 +178,17 @@ def _from_equal_area(x: Array, y: Array, side: float) -> Array:
 
 def _globe(ax: Axes, side: float) -> None:
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    for degrees in (30.0, 60.0, 90.0):
+    ax.plot(np.cos(turn), np.sin(turn), color="#9aa2a9", lw=1.0)
+    for degrees in (30.0, 60.0):
         radius = np.sqrt(1.0 - np.cos(np.deg2rad(degrees)))
-        rim = degrees == 90.0
-        ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="#9aa2a9", lw=1.0 if rim else 0.5)
-        if not rim:
-            ax.text(0.0, radius + 0.02, f"{degrees:.0f}°", fontsize=7, color="#6a7178", ha="center")
+        ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="#9aa2a9", lw=0.5)
+        ax.text(0.0, radius + 0.02, f"{degrees:.0f}°", fontsize=7, color="#6a7178", ha="center")
     for name, (x, y) in {"+x": (1.0, 0.0), "+y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}.items():
         ax.text(1.1 * x, 1.1 * y, name, fontsize=8, color="#6a7178", ha="center", va="center")
     ax.text(0.03, 0.03, "+z" if side > 0.0 else "-z", fontsize=8, color="#6a7178")
     ax.plot(0.0, 0.0, "+", ms=5, color="#9aa2a9")
-    ax.set_aspect("equal")
+    ax.set(aspect="equal", xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
     ax.set_axis_off()
-    ax.set_xlim(-1.2, 1.2)
-    ax.set_ylim(-1.2, 1.2)
 
 
 def _side(side: float) -> str:
@@ -218,19 +210,14 @@ def drawing(columns: int, size: tuple[float, float], rows: int = 1) -> Iterator[
         yield figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
-def _label(ax: Axes, x: str, y: str) -> None:
-    ax.set_xlabel(x)
-    ax.set_ylabel(y)
-
-
 def _number_poses(ax: Axes, n: int, left_out: NDArray[np.intp]) -> None:
-    """Whole numbers along x, with a band where a pose was left out."""
+    """Poses along x in whole numbers, with a band where one was left out."""
     from matplotlib.ticker import MaxNLocator
 
     for number in left_out:
         ax.axvspan(number - 0.4, number + 0.4, color=LEFT_OUT, alpha=0.15, lw=0)
     ax.xaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
-    ax.set_xlim(0.4, n + 0.6)
+    ax.set(xlabel="pose", xlim=(0.4, n + 0.6))
 
 
 def svg_text(figure: Figure) -> str:

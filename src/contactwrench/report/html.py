@@ -34,9 +34,7 @@ PURPOSE = {
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a report: a calibration with its figures, under a title and a few paragraphs of plain words; the
-    `samples` that it was made from, where they are to be drawn.
-    """
+    """A calibration with its figures, under a title and plain words; the `samples` it was made from, to be drawn."""
 
     title: str
     paragraphs: tuple[str, ...]
@@ -81,12 +79,12 @@ def _section(section: Section) -> str:
 
 def _poses(c: Calibration) -> list[str]:
     methods = compare(c, c.fitted_poses)
-    shaded = " Shaded: poses that were left out." if len(c.fitted_poses) < len(c.poses) else ""
-    hollow = " Hollow: poses that were left out." if shaded else ""
+    some_left_out = len(c.fitted_poses) < len(c.poses)
+    shaded, hollow = (f" {mark}: poses that were left out." * some_left_out for mark in ("Shaded", "Hollow"))
     return [
         "<h3>What is left in each contact-free pose</h3>",
         "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
-        *(f"<p>{typeset(text)}</p>" for text in _bias_moved(c)),
+        paragraphs_html(_bias_moved(c)),
         figure_html(
             figures.left_over_per_pose(c, methods),
             f"Norm of what each method of compensation leaves, log scale.{shaded}",
@@ -116,8 +114,7 @@ def _poses(c: Calibration) -> list[str]:
 
 def _verdict(c: Calibration) -> str:
     quality = "weak" if c.is_weak else "good"
-    warnings = "".join(f"<li>{typeset(warning)}</li>" for warning in c.warnings)
-    listed = f"<ul>{warnings}</ul>" if warnings else ""
+    listed = _list(c.warnings) if c.warnings else ""
     said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(c.largest_error))}"
     return f'<div class="verdict {quality}">{said}{listed}</div>'
 
@@ -139,8 +136,11 @@ def _bias_moved(c: Calibration) -> list[str]:
 def _assumptions(c: Calibration) -> str:
     if not c.assumptions:
         return ""
-    listed = "".join(f"<li>{typeset(_sentence(assumption))}</li>" for assumption in c.assumptions)
-    return f"<h3>What was assumed</h3><ul>{listed}</ul>"
+    return f"<h3>What was assumed</h3>{_list(_sentence(assumption) for assumption in c.assumptions)}"
+
+
+def _list(sentences: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{typeset(sentence)}</li>' for sentence in sentences)}</ul>"
 
 
 def _alternatives(c: Calibration) -> str:
@@ -149,12 +149,12 @@ def _alternatives(c: Calibration) -> str:
         return ""
     rows = []
     for other in c.alternatives:
-        weight = ("-", "")
+        weight, std = "-", ""
         if other.weight is not None and other.weight_std is not None:
-            weight = meaningful_digits(other.weight, other.weight_std)
+            weight, std = meaningful_digits(other.weight, other.weight_std)
         change = other.largest_force_change(c.B, c.gravity_direction)
         numbers = (other.force_left, 1e3 * other.torque_left, change)
-        rows.append(row_html(other.model, [weight[0], _plus_minus(weight[1]), *map(three_digits, numbers)]))
+        rows.append(row_html(other.model, [weight, _plus_minus(std), *map(three_digits, numbers)]))
     head = head_html(["", "weight, N", "std", "left, N", "left, mN m", "change, N"])
     said = (
         "Left: root mean square norm of what the model leaves in a pose, its parameters counted. Change: by how much "
@@ -169,14 +169,13 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
     if samples is None or not is_stream(samples):
         return ""
     free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
-    found = still_segments(free)
-    seconds = sum(stretch.t_end - stretch.t_start for stretch in found.accepted)
-    numbered = (
-        " Hatched: stretches that were left out, by the numbers below." if signals.left_out_spans(c, found) else ""
-    )
+    still = still_segments(free.unsaturated()[0])  # as the poses were made
+    seconds = sum(stretch.t_end - stretch.t_start for stretch in still.accepted)
+    hatched = signals.left_out_spans(c, still)
+    numbered = " Hatched: stretches that were left out, by the numbers below." if hatched else ""
     return "<h3>The recording</h3>" + figure_html(
-        signals.signals_over_time(c, free, found),
-        f"Green: the {len(found.accepted)} stretches, {seconds:.3g} s in all, in which arm and reading were still; "
+        signals.signals_over_time(c, free, still),
+        f"Green: the {len(still.accepted)} stretches, {seconds:.3g} s in all, in which arm and reading were still; "
         f"those at one orientation are one pose.{numbered} The angle is that from where the arm began.",
     )
 
@@ -191,7 +190,7 @@ def _left_out(c: Calibration) -> str:
     for number, pose in poses:
         left = c.compensate(pose.wrench, pose.R_base_flange)
         at = [] if not timed else [""] if pose.t_start is None else [f"{pose.t_start - c.first_time:.6g}"]
-        norms = [f"{np.linalg.norm(left[:3]):.3g}", f"{1e3 * np.linalg.norm(left[3:]):.3g}"]
+        norms = [three_digits(float(np.linalg.norm(part))) for part in (left[:3], 1e3 * left[3:])]
         rows.append(row_html(str(number), [*at, *norms, pose.rejected or ""], "said"))
     head = head_html(["pose", *(["time, s"] if timed else []), "left, N", "left, mN m", "why"], "said")
     table = table_html(head + "".join(rows))
@@ -216,15 +215,14 @@ def _fit(c: Calibration) -> str:
         "gravity to the flange's z": f"{low:.0f} to {high:.0f} deg",
     }
     listed = "".join(f"<tr><th>{name}</th><td colspan=6 class='fact'>{fact}</td></tr>" for name, fact in facts.items())
-    trade_offs = "".join(f"<li>{escape(pair)}</li>" for pair in c.observability.trade_offs[:4])
-    trading = f"<p>Trading off against each other:</p><ul>{trade_offs}</ul>" if trade_offs else ""
+    trade_offs = c.observability.trade_offs[:4]
+    trading = f"<p>Trading off against each other:</p>{_list(trade_offs)}" if trade_offs else ""
     return f"{table_html(head_html(['', *AXES]) + body + listed)}<p class='unit'>N and mN m</p>{trading}"
 
 
 def _methods(methods: tuple[LeftOver, ...]) -> str:
     rows = "".join(
-        f"<tr><th title='{escape(PURPOSE[method.name])}'>{escape(method.name)}</th>"
-        f"<td class='unit'>{kind}</td>{''.join(f'<td>{text}</td>' for text in _in_units(values))}</tr>"
+        row_html(method.name, [kind, *_in_units(values)])
         for method in methods
         for kind, values in (("mean", method.mean_abs), ("largest", method.max_abs))
     )
@@ -238,9 +236,8 @@ def _pose_table(c: Calibration, methods: tuple[LeftOver, ...]) -> str:
     kept, left_out = figures.pose_numbers(c)
     rows = dict.fromkeys(left_out.tolist(), f"<td colspan={2 * n} class='fact'>left out</td>")
     for k, number in enumerate(kept.tolist()):
-        forces = [np.linalg.norm(method.wrench[k, :3]) for method in methods]
-        torques = [1e3 * np.linalg.norm(method.wrench[k, 3:]) for method in methods]
-        rows[number] = "".join(f"<td>{norm:.3g}</td>" for norm in (*forces, *torques))
+        parts = [*(method.wrench[k, :3] for method in methods), *(1e3 * method.wrench[k, 3:] for method in methods)]
+        rows[number] = "".join(f"<td>{three_digits(float(np.linalg.norm(part)))}</td>" for part in parts)
     body = "".join(f"<tr><th>{number}</th>{rows[number]}</tr>" for number in sorted(rows))
     table = table_html(
         f"<thead><tr><th></th><th colspan={n}>force, N</th><th colspan={n}>torque, mN m</th></tr>"
@@ -288,7 +285,7 @@ def figure_html(svg: str, caption: str) -> str:
     return f"<figure><div class='scroll'>{svg}</div><figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def paragraphs_html(paragraphs: tuple[str, ...]) -> str:
+def paragraphs_html(paragraphs: Iterable[str]) -> str:
     """Plain text as paragraphs."""
     return "".join(f"<p>{typeset(paragraph)}</p>" for paragraph in paragraphs)
 

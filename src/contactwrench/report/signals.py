@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,17 +11,14 @@ from ..geometry.arrays import Array
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.samples import Samples
 from ..samples.still_segments import StillSegment, StillSegments
-from .figures import AXIS_COLOURS, drawing, svg_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from .figures import AXIS_COLOURS, PARTS, drawing, svg_text
 
 MOST_BINS = 2000
 """Of a picture; in each the least and the most are drawn, so that a million rows make no larger one."""
 FIRST_WIDTH = 0.005
 """s: of a bin, until there are too many of them."""
 
-STILL, LEFT_OUT, ARM = "#d8ecdf", "#6a7178", "#2a3036"
+STILL, NUMBER, ARM = "#d8ecdf", "#6a7178", "#2a3036"
 NARROWEST = 0.004
 """Of the picture's width: a shorter stretch is widened so that it is seen."""
 
@@ -121,13 +117,12 @@ def signals_over_time(calibration: Calibration, samples: Samples, found: StillSe
     angle = np.rad2deg(_angle_from(samples.R_base_flange))
     at, lines = outline(envelope(t - first, np.column_stack([samples.wrench, angle]), most_bins=MOST_BINS // 2))
     with drawing(1, (8.2, 5.6), rows=3) as (figure, axes):
-        for ax, part, name, scale in zip(axes, (0, 3), ("force, N", "torque, mN m"), (1.0, 1e3), strict=False):
+        for ax, (part, name, scale) in zip(axes[:2], PARTS, strict=True):
             for k in range(3):
                 ax.plot(at, scale * lines[:, part + k], color=AXIS_COLOURS[k], lw=0.7, label="xyz"[k])
             ax.set_ylabel(name)
         axes[2].plot(at, lines[:, 6], color=ARM, lw=0.8)
-        axes[2].set_ylabel("angle of the arm, deg")
-        axes[2].set_xlabel("time since the first row, s")
+        axes[2].set(xlabel="time since the first row, s", ylabel="angle of the arm, deg")
         span = float(t.max()) - first
         for ax in axes:
             ax.set_xlim(0.0, span)
@@ -135,12 +130,13 @@ def signals_over_time(calibration: Calibration, samples: Samples, found: StillSe
             for stretch in found.accepted:
                 ax.axvspan(stretch.t_start - first, stretch.t_end - first, color=STILL, lw=0, zorder=0)
             for begin, end, _ in numbered:
-                _hatched(ax, begin - first, max(end - first, begin - first + NARROWEST * span))
+                shown_end = max(end, begin + NARROWEST * span) - first
+                ax.axvspan(begin - first, shown_end, fc="#eceff1", ec="#9aa2a9", hatch="////", lw=0, zorder=0)
         if len(numbered) <= MOST_NUMBERED:
             for begin, end, number in numbered:
                 axes[0].annotate(
                     f"{number}", (0.5 * (begin + end) - first, 1.0), xycoords=("data", "axes fraction"),
-                    ha="center", va="bottom", fontsize=8, color=LEFT_OUT,
+                    ha="center", va="bottom", fontsize=8, color=NUMBER,
                 )  # fmt: skip
         axes[1].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), handletextpad=0.3, columnspacing=1.0)
         return svg_text(figure)
@@ -169,7 +165,3 @@ def _angle_from(R: Array) -> Array:
     chord = np.sqrt(np.sum((R - R[:1]) ** 2, axis=(1, 2)))
     angle: Array = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
     return angle
-
-
-def _hatched(ax: Axes, begin: float, end: float) -> None:
-    ax.axvspan(begin, end, facecolor="#eceff1", edgecolor="#9aa2a9", hatch="////", lw=0, zorder=0)

@@ -19,7 +19,7 @@ from ..calibration.difference import Difference, GroupChange
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
-from ..statistics import meaningful_digits, percent
+from ..statistics import counted, meaningful_digits, percent
 
 NAME_AND_TYPE, TYPE_WIDTH = 34, 16
 UNIX_TIMES = (946684800.0, 4102444800.0)
@@ -41,11 +41,9 @@ def verification_text(result: Verification) -> str:
     lines = []
     if len(result.residuals):
         lines += [
-            f"Verification on {len(result.residuals)} contact-free pose{'' if len(result.residuals) == 1 else 's'}",
+            f"Verification on {counted(len(result.residuals), 'contact-free pose')}",
             "",
-            f"  {'':<14}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m",
-            f"  {'residual rms':<14}" + "".join(f"{value:9.3g}" for value in result.rms * _MILLI),
-            f"  {'largest':<14}" + "".join(f"{value:9.3g}" for value in np.abs(result.residuals).max(axis=0) * _MILLI),
+            *_axes_lines({"residual rms": result.rms, "largest": np.abs(result.residuals).max(axis=0)}),
             f"  largest norms: {result.largest_force:.3g} N, {1e3 * result.largest_torque:.3g} mN m",
             "",
         ]
@@ -60,6 +58,12 @@ def verification_text(result: Verification) -> str:
     lines += [f"Warning  {warning}" for warning in result.warnings]
     lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}")
     return "\n".join(lines)
+
+
+def _axes_lines(rows: dict[str, Array]) -> list[str]:
+    """Wrenches (6,) by name, an axis a column."""
+    lines = [f"  {name:<14}" + "".join(f"{value:9.3g}" for value in row * _MILLI) for name, row in rows.items()]
+    return [f"  {'':<14}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m", *lines]
 
 
 def verification_json(result: Verification) -> str:
@@ -77,17 +81,15 @@ def held_object_text(held: HeldObject) -> str:
     factor, unit = (1.0, "kg") if abs(held.mass) >= 1.0 else (1e3, "g")
     mass, std = meaningful_digits(factor * held.mass, factor * held.mass_std)
     lines = [
-        f"Held object, weighed in {held.poses} pose{'' if held.poses == 1 else 's'}, g {held.g:.6g} m/s^2",
+        f"Held object, weighed in {counted(held.poses, 'pose')}, g {held.g:.6g} m/s^2",
         "",
         f"  mass   {mass:>8} +- {std} {unit}",
         *_com_lines(held),
         "",
-        f"  {'':<14}" + "".join(f"{axis:>9}" for axis in AXES) + "   N, mN m",
-        f"  {'residual rms':<14}" + "".join(f"{value:9.3g}" for value in held.residual_rms * _MILLI),
+        *_axes_lines({"residual rms": held.residual_rms}),
         f"  chi-square {held.chi2:.3g} per degree of freedom, probability {percent(held.probability)}",
     ]
-    lines += [f"Warning  {warning}" for warning in held.warnings]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"Warning  {warning}" for warning in held.warnings)])
 
 
 def _com_lines(held: HeldObject) -> list[str]:
