@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import UnobservableError
 from ..geometry.arrays import Array, Frozen, Vector
+from ..geometry.rotations import axes_of_turns
 from ..model import RigidTool, gravity_in_flange, horizontal_axes, wrench_jacobian
 from ..samples.poses import SAME_POSE_ANGLE
 
@@ -122,15 +123,7 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
         return f"the {n} poses differ by turns about the vertical only; tilt the tool between poses"
     if n == 2:
         return "there are two distinct poses; record at least 6 that tilt the tool about two axes"
-    relative = R_base_flange[0].T @ R_base_flange
-    axes = np.stack(
-        [
-            relative[:, 2, 1] - relative[:, 1, 2],
-            relative[:, 0, 2] - relative[:, 2, 0],
-            relative[:, 1, 0] - relative[:, 0, 1],
-        ],
-        axis=1,
-    )
+    axes = axes_of_turns(R_base_flange[0].T @ R_base_flange)
     if np.linalg.svd(axes, compute_uv=False)[1] < SAME_POSE_ANGLE * np.sqrt(n):
         return f"the {n} poses turn about a single axis; turn the tool about a second one"
     low, high = np.rad2deg(tilt_range(R_base_flange, gravity_direction))
