@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..files import read_bytes, write_text
+from ..files import read_bytes
 from ..geometry.arrays import Array, Vector
 from ..geometry.orientation import nearest_rotations
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, wrench_matrix, yaw_of_mounting
@@ -56,11 +56,6 @@ def to_json(calibration: CalibrationFields) -> str:
             values["warnings"] = calibration.warnings
     lines = [f"  {_encoded(key)}: {_encoded(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def save(calibration: CalibrationFields, path: str | Path) -> None:
-    """Write the saved form to `path`; see files.py."""
-    write_text(path, to_json(calibration))
 
 
 def load(path: str | Path, form: type[Form]) -> Form:

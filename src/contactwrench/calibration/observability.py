@@ -57,19 +57,20 @@ def require_full_rank(
     """Raise `UnobservableError`, naming the parameters, unless the poses (n, 3, 3), with what is `known` beforehand,
     separate all of `names`; `known` (q, p): derivatives of what is known, each as good as seen.
     """
-    J = _with_known(tool, natural_jacobian(tool, R_base_flange, names), names, known)
+    J = _jacobian_with_known(tool, R_base_flange, names, known)
     require_separable(J, names, R_base_flange, tool.gravity_direction)
 
 
 def is_separable(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None = None) -> bool:
     """Whether `require_full_rank` would pass."""
-    J = _with_known(tool, natural_jacobian(tool, R_base_flange, names), names, known)
+    J = _jacobian_with_known(tool, R_base_flange, names, known)
     s = np.linalg.svd(J, compute_uv=False)
     return len(J) >= len(names) and bool(s[-1] >= LEAST_SINGULAR_VALUE * s[0])
 
 
-def _with_known(tool: RigidTool, J: Array, names: tuple[str, ...], known: Array | None) -> Array:
+def _jacobian_with_known(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None) -> Array:
     """The natural Jacobian with a row of unit length for each thing that is known."""
+    J = natural_jacobian(tool, R_base_flange, names)
     if known is None:
         return J
     unit = np.ones(len(names))
@@ -148,25 +149,22 @@ def advice_on_poses(
         return "to mend this, add poses that tilt the tool further, to gravity along +-x, +-y and +-z of the sensor"
     low, high = np.rad2deg(tilt_range(R_base_flange, tool.gravity_direction))
     within = min(float(high), 180.0 - float(low))
-    why = (
-        f"the tool's z axis stayed within {within:.0f} deg of vertical in all poses"
-        if within < 60.0
-        else (f"gravity stayed {low:.0f} to {high:.0f} deg from the flange's z in all poses")
-    )
+    why = f"gravity stayed {low:.0f} to {high:.0f} deg from the flange's z in all poses"
+    if within < 60.0:
+        why = f"the tool's z axis stayed within {within:.0f} deg of vertical in all poses"
     k = names.index(weakest)
-    before = float(np.sqrt(covariance[k, k]))
     after = {}
     for direction, u in NAMED_DIRECTIONS.items():
         J = wrench_jacobian(tool, _with_gravity_along(tool, u)[None], names)[0]
         known = J @ covariance
-        after[direction] = covariance[k, k] - known[:, k] @ np.linalg.solve(
-            known @ J.T + np.diag(noise**2), known[:, k]
-        )
+        gain = np.linalg.solve(known @ J.T + np.diag(noise**2), known[:, k])
+        after[direction] = covariance[k, k] - known[:, k] @ gain
     best = min(after, key=lambda direction: after[direction])
     scale, unit = SPOKEN_UNITS[weakest.partition("_")[0]]
     return (
-        f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from {scale * before:.2g} to "
-        f"{scale * float(np.sqrt(after[best])):.2g} {unit}; contactwrench plan --from FILE finds the best ones"
+        f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from "
+        f"{scale * float(np.sqrt(covariance[k, k])):.2g} to {scale * float(np.sqrt(after[best])):.2g} {unit}; "
+        "contactwrench plan --from FILE finds the best ones"
     )
 
 
@@ -180,8 +178,7 @@ def _with_gravity_along(tool: RigidTool, u: Array) -> Array:
 
 def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:
     """Least and largest angle (2,), rad, between gravity and the flange's z over the poses (n, 3, 3)."""
-    along = np.clip(gravity_in_flange(R_base_flange, gravity_direction)[:, 2], -1.0, 1.0)
-    angle = np.arccos(along)
+    angle = np.arccos(np.clip(gravity_in_flange(R_base_flange, gravity_direction)[:, 2], -1.0, 1.0))
     return np.array([angle.min(), angle.max()])
 
 
