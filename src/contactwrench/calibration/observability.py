@@ -190,16 +190,6 @@ def describe(
     names: tuple[str, ...],
 ) -> Observability:
     """The observability of a fit of full rank, from its whitened singular values and covariance (p, p)."""
-    return Observability(
-        rank=len(names),
-        singular_values=singular_values,
-        condition=float(singular_values[0] / singular_values[-1]),
-        tilt_range=tilt_range(R_base_flange, gravity_direction),
-        trade_offs=_trade_offs(covariance, names),
-    )
-
-
-def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.outer(std, std)
     correlation = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
@@ -209,4 +199,10 @@ def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
         for j in range(i + 1, len(names))
         if abs(correlation[i, j]) > TRADE_OFF
     ]
-    return tuple(text for _, text in sorted(pairs, reverse=True))
+    return Observability(
+        rank=len(names),
+        singular_values=singular_values,
+        condition=float(singular_values[0] / singular_values[-1]),
+        tilt_range=tilt_range(R_base_flange, gravity_direction),
+        trade_offs=tuple(text for _, text in sorted(pairs, reverse=True)),
+    )
