@@ -193,9 +193,17 @@ def _loaded_by(code: str) -> set[str]:
 
 
 def test_import_loads_only_what_is_needed() -> None:
-    loaded = _loaded_by("import contactwrench")
+    heavy = {"scipy", "numba", "matplotlib", "typer", "rich", "msgspec", "pandas"}
+    assert _loaded_by("import contactwrench").isdisjoint({*heavy, "numpy"})
+    loaded = _loaded_by("from contactwrench import *")
     assert "numpy" in loaded
-    assert loaded.isdisjoint({"scipy", "numba", "matplotlib", "typer", "rich", "msgspec", "pandas"})
+    assert loaded.isdisjoint(heavy)
+
+
+def test_a_name_that_is_not_there_is_said() -> None:
+    with pytest.raises(AttributeError, match=r"^module 'contactwrench' has no attribute 'kalibrate'$"):
+        cw.kalibrate  # noqa: B018
+    assert set(dir(cw)) == set(cw.__all__)
 
 
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")

@@ -1,13 +1,18 @@
 """contactwrench: from a raw wrist force/torque sensor to the pure contact wrench."""
 
-from .calibration.calibration import Calibration
-from .compensate.compensator import Compensator
-from .compensate.contact_wrenches import ContactWrench
-from .errors import ContactWrenchError
-from .estimation.calibrate import calibrate
-from .recording.read import read
-from .samples.samples import Samples
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from .version import __version__
+
+if TYPE_CHECKING:
+    from .calibration.calibration import Calibration
+    from .compensate.compensator import Compensator
+    from .compensate.contact_wrenches import ContactWrench
+    from .errors import ContactWrenchError
+    from .estimation.calibrate import calibrate
+    from .recording.read import read
+    from .samples.samples import Samples
 
 __all__ = [
     "Calibration",
@@ -19,3 +24,25 @@ __all__ = [
     "calibrate",
     "read",
 ]
+
+_HOMES = {
+    "Calibration": "calibration.calibration",
+    "Compensator": "compensate.compensator",
+    "ContactWrench": "compensate.contact_wrenches",
+    "ContactWrenchError": "errors",
+    "Samples": "samples.samples",
+    "calibrate": "estimation.calibrate",
+    "read": "recording.read",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first asked for: the program's `--help` needs none of them."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__
