@@ -198,10 +198,8 @@ def _mounting(a: CalibrationFields, b: CalibrationFields) -> _Part:
 def _of_gravity(c: CalibrationFields, axes: Array) -> Array:
     """How turns of gravity about `axes` (2, 3) follow the parameters of c: (2, p), zero where it was stated."""
     J = np.zeros((2, len(c.parameter_names)))
-    own = np.array(horizontal_axes(c.gravity_direction))
-    for name, about in zip(GRAVITY, own, strict=True):
-        if name in c.parameter_names:
-            J[:, c.parameter_names.index(name)] = axes @ about
+    if set(GRAVITY) <= set(c.parameter_names):
+        J[:, -2:] = np.stack([axes @ about for about in horizontal_axes(c.gravity_direction)], axis=1)
     return J
 
 

@@ -201,8 +201,7 @@ def _check_numbers(c: CalibrationFields) -> None:
 
 
 def _check_affine(c: CalibrationFields) -> None:
-    rigid = (c.weight, c.mass, c.com, c.R_flange_sensor, c.yaw)
-    if any(value is not None for value in rigid):
+    if any(value is not None for value in (c.weight, c.mass, c.com, c.R_flange_sensor, c.yaw)):
         raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
     _require_near("the last column of B", c.B[:, 3], c.bias, "bias")
     _require_near("parameters", c.parameters, c.B.ravel(), "B")
