@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contactwrench.samples.saturation import at_limit
+from contactwrench.samples.samples import at_limit
 
 T = np.arange(5000) / 1000.0
 

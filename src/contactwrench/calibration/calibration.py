@@ -207,9 +207,10 @@ class Calibration(CalibrationFields):
         Raises:
             FileAccessError: it cannot be written.
         """
-        from .file import save
+        from ..files import write_text
+        from .file import to_json
 
-        save(self, path)
+        write_text(path, to_json(self))
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:

@@ -16,11 +16,11 @@ import numpy as np
 from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import rotation_angle, spread_rotations
 from ..model import (
-    AXES,
     GRAVITY,
     LINEAR_PARAMETERS,
     MOUNT,
     PARAMETERS,
+    free_wrench,
     gravity_in_flange,
     horizontal_axes,
     mounting_turn,
@@ -30,6 +30,7 @@ from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfi
 from .fields import CalibrationFields
 
 SIGNIFICANT = 3.0
+UNITS = ("N", *["m"] * 3, *["N"] * 3, *["N m"] * 3, "rad", "s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,52 +84,50 @@ class Difference(Frozen):
     @cached_property
     def meaning(self) -> tuple[str, ...]:
         """What happened to tool, sensor and base, in plain sentences."""
-        from .difference_text import meaning
+        from .text import meaning
 
         return meaning(self)
 
 
 def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
     """The changes from `a` to `b`."""
-    names, units, change, std = [], [], [], []
-
-    def add(name: str, unit: str, before: float, after: float, std_before: float, std_after: float) -> None:
-        names.append(name)
-        units.append(unit)
-        change.append(after - before)
-        std.append(float(np.hypot(std_before, std_after)))
-
-    if a.weight is not None and b.weight is not None and a.com is not None and b.com is not None:
-        add("weight", "N", a.weight, b.weight, a.std["weight"], b.std["weight"])
-        for k, axis in enumerate("xyz"):
-            add(f"com_{axis}", "m", a.com[k], b.com[k], a.std["com"][k], b.std["com"][k])
-    for k, axis in enumerate(AXES):
-        add(f"bias_{axis}", "N" if k < 3 else "N m", a.bias[k], b.bias[k], a.std["bias"][k], b.std["bias"][k])
+    before, after = _told(a), _told(b)
+    names = [name for name in before if name in after]
     angle = None
-    if a.R_flange_sensor is not None and b.R_flange_sensor is not None and a.yaw is not None and b.yaw is not None:
-        if a.sensor_z_along_flange == b.sensor_z_along_flange:
-            add("yaw", "rad", 0.0, _turned(a.yaw, b.yaw), a.std["yaw"], b.std["yaw"])
+    if a.R_flange_sensor is not None and b.R_flange_sensor is not None:
         angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
-    if a.delay is not None and b.delay is not None and a.delay_std is not None and b.delay_std is not None:
-        add("delay", "s", a.delay, b.delay, a.delay_std, b.delay_std)
+        if a.sensor_z_along_flange != b.sensor_z_along_flange:
+            names.remove("yaw")
+    units = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay"), UNITS, strict=True))
+    change = {name: after[name][0] - before[name][0] for name in names}
+    if "yaw" in change:
+        change["yaw"] = _short_way_round(change["yaw"])
     everywhere = spread_rotations(288, 24)
-    r_a, r_b = (gravity_in_flange(everywhere, c.gravity_direction) for c in (a, b))
-    free = (r_b @ b.B[:, :3].T + b.B[:, 3]) - (r_a @ a.B[:, :3].T + a.B[:, 3])
+    free_a, free_b = (free_wrench(c.B, gravity_in_flange(everywhere, c.gravity_direction)) for c in (a, b))
     return Difference(
         names=tuple(names),
-        units=tuple(units),
-        change=np.array(change),
-        std=np.array(std),
-        free_wrench=np.abs(free).max(axis=0),
+        units=tuple(units[name] for name in names),
+        change=np.array(list(change.values())),
+        std=np.hypot([before[name][1] for name in names], [after[name][1] for name in names]),
+        free_wrench=np.abs(free_b - free_a).max(axis=0),
         mounting_angle=angle,
         gravity_angle=float(np.linalg.norm(_turn_of_gravity(a, b))),
         groups=_tested(a, b),
     )
 
 
-def _turned(before: float, after: float) -> float:
-    """The change of an angle, rad, the short way round."""
-    return (after - before + np.pi) % (2.0 * np.pi) - np.pi
+def _told(c: CalibrationFields) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of every parameter that a calibration tells."""
+    parts = ("bias",) if c.weight is None else ("weight", "com", "bias", "yaw")
+    values, std = np.hstack([getattr(c, part) for part in parts]), np.hstack([c.std[part] for part in parts])
+    names = LINEAR_PARAMETERS[4:] if c.weight is None else (*LINEAR_PARAMETERS, "yaw")
+    told = dict(zip(names, zip(values.tolist(), std.tolist(), strict=True), strict=True))
+    return told if c.delay is None or c.delay_std is None else {**told, "delay": (c.delay, c.delay_std)}
+
+
+def _short_way_round(angle: float) -> float:
+    """A change of an angle, rad, from -pi to pi."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _turn_of_gravity(a: CalibrationFields, b: CalibrationFields) -> Array:
@@ -192,17 +191,15 @@ def _mounting(a: CalibrationFields, b: CalibrationFields) -> _Part:
     if flipped_a != flipped_b:
         nothing = [np.zeros((1, turn.shape[1])) for turn in turns]
         return _Part("mounting", ("mounting_angle",), np.array([rotation_angle(R_a.T @ R_b)]), *nothing)
-    change = np.array([_turned(yaw_a, yaw_b)])
+    change = np.array([_short_way_round(yaw_b - yaw_a)])
     return _Part("mounting", ("yaw",), change, of_a[None] @ turns[0], of_b[None] @ turns[1])
 
 
 def _of_gravity(c: CalibrationFields, axes: Array) -> Array:
     """How turns of gravity about `axes` (2, 3) follow the parameters of c: (2, p), zero where it was stated."""
     J = np.zeros((2, len(c.parameter_names)))
-    own = np.array(horizontal_axes(c.gravity_direction))
-    for name, about in zip(GRAVITY, own, strict=True):
-        if name in c.parameter_names:
-            J[:, c.parameter_names.index(name)] = axes @ about
+    if set(GRAVITY) <= set(c.parameter_names):
+        J[:, -2:] = np.stack([axes @ about for about in horizontal_axes(c.gravity_direction)], axis=1)
     return J
 
 

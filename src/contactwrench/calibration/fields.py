@@ -19,6 +19,7 @@ from ..model import (
     MOUNT,
     RigidTool,
     affine_jacobian,
+    free_wrench,
     gravity_in_flange,
     wrench_jacobian,
     yaw_of_mounting,
@@ -101,16 +102,10 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Alternative(Frozen):
-    """What another model would have made of the same poses: beside a result, so that nobody has to run five.
+    """What another `model` would have made of the same poses: beside a result, so that nobody has to run five.
 
-    Attributes:
-        model: its name.
-        weight: N; None for `affine`.
-        weight_std: N; None for `affine`.
-        force_left: RMS norm of the force that it leaves in a pose, degrees of freedom counted, N.
-        torque_left: the same of the torque, N m.
-        B: (6, 4), as in `Calibration`.
-        gravity_direction: unit vector (3,), base axes.
+    `weight` and `weight_std` N, None for `affine`; `force_left` N and `torque_left` N m: RMS norm of what it leaves in
+    a pose, degrees of freedom counted; `B` (6, 4) and `gravity_direction` (3,) as in `Calibration`.
     """
 
     model: str
@@ -124,8 +119,8 @@ class Alternative(Frozen):
     def largest_force_change(self, B: Array, gravity_direction: Array) -> float:
         """The largest difference (N) of the contact force over all orientations, a norm, from that of `B`."""
         R = spread_rotations(288, 24)
-        force = gravity_in_flange(R, gravity_direction) @ B[:3, :3].T + B[:3, 3]
-        others = gravity_in_flange(R, self.gravity_direction) @ self.B[:3, :3].T + self.B[:3, 3]
+        force = free_wrench(B[:3], gravity_in_flange(R, gravity_direction))
+        others = free_wrench(self.B[:3], gravity_in_flange(R, self.gravity_direction))
         return float(np.linalg.norm(force - others, axis=1).max())
 
 
@@ -181,14 +176,11 @@ class CalibrationFields(Frozen):
         def of(*names: str) -> Array | None:
             return read_only(std[[index[name] for name in names]]) if names[0] in index else None
 
-        weight = of("weight")
-        bias = of(*LINEAR_PARAMETERS[4:])
-        if bias is None:
-            bias = read_only(np.sqrt(np.diag(self.B_covariance)[3::4]))
+        of_B = read_only(np.sqrt(np.diag(self.B_covariance)[3::4]))
         return {
-            "weight": None if weight is None else float(weight[0]),
+            "weight": float(std[index["weight"]]) if "weight" in index else None,
             "com": of(*LINEAR_PARAMETERS[1:4]),
-            "bias": bias,
+            "bias": of(*LINEAR_PARAMETERS[4:]) if "weight" in index else of_B,
             "yaw": self._yaw_std(index),
             "mount": of(*MOUNT),
             "gravity": of(*GRAVITY),
@@ -245,14 +237,7 @@ class CalibrationFields(Frozen):
         return std[0] if single else std
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
-        """Derivative of the free wrench with respect to `parameters`.
-
-        Args:
-            R_base_flange: matrices (n, 3, 3).
-
-        Returns:
-            (n, 6, p), sensor axes.
-        """
+        """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""
         if self.weight is None or self.com is None or self.R_flange_sensor is None:
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
         tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)

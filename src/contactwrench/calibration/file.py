@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..files import read_bytes, write_text
+from ..files import read_bytes
 from ..geometry.arrays import Array, Vector
 from ..geometry.orientation import nearest_rotations
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, wrench_matrix, yaw_of_mounting
@@ -56,11 +56,6 @@ def to_json(calibration: CalibrationFields) -> str:
             values["warnings"] = calibration.warnings
     lines = [f"  {_encoded(key)}: {_encoded(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def save(calibration: CalibrationFields, path: str | Path) -> None:
-    """Write the saved form to `path`; see files.py."""
-    write_text(path, to_json(calibration))
 
 
 def load(path: str | Path, form: type[Form]) -> Form:
@@ -206,8 +201,7 @@ def _check_numbers(c: CalibrationFields) -> None:
 
 
 def _check_affine(c: CalibrationFields) -> None:
-    rigid = (c.weight, c.mass, c.com, c.R_flange_sensor, c.yaw)
-    if any(value is not None for value in rigid):
+    if any(value is not None for value in (c.weight, c.mass, c.com, c.R_flange_sensor, c.yaw)):
         raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
     _require_near("the last column of B", c.B[:, 3], c.bias, "bias")
     _require_near("parameters", c.parameters, c.B.ravel(), "B")

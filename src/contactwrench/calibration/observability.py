@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import UnobservableError
 from ..geometry.arrays import Array, Frozen, Vector
+from ..geometry.rotations import axes_of_turns
 from ..model import RigidTool, gravity_in_flange, horizontal_axes, wrench_jacobian
 from ..samples.poses import SAME_POSE_ANGLE
 
@@ -56,19 +57,20 @@ def require_full_rank(
     """Raise `UnobservableError`, naming the parameters, unless the poses (n, 3, 3), with what is `known` beforehand,
     separate all of `names`; `known` (q, p): derivatives of what is known, each as good as seen.
     """
-    J = _with_known(tool, natural_jacobian(tool, R_base_flange, names), names, known)
+    J = _jacobian_with_known(tool, R_base_flange, names, known)
     require_separable(J, names, R_base_flange, tool.gravity_direction)
 
 
 def is_separable(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None = None) -> bool:
     """Whether `require_full_rank` would pass."""
-    J = _with_known(tool, natural_jacobian(tool, R_base_flange, names), names, known)
+    J = _jacobian_with_known(tool, R_base_flange, names, known)
     s = np.linalg.svd(J, compute_uv=False)
     return len(J) >= len(names) and bool(s[-1] >= LEAST_SINGULAR_VALUE * s[0])
 
 
-def _with_known(tool: RigidTool, J: Array, names: tuple[str, ...], known: Array | None) -> Array:
+def _jacobian_with_known(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None) -> Array:
     """The natural Jacobian with a row of unit length for each thing that is known."""
+    J = natural_jacobian(tool, R_base_flange, names)
     if known is None:
         return J
     unit = np.ones(len(names))
@@ -122,15 +124,7 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
         return f"the {n} poses differ by turns about the vertical only; tilt the tool between poses"
     if n == 2:
         return "there are two distinct poses; record at least 6 that tilt the tool about two axes"
-    relative = R_base_flange[0].T @ R_base_flange
-    axes = np.stack(
-        [
-            relative[:, 2, 1] - relative[:, 1, 2],
-            relative[:, 0, 2] - relative[:, 2, 0],
-            relative[:, 1, 0] - relative[:, 0, 1],
-        ],
-        axis=1,
-    )
+    axes = axes_of_turns(R_base_flange[0].T @ R_base_flange)
     if np.linalg.svd(axes, compute_uv=False)[1] < SAME_POSE_ANGLE * np.sqrt(n):
         return f"the {n} poses turn about a single axis; turn the tool about a second one"
     low, high = np.rad2deg(tilt_range(R_base_flange, gravity_direction))
@@ -155,25 +149,22 @@ def advice_on_poses(
         return "to mend this, add poses that tilt the tool further, to gravity along +-x, +-y and +-z of the sensor"
     low, high = np.rad2deg(tilt_range(R_base_flange, tool.gravity_direction))
     within = min(float(high), 180.0 - float(low))
-    why = (
-        f"the tool's z axis stayed within {within:.0f} deg of vertical in all poses"
-        if within < 60.0
-        else (f"gravity stayed {low:.0f} to {high:.0f} deg from the flange's z in all poses")
-    )
+    why = f"gravity stayed {low:.0f} to {high:.0f} deg from the flange's z in all poses"
+    if within < 60.0:
+        why = f"the tool's z axis stayed within {within:.0f} deg of vertical in all poses"
     k = names.index(weakest)
-    before = float(np.sqrt(covariance[k, k]))
     after = {}
     for direction, u in NAMED_DIRECTIONS.items():
         J = wrench_jacobian(tool, _with_gravity_along(tool, u)[None], names)[0]
         known = J @ covariance
-        after[direction] = covariance[k, k] - known[:, k] @ np.linalg.solve(
-            known @ J.T + np.diag(noise**2), known[:, k]
-        )
+        gain = np.linalg.solve(known @ J.T + np.diag(noise**2), known[:, k])
+        after[direction] = covariance[k, k] - known[:, k] @ gain
     best = min(after, key=lambda direction: after[direction])
     scale, unit = SPOKEN_UNITS[weakest.partition("_")[0]]
     return (
-        f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from {scale * before:.2g} to "
-        f"{scale * float(np.sqrt(after[best])):.2g} {unit}; contactwrench plan --from FILE finds the best ones"
+        f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from "
+        f"{scale * float(np.sqrt(covariance[k, k])):.2g} to {scale * float(np.sqrt(after[best])):.2g} {unit}; "
+        "contactwrench plan --from FILE finds the best ones"
     )
 
 
@@ -187,8 +178,7 @@ def _with_gravity_along(tool: RigidTool, u: Array) -> Array:
 
 def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:
     """Least and largest angle (2,), rad, between gravity and the flange's z over the poses (n, 3, 3)."""
-    along = np.clip(gravity_in_flange(R_base_flange, gravity_direction)[:, 2], -1.0, 1.0)
-    angle = np.arccos(along)
+    angle = np.arccos(np.clip(gravity_in_flange(R_base_flange, gravity_direction)[:, 2], -1.0, 1.0))
     return np.array([angle.min(), angle.max()])
 
 
@@ -200,16 +190,6 @@ def describe(
     names: tuple[str, ...],
 ) -> Observability:
     """The observability of a fit of full rank, from its whitened singular values and covariance (p, p)."""
-    return Observability(
-        rank=len(names),
-        singular_values=singular_values,
-        condition=float(singular_values[0] / singular_values[-1]),
-        tilt_range=tilt_range(R_base_flange, gravity_direction),
-        trade_offs=_trade_offs(covariance, names),
-    )
-
-
-def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.outer(std, std)
     correlation = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
@@ -219,4 +199,10 @@ def _trade_offs(covariance: Array, names: tuple[str, ...]) -> tuple[str, ...]:
         for j in range(i + 1, len(names))
         if abs(correlation[i, j]) > TRADE_OFF
     ]
-    return tuple(text for _, text in sorted(pairs, reverse=True))
+    return Observability(
+        rank=len(names),
+        singular_values=singular_values,
+        condition=float(singular_values[0] / singular_values[-1]),
+        tilt_range=tilt_range(R_base_flange, gravity_direction),
+        trade_offs=tuple(text for _, text in sorted(pairs, reverse=True)),
+    )

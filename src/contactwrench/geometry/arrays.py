@@ -19,9 +19,7 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 def read_only(values: ArrayLike) -> Array:
     """A float64 copy that cannot be written to."""
-    copy = np.array(values, dtype=np.float64, order="C")
-    copy.flags.writeable = False
-    return copy
+    return _handed_over(np.array(values, dtype=np.float64, order="C"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +35,8 @@ class Frozen:
 
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
-    """Metadata of a field of `Rows` that has a row for each sample.
-
-    Args:
-        row: shape of a row: `column()` is (n,), `column(6)` is (n, 6).
-        kind: type of its numbers; `object`: kept as a tuple of n.
+    """Metadata of a field of `Rows` that has a `row` of that shape for each sample: `column()` is (n,), `column(6)` is
+    (n, 6). A column of the kind `object` is kept as a tuple of n.
     """
     return {"row": row, "kind": np.dtype(kind)}
 
@@ -65,7 +60,9 @@ class Rows:
             if not first:
                 n = shape[0] if shape else 0
             if shape != (n, *row):
-                raise InputError(f"{each.name} has shape {shape}, expected {self._expected_shape(row, n, first)}")
+                expected = f"({', '.join(['n', *map(str, row)])}{'' if row else ','})"
+                pairs = f" with n = {n} as in {first}" if first else ""
+                raise InputError(f"{each.name} has shape {shape}, expected {expected}{pairs}")
             first = first or each.name
             object.__setattr__(self, each.name, owned)
 
@@ -101,11 +98,6 @@ class Rows:
         with_rows = [part for part in parts if len(part)] or parts[:1]
         columns = {each.name: joined([getattr(part, each.name) for part in with_rows]) for each in _columns(parts[0])}
         return replace(parts[0], **columns)
-
-    def _expected_shape(self, row: tuple[int, ...], n: int, first: str) -> str:
-        """In words, of a column after the `first` with `n` rows, or of the first itself."""
-        shape = f"({', '.join(['n', *map(str, row)])}{'' if row else ','})"
-        return f"{shape} with n = {n} as in {first}" if first else shape
 
 
 def _columns(rows: Rows) -> list[Field[Any]]:

@@ -8,7 +8,7 @@ In scipy's letters, capitals are intrinsic rotations (about the turned axes), sm
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -151,10 +151,6 @@ def _from_quat_wxyz(quat_wxyz: Array) -> Array:
     return from_quat_xyzw(quat_wxyz[:, [1, 2, 3, 0]])
 
 
-def _from_row_major(entries: Array) -> Array:
-    return nearest_rotations(entries.reshape(-1, 3, 3))
-
-
 def _from_column_major_pose(entries: Array) -> Array:
     """The rotations of 4 x 4 poses. A pose written row by row is refused: read by columns it would be the inverse."""
     poses = entries.reshape(-1, 4, 4).transpose(0, 2, 1)
@@ -170,8 +166,6 @@ def _from_column_major_pose(entries: Array) -> Array:
     return nearest_rotations(poses[:, :3, :3])
 
 
-_MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
-
 CONVENTIONS: dict[str, Convention] = {
     c.name: c
     for c in (
@@ -185,7 +179,13 @@ CONVENTIONS: dict[str, Convention] = {
         Convention("nachi", ("r", "p", "y"), "deg", _euler("ZYX"), "Nachi: Rz(r) Ry(p) Rx(y)"),
         Convention("ur_rotvec", ("rx", "ry", "rz"), "rad", _from_rotation_vector, "UR: rotation vector"),
         Convention("abb_quat", ("q1", "q2", "q3", "q4"), None, _from_quat_wxyz, "ABB: quaternion, q1 the scalar"),
-        Convention("matrix", _MATRIX_COLUMNS, None, _from_row_major, "rotation matrix, row by row"),
+        Convention(
+            "matrix",
+            tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
+            None,
+            lambda entries: nearest_rotations(entries.reshape(-1, 3, 3)),
+            "rotation matrix, row by row",
+        ),
         Convention(
             "franka_matrix",
             tuple(f"o_t_ee_{k}" for k in range(16)),
@@ -199,8 +199,6 @@ CONVENTIONS: dict[str, Convention] = {
 
 RECOGNISED_BY_NAME = ("quat_xyzw", "matrix", "kuka_abc", "fanuc_wpr", "ur_rotvec")
 """The conventions that a file's column names tell by themselves, without a flag."""
-
-_EULER_COLUMNS = ("e1", "e2", "e3")
 
 
 def convention(text: str) -> Convention:
@@ -221,7 +219,7 @@ def convention(text: str) -> Convention:
             )
         if unit not in ("deg", "rad"):
             raise InputError(f"orientation {text!r}: found unit {unit!r}, expected deg or rad, as in euler:ZYX:deg")
-        chosen = Convention("euler", _EULER_COLUMNS, unit, _euler(letters), f"Euler {letters}")
+        chosen = Convention("euler", ("e1", "e2", "e3"), unit, _euler(letters), f"Euler {letters}")
     elif name in CONVENTIONS:
         chosen = CONVENTIONS[name]
     else:
@@ -234,4 +232,4 @@ def convention(text: str) -> Convention:
         raise InputError(
             f"orientation {text!r}: found columns {columns!r}, expected {len(chosen.columns)} different names"
         )
-    return Convention(chosen.name, names, chosen.angle_unit, chosen.to_matrices, chosen.description)
+    return replace(chosen, columns=names)

@@ -24,8 +24,12 @@ def rotation_exp(vector: Array) -> Array:
 
 def rotation_angle(R: Array) -> float:
     """The angle of a rotation matrix (3, 3), rad, 0 to pi; exact for the smallest and the largest."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return float(np.arctan2(np.linalg.norm(axis), np.trace(R) - 1.0))
+    return float(np.arctan2(np.linalg.norm(axes_of_turns(R)), np.trace(R) - 1.0))
+
+
+def axes_of_turns(R: Array) -> Array:
+    """The axes (..., 3) about which rotations (..., 3, 3) turn, each as long as twice the sine of its angle."""
+    return np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
 
 
 def rotation_log(R: Array) -> Array:
@@ -72,7 +76,7 @@ def rotation_vectors(R: Array) -> Array:
 
 def _axis_and_angle(R: Array) -> tuple[Array, Array]:
     """Unit axes (n, 3), zero where there is none, and angles (n,), rad, 0 to pi."""
-    axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
+    axis = axes_of_turns(R)
     length = np.linalg.norm(axis, axis=1)
     angle = np.arctan2(length, np.trace(R, axis1=1, axis2=2) - 1.0)
     return axis / np.where(length > 0.0, length, 1.0)[:, None], angle

@@ -15,8 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
-from ..samples.saturation import at_limit
+from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
 from .tables.columns import ROWS, Advance

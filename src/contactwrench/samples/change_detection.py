@@ -70,14 +70,8 @@ class WindowNoise:
 
 
 def noise_of_windows(series: Sequence[Array], window: int, least: Array, floor: Array, joint: bool) -> WindowNoise:
-    """The noise of the means of windows, from the quietest parts of all series.
-
-    Args:
-        series: values (n, d) each, of blocks that follow one another.
-        window: blocks of a window.
-        least: a change smaller than this (d,) is none.
-        floor: the least variance (d,).
-        joint: whether the length of a change counts, or each axis alone.
+    """The noise of the means of windows, from the quietest parts of all `series` (n, d) of blocks; `floor` (d,) is the
+    least variance.
     """
     from scipy.special import chdtri, ndtri
 
@@ -109,7 +103,9 @@ def noise_of_windows(series: Sequence[Array], window: int, least: Array, floor: 
 
 def _means(values: Array, window: int) -> Array:
     """Means (n - window + 1, d) of the windows that begin at each block."""
-    return _means_of(_sums(values), window) + values[:1]
+    sums = _sums(values)
+    means: Array = (sums[window:] - sums[:-window]) / window + values[:1]
+    return means
 
 
 def _sums(values: Array) -> Array:
@@ -117,12 +113,6 @@ def _sums(values: Array) -> Array:
     sums = np.zeros((len(values) + 1, values.shape[1]))
     np.cumsum(values - values[:1], axis=0, out=sums[1:])
     return sums
-
-
-def _means_of(sums: Array, window: int) -> Array:
-    """Means of windows, less the first block."""
-    means: Array = (sums[window:] - sums[:-window]) / window
-    return means
 
 
 @dataclass(frozen=True)
@@ -159,18 +149,20 @@ def _segments(values: Array, noise: WindowNoise, first: int, last: int, window: 
     edges = np.flatnonzero(np.diff(np.r_[False, unchanged, False].astype(np.int8)))
     segments: list[Segment] = []
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        a, b = trimmed(values, noise, first + begin, first + end + 2 * window - 1)
-        if segments and a < segments[-1].last:
-            a = segments[-1].last
+        a, b = first + begin, first + end + 2 * window - 1
+        a += _settled_after(values[a:b], noise)
+        b -= _settled_after(values[a:b][::-1], noise)
+        if segments:
+            a = max(a, segments[-1].last)
         if b - a < 2 * window:
             continue
-        steady = is_steady(values[a:b], noise)
+        steady = _is_steady(values[a:b], noise)
         longer = _segments(values, noise, a, b, 2 * window) if not steady and b - a >= 4 * window else []
         segments += longer or [Segment(a, b, steady)]
     return segments
 
 
-def is_steady(values: Array, noise: WindowNoise) -> bool:
+def _is_steady(values: Array, noise: WindowNoise) -> bool:
     """Whether no part of a segment (n, d) differs from another beyond noise."""
     parts = min(PARTS, len(values) // noise.window)
     if parts < 2:
@@ -182,25 +174,16 @@ def is_steady(values: Array, noise: WindowNoise) -> bool:
     return not bool(noise.changes(means[earlier] - means[later], length, length).any())
 
 
-def trimmed(values: Array, noise: WindowNoise, first: int, last: int) -> tuple[int, int]:
-    """The segment without the blocks at its ends that differ from those that follow (and precede) them: the beginning
-    of a movement, the tail of a filter.
-    """
-    a = first + _settled_after(values[first:last], noise)
-    b = last - _settled_after(values[a:last][::-1], noise)
-    return a, b
-
-
 def _settled_after(values: Array, noise: WindowNoise) -> int:
-    """How many blocks at the beginning are not yet at the level of those that follow."""
+    """How many blocks at the beginning are not yet at the level of those that follow: the beginning of a movement, the
+    tail of a filter.
+    """
     n = len(values)
     off = np.zeros(n + 1, dtype=bool)
-    least = (
-        noise.least if noise.joint else np.zeros_like(noise.least)
-    )  # an axis that counts alone may not be off at all
+    least = noise.least if noise.joint else 0.0 * noise.least  # an axis that counts alone may not be off at all
     sums, size = _sums(values), 1
     while size <= (ONSET_WINDOWS if noise.joint else TAIL_WINDOWS) * noise.window and 3 * size <= n:
-        means = _means_of(sums, size)
+        means = (sums[size:] - sums[:-size]) / size
         after = 0.5 * (means[size:-size] + means[2 * size :])
         off[: len(after)] |= noise.changes(means[: -2 * size] - after, size, 2 * size, END_ALARM, least)
         size *= 2

@@ -99,20 +99,21 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     scanned = _known(motion, means, -reach, reach)
     if len(scanned) < LEAST_MEANS:
         return _untold(f"found {len(scanned)} readings with orientations around them, expected {LEAST_MEANS} or more")
-    if _turned(motion, scanned) < LEAST_TURN:
+    axes = motion.axes_at(scanned.t)
+    cosine_of_turn = 0.5 * (np.einsum("nij,ij->n", axes, axes[0]) - 1.0)
+    if np.arccos(np.clip(cosine_of_turn.min(), -1.0, 1.0)) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
     scans = [scan(motion, scanned, delays, down) for down in (stated, None)]
     fit, used, chosen = _settled(motion, means, scans)
     if int(chosen.misfit.argmin()) in (0, len(delays) - 1):
-        untold = _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond")
-        return replace(untold, beyond=True)
+        return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond", True)
     std = standard_deviation(motion, used, fit)
     doubt = _doubt(fit, std, delays, chosen)
     return Delay(fit.delay, std if doubt is None else max(std, float(reach)), fit.bound, doubt)
 
 
-def _untold(reason: str) -> Delay:
-    return Delay(0.0, np.inf, np.inf, reason)
+def _untold(reason: str, beyond: bool = False) -> Delay:
+    return Delay(0.0, np.inf, np.inf, reason, beyond)
 
 
 def _means(readings: WrenchStream) -> WrenchStream:
@@ -133,13 +134,6 @@ def _means(readings: WrenchStream) -> WrenchStream:
 def _known(motion: ArmMotion, means: WrenchStream, least: float, most: float) -> WrenchStream:
     """The means whose orientation is known at every delay from `least` to `most` s."""
     return means.select(motion.is_known(means.t - most, means.t - least))
-
-
-def _turned(motion: ArmMotion, means: WrenchStream) -> float:
-    """The largest angle, rad, by which the arm is turned from where it was at first."""
-    axes = motion.axes_at(means.t)
-    cosine = 0.5 * (np.einsum("nij,ij->n", axes, axes[0]) - 1.0)
-    return float(np.arccos(np.clip(cosine.min(), -1.0, 1.0)))
 
 
 def _settled(motion: ArmMotion, means: WrenchStream, scans: list[Scan]) -> tuple[Fit, WrenchStream, Scan]:
@@ -188,12 +182,12 @@ def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
     The samples carry the delay and its std where the motion gives any, applied or not. Raises as `estimate_delay` and
     `synchronize`.
     """
-    delay = delay_of_free_readings(streams)
+    delay = _delay_of_free_readings(streams)
     paired = synchronize(streams, delay.value if delay.significant else 0.0)
-    return with_delay(paired.samples, delay), (delay_in_words(delay), *paired.notes)
+    return _with_delay(paired.samples, delay), (delay_in_words(delay), *paired.notes)
 
 
-def delay_of_free_readings(streams: Streams) -> Delay:
+def _delay_of_free_readings(streams: Streams) -> Delay:
     """`estimate_delay` from the readings without a load on the tool and without a saturated channel."""
     wrench = streams.wrench
     free = np.ones(len(wrench), dtype=np.bool_)
@@ -201,8 +195,7 @@ def delay_of_free_readings(streams: Streams) -> Delay:
         free &= wrench.load_mass == 0.0
     if wrench.saturated is not None:
         free &= ~wrench.saturated
-    if not free.all():
-        streams = Streams(WrenchStream(wrench.t[free], wrench.wrench[free]), streams.orientation)
+    streams = Streams(wrench.select(free), streams.orientation)
     delay = estimate_delay(streams)
     return estimate_delay(streams, within=WIDE) if delay.beyond else delay
 
@@ -216,12 +209,12 @@ def with_delay_of_rows(samples: Samples) -> Samples:
     wrench = WrenchStream(samples.t, samples.wrench, samples.source, samples.load_mass, samples.saturated)
     orientation = OrientationStream(samples.t, samples.R_base_flange, samples.position, samples.source)
     try:
-        return with_delay(samples, delay_of_free_readings(Streams(wrench, orientation)))
+        return _with_delay(samples, _delay_of_free_readings(Streams(wrench, orientation)))
     except InputError:
         return samples
 
 
-def with_delay(samples: Samples, delay: Delay) -> Samples:
+def _with_delay(samples: Samples, delay: Delay) -> Samples:
     """The samples with the delay and its std, where the motion gives any."""
     return replace(samples, delay=delay.value, delay_std=delay.std) if np.isfinite(delay.std) else samples
 

@@ -122,9 +122,12 @@ def _explained(
     motion: ArmMotion, means: WrenchStream, delay: float, down: Array | None, weight: Array
 ) -> tuple[Array, Array, Array, Array]:
     """The linear fit at a delay with these weights (n,): residuals (n, 6), coefficients (p, 6), and what `_orthonormal`
-    makes of the weighted columns.
+    makes of the weighted columns: 1, gravity (3) or the base's axes (9), accelerations (9 or 12).
     """
-    columns, root = _columns(motion, means.t - delay, down), np.sqrt(weight)[:, None]
+    tau, root = means.t - delay, np.sqrt(weight)[:, None]
+    axes = motion.axes_at(tau)
+    gravity = axes.reshape(-1, 9) if down is None else np.einsum("nji,j->ni", axes, down)
+    columns = np.column_stack([np.ones(len(tau)), gravity, motion.accelerations_at(tau)])
     basis, unit = _orthonormal(columns * root)
     coefficients = unit @ (basis.T @ (root * means.wrench))
     return means.wrench - columns @ coefficients, coefficients, basis, unit
@@ -206,13 +209,6 @@ def _step(
     weightless = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
     return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
-
-
-def _columns(motion: ArmMotion, tau: Array, down: Array | None) -> Array:
-    """What explains a wrench at tau (n,): 1, gravity (3) or the base's axes (9), accelerations (9 or 12)."""
-    axes = motion.axes_at(tau)
-    gravity = axes.reshape(-1, 9) if down is None else np.einsum("nji,j->ni", axes, down)
-    return np.column_stack([np.ones(len(tau)), gravity, motion.accelerations_at(tau)])
 
 
 def _orthonormal(columns: Array) -> tuple[Array, Array]:

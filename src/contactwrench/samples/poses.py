@@ -53,9 +53,8 @@ def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
     """The mean of the rows of each `label` (n,)."""
     if not len(label):
         return ()
-    in_order = bool((np.diff(label) >= 0).all())
     small = label.astype(np.min_scalar_type(int(label.max())))  # numpy sorts 16-bit integers by radix, far faster
-    order = slice(None) if in_order else np.argsort(small, kind="stable")
+    order = slice(None) if (np.diff(label) >= 0).all() else np.argsort(small, kind="stable")
     wrench, R, label = samples.wrench[order], samples.R_base_flange[order], label[order]
     t = None if samples.t is None else samples.t[order]
     starts = np.flatnonzero(np.r_[True, label[1:] != label[:-1]])
@@ -66,14 +65,7 @@ def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
 
 
 def mean_pose(wrench: Array, R_base_flange: Array, t: Array | None, worth: Array | float = 1.0) -> Pose:
-    """The mean of rows at one orientation.
-
-    Args:
-        wrench: readings (n, 6), N and N m.
-        R_base_flange: their orientations (n, 3, 3).
-        t: their times (n,), s, or None.
-        worth: how many rows (6,) are worth one independent reading.
-    """
+    """The mean of readings (n, 6) at one orientation, as (n, 3, 3); `worth` (6,) of them make an independent one."""
     n = len(wrench)
     t_start, t_end = (None, None) if t is None else (float(t.min()), float(t.max()))
     if n == 1:

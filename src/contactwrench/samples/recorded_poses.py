@@ -94,15 +94,9 @@ class RecordedPoses:
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
-    """The poses of a table or of a stream.
-
-    Args:
-        samples: the recording.
-        most_visits: there may be, for them to count each time.
-        stream: whether it is one; None: the samples tell.
-
-    Raises:
-        InputError: a stream in which the arm never stands still, a table of more poses than anybody stops at.
+    """The poses of a table or of a `stream`, which the samples tell where it is None; visits count each time where
+    there are `most_visits` at the most. Raises `InputError` for a stream in which the arm never stands still, and for a
+    table of more poses than anybody stops at.
     """
     if not (is_stream(samples) if stream is None else stream and len(samples)):
         _require_few(samples)

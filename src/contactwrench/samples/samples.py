@@ -14,6 +14,10 @@ from ..geometry.orientation import nearest_rotations
 
 LARGEST_READING = 1e9
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
+LONGEST_CHANCE, TIMES_USUAL = 20, 4.0
+"""Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
+many times any other run in which that channel does not move.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +133,24 @@ class Streams:
             WrenchStream.concatenate([part.wrench for part in parts]),
             OrientationStream.concatenate([part.orientation for part in parts]),
         )
+
+
+def at_limit(wrench: Array) -> NDArray[np.bool_]:
+    """Whether a channel of readings (n, 6) stands at its largest or smallest value for far longer than it ever stands
+    anywhere else: (n,). So a channel that stood at its limit shows where the recording does not say so.
+    """
+    standing = np.zeros(len(wrench), dtype=bool)
+    for values in wrench.T if len(wrench) else ():
+        first = np.flatnonzero(np.r_[True, np.diff(values) != 0.0])
+        length = np.diff(np.r_[first, len(values)])
+        level = values[first]
+        known = level[np.isfinite(level)]
+        if len(known):
+            extreme = (level == known.max()) | (level == known.min())
+            elsewhere = int(length[~extreme].max(initial=1))
+            flat = extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * elsewhere))
+            standing |= np.repeat(flat, length)
+    return standing
 
 
 def _rotations(R: Array) -> Array:

@@ -66,12 +66,8 @@ class StationaryArm:
 
 
 def stationary_arm(between_gaps: list[Blocks], period: float, least_duration: float) -> StationaryArm:
-    """Where the arm stands for `least_duration` s, or for longer where the noise of its orientation asks for that.
-
-    Args:
-        between_gaps: the recording.
-        period: from row to row, s.
-        least_duration: s.
+    """Where the arm stands for `least_duration` s, or for longer where the noise of its orientation asks for that: an
+    arm that turns by `SAME_POSE_ANGLE` must show in the slope of a segment. `period` s from row to row.
     """
     if not between_gaps:
         return StationaryArm([], 0, least_duration)
@@ -79,20 +75,14 @@ def stationary_arm(between_gaps: list[Blocks], period: float, least_duration: fl
     window = max(FEWEST_ROWS_OF_WINDOW, int(np.ceil(WINDOW / block)))
     least, floor = np.full(3, STILL_ANGLE), np.full(3, FINEST_ANGLE**2)
     noise = noise_of_windows([blocks.path for blocks in between_gaps], window, least, floor, joint=True)
-    duration = max(least_duration, _blocks_to_see_creep(noise) * block)
+    blocks_to_see_creep = 12.0 * CREEP_SHOWS**2 * noise.variance[0] * noise.window / SAME_POSE_ANGLE**2
+    duration = max(least_duration, float(blocks_to_see_creep) * block)
     segments = [
         (blocks, segment)
         for blocks in between_gaps
         for segment in _stationary_segments(blocks, noise, duration / block)
     ]
     return StationaryArm(segments, window, duration if segments else least_duration)
-
-
-def _blocks_to_see_creep(noise: WindowNoise) -> float:
-    """Blocks that a segment must have for an arm that turns by `SAME_POSE_ANGLE` over it to show in the slope of its
-    orientation, whose noise goes with the length.
-    """
-    return float(12.0 * CREEP_SHOWS**2 * noise.variance[0] * noise.window / SAME_POSE_ANGLE**2)
 
 
 def _stationary_segments(blocks: Blocks, noise: WindowNoise, least: float) -> list[Segment]:
@@ -127,7 +117,7 @@ def _creeps(path: Array, noise: WindowNoise) -> bool:
 
 
 def blocks_of(samples: Samples) -> tuple[float, list[Blocks]]:
-    """Seconds from row to row, and what lies between gaps, where it is long enough to look at."""
+    """Seconds from row to row, and what lies between gaps where it is long enough to look at."""
     t = samples.t if samples.t is not None else np.empty(0)
     step = np.diff(t)
     if not (step > 0.0).any():

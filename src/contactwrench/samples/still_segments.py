@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
+from ..model import AXES
 from ..statistics import two_digits
 from .change_detection import Segment, WindowNoise, noise_of_windows, segments_between_changes
 from .poses import Pose, mean_pose
@@ -44,8 +45,6 @@ ROUNDING = 1e-9
 LEAST_LAGS, MOST_LAGS = 4, 100
 MOST_LOST = 0.5
 """Of the sum of correlations, that the unknown mean of short segments is corrected for."""
-
-AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,7 +139,8 @@ def _where_the_reading_stays(
     if not stationary.steady:
         angle = np.rad2deg(turn_over(blocks.path[stationary.blocks]))
         if seconds < duration:
-            return [_Candidate(first, last, _too_short(seconds, duration, last - first))]
+            needed = f"{duration:.2g} s and {FEWEST_ROWS} rows are needed"
+            return [_Candidate(first, last, f"too short: {seconds:.2g} s, {last - first} rows; {needed}")]
         return [_Candidate(first, last, f"the arm creeps: it turns by {angle:.2g} deg in {seconds:.2g} s")]
     wrench = blocks.wrench[stationary.blocks]
     settled, before = [], 0
@@ -175,10 +175,6 @@ def _where_the_reading_stays(
     if len(stationary) - end >= 2 * noise.window:
         add(end, len(stationary), _moves(wrench[end:], wrench[usable[-1].first : end]))
     return candidates
-
-
-def _too_short(seconds: float, duration: float, rows: int) -> str:
-    return f"too short: {seconds:.2g} s, {rows} rows; {duration:.2g} s and {FEWEST_ROWS} rows are needed"
 
 
 def _agree(wrench: Array, segments: list[Segment], noise: WindowNoise) -> bool:
