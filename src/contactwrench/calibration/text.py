@@ -11,9 +11,10 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..model import AXES, GRAVITY, LINEAR_PARAMETERS, MOUNT, horizontal_axes
 from ..samples.delay import applied_or_not
-from ..statistics import (, counted, meaningful_digits
+from ..statistics import (
     SIGNIFICANCE,
     MisfitTest,
+    counted,
     in_standard_deviations,
     meaningful_digits,
     misfit_of_parameters,
