@@ -215,6 +215,7 @@ def folder(path: Path) -> Iterator[None]:
         os.chdir(before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
 def test_blocks_run_and_show_their_output(page: Path, tmp_path: Path) -> None:
     with folder(tmp_path):

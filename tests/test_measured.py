@@ -115,6 +115,7 @@ def test_axia80_with_the_noise_estimated(model: str) -> None:
     assert np.all(np.abs(calibration.bias[:3] - [-2.137, -2.761, -13.079]) < 2.0 * calibration.std["bias"][:3])
 
 
+@pytest.mark.slow
 @needs_task_runs
 @pytest.mark.parametrize("name", ["franka_1", *(f"ur5e_{k}" for k in (1, 2, 3, 4, 5, "still_11", "still_82"))])
 def test_a_task_is_no_calibration(name: str, capsys: pytest.CaptureFixture[str]) -> None:

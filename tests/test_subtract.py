@@ -52,6 +52,7 @@ def test_the_contact_wrench_comes_back(force_kernel: str, n: int) -> None:
     assert np.abs(calibration.compensate(wrench, Rotation.from_matrix(R)) - contact).max() < 1e-8
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(seed=seeds, n=st.integers(1, 200))
 def test_step_and_batch_agree(seed: int, n: int) -> None:

@@ -70,6 +70,7 @@ def found_in(folder: Path, content: str, gravity: Array | None = None, **stated:
     return diagnose(interpretations(written(folder, content), options, gravity))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", BY_FLAGS)
 def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Any tool, any mounting: with the flags of the verdict, `calibrate` finds the tool."""
@@ -153,6 +154,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
 # Files without a mistake
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=seeds)
 @hypothesis_example(seed=10930)
@@ -176,6 +178,7 @@ def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) ->
     assert best.flags in ((), ("--model mount+base",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [51, 1500, 1545, 1628, 1706])
 def test_right_files_of_few_poses_are_left_alone(seed: int, tmp_path: Path) -> None:
     """Light tools, noise, a pose in contact: of the 2,000 that the benchmark makes, those that were once mended."""
@@ -230,6 +233,7 @@ def test_a_reversed_torque_is_a_mirrored_com_and_left_alone(tmp_path: Path) -> N
     assert diagnosis.best.com == pytest.approx(-rig.com, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("down", [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], ids=["+x", "-x", "+y"])
 @pytest.mark.parametrize("way", [Written(("a", "b", "c"), euler("ZYX")), RIGHT], ids=["kuka", "quaternion"])
 def test_a_robot_on_a_wall_looks_like_two_wrong_flags(way: Written, down: list[float], tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ def test_six_planned_poses_are_as_good_as_the_best_of_many_random_sets(model: st
     assert planned < 1.01 * weighed(mean_variances(A_KILOGRAM, model, sets, DECENT)).min()
 
 
+@pytest.mark.slow
 def test_two_poses_after_the_papers_six_cut_the_bound() -> None:
     rows = {row.what: row for row in after_the_paper()}
     assert all(row.met for row in rows.values())

@@ -23,6 +23,7 @@ def _loaded(rig: Rig, R: Array, mass: float, g: float = 9.80665) -> Array:
     return loaded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given_noise", [True, False])
 def test_false_alarms_are_about_one_percent(given_noise: bool) -> None:
     """An alarm every hundredth time: what no alarm at all would be is seen in the test of changed tools."""
@@ -119,6 +120,7 @@ def test_repeated_rows_count_as_one_pose() -> None:
     assert alarms <= 6
 
 
+@pytest.mark.slow
 def test_loads_are_weighed_with_an_honest_std() -> None:
     rig, R, rng = example(8, poses=8)
     masses = np.array([0.1, 0.2, 0.5, 1.0])

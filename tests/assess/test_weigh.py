@@ -38,6 +38,7 @@ def _down_in_sensor(rig: Rig, R_base_flange: Array) -> Array:
     return down
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(seeds, st.sampled_from([2, 3, 7]), st.sampled_from(["mount", "mount+base", "affine"]))
 def test_any_object_on_any_mounting_and_any_base(seed: int, poses: int, model: str) -> None:
@@ -59,6 +60,7 @@ def test_any_object_on_any_mounting_and_any_base(seed: int, poses: int, model: s
         assert held.com_flange == pytest.approx(rig.R_flange_sensor @ com, abs=1e-5)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(seeds)
 def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
@@ -79,6 +81,7 @@ def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
         assert "tilt the tool to another pose for the rest" in held.warnings[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poses", [1, 2, 6])
 def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
     """Calibration and weighing both repeated; a light and long tool, so that its errors count for much."""

@@ -119,6 +119,7 @@ def test_covariance_of_b_gives_the_same_std_of_the_wrench(model: str) -> None:
         assert D @ calibration.B_covariance @ D.T == pytest.approx(calibration.wrench_covariance(R), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_std_of_the_wrench_covers_the_error_of_the_prediction() -> None:
     rig, R, rng = example(6, poses=10)
     unseen, squared = random_rotations(20, rng), []
@@ -152,6 +153,7 @@ def test_yaw_of_a_tilted_and_of_a_flipped_sensor() -> None:
         assert calibration.sensor_z_along_flange is along
 
 
+@pytest.mark.slow
 def test_std_of_yaw_is_that_of_monte_carlo() -> None:
     rig, R, rng = example(9, poses=10)
     yaws, stds = [], []

@@ -47,6 +47,7 @@ def test_yaw_changes_the_short_way_round() -> None:
     assert _of(a.diff(b), "yaw")[0] == pytest.approx(2.0 * np.pi - 6.2, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0.001, 5.0, 170.0])
 def test_angle_between_two_mountings(degrees: float) -> None:
     rig, _, rng = example(3)
@@ -143,11 +144,13 @@ def test_nothing_changed(model: str) -> None:
         assert sentence.startswith("nothing changed beyond the errors of both: chi-square ")
 
 
+@pytest.mark.slow
 def test_false_alarms_of_any_group_are_rare() -> None:
     alarms = sum(any(group.significant for group in _measured(RIG, seed).groups) for seed in range(150))
     assert alarms <= 4  # 1 % and more than two standard deviations
 
 
+@pytest.mark.slow
 def test_probabilities_are_those_of_chance() -> None:
     """With the noise given up to its scale, each group's probability is uniform."""
     found = [[g.test.probability for g in _measured(RIG, seed, "mount+base", noise=NOISE).groups] for seed in range(60)]
@@ -221,6 +224,7 @@ def test_what_changed_and_nothing_else(rig: Rig, model: str, changes: dict[str, 
         assert sentence.startswith(begin)
 
 
+@pytest.mark.slow
 def test_a_tool_change_is_not_read_as_drift_nor_drift_as_a_tool() -> None:
     for seed in range(25):
         tool = {g.name for g in _measured(RIG, seed, weight=14.0).groups if g.significant}

@@ -103,6 +103,7 @@ def test_turns_about_a_slanted_axis_separate_the_mounting_but_not_the_base() -> 
         cw.calibrate(noisy(rig, poses, rng), "mount+base")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", RIGID)
 def test_poses_that_hardly_tilt_are_refused_with_their_tilt(model: str) -> None:
     rng = np.random.default_rng(9)

@@ -46,6 +46,7 @@ def test_calibrate_keeps_how_the_file_was_read(tmp_path: Path, capsys: Capture) 
     assert provenance["rows"] == 17
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flags", [["--json"], ["-o", "-"], ["--json", "-o", "-"]])
 def test_the_saved_form_and_nothing_else_goes_to_stdout(tmp_path: Path, capsys: Capture, flags: list[str]) -> None:
     done = run(capsys, "calibrate", PANDA, *flags)
@@ -58,6 +59,7 @@ def test_json_beside_a_file_prints_what_the_file_holds(tmp_path: Path, capsys: C
     assert done.out == (tmp_path / "tool.json").read_text()
 
 
+@pytest.mark.slow
 def test_calibrate_writes_a_report(tmp_path: Path, capsys: Capture) -> None:
     done = run(capsys, "calibrate", PANDA, "--report", tmp_path / "report.html")
     assert done.status == 0
@@ -72,6 +74,7 @@ def test_calibrate_fits_the_model_that_is_asked_for(capsys: Capture, model: str)
     assert values["model"] == ("mount+base" if model == "auto" else model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flags", "missed"),
     [
@@ -186,6 +189,7 @@ def test_diff_says_what_changed_and_exits_0(tmp_path: Path, panda_json: Path, ca
     assert run(capsys, "diff", panda_json, panda_json).status == 0
 
 
+@pytest.mark.slow
 def test_demo_names_its_folder_and_fills_it(tmp_path: Path, capsys: Capture) -> None:
     done = run(capsys, "demo", "--out", tmp_path / "new" / "demo")
     assert (done.status, done.err) == (0, "")
@@ -245,6 +249,7 @@ def test_bad_use_is_one_line_and_status_2(capsys: Capture, arguments: list[str |
     assert run(capsys, *arguments).complaint == message
 
 
+@pytest.mark.slow
 def test_data_that_cannot_give_the_answer_are_one_line_and_status_2(tmp_path: Path, capsys: Capture) -> None:
     lines = PANDA.read_text().splitlines()
     two_poses = written(tmp_path, "\n".join(lines[:6]))
@@ -267,6 +272,7 @@ def started(*arguments: str | Path, stdout: int = subprocess.PIPE) -> subprocess
     )
 
 
+@pytest.mark.slow
 def test_the_installed_program_runs(tmp_path: Path) -> None:
     program = Path(sysconfig.get_path("scripts")) / "contactwrench"
     if not program.exists():
@@ -278,12 +284,14 @@ def test_the_installed_program_runs(tmp_path: Path) -> None:
     assert json.loads(done.stdout)["model"] == "mount+base"
 
 
+@pytest.mark.slow
 def test_bad_input_is_no_traceback_in_a_process_of_its_own(tmp_path: Path) -> None:
     done = started("calibrate", written(tmp_path, "fx,fy\n1,2\n"))
     assert (done.returncode, done.stdout, done.stderr.count(b"\n")) == (2, b"", 1)
     assert b"found no column fz" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_reader_that_hangs_up_is_no_failed_check(panda_json: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
@@ -292,6 +300,7 @@ def test_a_reader_that_hangs_up_is_no_failed_check(panda_json: Path) -> None:
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.slow
 def test_a_closed_stdout_is_no_traceback(panda_json: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "contactwrench", "compensate", str(PANDA), "-c", str(panda_json)]
     shell = " ".join([*command, "-o", str(tmp_path / "out.csv"), ">&-"])

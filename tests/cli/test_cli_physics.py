@@ -162,6 +162,7 @@ def as_the_controller_writes_it(rig: Rig, R: Array, flags: Sequence[str]) -> str
     return csv_text((*WRENCH, *MATRIX), np.column_stack([wrench, columns.reshape(-1, 9)]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flags",
     [
@@ -191,6 +192,7 @@ def test_every_verb_that_reads_takes_the_reading_flags(tmp_path: Path, capsys: C
     assert run(capsys, "verify", recording, "-c", calibration, *limits, *flags).status == 0
 
 
+@pytest.mark.slow
 def test_a_robot_that_hangs_from_the_ceiling_needs_its_gravity(tmp_path: Path, capsys: Capture) -> None:
     rig, R, _ = example(32)
     hanging = Rig(rig.weight, rig.com, rig.bias, rig.R_flange_sensor, -rig.down)

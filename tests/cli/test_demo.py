@@ -22,6 +22,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder, " ".join(text.getvalue().split())
 
 
+@pytest.mark.slow
 def test_it_writes_recordings_calibrations_contact_wrenches_and_one_report(demo: tuple[Path, str]) -> None:
     folder, words = demo
     names = {path.name for path in folder.iterdir()}
@@ -52,6 +53,7 @@ def test_the_panda_set_is_left_with_the_noise_of_its_poses(demo: tuple[Path, str
     assert np.all(table["fx_std"] > 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_run(
     example: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -66,6 +66,7 @@ OUTPUTS = {
 ALL_BUT_HELP = pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
 
 
+@pytest.mark.slow
 @ALL_BUT_HELP
 def test_nothing_is_wider_than_eighty_columns_and_no_word_is_broken(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, arguments: tuple[str, ...]

@@ -62,6 +62,7 @@ def test_before_anything_is_learned_the_covariance_is_the_calibrations(model: st
             _learn(s, R[k], 0.0, np.zeros(6), np.full(6, 1e12))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(seed=seeds)
 def test_there_and_back_nothing_is_lost(seed: int) -> None:
@@ -99,6 +100,7 @@ def _life(s: State, rng: np.random.Generator, H: list[Array], R: Array) -> tuple
     return np.array(errors), np.array(covariances)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_the_errors() -> None:
     """Normalised squared errors of 150 lives, at every step: 6 on average, and as chi-square has it in the tail."""
     calibration, _, rng = _tracking(3)

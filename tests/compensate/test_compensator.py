@@ -51,6 +51,7 @@ def _same(one: ContactWrenches, other: ContactWrenches) -> None:
     ]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(seed=seeds)
 def test_a_contact_comes_back_whatever_the_tool_and_its_mounting(seed: int) -> None:
@@ -339,6 +340,7 @@ def test_one_number_stands_for_forces_and_for_torques_at_a_lever_of_5_cm() -> No
     assert pytest.approx(six) == TYPICAL_DRIFT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [None, TYPICAL_DRIFT])
 def test_std_is_honest_after_turns(drift: Array | None) -> None:
     """Mean readings of random tools, with a Compensator that has seen other orientations before, in stated stds."""

@@ -96,6 +96,7 @@ def test_a_recording_tells_noise_that_is_not_white() -> None:
     assert white.behind(LowPass(20.0), RATE)[-1] == pytest.approx(expected, rel=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"lowpass": 100.0}, {"drift": TYPICAL_DRIFT}])
 def test_false_alarms_are_as_many_as_stated(settings: dict[str, Any]) -> None:
     """At 1 % a sample, 30 calibrations of 500 samples: 150 expected, clustered as calibrations err."""

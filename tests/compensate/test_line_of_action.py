@@ -60,6 +60,7 @@ def test_an_axis_that_the_line_passes_by() -> None:
     assert found.miss == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_covariances_are_the_scatter_under_noise(seed: int) -> None:
     wrench, force, point, rng = _push(seed, least=15.0)

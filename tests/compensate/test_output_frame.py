@@ -37,6 +37,7 @@ def test_a_push_at_the_tcp_comes_out_as_it_was(frame: str) -> None:
     assert found.t == pytest.approx(samples.t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", ["sensor", "flange", "base"])
 @pytest.mark.parametrize("point", [None, TCP])
 def test_std_is_carried_along(frame: str, point: Array | None) -> None:
@@ -52,6 +53,7 @@ def test_std_is_carried_along(frame: str, point: Array | None) -> None:
     assert ratio == pytest.approx(np.ones((6, 6)), abs=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", ["flange", "base"])
 def test_std_of_a_strong_push_counts_the_axes_that_are_uncertain(frame: str) -> None:
     """100 N turned from sensor axes by a mounting that is known to a few mrad: an error of tenths of a newton."""

@@ -34,6 +34,7 @@ def _off(calibration: cw.Calibration, rig: Rig) -> Array:
     return error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flipped", [False, True])
 @pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)])
 @pytest.mark.parametrize("weight", [2.0, 50.0])
@@ -55,6 +56,7 @@ def test_near_nominal_it_is_about_as_good_as_the_best_rung(
     assert rms.pop("auto") < 2.0 * min(rms.values()) + 0.02
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=8)
 @given(seed=seeds)
 def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
@@ -66,6 +68,7 @@ def test_any_mounting_and_any_base_up_to_a_wall_are_found(seed: int) -> None:
     assert np.linalg.norm(calibration.gravity_direction - rig.down) < np.deg2rad(3.0)
 
 
+@pytest.mark.slow
 def test_a_wall_is_found_though_gravity_lies_right_at_the_limit() -> None:
     for seed in range(20):
         rig, R, rng = example(seed, poses=12)
@@ -114,6 +117,7 @@ def test_the_std_counts_tilts_within_their_priors() -> None:
     assert narrow.largest_std[0] == pytest.approx(told.largest_std[0], rel=0.15)
 
 
+@pytest.mark.slow
 def test_errors_are_those_that_the_std_states() -> None:
     """Truth drawn from the priors: mean squared errors in stds near 1 for weight, com and bias."""
     rng = np.random.default_rng(16)
@@ -134,6 +138,7 @@ def test_errors_are_those_that_the_std_states() -> None:
     assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_the_std_does_not_depend_on_how_the_base_is_turned() -> None:
     """Base axes turned about the vertical are other names for the same: the std of every contact wrench stays."""
     for seed in range(12):
@@ -147,6 +152,7 @@ def test_the_std_does_not_depend_on_how_the_base_is_turned() -> None:
         assert other.wrench_std(turn @ R) == pytest.approx(as_it_is.wrench_std(R), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_noise_free_readings_return_the_tool() -> None:
     rig, R, rng = example(17)
     for truth in (_tilted(rig, 0.0, 0.0, rng), _tilted(rig, 45.0, 60.0, rng)):
@@ -173,6 +179,7 @@ def test_rungs_that_the_poses_cannot_tell_are_left_out() -> None:
     assert "mount+base" not in [rung.model for rung in calibration.alternatives]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 112))
 def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
     """With every tilt free three poses can fit all forces exactly: refused, or an honest std."""
@@ -185,6 +192,7 @@ def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
     assert calibration.std["weight"] > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["auto", "mount+base"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(model: str, sign: float) -> None:
@@ -194,6 +202,7 @@ def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(model: str, s
         cw.calibrate(cw.Samples(sign * noisy(rig, R, rng).wrench, R), model)
 
 
+@pytest.mark.slow
 def test_two_perfect_poses_are_refused_and_nothing_worse() -> None:
     for seed in range(4):
         rig, R, _ = example(seed, poses=2)
@@ -219,6 +228,7 @@ def test_assumptions_and_alternatives_are_saved(tmp_path: object) -> None:
     assert np.array_equal(loaded.parameter_dof, calibration.parameter_dof)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_reaction_is_refused_with_both_readings(seed: int) -> None:
     rig, R, rng = example(seed)
@@ -227,6 +237,7 @@ def test_the_reaction_is_refused_with_both_readings(seed: int) -> None:
         cw.calibrate(cw.Samples(-samples.wrench, R))
 
 
+@pytest.mark.slow
 def test_poses_about_one_axis_are_refused() -> None:
     rig, _, rng = example(22)
     R = np.array([Rotation.from_euler("z", turn).as_matrix() for turn in np.linspace(0.0, 3.0, 8)])

@@ -23,6 +23,7 @@ def _plain_yaw(rig: Rig) -> Rig:
     return replace(rig, R_flange_sensor=np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", *RIGID])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_sensor_that_reports_the_reaction_is_refused_with_both_readings(model: str, seed: int) -> None:
@@ -43,6 +44,7 @@ def test_each_of_the_two_readings_is_accepted_once_it_is_stated(seed: int) -> No
     assert ceiling.gravity_direction == pytest.approx([0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_ceiling_robot_is_refused_until_gravity_says_so(seed: int) -> None:
     rig, R, rng = example(seed)
@@ -61,6 +63,7 @@ def test_the_ceiling_message_gives_the_direction_to_state() -> None:
         cw.calibrate(samples, "mount+base")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("model", ["mount", "mount+base"])
 def test_one_mirrored_axis_is_refused(model: str, seed: int) -> None:
@@ -204,6 +207,7 @@ def test_mass_uses_the_gravity_that_was_stated() -> None:
     assert here.mass == pytest.approx(here.weight / 9.8321)  # type: ignore[operator]
 
 
+@pytest.mark.slow
 def test_many_poses_are_kept_as_moments() -> None:
     rig, R, rng = example(6, poses=10_500)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")

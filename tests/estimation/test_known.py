@@ -206,6 +206,7 @@ def _calibrate(capsys: Capture, *flags: str | Path) -> Run:
     return run(capsys, "calibrate", PANDA, *flags)
 
 
+@pytest.mark.slow
 def test_the_flag_known_speaks_of_every_quantity(tmp_path: Path, capsys: Capture) -> None:
     rig, R, rng = example(10, poses=12)
     quats = Rotation.from_matrix(R).as_quat()

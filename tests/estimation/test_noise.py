@@ -29,6 +29,7 @@ def test_a_thousand_rows_a_pose_with_pose_errors_are_no_surer_than_one() -> None
     assert many.reduced_chi2 > 1000.0
 
 
+@pytest.mark.slow
 def test_errors_have_the_stated_size_on_repeated_rows() -> None:
     rig, R, rng = example(2, poses=14)
     z = []
@@ -47,6 +48,7 @@ def test_without_pose_errors_rows_average_out() -> None:
     assert many.reduced_chi2 == pytest.approx(1.0, abs=0.4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poses", [8, 24])
 def test_estimated_noise_has_no_bias(poses: int) -> None:
     rig, R, rng = example(4, poses)

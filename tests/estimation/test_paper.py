@@ -96,10 +96,12 @@ def _stated_over_actual(com: Array) -> Array:
     return ratio
 
 
+@pytest.mark.slow
 def test_covariance_is_that_of_monte_carlo() -> None:
     assert _stated_over_actual(np.array([-0.012, 0.016, 0.023])) == pytest.approx(np.ones(11), abs=0.10)
 
 
+@pytest.mark.slow
 def test_covariance_errs_on_the_safe_side_where_forces_drown_the_torques() -> None:
     """A centre of mass at 0.1 m: what the torques' own noise is can hardly be told, and is not taken for less."""
     ratio = _stated_over_actual(np.array([-0.102, 0.017, -0.023]))

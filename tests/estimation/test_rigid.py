@@ -39,6 +39,7 @@ def _for_model(rig: Rig, model: str, rng: np.random.Generator) -> Rig:
     return rig
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(seed=seeds, model=st.sampled_from(RIGID), poses=st.integers(8, 30))
 def test_noise_free_readings_return_the_tool_at_any_mounting(seed: int, model: str, poses: int) -> None:
@@ -47,6 +48,7 @@ def test_noise_free_readings_return_the_tool_at_any_mounting(seed: int, model: s
     assert_same_tool(cw.calibrate(noise_free(rig, R), model), rig, 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0.0, 90.0, 179.0, 180.0, -90.0])
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_special_mountings_are_no_harder(axis: str, degrees: float) -> None:
@@ -66,6 +68,7 @@ def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
     assert abs(calibration.weight - rig.weight) < far[0]  # type: ignore[operator]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", RIGID)
 def test_errors_have_the_size_of_the_bound_and_of_the_stated_covariance(model: str) -> None:
     rig, R, rng = example(21, poses=12)
@@ -169,6 +172,7 @@ def test_weight_com_and_mounting_are_those_of_an_unbiased_sensor() -> None:
     assert other.R_flange_sensor == pytest.approx(plain.R_flange_sensor, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", RIGID)
 @pytest.mark.parametrize("given_noise", [True, False])
 def test_held_out_error_is_that_of_an_actual_refit(model: str, given_noise: bool) -> None:
@@ -185,6 +189,7 @@ def test_held_out_error_is_that_of_an_actual_refit(model: str, given_noise: bool
     assert calibration.held_out_rms == pytest.approx(refitted, rel=0.01 if given_noise else 0.25)
 
 
+@pytest.mark.slow
 def test_auto_is_at_least_a_rung_of_the_ladder() -> None:
     rig, R, rng = example(48)
     calibration = cw.calibrate(noisy(rig, R, rng))
@@ -205,6 +210,7 @@ def test_a_tilted_base_is_found_from_one_start_direction(degrees: float) -> None
     assert _prediction_error(calibration, rig, random_rotations(50, rng)) < 1e-6
 
 
+@pytest.mark.slow
 def test_four_poses_and_an_unknown_base_have_a_global_start() -> None:
     """With so few poses the misfit has local optima that score well: none may be returned."""
     rng = np.random.default_rng(3)

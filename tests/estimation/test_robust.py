@@ -35,6 +35,7 @@ def _off(calibration: cw.Calibration, rig: Rig) -> float:
     return float(np.sqrt(np.mean((calibration.predict(unseen) - readings(rig, unseen))[:, :3] ** 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", RIGID)
 @pytest.mark.parametrize("size", [8.0, 40.0, 1000.0])
 def test_poses_in_contact_are_left_out(model: str, size: float) -> None:
@@ -76,6 +77,7 @@ def test_the_same_offset_in_every_axis_alone_is_found() -> None:
         assert 5 in _left_out(cw.calibrate(cw.Samples(wrench, R), "mount"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poses", [6, 12, 24])
 def test_clean_recordings_lose_hardly_a_pose_and_no_bias_moves(poses: int) -> None:
     lost = moved = 0
@@ -107,6 +109,7 @@ def test_a_file_that_is_read_wrongly_is_not_cleaned_until_it_fits() -> None:
     assert any("contactwrench diagnose" in text for text in calibration.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["auto", "mount"])
 @pytest.mark.parametrize("after", [6, 12, 19])
 def test_a_step_of_the_bias_is_located_and_the_last_bias_kept(model: str, after: int) -> None:
@@ -159,6 +162,7 @@ def test_a_random_walk_is_followed_to_its_end() -> None:
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
 
 
+@pytest.mark.slow
 def test_the_same_push_in_four_poses() -> None:
     for seed, size in ((21, 10.0), (22, 30.0), (23, 100.0), (24, 1000.0)):
         rig, R, rng = _rig(seed)
@@ -208,6 +212,7 @@ def test_the_paper_s_estimator_and_affine_take_the_readings_as_they_are() -> Non
         assert _left_out(cw.calibrate(cw.Samples(wrench, R), model)) == []
 
 
+@pytest.mark.slow
 def test_torques_in_newton_millimetres_are_told_by_the_com() -> None:
     rig, R, rng = _rig(14)
     rig = replace(rig, com=np.array([0.0, 0.01, 0.05]))

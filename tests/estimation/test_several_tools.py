@@ -59,6 +59,7 @@ def mounting_error(calibration: cw.Calibration, rig: Rig) -> Array:
     return 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(seeds)
 def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed: int) -> None:
@@ -69,6 +70,7 @@ def test_nearly_perfect_readings_give_every_tool_and_the_base_it_stands_on(seed:
         assert_same_tool(calibration, rig, 1e-5)
 
 
+@pytest.mark.slow
 @settings(max_examples=2, deadline=None)
 @given(seeds)
 def test_what_is_shared_is_the_very_same_in_all_and_the_rest_is_not(seed: int) -> None:
@@ -86,6 +88,7 @@ def test_what_is_shared_is_the_very_same_in_all_and_the_rest_is_not(seed: int) -
             assert a.std[name] == pytest.approx(b.std[name], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_light_tool_reaches_the_joint_bound_and_says_so() -> None:
     rng = np.random.default_rng(7)
     rigs = two_tools(rng)

@@ -340,6 +340,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return {kind: write_bag(folder / f"run{kind}", messages).read_bytes() for kind in (".bag", ".mcap", ".db3")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [".bag", ".mcap", ".db3"])
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())

@@ -157,6 +157,7 @@ def test_recordings_that_are_cut_short_or_damaged(folder: Path, content: bytes) 
     read_or_refuse(folder / "poses.csv", content)
 
 
+@pytest.mark.slow
 @many
 @given(
     header=st.lists(st.sampled_from(["fx", "fy", "fz", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "a", "t", "x", ""])),
@@ -218,6 +219,7 @@ def edited_calibrations(draw: st.DrawFn) -> bytes:
     return json.dumps(document).encode()
 
 
+@pytest.mark.slow
 @many
 @given(content=edited_calibrations())
 def test_calibrations_with_keys_missing_and_values_changed(folder: Path, content: bytes) -> None:
@@ -238,6 +240,7 @@ def assert_done_or_one_line(done: Run, *paths: Path) -> None:
         assert done.err == ""
 
 
+@pytest.mark.slow
 @fewer
 @given(content=tables_with_junk() | tables_with_moved_columns() | edited_bytes(PANDA_BYTES))
 def test_the_program_on_bad_recordings(folder: Path, content: bytes) -> None:
@@ -251,6 +254,7 @@ def test_the_program_on_bad_recordings(folder: Path, content: bytes) -> None:
     assert_done_or_one_line(run_program("verify", path, "-c", tool), path)
 
 
+@pytest.mark.slow
 @fewer
 @given(content=edited_calibrations())
 def test_the_program_on_bad_calibrations(folder: Path, content: bytes) -> None:
@@ -260,6 +264,7 @@ def test_the_program_on_bad_calibrations(folder: Path, content: bytes) -> None:
         assert_done_or_one_line(run_program(*map(str, verb)), tool)
 
 
+@pytest.mark.slow
 @fewer
 @given(content=edited_bytes(PANDA_BYTES) | tables_with_moved_columns() | tables_with_junk())
 def test_calibrate_on_bad_recordings_answers_or_refuses_in_one_line(folder: Path, content: bytes) -> None:

@@ -83,6 +83,7 @@ def test_frames_of_two_branches_meet_at_their_ancestor(tmp_path: Path) -> None:
         np.testing.assert_allclose(found.R_base_flange[k], expected[:3, :3], atol=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     st.lists(st.integers(1, 300), min_size=2, max_size=12, unique=True),

@@ -105,6 +105,7 @@ def long_bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return write_bag(tmp_path_factory.mktemp("long") / f"run{request.param}", messages), wrench, R
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 10**6])
 def test_batches_are_the_whole(long_bag: tuple[Path, Array, Array], batch: int) -> None:
     path, wrench, R = long_bag

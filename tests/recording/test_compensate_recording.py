@@ -136,6 +136,7 @@ def test_without_the_delay_gravity_is_left_over(tmp_path: Path, calibration: Cal
     assert np.abs(off / NOISE).max() < 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [23, 640])
 @pytest.mark.parametrize("judged", [False, True])
 def test_batches_are_the_whole(

@@ -40,6 +40,7 @@ def test_a_folder_goes_to_stdout(tmp_path: Path, capsys: Capture, monkeypatch: p
     assert not (tmp_path / "-").exists()
 
 
+@pytest.mark.slow
 def test_a_delay_that_is_stated_counts_wherever_the_motion_begins(tmp_path: Path, capsys: Capture) -> None:
     """The arm stands still for longer than what is read at once."""
     _, rig, rng = calibrated(3)

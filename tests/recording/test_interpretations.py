@@ -74,6 +74,7 @@ def test_a_long_recording_is_thinned(tmp_path: Path) -> None:
     assert diagnose(found).read_rightly
 
 
+@pytest.mark.slow
 def test_a_file_of_several_blocks_is_one(tmp_path: Path) -> None:
     """Its rows are counted through, and one that is no rotation leaves nothing stated."""
     R = np.repeat(random_rotations(8, np.random.default_rng(2)), 5000, axis=0)

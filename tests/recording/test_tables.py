@@ -367,6 +367,7 @@ CANNOT = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "message"), CANNOT)
 @pytest.mark.parametrize("verb", ["calibrate", "verify", "weigh", "compensate"])
 def test_flags_that_do_not_go_together(

@@ -70,6 +70,7 @@ def _page(path: Path) -> tuple[_Page, str]:
     return page, " ".join(" ".join(page.words).split())
 
 
+@pytest.mark.slow
 def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> None:
     write_calibration_report(tmp_path / "r.html", cw.calibrate(cw.read(PANDA), "mount"))
     page, _ = _page(tmp_path / "r.html")
@@ -79,6 +80,7 @@ def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> Non
     assert page.tags.count("svg") == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "yaw", "mount", "affine"])
 def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, model: str) -> None:
     calibration = cw.calibrate(cw.read(PAPER if model == "paper" else PANDA), model)
@@ -100,6 +102,7 @@ def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, 
         assert way in words
 
 
+@pytest.mark.slow
 def test_names_from_outside_cannot_become_markup(tmp_path: Path) -> None:
     samples = cw.read(PANDA)
     strange = cw.Samples(samples.wrench, samples.R_base_flange, source="<script>alert(1)</script> & more.csv")
@@ -109,6 +112,7 @@ def test_names_from_outside_cannot_become_markup(tmp_path: Path) -> None:
     assert "<script>alert(1)</script> & more.csv" in words
 
 
+@pytest.mark.slow
 def test_a_calibration_of_very_many_poses_has_a_report_without_them(tmp_path: Path) -> None:
     rig, R, rng = example(1, poses=10_001)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")
@@ -119,6 +123,7 @@ def test_a_calibration_of_very_many_poses_has_a_report_without_them(tmp_path: Pa
     assert "svg" not in page.tags
 
 
+@pytest.mark.slow
 def test_figures_are_the_same_bytes_each_time() -> None:
     calibration = cw.calibrate(cw.read(PANDA), "mount+base")
     ways = compare(calibration, calibration.poses)
@@ -139,6 +144,7 @@ def test_gravity_is_drawn_on_the_half_of_the_sphere_that_it_points_to() -> None:
     assert "-z: 1 pose<" in svg
 
 
+@pytest.mark.slow
 def test_auto_shows_what_it_assumed_and_what_other_models_make_of_the_poses(tmp_path: Path) -> None:
     calibration = cw.calibrate(cw.read(PANDA))
     write_calibration_report(tmp_path / "r.html", calibration)
@@ -157,6 +163,7 @@ def test_auto_shows_what_it_assumed_and_what_other_models_make_of_the_poses(tmp_
     assert "What other models" not in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("timed", [True, False])
 def test_poses_that_were_left_out_keep_their_numbers_and_say_why(tmp_path: Path, timed: bool) -> None:
     """A push of 4 N at 50 mm in the sixth pose, of which compensation must leave just that, within the noise."""
@@ -181,6 +188,7 @@ def test_poses_that_were_left_out_keep_their_numbers_and_say_why(tmp_path: Path,
     assert [line[0] for line in every if line[-1] == "left out"] == ["6"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["stepped", "drifted", "wandered"])
 def test_a_bias_that_moved_is_said_where_the_residuals_show_it(tmp_path: Path, kind: str) -> None:
     n = 60 if kind == "wandered" else 24

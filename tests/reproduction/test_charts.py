@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
+import pytest
+
 from reproduction.charts import Panel, dots_by_group, lines_in_panels
 from reproduction.part import Measured
 
 
+@pytest.mark.slow
 def test_lines_have_their_names_steps_and_units() -> None:
     panels = [
         Panel(

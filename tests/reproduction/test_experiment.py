@@ -42,6 +42,7 @@ def _nothing(*_: object) -> None:
     raise film.NoPicturesError("no pictures in this test")
 
 
+@pytest.mark.slow
 def test_every_question_of_the_paper_has_its_part(short: tuple[Part, ...]) -> None:
     assert [part.key for part in short] == [
         *("summary", "identification", "weighing", "planned", "joint_torques", "prior_work", "sources_of_error"),

@@ -17,6 +17,7 @@ from tests.support.experiments import cell, figures, one_thread
 pytest.importorskip("mujoco")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "newtons"), [("paper", 0.486), ("yaw", 0.085)])
 def test_the_rig_gives_the_figures_of_the_method_page(model: str, newtons: float) -> None:
     free = free_readings(DEFAULT, unseen_joints())
@@ -42,6 +43,7 @@ def test_planned_joints_bring_the_rig_where_the_planner_thinks() -> None:
     np.testing.assert_allclose(R, flange_orientation(known_arm("iiwa7"), joints), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_parts_repeat_themselves_and_say_how_many() -> None:
     with one_thread() as pool:
         first, again = (identification.part(pool, 0.01, 4) for _ in range(2))

@@ -81,6 +81,7 @@ def test_poses_that_an_idea_cannot_use_are_refused() -> None:
         known_mounting(0.0)(recorded(DEFAULT, np.repeat(joints_of_paper()[:1], 3, axis=0)))
 
 
+@pytest.mark.slow
 def test_the_part_prints_every_idea_and_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     quick = {name: learn for name, learn in prior_work.ESTIMATORS.items() if "yaw" in name or name == "paper"}
     monkeypatch.setattr(

@@ -91,6 +91,7 @@ def refused(samples: Samples) -> Method:
     raise UnobservableError("found nothing, expected something: look again")
 
 
+@pytest.mark.slow
 def test_every_case_is_in_table_and_picture_and_refusals_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources_of_error, "ESTIMATORS", {"ours": tare, "paper": tare, "mount": refused})
     with one_thread() as pool:

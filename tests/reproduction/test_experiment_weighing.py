@@ -85,6 +85,7 @@ def test_each_data_set_is_weighed_in_orientations_of_its_own(monkeypatch: pytest
     assert not np.allclose(np.sort(first[0]), np.sort(second[0]), atol=0.1)
 
 
+@pytest.mark.slow
 def test_the_part_has_both_sensors_and_repeats_itself() -> None:
     with one_thread() as pool:
         first, again = (weighing.part(pool, 0.01, 3) for _ in range(2))

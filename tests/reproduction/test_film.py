@@ -62,6 +62,7 @@ def test_the_arm_is_on_the_picture_and_moves(rig: Rig) -> None:
     assert np.all(first[0].min(axis=0) > 200)  # the sky is above: the picture is not upside down
 
 
+@pytest.mark.slow
 def test_the_contact_force_is_a_green_arrow_as_long_as_the_force_is_large(rig: Rig) -> None:
     green = [coloured(drawn(rig, force, view=NEAR)[0], 26, 158, 64) for force in (0.0, 5.0, 15.0)]
     assert green[0] == 0

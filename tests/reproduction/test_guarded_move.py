@@ -96,6 +96,7 @@ def test_a_zero_that_is_off_against_the_push_stops_late_by_as_much(probe: Rig, b
     assert at_stop[1] - at_stop[0] == pytest.approx(4.0, abs=1.7)
 
 
+@pytest.mark.slow
 def test_pushing_holds_the_force_with_a_perfect_sense_and_is_off_by_an_error_of_the_sense(
     probe: Rig, at_plate: Array
 ) -> None:

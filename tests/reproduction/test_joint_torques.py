@@ -100,6 +100,7 @@ def test_a_push_at_the_end_of_a_lever_is_felt_at_its_root() -> None:
     assert outwards == pytest.approx(np.zeros(7), abs=1e-12)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_without_errors_both_ways_are_exact(seed: int) -> None:
@@ -319,6 +320,7 @@ def small() -> Part:
     return part(Here(), 0.0, 3)
 
 
+@pytest.mark.slow
 def test_the_same_seed_has_the_same_figures(small: Part) -> None:
     assert part(Here(), 0.0, 3) == small
     assert part(Here(), 0.0, 4).tables != small.tables

@@ -36,6 +36,7 @@ def three() -> tuple[Part, ...]:
         return tasks.parts(pool, 0.0, 1)
 
 
+@pytest.mark.slow
 def test_three_parts_with_tables_of_every_way_and_pictures_or_a_word(three: tuple[Part, ...]) -> None:
     assert [part.key for part in three] == ["guarded_move", "pushing", "peg"]
     for part in three:

@@ -43,6 +43,7 @@ def _turned(streams: Streams, R: Array) -> Streams:
     return Streams(streams.wrench, OrientationStream(streams.orientation.t, R, streams.orientation.position))
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000), shift=st.floats(-0.15, 0.15))
 def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> None:
@@ -52,6 +53,7 @@ def test_the_estimate_follows_a_shift_of_one_stream(seed: int, shift: float) -> 
     assert after.std == pytest.approx(before.std, rel=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_any_tool_mounting_and_base(seed: int) -> None:
@@ -61,6 +63,7 @@ def test_any_tool_mounting_and_base(seed: int) -> None:
     assert found.std < 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
     streams = gravity_alone(seed, duration=20.0)
@@ -81,6 +84,7 @@ def test_units_and_axes_of_the_sensor_do_not_matter() -> None:
     assert abs(after.value - before.value) < 2.0 * before.std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("over", [0.0, 0.2])
 def test_two_standard_deviations_cover(over: float) -> None:
     """Of 8 recordings at 95 % fewer than 6 are inside once in 170 times; benchmarks/clock_delay.py counts many."""
@@ -156,6 +160,7 @@ def test_an_arm_at_rest_tells_nothing() -> None:
     assert _reason(_turned(streams, R)) == "the arm turns by less than 2 deg"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_turning_about_the_vertical_tells_nothing(seed: int) -> None:
     streams = gravity_alone(seed)
@@ -165,6 +170,7 @@ def test_turning_about_the_vertical_tells_nothing(seed: int) -> None:
     _reason(_turned(_read(streams, noise), R))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_readings_that_do_not_follow_tell_nothing(seed: int) -> None:
     streams = gravity_alone(seed)
@@ -277,6 +283,7 @@ def test_a_filter_of_the_sensor_adds_its_group_delay() -> None:
     assert found.value == pytest.approx(0.004 + 1.0 / (2.0 * np.pi * 10.0), abs=0.002)
 
 
+@pytest.mark.slow
 def test_where_positions_are_missing_whole_arm_motions_tell_little() -> None:
     rec = rig_recording("exciting", 10.0, 0)
     with_positions, without = (estimate_delay(two_streams(rec, position=given), within=NEAR) for given in (True, False))
@@ -285,6 +292,7 @@ def test_where_positions_are_missing_whole_arm_motions_tell_little() -> None:
     assert abs(without.value - 0.004) < 2.0 * without.std
 
 
+@pytest.mark.slow
 def test_noise_that_is_correlated_widens_it_further_where_positions_are_missing() -> None:
     for over, factor in ((0.0, 1.0), (0.5, 3.0)):
         streams = gravity_alone(3, noise=5.0, correlated_over=over)
@@ -333,6 +341,7 @@ def _measured() -> Streams:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.1, -0.25, 0.0371])
 def test_the_estimate_follows_a_measured_recording(shift: float) -> None:
     streams = _measured()

@@ -55,6 +55,7 @@ def test_visits_are_gathered_whatever_their_order(seed: int, poses: int, rows: i
         assert pose.rejected is None
 
 
+@pytest.mark.slow
 def test_a_million_rows_at_a_few_orientations_are_a_few_poses() -> None:
     rng = np.random.default_rng(3)
     R = np.repeat(random_rotations(5, rng), 200_000, axis=0)

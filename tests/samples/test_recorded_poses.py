@@ -87,6 +87,7 @@ def test_single_rows_at_poses_are_a_table_however_their_times_are_counted() -> N
     assert not is_stream(recorded().samples.select(mixed))
 
 
+@pytest.mark.slow
 def test_a_run_calibrates_as_its_true_poses_do() -> None:
     made = recorded()
     found, true = cw.calibrate(made.samples, "mount+base"), cw.calibrate(true_poses(made), "mount+base")
@@ -102,6 +103,7 @@ def test_a_run_calibrates_as_its_true_poses_do() -> None:
     assert found.verdict.startswith("good")
 
 
+@pytest.mark.slow
 def test_the_program_calibrates_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = recorded(pushed=True)
     s = made.samples.select(slice(None, None, 10))
@@ -131,6 +133,7 @@ def test_a_stretch_that_was_left_out_is_hatched_where_a_channel_was_saturated_to
     assert "<pattern" in page
 
 
+@pytest.mark.slow
 def test_visits_follow_a_bias_that_steps_half_way() -> None:
     there_and_back = changed(Settings(), ["sensor.noise.force=0.05"])
     rig = build(there_and_back)
@@ -143,6 +146,7 @@ def test_visits_follow_a_bias_that_steps_half_way() -> None:
     assert any(warning.startswith("the bias stepped by (1, ") for warning in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_rejected_stretch_is_kept_with_its_reason_and_not_fitted(tmp_path: Path) -> None:
     found = cw.calibrate(recorded(pushed=True).samples, "mount")
     out = [pose for pose in found.poses if pose.rejected is not None]
@@ -156,6 +160,7 @@ def test_a_rejected_stretch_is_kept_with_its_reason_and_not_fitted(tmp_path: Pat
     ]
 
 
+@pytest.mark.slow
 def test_verify_and_weigh_take_the_still_stretches_of_a_run() -> None:
     calibration = cw.calibrate(recorded().samples, "mount")
     second = run(stops=5, seed=9, settings=("sensor.low_pass=10",)).samples
@@ -167,6 +172,7 @@ def test_verify_and_weigh_take_the_still_stretches_of_a_run() -> None:
     assert abs(held.mass) < 4.0 * held.mass_std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [1000.0, 10.0])
 def test_a_run_that_never_stops_is_refused_in_one_line(rate: float) -> None:
     rig = changed(Settings(), [f"recording.rate={rate}", "sensor.ranges=[700,700,700,30,30,30]"])
@@ -188,6 +194,7 @@ def test_a_run_with_too_few_stops_says_how_many_there_are() -> None:
     assert str(refusal.value).endswith(" (still stretches: 2, left out: 0; stop for a second or two at each)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["smooth", "wandering"])
 def test_thousands_of_orientations_on_the_way_are_refused_at_once(way: str) -> None:
     wander = np.cumsum(0.01 * np.random.default_rng(0).normal(size=(20_000, 3)), axis=0)
@@ -207,6 +214,7 @@ def test_thousands_of_orientations_on_the_way_are_refused_at_once(way: str) -> N
         )
 
 
+@pytest.mark.slow
 def test_rows_taken_on_the_way_are_not_called_good() -> None:
     rig = changed(Settings(), ["recording.rate=10", "tool.mass=1", "sensor.low_pass=3", "sensor.delay=0.1",
                                "sensor.ranges=[700,700,700,30,30,30]"])  # fmt: skip
@@ -216,6 +224,7 @@ def test_rows_taken_on_the_way_are_not_called_good() -> None:
     assert any("what is left in one pose is left in the next too" in warning for warning in found.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", measured_sets())
 @pytest.mark.parametrize("model", ["auto", "mount", "mount+base"])
 def test_measured_poses_stay_good(name: str, model: str) -> None:
@@ -231,6 +240,7 @@ def test_independent_poses_are_never_taken_for_alike() -> None:
         assert not [warning for warning in found.warnings if "what is left in one pose" in warning]
 
 
+@pytest.mark.slow
 def test_the_picture_of_a_long_recording_stays_small() -> None:
     made = recorded()
     s = made.samples
@@ -245,6 +255,7 @@ def test_the_picture_of_a_long_recording_stays_small() -> None:
     assert svg == signals_over_time(calibration, long, still)
 
 
+@pytest.mark.slow
 def test_a_table_of_poses_has_no_picture_of_the_recording(tmp_path: Path) -> None:
     samples = true_poses(recorded())
     write_calibration_report(tmp_path / "table.html", cw.calibrate(samples, "mount"), samples)

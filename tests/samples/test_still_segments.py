@@ -65,6 +65,7 @@ def stop_of(made: Run, t_start: float, t_end: float) -> int:
     return int(inside)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_every_stop_is_found_and_none_is_invented(way: str) -> None:
     made, found = recorded(way)

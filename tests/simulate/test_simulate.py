@@ -162,6 +162,7 @@ def test_a_reading_in_motion_is_late_by_filter_and_delay(tmp_path: Path, capsys:
     assert np.abs(second - 2.0 * first).max() < 0.02 * np.abs(second).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["excite", "sweep"])
 def test_a_motion_is_a_recording_at_the_sensors_rate(tmp_path: Path, capsys: Capture, motion: str) -> None:
     samples, truth, table = simulated(
@@ -256,6 +257,7 @@ BAD_FILES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
