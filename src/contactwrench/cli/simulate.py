@@ -69,8 +69,7 @@ def simulate(
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
     from ..recording.bags.open import SUFFIXES_OF_BAGS
-    from ..simulate.recording import record_poses
-    from ..simulate.recording_file import truth_path, write_recording, write_truth
+    from ..simulate.recording import record_poses, truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
 
     rig_settings = changed(Settings(), settings or [])
@@ -192,7 +191,7 @@ def _moving(
 
 
 def _said(recorded: Recorded, output: Path, truth: Path) -> str:
-    from ..simulate.recording_file import AXES
+    from ..simulate.recording import AXES
 
     rows = len(recorded.t)
     lines = [f"Wrote {counted(rows, 'row')} to {output}, and what is true to {truth}"]

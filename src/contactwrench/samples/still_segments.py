@@ -24,9 +24,9 @@ from ..geometry.arrays import Array, Frozen
 from ..model import AXES
 from ..statistics import two_digits
 from .change_detection import Segment, WindowNoise, noise_of_windows, segments_between_changes
+from .motion import FEWEST_ROWS, Blocks, blocks_of, stationary_arm, turn_over
 from .poses import Pose, mean_pose
 from .samples import Samples
-from .stationary_arm import FEWEST_ROWS, Blocks, blocks_of, stationary_arm, turn_over
 
 LEAST_DURATION = 0.3
 """s: an arm that turns round stands for as long."""

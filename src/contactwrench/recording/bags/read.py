@@ -14,8 +14,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, Streams, WrenchStream
 from .chunks import Topic
-from .joint_states import joint_places
-from .messages import joint_states, place, poses, rotations, wrenches
+from .messages import joint_places, joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read
 from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .transforms import ChainPoses, Poses, shortened
