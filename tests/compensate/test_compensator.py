@@ -380,6 +380,9 @@ def test_results_are_read_only() -> None:
             {"noise": np.ones(3)},
             "noise has shape (3,), expected (6,) standard deviations of a sample, or a recording at",
         ),
+        ({"noise": np.nan}, "noise has a NaN or an infinity, expected finite numbers: leave such samples out"),
+        ({"noise": "a"}, "found 'a', expected numbers: one in N, or six, N of forces and N m of torques"),
+        ({"drift": "a"}, "found 'a', expected numbers: one in N, or six, N of forces and N m of torques"),
         ({"noise": -np.ones(6)}, "noise is -1 on one axis, expected standard deviations of 0 or more"),
         ({"delay": 20.0}, "delay is 20 s, expected at most 10 s either way"),
         ({"delay": np.nan}, "delay is nan s, expected at most 10 s either way"),
@@ -456,3 +459,8 @@ def test_import_stays_light() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "[] Compensator\n"
+
+
+def test_a_file_is_no_calibration() -> None:
+    with pytest.raises(InputError, match=r"^found str, expected a Calibration: cw\.Calibration\.load\(path\)$"):
+        cw.Compensator("gripper.json")  # type: ignore[arg-type]

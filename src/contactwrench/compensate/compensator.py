@@ -82,6 +82,8 @@ class Compensator:
         gravity: ArrayLike | None = None,
         fast: bool | None = None,
     ) -> None:
+        if not isinstance(calibration, Calibration):
+            raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")
         self._calibration = calibration.with_gravity(None if gravity is None else np.asarray(gravity, dtype=np.float64))
         self._noise = noise_of_sample(calibration, noise)
         self._rate = None if rate is None else _positive(rate, "rate", "Hz")

@@ -79,8 +79,13 @@ def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> Sample
 
 
 def with_torques(values: ArrayLike) -> Array:
-    """Numbers as they are, but a single one, N, as six: `PER_NEWTON`."""
-    array = np.asarray(values, dtype=np.float64)
+    """Numbers as they are, but a single one, N, as six: `PER_NEWTON`. Raises `InputError` for what is no number."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"found {values!r}, expected numbers: one in N, or six, N of forces and N m of torques"
+        ) from None
     return array * PER_NEWTON if array.ndim == 0 else array
 
 
@@ -88,11 +93,13 @@ def _stated(noise: ArrayLike) -> tuple[Array, Array | None]:
     """Variances (6,) of a sample, and the recording that they were taken from, less its mean."""
     values = with_torques(noise)
     is_recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= LEAST_ROWS
-    if not (is_recording or values.shape == (6,)) or not np.isfinite(values).all():
+    if not (is_recording or values.shape == (6,)):
         raise InputError(
             f"noise has shape {values.shape}, expected (6,) standard deviations of a sample, or a recording at rest of "
             f"at least {LEAST_ROWS} rows (n, 6), all finite"
         )
+    if not np.isfinite(values).all():
+        raise InputError("noise has a NaN or an infinity, expected finite numbers: leave such samples out")
     if is_recording:
         return values.var(axis=0, ddof=1), values - values.mean(axis=0)
     if (values < 0.0).any():
