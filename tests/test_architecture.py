@@ -19,6 +19,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 EDGES = imports(PACKAGE)
 
 MOST_FILES, MOST_LINES = 125, 21_050
+"""A ratchet: lowered whenever the package shrinks, never raised."""
 MOST_AT_ROOT, MOST_FOLDERS = 8, 11
 MOST_LINES_OF_FILE = 300
 
