@@ -159,6 +159,7 @@ def test_the_rig_does_not_know_what_it_judges() -> None:
     assert {module for module in reached if module.partition(".")[0] in judged} == set()
 
 
+@pytest.mark.slow
 def test_no_global_random_state_and_no_assert_in_the_package() -> None:
     for _, path in modules(PACKAGE):
         text = path.read_text(encoding="utf-8")

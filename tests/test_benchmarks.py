@@ -79,6 +79,7 @@ def test_the_bound_of_a_cell_is_that_of_its_truth() -> None:
     assert auto.bound(cell, "yaw") == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_mountings_are_recovered_and_a_wrong_one_would_be_seen() -> None:
     (row,) = auto.recovery(Here(), 2)
     assert row.met
@@ -96,6 +97,7 @@ def test_far_contacts_are_not_felt() -> None:
     assert found[0] == pytest.approx(found[1], rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_step_is_read_from_the_warnings() -> None:
     (moved,) = dirty.with_course("step of 10 sigma", (6,), 1)
     assert moved is not None
@@ -116,6 +118,7 @@ def test_not_knowing_a_course_costs() -> None:
     assert dirty.cost_of_not_knowing(np.arange(24.0)[::-1, None]) > 1.2
 
 
+@pytest.mark.slow
 def test_the_true_reading_of_a_measured_set_comes_first() -> None:
     assert all(row.met for row in ranks(measured_sets()["Panda, Mini45"]))
 

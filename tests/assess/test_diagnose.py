@@ -107,6 +107,7 @@ IN_WORDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", IN_WORDS)
 def test_what_no_flag_mends_is_said_in_words(mistake: str, tmp_path: Path) -> None:
     spoil, words = IN_WORDS[mistake]
@@ -132,6 +133,7 @@ def test_orientations_shifted_by_a_pose_are_found(shift: int, whose: str, rows: 
     assert diagnosis.best.weight == pytest.approx(rig.weight, abs=0.1)
 
 
+@pytest.mark.slow
 def test_angles_under_a_wrong_unit_are_renamed(tmp_path: Path) -> None:
     rig, R, rng = example(7)
     wrong = Written(("a_deg", "b_deg", "c_deg"), euler("ZYX", degrees=False))
@@ -208,6 +210,7 @@ def _names(diagnosis: Diagnosis) -> list[tuple[tuple[str, ...], tuple[str, ...]]
     return [(reading.flags, reading.mends) for reading in diagnosis.alike]
 
 
+@pytest.mark.slow
 def test_a_ceiling_a_reaction_and_a_mirror_are_one_class(tmp_path: Path) -> None:
     rig, R, rng = example(10)
     wrench = noisy_readings(rig, R, NOISE, rng)
@@ -273,6 +276,7 @@ def test_screening_is_exact_without_noise() -> None:
 # The program
 
 
+@pytest.mark.slow
 def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     right = run(capsys, "diagnose", PANDA)
     assert right.status == 0
@@ -292,6 +296,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
         assert run(capsys, "diagnose", PANDA, *flags.split()).out.splitlines()[0] == verdict
 
 
+@pytest.mark.slow
 def test_a_file_that_nothing_explains_well(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "diagnose", PAPER).out.splitlines()
     assert lines[0] == (

@@ -37,6 +37,7 @@ def closest(R: Array) -> float:
 # What is chosen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_six_planned_poses_are_as_good_as_the_best_of_many_random_sets(model: str) -> None:
     """Judged by world.py; benchmarks/plan.py draws 10,000."""
@@ -81,6 +82,7 @@ def test_auto_promises_what_its_priors_add() -> None:
     assert rungs[0].force < planned.before.force < rungs[1].force
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(seed=seeds, model=st.sampled_from(MODELS), n=st.integers(3, 6))
 def test_poses_are_apart_and_never_make_it_worse_whatever_the_tool(seed: int, model: str, n: int) -> None:

@@ -133,6 +133,7 @@ def test_the_wrist_reaches_every_tilt_from_home_within_its_limits(name: str) -> 
         assert np.rad2deg(np.arccos((down @ direction).max())) < 25.0
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(seed=seeds, name=st.sampled_from(sorted(ARMS)))
 def test_reach_is_sparse_and_starts_where_the_arm_stands(seed: int, name: str) -> None:

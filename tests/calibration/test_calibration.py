@@ -182,6 +182,7 @@ def test_printed_it_shows_every_parameter_with_its_std(model: str) -> None:
         assert f"Warning {warning}" in in_one_line
 
 
+@pytest.mark.slow
 def test_printed_sentences_go_on_under_their_first_word() -> None:
     """Nothing is wider than eighty columns but a path, which is not broken."""
     text = str(cw.calibrate(cw.read(PANDA)))

@@ -28,6 +28,7 @@ def _pair(seed: int, **changes: object) -> tuple[Rig, Rig, cw.Calibration, cw.Ca
     return rig, other, cw.calibrate(noise_free(rig, R), "mount"), cw.calibrate(noise_free(other, R), "mount")
 
 
+@pytest.mark.slow
 def test_changes_are_after_less_before() -> None:
     com = np.array([0.01, -0.02, 0.05])
     rig, _, a, b = _pair(1, weight=7.5, com=com)
@@ -59,6 +60,7 @@ def test_angle_between_two_mountings(degrees: float) -> None:
     assert a.diff(b).mounting_angle == pytest.approx(np.deg2rad(degrees), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_largest_change_of_the_free_wrench() -> None:
     rig, other, a, b = _pair(4, weight=9.0)
     largest = a.diff(b).free_wrench
@@ -135,6 +137,7 @@ def _turned(R: Array, degrees: float, axis: tuple[float, float, float] = (1.0, 0
     return turned
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["mount", "mount+base", "yaw", "affine"])
 def test_nothing_changed(model: str) -> None:
     for seed in range(5):

@@ -27,6 +27,7 @@ def panda_json(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_calibrate_prints_the_calibration_and_writes_it(tmp_path: Path, capsys: Capture) -> None:
     target = tmp_path / "tool.json"
     done = run(capsys, "calibrate", PANDA, "-o", target, "--model", "mount")
@@ -54,6 +55,7 @@ def test_the_saved_form_and_nothing_else_goes_to_stdout(tmp_path: Path, capsys: 
     assert to_json(cw.Calibration.load(written(tmp_path, done.out, "tool.json"))) == done.out
 
 
+@pytest.mark.slow
 def test_json_beside_a_file_prints_what_the_file_holds(tmp_path: Path, capsys: Capture) -> None:
     done = run(capsys, "calibrate", PANDA, "--json", "-o", tmp_path / "tool.json")
     assert done.out == (tmp_path / "tool.json").read_text()
@@ -244,6 +246,7 @@ USAGE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "message"), USAGE)
 def test_bad_use_is_one_line_and_status_2(capsys: Capture, arguments: list[str | Path], message: str) -> None:
     assert run(capsys, *arguments).complaint == message
@@ -340,6 +343,7 @@ def test_a_reading_flag_that_differs_from_the_calibrations_is_noted(panda_json: 
     assert run(capsys, "verify", PANDA, "-c", stored).err == ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 def test_a_full_disk_behind_stdout_is_one_line(panda_json: Path) -> None:
     for arguments in (("show", panda_json), ("compensate", PANDA, "-c", panda_json, "-o", "-")):

@@ -60,6 +60,7 @@ def test_too_few_poses_are_said_to_be(capsys: pytest.CaptureFixture[str]) -> Non
     assert shown[-1] == "  These poses are too few to calibrate with: plan more"
 
 
+@pytest.mark.slow
 def test_the_csv_is_what_calibrate_reads_once_the_readings_are_in(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -85,6 +86,7 @@ def test_the_csv_goes_to_stdout_alone(capsys: pytest.CaptureFixture[str]) -> Non
     assert np.linalg.norm([float(cell) for cell in lines(done.out)[1].split(",")]) == pytest.approx(1.0, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_json_is_everything_and_nothing_else(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     done = run(capsys, "plan", "-n", "2", "--from", PAPER, "--robot", "ur5e", "--json", "-o", tmp_path / "plan.csv")
     values = json.loads(done.out)

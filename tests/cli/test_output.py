@@ -81,6 +81,7 @@ def test_nothing_is_wider_than_eighty_columns_and_no_word_is_broken(
     assert " ".join(" ".join(narrow).split()) == " ".join(" ".join(wide).split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [OUTPUTS["calibrate, weak"], OUTPUTS["verify"]], ids=["calibrate", "verify"])
 def test_sentences_flow_to_the_width_of_the_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture, folder: Path, arguments: tuple[str, ...]

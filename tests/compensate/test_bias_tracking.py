@@ -115,6 +115,7 @@ def test_the_covariance_is_that_of_the_errors() -> None:
         assert np.mean(squared > chi2.isf(0.05, 6)) < 0.14, step
 
 
+@pytest.mark.slow
 def test_what_was_learned_in_one_pose_is_not_known_in_another() -> None:
     """After a turn the error is as large as the filter says then, and not as it was where it learned."""
     calibration, _, rng = _tracking(3)

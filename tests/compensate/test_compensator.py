@@ -99,6 +99,7 @@ def _eventful(seed: int, n: int = 700) -> tuple[cw.Calibration, Array, Array, Ar
     return calibration, wrench, Rotation.from_matrix(R).as_quat(), t, np.linspace(20.0, 21.0, n)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=6)
 @given(seed=seeds, cuts=st.lists(st.integers(0, 700), max_size=4), given_rate=st.booleans())
 def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bool) -> None:
@@ -120,6 +121,7 @@ def test_batches_are_sample_by_sample(seed: int, cuts: list[int], given_rate: bo
         assert sample.contact is {1: True, 0: False, -1: None}[int(whole.contact[k])]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("model", ["mount", "affine"])

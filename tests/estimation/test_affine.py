@@ -52,6 +52,7 @@ def test_cross_talk_shows_as_a_residual_that_affine_does_not_have() -> None:
     assert np.linalg.norm(affine.residual_rms[:3]) < 0.1 * np.linalg.norm(rigid.residual_rms[:3])
 
 
+@pytest.mark.slow
 def test_predictions_are_as_sure_as_they_are_good() -> None:
     rig, R, rng = example(5)
     unseen = random_rotations(40, rng)

@@ -56,6 +56,7 @@ def test_estimated_noise_has_no_bias(poses: int) -> None:
     assert np.mean(variances, axis=0) / NOISE**2 == pytest.approx(np.ones(6), abs=0.35)
 
 
+@pytest.mark.slow
 def test_a_noisy_axis_does_not_hide_in_its_group() -> None:
     rig, R, rng = example(5)
     uneven = NOISE * np.array([1.0, 1.0, 20.0, 1.0, 1.0, 1.0])

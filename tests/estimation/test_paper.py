@@ -109,6 +109,7 @@ def test_covariance_errs_on_the_safe_side_where_forces_drown_the_torques() -> No
     assert ratio.max() < 1.25
 
 
+@pytest.mark.slow
 def test_no_std_vanishes_where_the_torques_happen_to_fit_well() -> None:
     """Table V, its sensor's noise, few poses: the torque residual is often less than what the forces explain."""
     theta = np.deg2rad(33.918)

@@ -57,6 +57,7 @@ def test_special_mountings_are_no_harder(axis: str, degrees: float) -> None:
     assert_same_tool(cw.calibrate(noise_free(rig, R), "mount"), rig, 1e-6)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(seed=seeds, given_noise=st.booleans())
 def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
@@ -106,6 +107,7 @@ def test_turning_base_and_gravity_together_changes_nothing() -> None:
         assert other.predict(turn @ R[:3]) == pytest.approx(plain.predict(R[:3]), abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "yaw", "mount", "mount+base", "affine"])
 def test_order_of_rows_changes_nothing(model: str) -> None:
     rig, R, rng = example(42)

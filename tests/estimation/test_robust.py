@@ -54,6 +54,7 @@ def test_poses_in_contact_are_left_out(model: str, size: float) -> None:
     assert calibration.noise == pytest.approx(without.noise, rel=0.3)
 
 
+@pytest.mark.slow
 def test_a_pose_says_why_it_was_left_out(tmp_path: object) -> None:
     rig, R, rng = _rig(2)
     wrench = noisy_readings(rig, R, NOISE, rng)
@@ -68,6 +69,7 @@ def test_a_pose_says_why_it_was_left_out(tmp_path: object) -> None:
     assert cw.Calibration.load(f"{tmp_path}/tool.json").poses[7].rejected == calibration.poses[7].rejected
 
 
+@pytest.mark.slow
 def test_the_same_offset_in_every_axis_alone_is_found() -> None:
     """A pose is an outlier, not an axis: whichever axis carries it."""
     rig, R, rng = _rig(3)
@@ -99,6 +101,7 @@ def test_most_poses_bad_is_nobody_s_outlier() -> None:
     assert _left_out(calibration) == []
 
 
+@pytest.mark.slow
 def test_a_file_that_is_read_wrongly_is_not_cleaned_until_it_fits() -> None:
     """The inverse orientation fits no tool: the poses are not to blame, and diagnose is named."""
     rig, R, rng = _rig(5)
@@ -135,6 +138,7 @@ def test_a_step_among_bumped_poses() -> None:
     assert "between pose 11 and pose 12" in _of_bias(calibration)[0]
 
 
+@pytest.mark.slow
 def test_a_steady_drift_is_reported_by_the_hour_where_time_is_known() -> None:
     rig, R, rng = _rig(8)
     t = 60.0 * np.arange(24.0)
@@ -172,6 +176,7 @@ def test_the_same_push_in_four_poses() -> None:
         assert set(BAD) <= set(_left_out(cw.calibrate(cw.Samples(wrench, R)))), (seed, size)
 
 
+@pytest.mark.slow
 def test_a_thousand_poses_take_no_walk() -> None:
     """A drift in a long recording is followed without a covariance between all of its poses."""
     rig, _, rng = _rig(25)
@@ -180,6 +185,7 @@ def test_a_thousand_poses_take_no_walk() -> None:
     assert _of_bias(cw.calibrate(cw.Samples(wrench, R), "mount"))[0].startswith("the bias drifted by (")
 
 
+@pytest.mark.slow
 def test_visits_to_the_same_pose_tell_a_drift() -> None:
     """Two orientations more than once: averaged they would hide it."""
     rig, R, rng = _rig(10)
@@ -192,6 +198,7 @@ def test_visits_to_the_same_pose_tell_a_drift() -> None:
     assert len(cw.calibrate(cw.Samples(noisy_readings(rig, again, NOISE, rng), again)).poses) == 12
 
 
+@pytest.mark.slow
 def test_order_in_the_file_does_not_matter_where_time_is_known() -> None:
     rig, R, rng = _rig(11)
     t = 10.0 * np.arange(24.0)

@@ -133,6 +133,7 @@ def test_poses_that_do_not_fix_a_mounting_alone_profit_from_another_recording(ti
     assert np.linalg.norm(mounting_error(found, light)) < 4.0 * np.linalg.norm(found.std["mount"])
 
 
+@pytest.mark.slow
 def test_poses_that_do_not_even_fix_the_tool_are_refused_by_the_recording_s_name() -> None:
     rng = np.random.default_rng(3)
     heavy, light = two_tools(rng)
@@ -144,6 +145,7 @@ def test_poses_that_do_not_even_fix_the_tool_are_refused_by_the_recording_s_name
         calibrate_shared(samples, BOTH)
 
 
+@pytest.mark.slow
 def test_a_prior_is_counted_once() -> None:
     """Ten recordings that hardly weigh anything: their common tilt keeps the std of its prior."""
     rng = np.random.default_rng(4)
@@ -180,6 +182,7 @@ def test_a_mounting_that_differs_is_named_with_its_angle(count: int) -> None:
         )
 
 
+@pytest.mark.slow
 def test_one_mounting_contradicts_nothing() -> None:
     for model, shared in (("mount", ("mount",)), ("auto", BOTH)):
         for calibration in calibrate_shared(contradicting(0.0), shared, model):
@@ -193,6 +196,7 @@ def test_a_reversed_recording_is_refused_by_its_name() -> None:
         calibrate_shared(samples, ("mount",), "mount")
 
 
+@pytest.mark.slow
 def test_where_it_comes_from_is_said_and_saved(tmp_path: Path) -> None:
     first, *_ = calibrate_shared(contradicting(0.0), BOTH)
     assert first.provenance["shared"] == "mount, gravity"

@@ -133,24 +133,28 @@ def edited_bytes(draw: st.DrawFn, good: bytes) -> bytes:
     return bytes(content)
 
 
+@pytest.mark.slow
 @many
 @given(content=st.binary(max_size=300) | st.text(max_size=300).map(lambda text: text.encode(errors="surrogatepass")))
 def test_recordings_of_random_bytes(folder: Path, content: bytes) -> None:
     read_or_refuse(folder / "poses.csv", content)
 
 
+@pytest.mark.slow
 @many
 @given(content=tables_with_junk())
 def test_recordings_with_junk_in_their_cells(folder: Path, content: bytes) -> None:
     read_or_refuse(folder / "poses.csv", content)
 
 
+@pytest.mark.slow
 @many
 @given(content=tables_with_moved_columns(), orientation=st.sampled_from(["auto", "quat_xyzw", "kuka_abc", "rpy"]))
 def test_recordings_with_columns_missing_doubled_or_swapped(folder: Path, content: bytes, orientation: str) -> None:
     read_or_refuse(folder / "poses.csv", content, orientation)
 
 
+@pytest.mark.slow
 @many
 @given(content=edited_bytes(PANDA_BYTES) | edited_bytes(PAPER_BYTES))
 def test_recordings_that_are_cut_short_or_damaged(folder: Path, content: bytes) -> None:
@@ -167,6 +171,7 @@ def test_recordings_with_random_headers_and_rows(folder: Path, header: list[str]
     read_or_refuse(folder / "poses.csv", joined([header, *rows]))
 
 
+@pytest.mark.slow
 @many
 @given(
     text=st.text(max_size=30)

@@ -120,6 +120,7 @@ def test_what_fills_the_gaps_of_cdr_does_not_matter() -> None:
     assert raw.values(layout, "wrench.force.x")[:, 0].tolist() == [7.0, 7.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())

@@ -82,6 +82,7 @@ def _read_twice(path: Path, size: int) -> Iterator[Array]:
             yield 2.0 * part.wrench.wrench[start : start + size] + 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "compression"),
     [

@@ -233,6 +233,7 @@ def test_a_table_of_poses_is_taken_row_by_row(tmp_path: Path, calibration: Calib
     assert np.array_equal(rows.t, t)
 
 
+@pytest.mark.slow
 def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibration: Calibration) -> None:
     path, layout = write_two_files(tmp_path)
     log = ContactLog()
@@ -253,6 +254,7 @@ def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:
     assert "Samples with something wrong" not in (tmp_path / "r.html").read_text()
 
 
+@pytest.mark.slow
 def test_from_the_command_line(tmp_path: Path, capsys: Capture, calibration: Calibration) -> None:
     files = two_files_and_calibration(tmp_path, calibration)
     judge: list[str | Path] = ["--noise", "0.02", "--delay", str(LATE), "--report", tmp_path / "r.html"]

@@ -45,6 +45,7 @@ def refusal(path: Path) -> str:
     return message.removeprefix(f"{path}: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -216,6 +217,7 @@ def test_files_that_are_no_parquet(tmp_path: Path) -> None:
     assert str(found.value) == f"{other}: found other columns than in a.parquet, expected the same: name one file"
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files_are_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:

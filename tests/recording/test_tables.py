@@ -218,6 +218,7 @@ def saturated_table(values: list[str]) -> str:
     return "\n".join([rows_of_panda[start] + ",saturated", *body, ""])
 
 
+@pytest.mark.slow
 def test_saturated_rows_are_left_out_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     note = "2 rows with a saturated channel were left out"
     path = written(tmp_path, saturated_table(["0"] * 6 + ["1", "1"] + ["0"] * 9))
@@ -291,6 +292,7 @@ def test_a_batch_of_two_files_is_of_one_moment(tmp_path: Path) -> None:
         assert max(earlier) <= min([*after.wrench.t, *after.orientation.t])
 
 
+@pytest.mark.slow
 @given(n=st.integers(1, 9), shift=st.floats(-0.1, 0.1), spike=st.integers(0, 59))
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_two_clocks_that_run_apart_or_jump_lose_no_row(tmp_path: Path, n: int, shift: float, spike: int) -> None:
@@ -319,6 +321,7 @@ def test_both_of_two_files_have_times(tmp_path: Path, without: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_measured_recording_of_two_files(capsys: pytest.CaptureFixture[str]) -> None:
     wrench, pose = KUKA / "1-baseline_wrench.csv", KUKA / "1-baseline_orientations.csv"
     if not wrench.exists():
@@ -441,6 +444,7 @@ def test_an_orientation_that_is_missing_late_is_named(tmp_path: Path) -> None:
 JUNK = ["", "nan", "inf", "1e999", "abc", "1,5", '"', "#", "\0", "1_0", "1e200", "-", "1700000000000"]
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_recordings_with_junk_are_streams_or_one_line(tmp_path: Path, data: st.DataObject) -> None:

@@ -92,6 +92,7 @@ def stored(folder: Path, table: dict[str, Any], **options: Any) -> Path:
     return folder / "run.parquet"
 
 
+@pytest.mark.slow
 def test_parquet_to_parquet_keeps_every_other_column(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
     table: dict[str, Any] = {name: rows()[:, k] for k, name in enumerate(HEADER)}

@@ -28,6 +28,7 @@ def test_lines_have_their_names_steps_and_units() -> None:
     assert svg == lines_in_panels(panels, "force error, N")
 
 
+@pytest.mark.slow
 def test_dots_have_their_values_and_groups() -> None:
     groups: dict[str, dict[str, Measured | None]] = {
         "paper": {"six paper": Measured(0.486, 0.02, 9), "six planned": Measured(0.0379, 0.02, 9)},

@@ -187,6 +187,7 @@ def test_between_the_flats_the_clearance_is_that_of_a_polygon_round_the_circle()
     assert touching_pairs(0.5002 * CLEARANCE * sideways, -0.015, np.zeros(3)) > 0
 
 
+@pytest.mark.slow
 def test_a_tilted_peg_jams_at_two_points() -> None:
     """A peg deep in the hole can tilt by clearance over depth, and no more: its end touches one wall, its side the
     edge across."""

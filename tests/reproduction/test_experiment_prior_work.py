@@ -32,6 +32,7 @@ def largest_left(learn: Learn, settings: Settings, joints: np.ndarray) -> float:
     return float(np.abs(method.contact(free.wrench, free.R_base_flange)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("yaw_deg", "seed"), [(33.918, 1), (-117.0, 2), (171.0, 3)])
 def test_each_idea_is_exact_where_its_assumptions_hold(yaw_deg: float, seed: int) -> None:
     settings = rig(yaw_deg, seed)

@@ -164,6 +164,7 @@ def test_the_standard_error_of_a_ratio_is_that_of_its_repetition() -> None:
     assert np.std([one.value for one in ratios]) == pytest.approx(stated, rel=0.06)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_trials() -> None:
     arguments = ("cross-talk", 1.0, joints_of_paper(), unseen_joints()[:20])
     first, again, other = (sources_of_error._run(*arguments, seed, range(1)) for seed in (1, 1, 2))

@@ -24,6 +24,7 @@ def test_the_printed_masses_have_the_slope_that_the_method_page_says() -> None:
     assert offset == pytest.approx(-3.9, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gain", [1.0, GAIN])
 def test_without_noise_the_masses_are_exact_but_for_the_gain(gain: float) -> None:
     true = noise_free()
@@ -57,6 +58,7 @@ def test_out_of_range_is_where_the_sensor_saturates() -> None:
     assert touched[others].mean() > 0.9
 
 
+@pytest.mark.slow
 def test_an_interval_holds_one_more_reading_with_95_per_cent() -> None:
     """Of readings whose error is the data set's and the orientation's alike, with few data sets."""
     rng = np.random.default_rng(2)

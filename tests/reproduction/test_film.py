@@ -54,6 +54,7 @@ def coloured(picture: NDArray[np.uint8], red: int, green: int, blue: int) -> int
     return int(np.sum((picture @ wanted > 0.985 * length) & (length > 60.0)))
 
 
+@pytest.mark.slow
 def test_the_arm_is_on_the_picture_and_moves(rig: Rig) -> None:
     first, second = drawn(rig, 0.0, (0.0, 1.0))
     assert first.shape == (160, 200, 3)
@@ -69,6 +70,7 @@ def test_the_contact_force_is_a_green_arrow_as_long_as_the_force_is_large(rig: R
     assert 10 < green[1] < green[2]
 
 
+@pytest.mark.slow
 def test_a_filmstrip_holds_its_pictures_side_by_side_and_a_gif_one_after_the_other(rig: Rig, tmp_path: Path) -> None:
     pictures = drawn(rig, 5.0, (0.0, 1.0))
     html = film.filmstrip(pictures)

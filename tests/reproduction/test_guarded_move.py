@@ -115,6 +115,7 @@ def test_pushing_holds_the_force_with_a_perfect_sense_and_is_off_by_an_error_of_
     assert off.normal_force.mean() == pytest.approx(8.0, abs=0.03)
 
 
+@pytest.mark.slow
 def test_the_tool_leans_as_far_as_it_says(probe: Rig, at_plate: Array) -> None:
     R, spot = SIDE
     trace = pushing.push(probe, R, spot, at_plate, perfect(SETTINGS), np.random.default_rng(3)).trace
@@ -137,6 +138,7 @@ def test_with_a_perfect_sense_the_peg_goes_in_gently(peg_rig: Rig, over_hole: Ar
         assert one.seconds > (peg.START + peg.DEEP) / (peg.PUSH / peg.YIELDING.damping[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pull", "ended"), [(8.0, "time"), (20.0, "lost")])
 def test_a_peg_that_feels_a_pull_sideways_stays_at_the_mouth_or_is_lost(
     peg_rig: Rig, over_hole: Array, pull: float, ended: str
@@ -183,6 +185,7 @@ def test_a_push_beyond_the_protective_stop_ends_so(
     assert not one.inserted
 
 
+@pytest.mark.slow
 def test_same_seed_same_work(probe: Rig, peg_rig: Rig, begin: Array, over_hole: Array) -> None:
     def once(seed: int) -> tuple[float, float]:
         rng = np.random.default_rng(seed)

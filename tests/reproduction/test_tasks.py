@@ -90,6 +90,7 @@ def test_the_words_follow_the_figures_whoever_is_better(theirs: int, ours: int, 
     assert verdict in words
 
 
+@pytest.mark.slow
 def test_same_seed_same_moves_and_blocks_do_not_matter() -> None:
     postures = joints_of_calibration()
     methods = tuple(learned(3, number, postures)["ours"] for number in range(3))

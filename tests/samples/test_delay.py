@@ -77,6 +77,7 @@ def test_a_rotated_base_with_rotated_gravity_changes_nothing(seed: int) -> None:
     assert unstated.value == pytest.approx(before.value, abs=before.std)
 
 
+@pytest.mark.slow
 def test_units_and_axes_of_the_sensor_do_not_matter() -> None:
     streams = gravity_alone(4)
     mixed = streams.wrench.wrench @ (np.eye(6) + 0.1 * np.random.default_rng(0).normal(size=(6, 6)))
@@ -97,6 +98,7 @@ def test_two_standard_deviations_cover(over: float) -> None:
     assert np.std(off) > 0.5
 
 
+@pytest.mark.slow
 def test_correlated_noise_widens_the_std() -> None:
     white, slow = (
         estimate_delay(gravity_alone(3, noise=5.0, correlated_over=over), within=NEAR) for over in (0.0, 0.2)
@@ -105,6 +107,7 @@ def test_correlated_noise_widens_the_std() -> None:
     assert slow.std > 2.5 * slow.bound
 
 
+@pytest.mark.slow
 def test_contacts_count_little() -> None:
     streams = gravity_alone(5)
     rng = np.random.default_rng(5)
@@ -116,6 +119,7 @@ def test_contacts_count_little() -> None:
     assert found.significant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [10.0, 25.0])
 def test_slow_recordings_tell_it_within_half_a_sample(rate: float) -> None:
     found = estimate_delay(gravity_alone(6, delay=0.7 / rate, rate=rate, fastest=0.4, duration=60.0))
@@ -187,6 +191,7 @@ def test_a_motion_that_repeats_itself_does_not_tell_which() -> None:
     assert found.endswith(" ms explain the wrench equally well; vary it")
 
 
+@pytest.mark.slow
 def test_a_delay_beyond_the_range_is_not_told() -> None:
     streams = gravity_alone(10, delay=0.3)
     assert estimate_delay(streams).value == pytest.approx(0.3, abs=0.001)
@@ -219,6 +224,7 @@ def test_it_is_significant_at_three_standard_deviations() -> None:
     assert not is_significant(0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_significant_delay_is_applied() -> None:
     streams = gravity_alone(13)
     samples, notes = on_one_clock(streams)
@@ -232,6 +238,7 @@ def test_a_significant_delay_is_applied() -> None:
     assert np.abs(samples.R_base_flange - true).max() < 0.05
 
 
+@pytest.mark.slow
 def test_one_that_is_not_is_reported_and_not_applied() -> None:
     streams = gravity_alone(14, delay=0.0)
     samples, notes = on_one_clock(streams)
@@ -244,6 +251,7 @@ def test_one_that_is_not_is_reported_and_not_applied() -> None:
     assert notes == ("delay between wrench and orientation not applied: the arm turns by less than 2 deg",)
 
 
+@pytest.mark.slow
 def test_rows_that_came_with_an_orientation_have_a_delay_too() -> None:
     """A table at 100 Hz in which the wrench of each row is late: the rows stay, the calibration knows."""
     streams = gravity_alone(13)
@@ -267,6 +275,7 @@ def test_words_for_either_side() -> None:
 # A tool with inertia, on a whole arm, behind a filter: the rig is the judge
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sweeping", "exciting"])
 @pytest.mark.parametrize("base", [0.0, 4.0])
 def test_accelerations_and_a_leaning_base_make_no_delay(kind: str, base: float) -> None:
@@ -277,6 +286,7 @@ def test_accelerations_and_a_leaning_base_make_no_delay(kind: str, base: float) 
     assert found.significant
 
 
+@pytest.mark.slow
 def test_a_filter_of_the_sensor_adds_its_group_delay() -> None:
     rec = rig_recording("sweeping", 10.0, 1, "sensor.low_pass=10", "tool.mass=1.0")
     found = estimate_delay(two_streams(rec), within=NEAR)

@@ -52,6 +52,7 @@ def in_seconds(samples: cw.Samples, t: Array | None) -> cw.Samples:
     return replace(samples, t=t)
 
 
+@pytest.mark.slow
 def test_a_recording_through_the_moves_is_a_stream() -> None:
     for rate in (1000.0, 100.0, 10.0):
         assert is_stream(run(stops=4, rate=rate).samples)
@@ -188,6 +189,7 @@ def test_a_run_that_never_stops_is_refused_in_one_line(rate: float) -> None:
     assert "\n" not in said
 
 
+@pytest.mark.slow
 def test_a_run_with_too_few_stops_says_how_many_there_are() -> None:
     with pytest.raises(cw.ContactWrenchError) as refusal:
         cw.calibrate(run(stops=2, rate=100.0).samples)
@@ -232,6 +234,7 @@ def test_measured_poses_stay_good(name: str, model: str) -> None:
     assert not [warning for warning in found.warnings if "what is left in one pose" in warning]
 
 
+@pytest.mark.slow
 def test_independent_poses_are_never_taken_for_alike() -> None:
     for seed in range(20):
         rig, R, rng = example(seed, poses=12 + seed)

@@ -238,6 +238,7 @@ def test_samples_without_times_are_refused() -> None:
     assert str(refusal.value) == "arrays: found no times, expected a column t: stillness shows in time only"
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(seed=seeds, unit=st.sampled_from([1e-3, 1.0, 50.0]), since=st.sampled_from([0.0, 1.7e9]))
 def test_what_is_still_depends_on_no_frame_no_unit_of_force_and_no_clock(seed: int, unit: float, since: float) -> None:

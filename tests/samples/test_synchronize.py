@@ -299,6 +299,7 @@ def _joined(parts: list[Synchronized]) -> tuple[Array, Array, Array, dict[int, s
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10_000),

@@ -209,6 +209,7 @@ def test_joints_stay_where_they_are_when_the_pose_is_there_already() -> None:
     assert joints_for(rig, R[0], position[0], ELBOW_OUT) == pytest.approx(ELBOW_OUT, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_pose_out_of_reach_is_refused() -> None:
     with pytest.raises(InputError) as refused:
         joints_for(build(Settings()), np.eye(3), np.array([0.0, 1.2, 0.34]))

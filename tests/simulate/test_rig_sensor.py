@@ -77,6 +77,7 @@ def test_warming_up_decays_with_its_time() -> None:
     assert readings[600] == pytest.approx(np.array(warm_up) * np.exp(-3.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.1, 1.0])
 def test_a_random_walk_has_its_variance_after_an_hour_at_any_rate(rate: float) -> None:
     walk = (0.5, 0.1, 2.0, 0.01, 0.02, 0.03)
@@ -161,6 +162,7 @@ def test_noise_has_its_std_in_each_axis_and_no_memory() -> None:
     assert np.abs(between).max() < 5.0 / np.sqrt(40_000)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.integers(0, 30), max_size=12), st.sampled_from([0.0, 3.0, 60.0]), st.sampled_from([0.0, 0.001, 0.007])
 )

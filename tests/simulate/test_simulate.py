@@ -64,6 +64,7 @@ def test_the_papers_poses_are_the_papers(tmp_path: Path, capsys: Capture) -> Non
     assert np.abs(samples.position - printed.position).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_calibrating_a_recording_finds_the_truth(tmp_path: Path, capsys: Capture) -> None:
     samples, truth, _ = simulated(capsys, tmp_path, "--poses=plan:12", *SKEWED[:1], "--set=sensor.overload=2")
     calibration = cw.calibrate(samples, "mount")
@@ -90,6 +91,7 @@ def test_loads_are_weighed_by_what_they_add(tmp_path: Path, capsys: Capture) -> 
     assert np.abs(torque - torque[0] - np.cross(hook, added)).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_a_recording_passes_verification_and_weighing(tmp_path: Path, capsys: Capture) -> None:
     target, loaded = tmp_path / "free.csv", tmp_path / "loaded.csv"
     run(capsys, "simulate", "-o", target, "--poses=plan:10", "--set=sensor.overload=2")
@@ -140,6 +142,7 @@ def test_rows_of_a_pose_and_times(tmp_path: Path, capsys: Capture) -> None:
     assert np.abs(samples.R_base_flange[0] - samples.R_base_flange[2]).max() == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.2, 1.0])
 def test_the_robots_pose_error_is_the_stated_orientations(tmp_path: Path, capsys: Capture, size: float) -> None:
     flags = ["--poses=random:200", "--seed=5"]
@@ -179,6 +182,7 @@ def test_a_motion_is_a_recording_at_the_sensors_rate(tmp_path: Path, capsys: Cap
     assert tilt.max() - tilt.min() > 20.0
 
 
+@pytest.mark.slow
 def test_a_motion_with_stops_rests_at_each(tmp_path: Path, capsys: Capture) -> None:
     flags = ["--trajectory=stops:4", "--set=recording.rest=0.8", "--set=recording.rate=200"]
     samples, _, table = simulated(capsys, tmp_path, *flags)
