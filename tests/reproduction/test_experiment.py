@@ -22,6 +22,8 @@ from reproduction.run import STEPS, run
 from reproduction.summary import summary
 
 ROOT = Path(__file__).parents[2]
+
+pytestmark = pytest.mark.slow  # one run of the whole experiment serves nearly all of them
 PIXEL = "data:image/png;base64," + b64encode(b"\x89PNG is what it begins with").decode()
 
 
@@ -42,7 +44,6 @@ def _nothing(*_: object) -> None:
     raise film.NoPicturesError("no pictures in this test")
 
 
-@pytest.mark.slow
 def test_every_question_of_the_paper_has_its_part(short: tuple[Part, ...]) -> None:
     assert [part.key for part in short] == [
         *("summary", "identification", "weighing", "planned", "joint_torques", "prior_work", "sources_of_error"),
