@@ -35,7 +35,7 @@ FALSE_ALARMS = 1e-4
 HOUR = 3600.0
 YARDSTICK = 0.5e-6
 """s of one `stepper()` call on the machine that the limits are for."""
-LIMITS, LIMITS_WITHOUT_NUMBA = (3e-6, 50e-6, 1.5e-6), (30e-6, 500e-6, 30e-6)
+LIMITS, LIMITS_WITHOUT_NUMBA = (3e-6, 50e-6, 1.5e-6), (30e-6, 100e-6, 30e-6)
 """s: the mean of a call, its p99.9, a sample of a batch."""
 
 
