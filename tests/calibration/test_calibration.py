@@ -10,6 +10,8 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.calibration.text import verdict_sentences
+from contactwrench.statistics import two_digits
 from tests.support.recordings import PANDA
 from tests.support.rigs import NOISE, example, noise_free, noisy
 from tests.support.world import DOWN, Array, cramer_rao, derivatives, random_rotations, readings, tilted_down
@@ -177,7 +179,7 @@ def test_printed_it_shows_every_parameter_with_its_std(model: str) -> None:
         assert "+-" in line
     assert f"model {model}" in text
     in_one_line = " ".join(text.split())
-    assert f"Verdict {calibration.verdict}" in in_one_line
+    assert f"Verdict {calibration.verdict}: " in in_one_line
     for warning in calibration.warnings:
         assert f"Warning {warning}" in in_one_line
 
@@ -192,12 +194,11 @@ def test_printed_sentences_go_on_under_their_first_word() -> None:
     assert all(line[:9] in ("Verdict  ", "Warning  ", " " * 9) and line[9] != " " for line in said)
 
 
-def test_verdict_states_the_largest_std() -> None:
+def test_the_verdict_states_the_error_to_expect_and_the_largest_std() -> None:
     calibration = _calibration("mount")
-    force, torque = calibration.largest_std
-    assert f"{float(f'{force:.2g}'):g} N" in calibration.verdict
-    assert f"{float(f'{1e3 * torque:.2g}'):g} mN m" in calibration.verdict
-    assert calibration.verdict.startswith("good")
+    said = verdict_sentences(calibration)[-1]
+    for force, torque in (calibration.expected_error, calibration.largest_std):
+        assert f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m" in said
 
 
 def _same_free_wrench(a: cw.Calibration, b: cw.Calibration, R_a: Array, R_b: Array) -> bool:

@@ -6,22 +6,23 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Finding, Kind, Severity
+from contactwrench.calibration.fields import Doubt, Finding, Kind, Severity
 from contactwrench.calibration.file import to_json
+from contactwrench.calibration.text import describe, verdict_sentences
 from contactwrench.errors import FileFormatError
 from tests.support.recordings import PANDA, PAPER, written
 
-SOUNDS_WEAK = Finding(Kind.OTHER, Severity.WARNING, "weak: or so it sounds")
 IS_WEAK = Finding(Kind.POOR_FIT, Severity.WEAK, "much is left in the poses")
 
 
 @cache
 def good() -> cw.Calibration:
-    """A calibration with no finding that makes it weak."""
-    return cw.calibrate(cw.read(PANDA), "mount")
+    """A calibration with no finding that makes it weak or doubtful."""
+    return replace(cw.calibrate(cw.read(PANDA), "mount"), findings=())
 
 
 @cache
@@ -39,16 +40,70 @@ def loaded(folder: Path, values: dict[str, Any]) -> cw.Calibration:
     return cw.Calibration.load(written(folder, json.dumps(values), "tool.json"))
 
 
-def test_the_severity_decides_and_no_sentence() -> None:
-    assert good().verdict.startswith("good: ")
-    assert replace(good(), findings=(SOUNDS_WEAK,)).verdict == good().verdict
-    doubted = replace(good(), findings=(IS_WEAK,))
-    assert doubted.is_weak
-    assert doubted.verdict == f"weak: {good().largest_error}"
+@pytest.mark.parametrize(
+    ("severities", "verdict"),
+    [
+        ((), "good"),
+        (("note", "warning", "refused"), "good"),
+        (("warning", "doubtful"), "doubtful"),
+        (("weak", "doubtful", "note"), "weak"),
+        (("weak",), "weak"),
+    ],
+)
+def test_the_severities_decide_and_no_sentence(severities: tuple[str, ...], verdict: str) -> None:
+    findings = tuple(Finding(Kind.OTHER, Severity(severity), "weak: or so it sounds") for severity in severities)
+    assert replace(good(), findings=findings).verdict == verdict
+
+
+def test_a_large_std_is_weak_without_a_finding() -> None:
+    vague = replace(good(), covariance=100.0 * good().covariance)
+    assert good().verdict == "good"
+    assert vague.verdict == "weak"
+    assert verdict_sentences(vague)[:2] == [
+        "weak",
+        "the std of the contact force is over 10 % of the weight somewhere",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "reasons"),
+    [
+        (["cross_talk"], [Doubt.MODEL]),
+        (["sign_not_confirmed"], [Doubt.ASSUMPTION]),
+        (["pose_left_out", "bias_stepped", "cross_talk"], [Doubt.MOVED, Doubt.MODEL]),
+        (["found_in_2030"], [Doubt.MODEL]),
+    ],
+)
+def test_a_doubtful_verdict_says_each_of_its_reasons_once(kinds: list[str], reasons: list[Doubt]) -> None:
+    doubtful = replace(good(), findings=tuple(Finding.doubtful(Kind(kind), "who knows") for kind in kinds))
+    assert doubtful.warnings == ("doubtful: who knows",) * len(kinds)
+    head, *said = verdict_sentences(doubtful)
+    assert (head, said[:-1]) == ("doubtful", reasons)
+    assert f"Verdict  doubtful: {reasons[0]}; " in describe(doubtful)
+    assert verdict_sentences(good())[1:] == said[-1:]
+
+
+def test_the_error_to_expect_counts_what_poses_differ_by() -> None:
+    """More poses make the calibration sure, and the next pose no better."""
+    assert good().expected_error == pytest.approx(
+        [np.hypot(good().largest_std[k], np.linalg.norm(good().noise[3 * k : 3 * k + 3])) for k in (0, 1)]
+    )
+    sure = replace(good(), covariance=1e-12 * good().covariance)
+    assert sure.expected_error[0] == pytest.approx(np.linalg.norm(good().noise[:3]), rel=1e-6)
+
+
+def test_the_verdict_and_the_error_are_saved_beside_the_fields_and_not_read(tmp_path: Path) -> None:
+    values = saved(weak())
+    assert values["verdict"] == "weak"
+    assert tuple(values["expected_error"]) == weak().expected_error
+    values |= {"verdict": "splendid", "expected_error": None}
+    assert loaded(tmp_path, values).verdict == "weak"
+    del values["verdict"], values["expected_error"]
+    assert loaded(tmp_path, values).expected_error == weak().expected_error
 
 
 def test_a_weak_finding_says_so_for_those_who_read_texts_only() -> None:
-    assert weak().is_weak
+    assert weak().verdict == "weak"
     for finding in weak().findings:
         assert (finding.severity is Severity.WEAK) == finding.text.startswith("weak: ")
     kinds = [finding.kind for finding in weak().findings]

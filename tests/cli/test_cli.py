@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
+from contactwrench.calibration.fields import Doubt
 from contactwrench.calibration.file import to_json
 from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, Run, csv_text, matrix_table, run, written
 from tests.support.rigs import example, noisy
@@ -93,10 +94,26 @@ def test_a_required_accuracy_that_is_missed_exits_1(
     tmp_path: Path, capsys: Capture, flags: list[str], missed: str
 ) -> None:
     done = run(capsys, "calibrate", PANDA, "--json", "-o", tmp_path / "tool.json", *flags)
-    force, torque = cw.Calibration.load(tmp_path / "tool.json").largest_std
-    line = f"Required accuracy missed: largest std of the contact {missed.format(force=force, torque=torque)}\n"
+    force, torque = cw.Calibration.load(tmp_path / "tool.json").expected_error
+    missed = missed.format(force=force, torque=torque)
+    line = f"Required accuracy missed: at a new orientation, {missed}\n"
     assert (done.status, done.err) == ((1, line) if missed else (0, ""))
     assert done.out == (tmp_path / "tool.json").read_text()
+    said = " ".join(run(capsys, "calibrate", PANDA, *flags).out.split())
+    assert (f"Verdict doubtful, but misses what is required, {missed}: " in said) == bool(missed)
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.05])
+def test_strict_exits_1_unless_the_verdict_is_good(tmp_path: Path, capsys: Capture, gain: float) -> None:
+    """A gain of its own on one axis is doubtful: no rigid tool explains it."""
+    rig, R, rng = example(3)
+    wrench = noisy(rig, R, rng).wrench * [gain, 1.0, 1.0, 1.0, 1.0, 1.0]
+    path = written(tmp_path, matrix_table(wrench, R), "poses.csv")
+    done, strict = (run(capsys, "calibrate", path, *flags) for flags in ([], ["--strict"]))
+    assert (done.status, done.err, done.out) == (0, "", strict.out)
+    assert f"Verdict  {'good' if gain == 1.0 else 'doubtful'}: " in done.out
+    line = f"The verdict is doubtful, --strict expects good: {Doubt.MODEL}\n"
+    assert (strict.status, strict.err) == ((0, "") if gain == 1.0 else (1, line))
 
 
 def test_g_turns_the_weight_into_a_mass(capsys: Capture) -> None:

@@ -39,6 +39,8 @@ class Severity(StrEnum):
     """Nothing is wrong."""
     WARNING = "warning"
     """Something is to be looked at; the numbers hold."""
+    DOUBTFUL = "doubtful"
+    """The numbers hold only if something holds that the readings do not show; `Doubt` says what."""
     WEAK = "weak"
     """A number, or its std, is not to be trusted."""
     REFUSED = "refused"
@@ -77,7 +79,19 @@ class Kind(StrEnum):
         return cls.OTHER
 
 
+class Doubt(StrEnum):
+    """Why a verdict is doubtful, and what to do."""
+
+    MODEL = "the model does not explain the readings: compare the other models, look for a cable, a contact, a gain"
+    ASSUMPTION = "an assumption decides the answer: confirm it, or record poses that tell"
+    MOVED = "a moving bias or poses left out took much of what the poses tell: record more, warmed up, free of contact"
+
+
 BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
+DOUBT_OF_KIND = {
+    Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
+    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
+}
 
 
 @dataclass(frozen=True)
@@ -87,7 +101,7 @@ class Finding:
     Attributes:
         kind: what it is of.
         severity: what it means for the result.
-        text: one sentence for people; it begins with `weak` where the severity is that.
+        text: one sentence for people; it begins with `weak` or `doubtful` where the severity is that.
     """
 
     kind: Kind
@@ -98,6 +112,11 @@ class Finding:
     def weak(cls, kind: Kind, text: str) -> Finding:
         """A finding that says "weak" itself, for those who read warnings only."""
         return cls(kind, Severity.WEAK, f"weak: {text}")
+
+    @classmethod
+    def doubtful(cls, kind: Kind, text: str) -> Finding:
+        """A finding that says "doubtful" itself."""
+        return cls(kind, Severity.DOUBTFUL, f"doubtful: {text}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,23 +271,28 @@ class CalibrationFields(Frozen):
         force, torque = np.linalg.norm(std[:, :3], axis=1), np.linalg.norm(std[:, 3:], axis=1)
         return float(force.max()), float(torque.max())
 
-    @cached_property
-    def is_weak(self) -> bool:
-        """Whether a finding says so, or the error in the contact force is a large share of the weight somewhere."""
-        scale = float(np.linalg.norm(self.B[:3, :3], 2))
-        found = any(finding.severity is Severity.WEAK for finding in self.findings)
-        return found or self.largest_std[0] > WEAK_SHARE * scale
+    @property
+    def expected_error(self) -> tuple[float, float]:
+        """The error of the contact force (N) and torque (N m) to expect at a new orientation, each a norm over three
+        axes: the largest std, and what poses differ by beyond the model, which no number of poses averages away.
+        """
+        force, torque = np.hypot(self.largest_std, np.linalg.norm(self.noise.reshape(2, 3), axis=1)).tolist()
+        return force, torque
 
     @property
-    def largest_error(self) -> str:
-        """In words, how large an error of the contact wrench the calibration's own uncertainty makes."""
-        force, torque = (float(f"{std:.2g}") for std in (self.largest_std[0], 1e3 * self.largest_std[1]))
-        return (
-            "at any orientation the calibration's error in the contact wrench has a std of at most "
-            f"{force:g} N and {torque:g} mN m"
-        )
+    def is_uncertain(self) -> bool:
+        """Whether the std of the contact force is a large share of the weight somewhere."""
+        return self.largest_std[0] > WEAK_SHARE * float(np.linalg.norm(self.B[:3, :3], 2))
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Why the verdict is doubtful: each reason once."""
+        kinds = [finding.kind for finding in self.findings if finding.severity is Severity.DOUBTFUL]
+        return tuple(dict.fromkeys(DOUBT_OF_KIND.get(kind, Doubt.MODEL) for kind in kinds))
 
     @property
     def verdict(self) -> str:
-        """In one sentence, how good the contact wrench is because of this calibration."""
-        return f"{'weak' if self.is_weak else 'good'}: {self.largest_error}"
+        """`good`, `doubtful` or `weak`, by the severities of the findings and by the largest std."""
+        if self.is_uncertain or any(finding.severity is Severity.WEAK for finding in self.findings):
+            return "weak"
+        return "doubtful" if self.doubts else "good"

@@ -53,7 +53,7 @@ def to_json(calibration: CalibrationFields) -> str:
         if field.name == "covariance":
             values["std"] = calibration.std
         if field.name == "findings":
-            values["warnings"] = calibration.warnings
+            values |= {name: getattr(calibration, name) for name in ("warnings", "verdict", "expected_error")}
     lines = [f"  {_encoded(key)}: {_encoded(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 

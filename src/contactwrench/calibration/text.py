@@ -19,6 +19,7 @@ from ..statistics import (
     meaningful_digits,
     misfit_of_parameters,
     percent,
+    two_digits,
 )
 from .fields import CalibrationFields
 from .observability import SPOKEN_UNITS
@@ -51,9 +52,9 @@ def flowed(text: str, columns: int = COLUMNS) -> str:
     return "\n".join(lines)
 
 
-def describe(calibration: CalibrationFields) -> str:
-    """Every parameter with its standard deviation and unit, how well it fits, the verdict and the warnings; a sentence
-    is one line, which `flowed` makes fit.
+def describe(calibration: CalibrationFields, missed: str = "") -> str:
+    """Every parameter with its standard deviation and unit, the fit, the verdict, with what is `missed` of what was
+    required, and the warnings; a sentence is one line, which `flowed` makes fit.
     """
     rows = parameter_rows(calibration)
     width = [max(len(row[k]) for row in rows) for k in range(3)]
@@ -66,13 +67,27 @@ def describe(calibration: CalibrationFields) -> str:
     lines += [f"Assumed  {assumption}" for assumption in calibration.assumptions]
     if calibration.alternatives:
         lines += ["", *alternative_lines(calibration), ""]
-    lines += [f"Verdict  {calibration.verdict}", *(f"Warning  {warning}" for warning in calibration.warnings)]
+    head, *reasons = verdict_sentences(calibration, missed)
+    lines += [f"Verdict  {head}: {'; '.join(reasons)}", *(f"Warning  {warning}" for warning in calibration.warnings)]
     return "\n".join(lines)
 
 
-def headline(calibration: CalibrationFields) -> str:
+def verdict_sentences(c: CalibrationFields, missed: str = "") -> list[str]:
+    """The verdict, with what is `missed` of what was required; why it is doubtful; and the error to expect."""
+    of_both = np.array([*c.expected_error, *c.largest_std]) * (1.0, 1e3, 1.0, 1e3)
+    force, torque, own_force, own_torque = map(two_digits, of_both)
+    large = ["the std of the contact force is over 10 % of the weight somewhere"] * c.is_uncertain
+    return [
+        f"{c.verdict}, but misses what is required, {missed}" if missed else c.verdict,
+        *large,
+        *c.doubts,
+        f"at a new orientation expect an error of {force} N and {torque} mN m (std), of which the calibration's own "
+        f"uncertainty is up to {own_force} N and {own_torque} mN m",
+    ]
+
+
+def headline(c: CalibrationFields) -> str:
     """Model, and what it was fitted on."""
-    c = calibration
     n = len(c.poses) if c.moments is None else c.moments.n
     kept = len(c.fitted_poses) if c.moments is None else n
     rows = c.provenance.get("rows", n)
@@ -134,9 +149,8 @@ def _tilt(R_flange_sensor: Array, covariance: Array) -> tuple[float, float]:
     return float(np.arctan2(sine, along)), float(np.sqrt(gradient @ covariance[:2, :2] @ gradient))
 
 
-def fit_lines(calibration: CalibrationFields) -> list[str]:
+def fit_lines(c: CalibrationFields) -> list[str]:
     """How well the model explains its poses: noise, residual and held-out error, an axis a column."""
-    c = calibration
     table = [("noise of a pose", c.noise), ("residual rms", c.residual_rms), ("held-out rms", c.held_out_rms)]
     low, high = np.rad2deg(c.observability.tilt_range)
     return [

@@ -55,11 +55,12 @@ def calibrate(
     ] = None,
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
-        float | None, options.not_negative("N", "Exit 1 if the calibration adds more force error (std).")
+        float | None, options.not_negative("N", "Exit 1 if a larger error of the contact force is to be expected.")
     ] = None,
     require_torque: Annotated[
-        float | None, options.not_negative("NM", "Exit 1 if the calibration adds more torque error (std).")
+        float | None, options.not_negative("NM", "Exit 1 if a larger error of the torque is to be expected.")
     ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit 1 unless the verdict is good.")] = False,
     json: options.Json = False,
     recordings: options.Recordings,
     gravity: options.Gravity = None,
@@ -93,9 +94,10 @@ def calibrate(
         options.say(done.text, elsewhere=COLUMNS)
         for what, path in done.written:
             options.say(f"Wrote the {what} to {path}")
-    for line in done.missed:
+    failures = done.failures(strict)
+    for line in failures:
         options.say(line, err=True)
-    return 1 if done.missed else 0
+    return 1 if failures else 0
 
 
 def _shared_names(

@@ -215,7 +215,7 @@ def cross_talk(fit: Fit, readings: PoseReadings) -> list[Finding]:
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
         f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare --model affine"
     )
-    return [Finding(Kind.CROSS_TALK, Severity.WARNING, text)]
+    return [Finding.doubtful(Kind.CROSS_TALK, text)]
 
 
 def contradicts_prior(fit: Fit) -> list[Finding]:

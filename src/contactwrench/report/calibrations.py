@@ -10,7 +10,7 @@ from typing import Any
 
 from ..calibration.calibration import Calibration
 from ..calibration.file import to_json
-from ..calibration.text import describe
+from ..calibration.text import describe, verdict_sentences
 from ..errors import FileAccessError
 from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..files import STDOUT, make_folder, require_distinct
@@ -25,16 +25,29 @@ OF_THE_FILE = ("orientation", "wrench_frame", "sign", "inverse_orientation")
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """The calibrations of recordings, what was `written` where, and the accuracies that were `missed`, a line each."""
+    """The calibrations of recordings, what each `missed` of what was required (an empty text: nothing), and what was
+    `written` where.
+    """
 
     calibrations: tuple[Calibration, ...]
-    written: tuple[tuple[str, Path], ...]
     missed: tuple[str, ...]
+    written: tuple[tuple[str, Path], ...]
 
     @property
     def text(self) -> str:
         """For people: a sentence is one line."""
-        return "\n\n".join(map(describe, self.calibrations))
+        return "\n\n".join(map(describe, self.calibrations, self.missed))
+
+    def failures(self, strict: bool) -> list[str]:
+        """Why the check fails, a line each: an accuracy that is missed; with `strict`, a verdict that is not good."""
+        lines = []
+        for c, missed in zip(self.calibrations, self.missed, strict=True):
+            where = f"{c.provenance['source']}: " if len(self.calibrations) > 1 else ""
+            lines += [f"{where}Required accuracy missed: at a new orientation, {missed}"] if missed else []
+            if strict and c.verdict != "good":
+                reasons = "; ".join(verdict_sentences(c)[1:-1]) or "see its warnings"
+                lines.append(f"{where}The verdict is {c.verdict}, --strict expects good: {reasons}")
+        return lines
 
     @property
     def json(self) -> str:
@@ -76,7 +89,7 @@ def calibrate_recordings(
         base_tilt_sd: of the base's.
         output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
         report: a page about the calibration.
-        required: the most that the calibration may add to the contact force (std), N, and to the torque, N m.
+        required: the most error to be expected of the contact force, N, and of the torque, N m, at a new orientation.
 
     Raises:
         ContactWrenchError: as reading, fitting and writing raise it.
@@ -106,13 +119,13 @@ def calibrate_recordings(
     for path, calibration in zip(paths, calibrations, strict=bool(paths)):
         calibration.save(path)
     written = [("calibration", path) for path in paths]
+    missed = tuple(_missed(calibration, required) for calibration in calibrations)
     if report is not None:
         from .html import write_calibration_report
 
-        write_calibration_report(report, calibrations[0], recordings[0])
+        write_calibration_report(report, calibrations[0], recordings[0], missed[0])
         written.append(("report", report))
-    missed = [line for c in calibrations for line in _missed(c, required, bool(shared))]
-    return Calibrated(calibrations, tuple(written), tuple(missed))
+    return Calibrated(calibrations, missed, tuple(written))
 
 
 def _output_files(files: Sequence[Path], output: Path | None, several: bool) -> list[Path]:
@@ -137,14 +150,11 @@ def _output_files(files: Sequence[Path], output: Path | None, several: bool) -> 
     return targets
 
 
-def _missed(calibration: Calibration, required: tuple[float | None, float | None], named: bool) -> list[str]:
-    """The line that says which of the required accuracies is missed, if one is."""
-    missed = [
+def _missed(calibration: Calibration, required: tuple[float | None, float | None]) -> str:
+    """Which of the required accuracies is missed, and by how much."""
+    judged = zip(("force", "torque"), calibration.expected_error, required, ("N", "N m"), strict=True)
+    return " and ".join(
         f"{name} {value:.3g} {unit} over {limit:g}"
-        for name, value, limit, unit in zip(
-            ("force", "torque"), calibration.largest_std, required, ("N", "N m"), strict=True
-        )
+        for name, value, limit, unit in judged
         if limit is not None and not value <= limit
-    ]
-    where = f"{calibration.provenance['source']}: " if named else ""
-    return [f"{where}Required accuracy missed: largest std of the contact {' and '.join(missed)}"] if missed else []
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from ..assess.verify import LeftOver, compare
 from ..calibration.calibration import Calibration
 from ..calibration.fields import BIAS_MOVED
-from ..calibration.text import headline, parameter_rows
+from ..calibration.text import headline, parameter_rows, verdict_sentences
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..model import AXES
@@ -40,13 +40,17 @@ class Section:
     paragraphs: tuple[str, ...]
     calibration: Calibration
     samples: Samples | None = None
+    missed: str = ""
 
 
-def write_calibration_report(path: str | Path, calibration: Calibration, samples: Samples | None = None) -> None:
+def write_calibration_report(
+    path: str | Path, calibration: Calibration, samples: Samples | None = None, missed: str = ""
+) -> None:
     """Write the report of one calibration, with a picture of the `samples` that it was made from where they are a
-    stream. Raises `FileAccessError`, and `MissingExtraError` without matplotlib.
+    stream, and what is `missed` of what was required. Raises `FileAccessError`, and `MissingExtraError` without
+    matplotlib.
     """
-    write_report(path, "Calibration report", (), (Section(headline(calibration), (), calibration, samples),))
+    write_report(path, "Calibration report", (), (Section(headline(calibration), (), calibration, samples, missed),))
 
 
 def write_report(path: str | Path, title: str, introduction: tuple[str, ...], sections: tuple[Section, ...]) -> None:
@@ -69,7 +73,7 @@ def _section(section: Section) -> str:
     c = section.calibration
     many = "<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>"
     return (
-        f"<section><h2>{escape(section.title)}</h2>{paragraphs_html(section.paragraphs)}{_verdict(c)}"
+        f"<section><h2>{escape(section.title)}</h2>{paragraphs_html(section.paragraphs)}{_verdict(c, section.missed)}"
         f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div>"
         f"<div><h3>Fit</h3>{_fit(c)}</div></div>"
         f"{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}{_left_out(c)}"
@@ -112,11 +116,12 @@ def _poses(c: Calibration) -> list[str]:
     ]
 
 
-def _verdict(c: Calibration) -> str:
-    quality = "weak" if c.is_weak else "good"
-    listed = _list(c.warnings) if c.warnings else ""
-    said = f"<strong>{quality.capitalize()}.</strong> {escape(_sentence(c.largest_error))}"
-    return f'<div class="verdict {quality}">{said}{listed}</div>'
+def _verdict(c: Calibration, missed: str) -> str:
+    """The verdict in a box, which is green where it is good and nothing was missed; what is to be looked at in it."""
+    head, *reasons = verdict_sentences(c, missed)
+    quality = "missed" if missed else c.verdict
+    said = f"<strong>{escape(_sentence(head))}</strong> {escape(' '.join(map(_sentence, reasons)))}"
+    return f'<div class="verdict {quality}">{said}</div>{_list(c.warnings) if c.warnings else ""}'
 
 
 def _sentence(text: str) -> str:
