@@ -125,6 +125,33 @@ def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...
         J[:, 3:, -2:] = com @ dF
     return J
 
+def response(tool: RigidTool) -> Array:
+    """C (6, 9): the free wrench less the bias is `C @ vec(R_base_flange)`, row-major."""
+    return _response(wrench_matrix(tool)[:, :3], tool.gravity_direction)
+
+
+def _response(A: Array, d: Array) -> Array:
+    C: Array = A[..., :, None, :] * d[..., None, :, None]
+    return C.reshape(*C.shape[:-2], 9)
+
+
+def response_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
+    """Derivative (p, 6, 9) of `response` with respect to the rigid parameters `names`, those of the bias left out."""
+    R_sensor_flange, d = tool.R_flange_sensor.T, tool.gravity_direction
+    force = np.zeros((9, 3, 3))
+    torque = np.zeros((9, 3, 3))
+    turn = cross_matrix(np.eye(3)) @ R_sensor_flange
+    com = cross_matrix(tool.com)
+    force[0], torque[0] = R_sensor_flange, com @ R_sensor_flange
+    torque[1:4] = tool.weight * turn
+    force[4:7] = -tool.weight * turn
+    torque[4:7] = com @ force[4:7]
+    a, b = horizontal_axes(d)
+    J = _response(np.concatenate([force, torque], axis=1), d)
+    J[7:] = _response(wrench_matrix(tool)[:, :3], np.stack([-b, a]))
+    place = {name: k for k, name in enumerate((*LINEAR_PARAMETERS[:4], *MOUNT, *GRAVITY))} | {"yaw": 6}
+    return J[[place[name] for name in names if name in place]]
+
 
 def mounting_turn(names: tuple[str, ...]) -> Array:
     """How the mounting turns, about the sensor's own axes (rad), with each parameter `names`: (3, p)."""

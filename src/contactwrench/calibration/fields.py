@@ -54,6 +54,7 @@ class Kind(StrEnum):
     LOADED_ROWS = "loaded_rows"
     STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
     POSE_LEFT_OUT = "pose_left_out"
+    POSE_IN_DOUBT = "pose_in_doubt"
     BIAS_STEPPED = "bias_stepped"
     BIAS_DRIFTED = "bias_drifted"
     BIAS_WANDERED = "bias_wandered"
@@ -90,6 +91,7 @@ class Doubt(StrEnum):
 BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
 DOUBT_OF_KIND = {
     Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
+    Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
     **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }
 

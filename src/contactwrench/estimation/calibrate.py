@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.fields import Alternative, Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import InputError, UnobservableError
+from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
@@ -24,19 +25,16 @@ from ..samples.poses import Pose, moments_of_poses
 from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..version import __version__
-from .estimate import HELD_GRAVITY, alternatives_to, model_fitted
-from .findings import assumptions_in_words, doubts
-from .noise import NoiseLike, in_time, readings_of, stated_noise, times_of
+from .affine import MIRRORED, fit_affine
+from .estimate import Estimate, RigidEstimate
+from .findings import assumptions_in_words, doubts, outliers_and_drift, reasons_left_out, segments_left_out
+from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
+from .paper import fit_paper
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
-from .robust import (
-    MOST_JUDGED,
-    RobustEstimate,
-    confirmed,
-    poses_left_out,
-    robust_estimate,
-    segments_left_out,
-)
+from .rigid import MOST_JUDGED, estimated, model_fitted
+from .sign_ambiguity import HELD_GRAVITY, checked, require_answerable, require_noise
 
+OTHER_MODELS = ("yaw", "mount", "mount+base", "affine")
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
@@ -86,22 +84,22 @@ def calibrate(
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
     try:
-        checked = confirmed(recorded.robust, question)
+        return assembled(recorded, question, origin)
     except UnobservableError as error:
         raise UnobservableError(f"{error}{recorded.what_was_still}") from None
-    return assembled(replace(recorded, robust=checked), question, origin)
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording less its rows under load, its poses, the `robust` estimate from them, what was found on the way, and
-    the `g` (m/s^2) of the place; `rejected` the segments of a stream that are no pose; `segments` how many made the
-    poses, 0 of a table.
+    """A recording less its rows under load, its poses and their `readings`, the `estimate` from them, what was found
+    on the way, and the `g` (m/s^2) of the place; `rejected` the segments of a stream that are no pose; `segments` how
+    many made the poses, 0 of a table.
     """
 
     samples: Samples
     poses: tuple[Pose, ...]
-    robust: RobustEstimate
+    readings: PoseReadings
+    estimate: Estimate
     findings: tuple[Finding, ...]
     g: float
     rejected: tuple[Pose, ...]
@@ -186,14 +184,52 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
     findings += segments_left_out(recorded, _first_time(free))
+    ordered = stream or recorded.visits is not None
     if recorded.visits is not None:
-        visits = in_time(recorded.visits)
-        robust = robust_estimate(readings_of(visits), times_of(visits), question)
-        if robust.bias_drift is not None and robust.bias_drift.kind is not None:
-            return Recorded(free, visits, robust, findings, g, recorded.rejected, recorded.segments)
+        poses = in_time(recorded.visits)
+        readings = readings_of(poses, ordered)
+        estimate = fitted(readings, question)
+        if isinstance(estimate, RigidEstimate) and estimate.beliefs and sum(estimate.beliefs.moved.values()) > 0.5:
+            return Recorded(free, poses, readings, estimate, findings, g, recorded.rejected, recorded.segments)
     poses = in_time(recorded.poses)
-    robust = robust_estimate(readings_of(poses), times_of(poses), question)
-    return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.segments)
+    readings = readings_of(poses, ordered)
+    estimate = fitted(readings, question)
+    return Recorded(free, poses, readings, estimate, findings, g, recorded.rejected, recorded.segments)
+
+
+def fitted(readings: PoseReadings, question: Question) -> Estimate:
+    """The estimate by the model that is asked for, not yet checked."""
+    if question.model == "paper":
+        return fit_paper(readings, question.gravity_direction)
+    return fit_affine(readings, question) if question.model == "affine" else estimated(readings, question)
+
+
+def alternatives_to(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
+    """What the other models make of the same poses; those that the poses cannot tell are left out."""
+    alternatives = []
+    for model in OTHER_MODELS:
+        as_asked = replace(question, model=model)
+        try:
+            other = fit_affine(readings, as_asked) if model == "affine" else estimated(readings, as_asked, plain=True)
+            if isinstance(other, RigidEstimate):
+                require_answerable(other, readings, model, as_asked)
+            else:
+                require_noise(len(readings), 24, float(other.readings_left.min()), as_asked)
+        except UnobservableError:
+            continue
+        rigid = isinstance(other, RigidEstimate)
+        alternatives.append(
+            Alternative(
+                model=model,
+                weight=other.tool.weight if isinstance(other, RigidEstimate) else None,
+                weight_std=float(np.sqrt(other.covariance[0, 0])) if rigid else None,
+                force_left=other.force_left,
+                torque_left=other.torque_left,
+                B=other.B,
+                gravity_direction=other.gravity_direction,
+            )
+        )
+    return tuple(alternatives)
 
 
 def _first_time(samples: Samples) -> float:
@@ -211,8 +247,15 @@ def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
 
 
 def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:
-    """The checked estimate as a Calibration; `origin` joins its provenance."""
-    robust, poses, estimate = recorded.robust, recorded.poses, recorded.robust.estimate
+    """The estimate, checked, as a Calibration; `origin` joins its provenance. Raises `UnobservableError` and
+    `AmbiguityError` where it may not be returned.
+    """
+    estimate, poses, kept = recorded.estimate, recorded.poses, recorded.readings.select(recorded.estimate.kept)
+    if isinstance(estimate, RigidEstimate):
+        of_sign = checked(estimate, recorded.readings, question)
+    else:
+        require_noise(len(kept), 24, float(estimate.readings_left.min()), question)
+        of_sign = (MIRRORED,) if np.linalg.det(estimate.B[:3, :3]) < 0.0 else ()
     provenance: dict[str, str | int | float | bool | None] = {
         "software": f"contactwrench {__version__}",
         "source": recorded.samples.source,
@@ -221,13 +264,12 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         **({} if recorded.samples.t is None else {"t_first": _first_time(recorded.samples)}),
         **origin,
     }
-    fit, readings, names, tool = estimate.fit, robust.readings, estimate.names, estimate.fit.tool
-    observability = describe(readings.R_base_flange, fit.gravity_direction, fit.singular_values, fit.covariance, names)
-    if tool is None:
-        weight = mass = com = R_flange_sensor = yaw = None
-        parameters = fit.B.ravel()
-        bias = fit.B[:, 3]
-    else:
+    names, R = estimate.names, kept.R_base_flange
+    observability = describe(R, estimate.gravity_direction, estimate.singular_values, estimate.covariance, names)
+    weight = mass = com = R_flange_sensor = yaw = weight_xy = weight_z = None
+    parameters, bias = estimate.B.ravel(), estimate.B[:, 3]
+    if isinstance(estimate, RigidEstimate):
+        tool, weight_xy, weight_z = estimate.tool, estimate.weight_xy, estimate.weight_z
         weight, com, bias, R_flange_sensor = tool.weight, tool.com, tool.bias, tool.R_flange_sensor
         mass = weight / recorded.g
         yaw = yaw_of_mounting(R_flange_sensor)[0]
@@ -236,11 +278,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         if "yaw" in names:
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
-    held_out = fit.held_out
-    left_out = poses_left_out(robust, poses, _first_time(recorded.samples))
-    doubtful = doubts(robust, question, observability.trade_offs)
     compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_JUDGED
-    alternatives = alternatives_to(readings, question) if compared else ()
+    steady = replace(kept, wrench=kept.wrench - _change(estimate)[estimate.kept])
     return Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),
@@ -250,30 +289,42 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         bias=bias,
         R_flange_sensor=R_flange_sensor,
         yaw=yaw,
-        gravity_direction=fit.gravity_direction,
-        B=fit.B,
-        B_covariance=fit.B_covariance,
+        gravity_direction=estimate.gravity_direction,
+        B=estimate.B,
+        B_covariance=estimate.B_covariance,
         parameter_names=names,
         parameters=parameters,
-        covariance=fit.covariance,
-        noise=fit.noise,
-        residual_rms=np.sqrt(np.mean(fit.residuals**2, axis=0)),
-        held_out_rms=None if held_out is None else np.sqrt(np.mean(held_out**2, axis=0)),
-        reduced_chi2=fit.reduced_chi2,
-        dof=float(fit.dof.min()),
+        covariance=estimate.covariance,
+        noise=estimate.noise,
+        residual_rms=np.sqrt(np.mean(estimate.residuals**2, axis=0)),
+        held_out_rms=None if estimate.held_out is None else np.sqrt(np.mean(estimate.held_out**2, axis=0)),
+        reduced_chi2=estimate.reduced_chi2,
+        dof=float(estimate.dof.min()),
         observability=observability,
-        findings=(*recorded.findings, *left_out, *estimate.findings, *doubtful),
+        findings=(
+            *recorded.findings,
+            *outliers_and_drift(estimate, poses, _first_time(recorded.samples)),
+            *of_sign,
+            *doubts(estimate, kept, question, observability.trade_offs),
+        ),
         provenance=provenance,
-        poses=() if many else (*map(_marked, poses, robust.reasons), *recorded.rejected),
-        moments=moments_of_poses(readings.R_base_flange, readings.wrench) if many else None,
-        weight_xy=estimate.weight_xy,
-        weight_z=estimate.weight_z,
-        parameter_dof=fit.dof,
-        assumptions=() if estimate.auto is None else assumptions_in_words(estimate.auto, question),
-        alternatives=alternatives,
+        poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.rejected),
+        moments=moments_of_poses(R, kept.wrench) if many else None,
+        weight_xy=weight_xy,
+        weight_z=weight_z,
+        parameter_dof=estimate.dof,
+        assumptions=assumptions_in_words(estimate, question) if isinstance(estimate, RigidEstimate) else (),
+        alternatives=alternatives_to(steady, question) if compared else (),
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,
     )
+
+
+def _change(estimate: Estimate) -> Array:
+    """What the likeliest motion of the bias makes each pose's reading be off, (n, 6); zero of a steady one."""
+    beliefs = estimate.beliefs if isinstance(estimate, RigidEstimate) else None
+    moved = beliefs is not None and sum(beliefs.moved.values()) > 0.5
+    return beliefs.change if beliefs is not None and moved else np.zeros_like(estimate.errors)
 
 
 def _marked(pose: Pose, reason: str | None) -> Pose:

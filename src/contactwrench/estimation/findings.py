@@ -7,12 +7,15 @@ import numpy as np
 from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
-from ..model import AXES, RigidTool, affine_jacobian, gravity_in_flange
-from .auto import AutoFit
-from .least_squares import LEAST_LEFT, Fit
+from ..model import AXES, gravity_in_flange
+from ..samples.poses import Pose
+from ..samples.recorded_poses import RecordedPoses
+from ..statistics import two_digits
+from .affine import force_matrix
+from .bias_drift import in_words
+from .estimate import Beliefs, Estimate, RigidEstimate
 from .noise import PoseReadings
-from .priors import Question
-from .robust import POOR_SHARE, RobustEstimate, force_left, weight_of
+from .priors import Question, rows_of
 
 WEIGHT_SHARE = 0.10
 COM_STD = 0.010
@@ -32,29 +35,43 @@ ALIKE_SHOWS = 3.3
 FEWEST_IN_A_ROW = 12
 SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
+AFFINE_PARAMETERS, RIGID_PARAMETERS = 24.0, 13.0
+POOR_SHARE = 0.10
+"""Of the weight: where more is left in a pose than this, something is wrong."""
+
+RIVAL_ODDS = 20.0
+"""To one: a decision with smaller odds is in doubt."""
+
+LARGE_SHARE = 0.25
+"""Of the poses: where more are left out, the result hangs on which."""
+
+MOST_NAMED = 6
+MOST_SEGMENTS_NAMED = 3
+MOST_MOVED = 1.0 / 3.0
+"""Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
+
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
 
-def doubts(robust: RobustEstimate, question: Question, trade_offs: tuple[str, ...]) -> tuple[Finding, ...]:
-    """What an estimate cannot be trusted with."""
-    fit, readings, names = robust.estimate.fit, robust.readings, robust.estimate.names
-    found = [*uncertain_parameters(fit, names, readings, trade_offs)]
+def doubts(estimate: Estimate, readings: PoseReadings, question: Question, trade_offs: tuple[str, ...]) -> list[Finding]:
+    """What an estimate from `readings`, those kept, cannot be trusted with."""
+    found = uncertain_parameters(estimate, readings, trade_offs)
     estimated = question.noise is None or question.model == "paper"
-    found += uncertain_noise(fit) if estimated else beyond_stated_noise(fit)
-    if fit.tool is not None and question.earlier is None:
-        found += [*poor_fit(fit), *far_centre_of_mass(fit), *cross_talk(fit, readings)]
-    found += correlated_poses(fit)
-    if question.earlier is not None:
-        found += contradicts_prior(fit)
-    elif fit.held_out is None:
+    found += uncertain_noise(estimate) if estimated else beyond_stated_noise(estimate)
+    if isinstance(estimate, RigidEstimate) and question.earlier is None:
+        found += [*poor_fit(estimate), *far_centre_of_mass(estimate), *cross_talk(estimate, readings)]
+    found += correlated_poses(estimate)
+    if question.earlier is not None and isinstance(estimate, RigidEstimate):
+        found += contradicts_prior(estimate, question)
+    elif estimate.held_out is None:
         text = "no pose can be left out for a held-out error: record more poses"
         found.append(Finding(Kind.NO_HELD_OUT_ERROR, Severity.NOTE, text))
-    return tuple(found)
+    return found
 
 
 def uncertain_parameters(
-    fit: Fit, names: tuple[str, ...], readings: PoseReadings, trade_offs: tuple[str, ...]
+    fit: Estimate, readings: PoseReadings, trade_offs: tuple[str, ...]
 ) -> list[Finding]:
     """A weight known to worse than 10 %, a com to worse than 10 mm, a force bias to worse than 10 % of the weight, each
     with what it trades off with; then what would mend them.
@@ -62,12 +79,12 @@ def uncertain_parameters(
     `affine` has no weight; the mean singular value of its force matrix stands in.
     """
     uncertain: list[tuple[str, str]] = []
-    weight = weight_of(fit)
-    if fit.tool is not None:
+    weight = fit.weight_scale
+    if isinstance(fit, RigidEstimate):
         weight, std = fit.tool.weight, np.sqrt(np.diag(fit.covariance))
         if std[0] > weight:
             text = f"weight {weight:.2g} +- {std[0]:.2g} N is not above zero, so com and mounting mean nothing"
-            return _with_advice([("weight", text)], fit, names, readings, trade_offs)
+            return _with_advice([("weight", text)], fit, readings, trade_offs)
         if std[0] > WEIGHT_SHARE * weight:
             uncertain.append(("weight", f"weight {weight:.3g} +- {std[0]:.2g} N, a std over 10 %"))
         for axis, value in zip("xyz", std[1:4], strict=True):
@@ -77,13 +94,12 @@ def uncertain_parameters(
         if value > BIAS_SHARE * weight:
             text = f"bias_f{axis} has a std of {value:.2g} N, over 10 % of the weight"
             uncertain.append((f"bias_f{axis}", text))
-    return _with_advice(uncertain, fit, names, readings, trade_offs) if uncertain else []
+    return _with_advice(uncertain, fit, readings, trade_offs) if uncertain else []
 
 
 def _with_advice(
     uncertain: list[tuple[str, str]],
-    fit: Fit,
-    names: tuple[str, ...],
+    fit: Estimate,
     readings: PoseReadings,
     trade_offs: tuple[str, ...],
 ) -> list[Finding]:
@@ -92,24 +108,25 @@ def _with_advice(
     for name, text in uncertain:
         rivals = [pair for pair in trade_offs if name in pair.split(": ")[0].split(" and ")]
         findings.append(Finding.weak(Kind.UNCERTAIN_PARAMETER, f"{text}{f' ({rivals[0]})' if rivals else ''}"))
-    advice = _advice(fit, names, readings, uncertain[0][0])
+    advice = _advice(fit, readings, uncertain[0][0])
     return [*findings, Finding(Kind.ADVICE, Severity.NOTE, advice)]
 
 
-def _advice(fit: Fit, names: tuple[str, ...], readings: PoseReadings, weakest: str) -> str:
+def _advice(fit: Estimate, readings: PoseReadings, weakest: str) -> str:
     """Where the poses are at fault, why, and what one more would give; else a better reading of the data."""
     s: Array = fit.singular_values
-    if fit.tool is not None:
-        s = np.asarray(np.linalg.svd(natural_jacobian(fit.tool, readings.R_base_flange, names), compute_uv=False))
+    tool = fit.tool if isinstance(fit, RigidEstimate) else None
+    if tool is not None:
+        s = np.asarray(np.linalg.svd(natural_jacobian(tool, readings.R_base_flange, fit.names), compute_uv=False))
     if s[-1] < WELL_SPREAD * s[0]:
-        return advice_on_poses(fit.tool, fit.covariance, fit.noise, names, weakest, readings.R_base_flange)
+        return advice_on_poses(tool, fit.covariance, fit.noise, fit.names, weakest, readings.R_base_flange)
     return (
-        f"the poses are well spread, yet {force_left(fit):.2g} N are left in them: check that the arm was still and "
+        f"the poses are well spread, yet {fit.force_left:.2g} N are left in them: check that the arm was still and "
         "free, and try contactwrench diagnose; a light tool needs more poses"
     )
 
 
-def beyond_stated_noise(fit: Fit) -> list[Finding]:
+def beyond_stated_noise(fit: Estimate) -> list[Finding]:
     """That the poses differ far more than the noise that was stated for them."""
     ratio = float(np.sqrt(fit.reduced_chi2))
     if ratio <= STATED_NOISE_RATIO:
@@ -121,7 +138,7 @@ def beyond_stated_noise(fit: Fit) -> list[Finding]:
     return [Finding.weak(Kind.BEYOND_STATED_NOISE, text)]
 
 
-def uncertain_noise(fit: Fit) -> list[Finding]:
+def uncertain_noise(fit: Estimate) -> list[Finding]:
     """Standard deviations that rest on too little: few degrees of freedom, or one axis that the model explains far
     better than its neighbour.
     """
@@ -145,9 +162,9 @@ def uncertain_noise(fit: Fit) -> list[Finding]:
     return found
 
 
-def poor_fit(fit: Fit) -> list[Finding]:
+def poor_fit(fit: Estimate) -> list[Finding]:
     """That far more is left than a sensor and an arm explain: most often the file is understood wrongly."""
-    left, weight = force_left(fit), weight_of(fit)
+    left, weight = fit.force_left, fit.weight_scale
     if left <= POOR_SHARE * weight:
         return []
     text = (
@@ -157,7 +174,7 @@ def poor_fit(fit: Fit) -> list[Finding]:
     return [Finding.weak(Kind.POOR_FIT, text)]
 
 
-def correlated_poses(fit: Fit) -> list[Finding]:
+def correlated_poses(fit: Estimate) -> list[Finding]:
     """That what is left in one pose is left in the next as well: poses are taken for independent, which rows taken on
     the way are not, and no std holds.
     """
@@ -178,9 +195,9 @@ def correlated_poses(fit: Fit) -> list[Finding]:
     return [Finding.weak(Kind.CORRELATED_POSES, text)]
 
 
-def far_centre_of_mass(fit: Fit) -> list[Finding]:
+def far_centre_of_mass(fit: RigidEstimate) -> list[Finding]:
     """That the centre of mass lies further off than any tool's: what a wrong unit of torque looks like."""
-    distance = 0.0 if fit.tool is None else float(np.linalg.norm(fit.tool.com))
+    distance = float(np.linalg.norm(fit.tool.com))
     if distance <= FURTHEST_COM:
         return []
     text = (
@@ -190,43 +207,39 @@ def far_centre_of_mass(fit: Fit) -> list[Finding]:
     return [Finding.weak(Kind.FAR_CENTRE_OF_MASS, text)]
 
 
-def cross_talk(fit: Fit, readings: PoseReadings) -> list[Finding]:
+def cross_talk(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
     """That a force matrix of its own for each axis explains far more than a rigid tool can (F test)."""
     from scipy.special import fdtrc
 
-    linear, n = fit.linear, len(readings)
-    if linear is None or n < FEWEST_POSES_FOR_MATRIX:
+    n = len(readings)
+    if n < FEWEST_POSES_FOR_MATRIX:
         return []
-    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
-    columns = affine_jacobian(r)
-    whitened = (linear.whitener @ columns).reshape(6 * n, 24)
-    spanned = linear.U.reshape(6 * n, -1)
-    across = whitened - spanned @ (spanned.T @ whitened)
-    left, s, _ = np.linalg.svd(across, full_matrices=False)
-    new = left[:, s > 1e-6 * max(float(s[0]), 1e-300)]
-    errors = linear.whitened.ravel()
-    gain, more = float(np.sum((new.T @ errors) ** 2)), float(new.shape[1])
-    rest, dof = max(linear.chi2_of_readings - gain, 1e-300), linear.readings_left - more
-    if more == 0.0 or dof < LEAST_LEFT or float(fdtrc(more, dof, gain / more / (rest / dof))) > SIGNIFICANCE:
+    A = np.column_stack([gravity_in_flange(readings.R_base_flange, fit.gravity_direction), np.ones(n)])
+    whitened = fit.residuals / fit.noise
+    more, *_ = np.linalg.lstsq(A, whitened, rcond=None)
+    rest = max(float(np.sum((whitened - A @ more) ** 2)), 1e-300)
+    gain = float(np.sum(whitened**2)) - rest
+    dof = 6.0 * n - AFFINE_PARAMETERS
+    added = AFFINE_PARAMETERS - RIGID_PARAMETERS
+    if dof < 1.0 or float(fdtrc(added, dof, gain / added / (rest / dof))) > SIGNIFICANCE:
         return []
-    B = np.linalg.lstsq(columns.reshape(6 * n, 24), readings.wrench.ravel(), rcond=None)[0].reshape(6, 4)
-    values = ", ".join(f"{value:.4g}" for value in np.linalg.svd(B[:3, :3], compute_uv=False))
+    B = np.linalg.lstsq(A, readings.wrench, rcond=None)[0].T
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
-        f"{values} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare --model affine"
+        f"{force_matrix(B)} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
+        "--model affine"
     )
     return [Finding.doubtful(Kind.CROSS_TALK, text)]
 
 
-def contradicts_prior(fit: Fit) -> list[Finding]:
+def contradicts_prior(fit: RigidEstimate, question: Question) -> list[Finding]:
     """That readings and the earlier calibration do not go together."""
     from scipy.special import chdtrc
 
-    linear = fit.linear
-    if linear is None:
-        return []
-    off = float(linear.prior @ linear.prior)
-    if fit.reduced_chi2 <= STATED_NOISE_RATIO and float(chdtrc(float(len(linear.prior)), off)) > SIGNIFICANCE:
+    known = rows_of(question.knowledge, fit.tool, fit.names)
+    off = 0.0 if known is None else float(known.residuals @ known.residuals)
+    rows = 1 if known is None else len(known.residuals)
+    if fit.reduced_chi2 <= STATED_NOISE_RATIO and float(chdtrc(float(rows), off)) > SIGNIFICANCE:
         return []
     text = (
         "the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches something; "
@@ -235,29 +248,121 @@ def contradicts_prior(fit: Fit) -> list[Finding]:
     return [Finding.weak(Kind.CONTRADICTS_PRIOR, text)]
 
 
-def assumptions_in_words(auto: AutoFit, question: Question) -> tuple[str, ...]:
+def segments_left_out(recorded: RecordedPoses, since: float) -> tuple[Finding, ...]:
+    """That still segments of a stream are no pose; the longest with their reasons, times counted from `since` (s)."""
+    rejected = recorded.rejected
+    if not rejected:
+        return ()
+    longest = sorted(sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED], key=_start)
+    named = "; ".join(f"t = {_start(pose) - since:.6g} s, {pose.rejected}" for pose in longest)
+    more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
+    stood = len(rejected) + recorded.segments
+    text = f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}"
+    if recorded.moved <= MOST_MOVED * stood:
+        return (Finding(Kind.STILL_SEGMENTS_LEFT_OUT, Severity.REFUSED, text),)
+    doubt = "do wrench and pose belong together in time, and was the tool let alone?"
+    return (Finding.weak(Kind.STILL_SEGMENTS_LEFT_OUT, f"{text}; {doubt}"),)
+
+
+def _start(pose: Pose) -> float:
+    return 0.0 if pose.t_start is None else pose.t_start
+
+
+def reasons_left_out(estimate: Estimate) -> tuple[str | None, ...]:
+    """Why each pose was left out, None where it was kept."""
+    return tuple(
+        None if kept else _reason(error, estimate.noise)
+        for error, kept in zip(estimate.errors, estimate.kept, strict=True)
+    )
+
+
+def _reason(error: Array, noise: Array) -> str:
+    force, torque = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+    return (
+        f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m off what the other poses explain, "
+        f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
+    )
+
+
+def outliers_and_drift(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> tuple[Finding, ...]:
+    """Poses left out, up to `MOST_NAMED` by name, those in doubt, and how the bias moved; times count from `since`."""
+    beliefs = estimate.beliefs if isinstance(estimate, RigidEstimate) else None
+    if beliefs is None:
+        return ()
+    names = [_name(k, pose, since) for k, pose in enumerate(poses)]
+    reasons = reasons_left_out(estimate)
+    texts = [f"{names[k]} was left out: {reason}" for k, reason in enumerate(reasons) if reason is not None]
+    if len(texts) > MOST_NAMED:
+        texts[MOST_NAMED:] = [f"{len(texts) - MOST_NAMED} more poses were left out for the same reason"]
+    findings = [Finding(Kind.POSE_LEFT_OUT, Severity.REFUSED, text) for text in texts]
+    findings += _poses_in_doubt(estimate, beliefs, names)
+    findings += _bias_moved(beliefs, names, poses)
+    took = 1.0 - float(estimate.kept.mean())
+    if took > LARGE_SHARE:
+        text = f"{int(np.sum(~estimate.kept))} of {len(poses)} poses were left out: record more, free of contact"
+        findings.append(Finding.doubtful(Kind.POSE_LEFT_OUT, text))
+    return tuple(findings)
+
+
+def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> list[Finding]:
+    """Poses that nearly were left out, or nearly were not, and a last one whose error may be a step of the bias."""
+    found = []
+    for k, probability in enumerate(beliefs.outlying):
+        if 1.0 / RIVAL_ODDS < probability < 1.0 - 1.0 / RIVAL_ODDS:
+            text = (
+                f"{names[k]} may be in contact, with a probability of {_percent(float(probability))}: the result "
+                "counts both cases; record that orientation again"
+            )
+            found.append(Finding.doubtful(Kind.POSE_IN_DOUBT, text))
+    if not estimate.kept[-1] and len(names) > 1:
+        text = (
+            f"{names[-1]}, the last one, was left out: if the bias stepped there instead, it is off by that; record "
+            "one more pose"
+        )
+        found.append(Finding.doubtful(Kind.POSE_IN_DOUBT, text))
+    return found
+
+
+def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
+    moved = sum(beliefs.moved.values())
+    if beliefs.drift is None or beliefs.drift.kind is None or moved < 0.5:
+        return []
+    text = in_words(beliefs.drift, beliefs.change, moved, names, poses[0].t_start, poses[-1].t_end)
+    kind, n = beliefs.drift.kind, len(names)
+    by_one_pose = kind is Kind.BIAS_STEPPED and beliefs.drift.first_after == n - 1
+    if moved < 1.0 - 1.0 / RIVAL_ODDS or by_one_pose:
+        return [Finding.doubtful(kind, text)]
+    return [Finding(kind, Severity.WARNING, text)]
+
+
+def _name(k: int, pose: Pose, since: float) -> str:
+    return f"pose {k + 1}" + ("" if pose.t_start is None else f" (t = {pose.t_start - since:.6g} s)")
+
+
+def assumptions_in_words(estimate: RigidEstimate, question: Question) -> tuple[str, ...]:
     """One sentence on the mounting, one on the base."""
-    tool = auto.fit.rigid_tool
+    tool, beliefs, priors = estimate.tool, estimate.beliefs, question.priors
+    if beliefs is None or question.model != "auto" or question.earlier is not None:
+        return ()
     side = "along" if tool.R_flange_sensor[2, 2] >= 0.0 else "against"
-    tilt, lean = _tilt_of_mounting(tool), _angle(float(tool.gravity_direction @ question.gravity_direction))
-    priors = question.priors
+    tilt, lean = _angle(abs(float(tool.R_flange_sensor[2, 2]))), _angle(float(tool.gravity_direction @ question.gravity_direction))
     if priors.mount is None:
         of_mounting = f"mounting: as known; sensor's z is found {tilt:.2f} deg off the flange's"
-    elif auto.mounting_exact is None:
-        of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(auto, priors.mount)}"
+    elif beliefs.any_mounting > 0.5:
+        of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(beliefs.any_mounting, priors.mount)}"
     else:
         of_mounting = (
             f"mounting: sensor's z {side} the flange's, {_an_axis(priors.mount)}; found {tilt:.2f} deg off, exactly "
-            f"parallel has a probability of {_percent(auto.mounting_exact)}"
+            f"parallel has a probability of {_percent(beliefs.mounting_exact)}"
         )
     if priors.base is None:
         of_base = f"base: as known; gravity is found {lean:.2f} deg off that direction"
-    elif auto.base_exact is None:
-        of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(auto, priors.base)}"
+    elif beliefs.any_base > 0.5:
+        of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(beliefs.any_base, priors.base)}"
     else:
         of_base = (
             f"base: gravity in the stated direction, {_an_axis(priors.base)}; found {lean:.2f} deg off, exactly "
-            f"level has a probability of {_percent(auto.base_exact)}"
+            f"level has a probability of {_percent(beliefs.base_exact)}"
         )
     return of_mounting, of_base
 
@@ -266,13 +371,8 @@ def _an_axis(sd: float) -> str:
     return f"+- {np.rad2deg(sd):.3g} deg an axis"
 
 
-def _overruled(auto: AutoFit, sd: float) -> str:
-    odds = auto.log_odds / np.log(10.0)
-    return f"which the readings favour 10^{odds:.0f} : 1 over a tilt of {np.rad2deg(sd):.3g} deg an axis"
-
-
-def _tilt_of_mounting(tool: RigidTool) -> float:
-    return min(_angle(float(tool.R_flange_sensor[2, 2])), _angle(-float(tool.R_flange_sensor[2, 2])))
+def _overruled(probability: float, sd: float) -> str:
+    return f"not within {np.rad2deg(sd):.3g} deg an axis (probability {_percent(min(probability, 0.999))})"
 
 
 def _angle(cosine: float) -> float:
@@ -280,4 +380,4 @@ def _angle(cosine: float) -> float:
 
 
 def _percent(probability: float) -> str:
-    return f"{100.0 * probability:.0f} %"
+    return f"{100.0 * probability:.3g} %"

@@ -1,288 +1,171 @@
-"""Whitened least squares on a manifold, with the noise given up to one scale or estimated along the way.
+"""The fit on moments: normal equations of a rigid tool for a stack of kernels and hypotheses, noise, evidence.
 
-What every joint fit shares: a `Problem` gives residuals and derivatives at a state and takes Gauss-Newton steps; here
-are the iteration, the variances between poses (see noise.py), and what follows at the optimum: covariance, degrees of
-freedom, leave-one-out residuals.
+Everything is linearised at one tool. For each kernel K (moments.py) and each axis a, the Gram matrix of the parameters'
+derivatives and of what is left of the readings, under Q, is (p + 1, p + 1); weighted with the axes' variances and summed
+it gives the normal equations. The variances are those of restricted maximum likelihood (Patterson and Thompson, 1971):
+one for the forces and one for the torques, each axis free to differ by a factor whose logarithm has a prior, so that a
+handful of poses cannot make one axis exact. The evidence is Laplace's (MacKay, 1992), in the parameters and in the
+logarithms of the variances.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
 
 from ..geometry.arrays import Array
-from ..model import RigidTool
-from .noise import (
-    GROUPS,
-    EstimatedNoise,
-    PoseReadings,
-    ScaledNoise,
-    StatedNoise,
-    axis_variances,
-    mean_scatter,
-    relative_variances,
-    whitening,
-)
+from ..model import RigidTool, response_jacobian
+from .moments import Moments
+from .noise import StatedNoise
 
-MAX_ITERATIONS = 100
-STEP_TOLERANCE = 1e-7
-AXIS_PASSES = 2
-"""How often each axis' variance is taken from the fit before: once more than once, as one noisy axis leaks into the
-others of a fit that weights them alike."""
+AXIS_SD = 0.7
+"""Of the logarithm of an axis' variance about that of its group: noises of one sensor's axes differ by a half or so."""
 
-VARIANCE_TOLERANCE = 1e-3
-"""Relative; a weight that is off by this much changes an estimate by far less than a hundredth of its std."""
+MOST_PASSES = 40
+SETTLED = 1e-3
+"""Relative change of a variance; an estimate changes by far less than a hundredth of its std."""
 
-SINGULAR_SCATTER = 1e-8
-"""Of the scatter's variance: what is added where the scatter of few rows has no full rank."""
-
-SAME_WEIGHTS = 0.02
-"""Relative: variances that differ by less weight the readings alike."""
-
-LEAST_LEFT = 0.5
-"""Degrees of freedom: with fewer left, residuals say nothing about the noise."""
-
-NEGLIGIBLE = 1e-10
-"""Of the largest singular value: below, a direction is not determined and the step leaves it alone."""
-
-
-State = TypeVar("State")
+LEAST_DOF = 0.05
+RIDGE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
-class PriorRows:
-    """What is known before the readings, as rows of unit variance.
-
-    `residuals` (q,): what is known less what the state says, in standard deviations; `jacobian` (q, p): the derivative
-    of what the state says, likewise.
+class Priors:
+    """Of each of h hypotheses: information (h, p, p) and pull (h, p) of what is known beforehand, linearised, its
+    misfit (h,), what joins the information in the evidence's determinant only, (h, p, p), and the logarithm (h,) of
+    its normalised probability.
     """
 
-    residuals: Array
-    jacobian: Array
+    information: Array
+    pull: Array
+    misfit: Array
+    of_volume: Array
+    log_prior: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
-    """The whitened problem at one point, and the singular value decomposition of its Jacobian by way of QR.
+class NoiseModel:
+    """What is known of the variances: `least` (6,), at least; `stated` up to one scale, or None; `start` (6,)."""
 
-    `residuals` (n, 6) and `whitened` (n, 6) of the readings, `prior` (q,) those of the prior; `U` (n, 6, p) and
-    `U_prior` (q, p) together have orthonormal columns.
-    """
-
-    residuals: Array
-    whitener: Array
-    whitened: Array
-    prior: Array
-    U: Array
-    U_prior: Array
-    s: Array
-    Vt: Array
-    column_length: Array
-
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared whitened residuals, the prior's included: what the step makes smaller."""
-        return self.chi2_of_readings + float(self.prior @ self.prior)
-
-    @property
-    def chi2_of_readings(self) -> float:
-        """Sum of the squared whitened residuals of the readings alone."""
-        return float(np.sum(self.whitened**2))
-
-    @property
-    def readings_left(self) -> float:
-        """Degrees of freedom that the readings have left; a parameter that the prior settles costs them none."""
-        return self.whitened.size - float(np.sum(self.U**2))
-
-    @property
-    def tells_noise(self) -> bool:
-        """Whether forces and torques, whose noises differ, each have readings left to estimate their noise from."""
-        return self.least_left >= LEAST_LEFT
-
-    @property
-    def least_left(self) -> float:
-        """Degrees of freedom that are left to the forces, or to the torques, whichever has fewer."""
-        return min(3.0 * len(self.residuals) - float(np.sum(self.U[:, group] ** 2)) for group in GROUPS)
-
-    def inverse(self) -> Array:
-        """A (p, p): `A @ U^T @ whitened` is the least-squares step, of least length where nothing determines it;
-        `A @ A.T` is the covariance of the parameters.
-        """
-        inverse: Array = (self.Vt.T / np.where(self.s > 0.0, self.s, np.inf)) / self.column_length[:, None]
-        return inverse
-
-    def step(self) -> Array:
-        """The Gauss-Newton step (p,)."""
-        step: Array = self.inverse() @ self.gradient()
-        return step
-
-    def gradient(self) -> Array:
-        """The whitened residuals along the columns of U (p,): zero at the optimum."""
-        along: Array = self.U.reshape(-1, len(self.s)).T @ self.whitened.ravel() + self.U_prior.T @ self.prior
-        return along
-
-    def whitened_after_step(self) -> Array:
-        """The whitened residuals (n, 6) of the readings that the step will leave, to first order."""
-        left: Array = self.whitened - np.einsum("nkp,p->nk", self.U, self.gradient())
-        return left
-
-    def step_size(self) -> float:
-        """Length of the next step in standard deviations of the readings, relative to the misfit that is left."""
-        return float(np.linalg.norm(self.gradient())) / max(1.0, float(np.sqrt(self.chi2)))
-
-
-def linearise(residuals: Array, jacobian: Array, whitener: Array, prior: PriorRows | None = None) -> Linearised:
-    """Whiten residuals (n, 6) and Jacobian (n, 6, p), add the prior's rows, scale columns to unit length, decompose."""
-    n, _, p = jacobian.shape
-    J = (whitener @ jacobian).reshape(6 * n, p)
-    if prior is not None:
-        J = np.vstack([J, prior.jacobian])
-    length = np.sqrt(np.einsum("ip,ip->p", J, J))
-    length[length == 0.0] = 1.0
-    Q, triangle = np.linalg.qr(J / length)
-    left, s, Vt = np.linalg.svd(triangle)
-    s[s < NEGLIGIBLE * s[0]] = 0.0
-    U = (Q @ left[:, : len(s)]) * (s > 0.0)
-    return Linearised(
-        residuals=residuals,
-        whitener=whitener,
-        whitened=np.einsum("nij,nj->ni", whitener, residuals),
-        prior=np.empty(0) if prior is None else prior.residuals,
-        U=U[: 6 * n].reshape(n, 6, -1),
-        U_prior=U[6 * n :],
-        s=s,
-        Vt=Vt[: len(s)],
-        column_length=length,
-    )
+    least: Array
+    stated: StatedNoise | None
+    start: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """What an estimator hands on, in the terms of `Calibration`.
-
-    `tool` is None for `affine`; `residuals` (n, 6) N, N m; `held_out` the same with each pose left out of the fit;
-    `dof` (p,) behind the std of each parameter; `readings_left` what the parameters leave of the 6 n readings;
-    `singular_values` (p,) of the whitened Jacobian with columns of unit
-    length, largest first; `linear` the whitened problem at the optimum, None where the estimate is no least squares.
+class Members:
+    """Solutions (m) under pairs of a kernel and a hypothesis: `kernel`, `hypothesis` indices; `step` (m, p) from where
+    all was linearised, `covariance` (m, p, p); `variance` (m, 6) of a pose's reading and `dof` (m, 6) behind each axis'
+    own; `log_evidence` (m,); `misfit` (m, 6) sums of squares over the variance.
     """
 
-    tool: RigidTool | None
-    gravity_direction: Array
-    B: Array
-    B_covariance: Array
+    kernel: Array
+    hypothesis: Array
+    step: Array
     covariance: Array
-    noise: Array
-    residuals: Array
-    held_out: Array | None
-    reduced_chi2: float
+    variance: Array
     dof: Array
-    readings_left: float
-    singular_values: Array
-    linear: Linearised | None = None
+    log_evidence: Array
+    misfit: Array
 
-    @property
-    def rigid_tool(self) -> RigidTool:
-        """The tool of a fit that is known to be rigid."""
-        if self.tool is None:
-            raise TypeError("a rigid fit has a tool")
-        return self.tool
+    def select(self, kept: Array) -> Members:
+        """Those of an index or a mask."""
+        return Members(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
 
-class Problem(Protocol[State]):
-    """A model to fit to given readings, from one state to the next."""
-
-    def linearised(self, state: State, whitener: Array) -> Linearised:
-        """Residuals and derivatives at `state`, whitened."""
-        ...
-
-    def advanced(self, state: State, linear: Linearised) -> State:
-        """`state` after one Gauss-Newton step."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Solved:
-    """A converged problem and its noise."""
-
-    linear: Linearised
-    noise: EstimatedNoise | ScaledNoise
+def gram(tool: RigidTool, names: tuple[str, ...], S: Array) -> Array:
+    """Gram matrices (k, 6, p + 1, p + 1) of derivatives and errors, moments S (k, 15, 15) of [vec(R), error]."""
+    J = response_jacobian(tool, names)
+    W = np.zeros((6, len(J) + 1, 15))
+    W[:, :-1, :9] = J.transpose(1, 0, 2)
+    W[range(6), -1, range(9, 15)] = 1.0
+    wide = W.reshape(-1, 15) @ S  # (k, 6 (p + 1), 15)
+    G: Array = wide.reshape(len(S), 6, -1, 15) @ W.transpose(0, 2, 1)
+    return G
 
 
-def solve(
-    problem: Problem[State], state: State, readings: PoseReadings, noise: StatedNoise | None
-) -> tuple[State, Solved]:
-    """Gauss-Newton to the end; the noise, or the scale of the given noise, is estimated along the way."""
-    if noise is not None:
-        return _with_stated_noise(problem, state, readings, noise)
-    n = len(readings)
-    state, variance = _with_variance_of_groups(problem, state, readings)
-    scatter, floor = readings.scatter, _least_variance(readings)
-    linear = problem.linearised(state, whitening(variance, scatter, n))
-    for _ in range(AXIS_PASSES):
-        before = variance
-        variance, mixing = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor).pooled()
-        if float(np.max(np.abs(variance - before) / variance)) <= SAME_WEIGHTS:
-            variance = before
-            break
-        state, linear = _converged(problem, state, whitening(variance, scatter, n))
-    axes = axis_variances(variance, linear.whitener, linear.whitened, linear.U, floor)
-    own = axes.single > variance
-    counted, mixing = np.where(own, axes.single, variance), np.where(own[:, None], np.eye(6), mixing)
-    return state, Solved(linear, EstimatedNoise(variance, counted, axes.dof, mixing, scatter))
-
-
-def _with_stated_noise(
-    problem: Problem[State], state: State, readings: PoseReadings, noise: StatedNoise
-) -> tuple[State, Solved]:
-    """The optimum, with the one scale of the given noise that residuals and earlier degrees of freedom agree on."""
-    n, given = len(readings), relative_variances(noise)
-    least = float(np.max(_least_variance(readings) / given))
-    scale, chi2, dof = 1.0, 0.0, 0.0
-    for _ in range(MAX_ITERATIONS):
-        state, linear = _converged(problem, state, whitening(scale * given, None, n))
-        chi2, left = scale * linear.chi2_of_readings, linear.readings_left
-        dof = noise.dof + left if left >= LEAST_LEFT else noise.dof
-        before, scale = scale, max((noise.dof + chi2) / dof, least) if left >= LEAST_LEFT else 1.0
-        if abs(scale - before) <= VARIANCE_TOLERANCE * scale:
-            break
-    return state, Solved(linear, ScaledNoise(scale * given, chi2 / left if left >= LEAST_LEFT else 1.0, dof))
-
-
-def _converged(problem: Problem[State], state: State, whitener: Array) -> tuple[State, Linearised]:
-    for _ in range(MAX_ITERATIONS):
-        linear = problem.linearised(state, whitener)
-        if linear.step_size() <= STEP_TOLERANCE:
-            return state, linear
-        state = problem.advanced(state, linear)
-    return state, problem.linearised(state, whitener)
-
-
-def _with_variance_of_groups(problem: Problem[State], state: State, readings: PoseReadings) -> tuple[State, Array]:
-    """State and variances (6,) at the restricted maximum likelihood of one variance for the forces, one for torques."""
-    n = len(readings)
-    scattered, floor = mean_scatter(readings.scatter), _least_variance(readings)
-    linear = problem.linearised(state, whitening(relative_variances(None), None, n))
-    state = problem.advanced(state, linear)
-    left = float(np.sum(linear.whitened_after_step() ** 2)) / (6.0 * n)
-    variance = np.maximum(relative_variances(None) * left, floor)
-    for _ in range(MAX_ITERATIONS):
-        linear = problem.linearised(state, whitening(variance, readings.scatter, n))
-        state = problem.advanced(state, linear)
-        axes = axis_variances(variance, linear.whitener, linear.whitened_after_step(), linear.U, floor)
-        before, variance = variance, axes.of_groups()
-        change = float(np.max(np.abs(variance - before) / (variance + scattered)))
-        if linear.step_size() <= STEP_TOLERANCE and change <= VARIANCE_TOLERANCE:
-            break
-    return state, variance
-
-
-def _least_variance(readings: PoseReadings) -> Array:
-    """The least variance (6,) that is taken seriously: noise-free data carry rounding errors only, and the scatter of
-    few rows may have no full rank.
+def solved(
+    G: Array, moments: Moments, log_prior: Array, priors: Priors, pairs: tuple[Array, Array], noise: NoiseModel
+) -> Members:
+    """The solutions under `pairs` of a kernel, whose `log_prior` (k,) counts, and a hypothesis; noise and parameters at
+    their joint optimum.
     """
-    scale = np.abs(readings.wrench).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
-    rounding = np.repeat((1e-10 * scale + 1e-14) ** 2, 3)
-    least: Array = np.maximum(rounding, SINGULAR_SCATTER * mean_scatter(readings.scatter))
-    return least
+    kernel, hypothesis = pairs
+    own, p = G[kernel], G.shape[-1] - 1
+    information, pull = priors.information[hypothesis], priors.pull[hypothesis]
+    of_axis = own[..., :p, :p]
+    variance = np.broadcast_to(noise.start, (len(kernel), 6)).copy()
+    for _ in range(MOST_PASSES):
+        weighted = np.einsum("ma,maij->mij", 1.0 / variance, own)
+        total = weighted[:, :p, :p] + information
+        covariance, log_det = _inverse(total)
+        step = np.einsum("mij,mj->mi", covariance, weighted[:, :p, p] + pull)
+        z = np.concatenate([-step, np.ones((len(step), 1))], axis=1)
+        squares = np.maximum(np.einsum("mi,maij,mj->ma", z, own, z, optimize=True), 0.0)
+        taken = np.einsum("mij,maij->ma", covariance, of_axis) / variance
+        dof = np.maximum(moments.n - 1.0 - taken, LEAST_DOF)
+        before, (variance, spread) = variance, variances(squares, dof, noise)
+        if float(np.max(np.abs(variance - before) / variance, initial=0.0)) <= SETTLED:
+            break
+    misfit = squares / variance
+    of_volume = priors.of_volume[hypothesis]
+    log_det = _inverse(total + of_volume)[1] if of_volume.any() else log_det
+    off = np.einsum("mi,mij,mj->m", step, information, step) - 2.0 * np.einsum("mi,mi->m", step, pull)
+    evidence = -0.5 * (
+        (moments.n - 1.0) * np.log(variance).sum(axis=1)
+        + 6.0 * moments.log_determinant[kernel]
+        + misfit.sum(axis=1)
+        + priors.misfit[hypothesis]
+        + off
+        + log_det
+        + spread
+    )
+    evidence = evidence + log_prior[kernel] + priors.log_prior[hypothesis]
+    return Members(kernel, hypothesis, step, covariance, variance, dof, evidence, misfit)
+
+
+def _inverse(information: Array) -> tuple[Array, Array]:
+    """Inverses (m, p, p) of symmetric positive matrices whose units differ widely, and log determinants (m,)."""
+    unit = np.sqrt(np.maximum(np.einsum("mpp->mp", information), 1e-300))
+    scaled = information / (unit[:, :, None] * unit[:, None, :])
+    scaled += RIDGE * np.eye(unit.shape[1])
+    inverse = np.linalg.inv(scaled) / (unit[:, :, None] * unit[:, None, :])
+    return inverse, np.linalg.slogdet(scaled)[1] + 2.0 * np.log(unit).sum(axis=1)
+
+
+def axis_precision(dof: Array) -> Array:
+    """Precision (6, 6) of the logarithms of the axes' variances, at their optimum, from the `dof` (6,) of each."""
+    pull = (np.eye(3) - 1.0 / 3.0) / AXIS_SD**2
+    precision = np.diag(0.5 * dof)
+    precision[:3, :3] += pull
+    precision[3:, 3:] += pull
+    return precision
+
+
+def variances(squares: Array, dof: Array, noise: NoiseModel) -> tuple[Array, Array]:
+    """The axes' variances (m, 6) at their optimum, given the sums of squares and their dof, and -2 log of the volume
+    that Laplace's method gives them, less that of their prior (m,).
+    """
+    if noise.stated is not None:
+        given = noise.stated.std**2
+        total = dof.sum(axis=1) + noise.stated.dof
+        scale = ((squares / given).sum(axis=1) + noise.stated.dof) / total
+        variance = np.maximum(scale[:, None] * given, noise.least)
+        return variance, np.log(total)
+    grouped, left = squares.reshape(-1, 2, 3), dof.reshape(-1, 2, 3)
+    least = noise.least.reshape(2, 3)
+    level = np.log(np.maximum(grouped.sum(axis=2) / left.sum(axis=2), least.mean(axis=1)))
+    log_variance = np.repeat(level[:, :, None], 3, axis=2)
+    pull = (np.eye(3) - 1.0 / 3.0) / AXIS_SD**2
+    for _ in range(6):
+        chi2 = grouped * np.exp(-log_variance)
+        slope = 0.5 * (left - chi2) + log_variance @ pull
+        curvature = 0.5 * np.maximum(left, chi2)[..., None] * np.eye(3) + pull
+        log_variance = log_variance - np.linalg.solve(curvature, slope[..., None])[..., 0]
+    log_variance = np.maximum(log_variance, np.log(least))
+    chi2 = grouped * np.exp(-log_variance)
+    curvature = 0.5 * np.maximum(left, chi2)[..., None] * np.eye(3) + pull
+    off = np.einsum("mgi,ij,mgj->m", log_variance, pull, log_variance)
+    volume = np.linalg.slogdet(curvature)[1].sum(axis=1)
+    return np.exp(log_variance).reshape(-1, 6), volume + off

@@ -1,175 +1,135 @@
-"""Poses that the tool does not explain: in contact, bumped, read before the arm was still, or mistyped.
+"""Poses that do not belong to the others: in contact, bumped, read before the arm was still.
 
-A pose is an outlier, not an axis: the loss is on its whitened reading, all six numbers together. First a fit that
-outliers cannot pull far, least squares under a multivariate Student's t (Lange, Little and Taylor, 1989), in the model
-linearised at the ordinary fit. Then each pose is held against the fit to the others, noise and all: it stays if they
-explain it, and that is repeated until nothing changes. So a pose that made its neighbours look bad is forgiven them,
-and in clean recordings hardly any is lost.
+Each pose comes, with a small probability, from a wide distribution. Contacts mask each other, so the search for clean
+poses starts from many small subsets (least trimmed squares with concentration steps; Rousseeuw and Van Driessen, 1999),
+never from the fit of all: up to a third of the poses may be wrong. It is always run; what it proposes is then judged by
+evidence beside everything else (posterior.py).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from .noise import GROUPS
 
-FALSE_ALARMS = 0.08
-"""Probability, at most, that a clean recording of `PLENTY` poses or more loses one."""
+PROBABILITY = 0.03
+NARROWEST, WIDEST = 4.0, 3000.0
+"""Times the noise: the range of the wide distribution's width, in whose logarithm it is uniform."""
 
-PLENTY = 24
-"""With fewer poses each is dearer, and the probability of losing one falls with the square of their number."""
-
-SURELY_CLEAN = 0.75
-"""Of the limit: where no pose is further off than this, none can hide others."""
-
-TAIL = 3.0
-"""Degrees of freedom of the Student's t that the robust fit takes the readings to have."""
-
-BEYOND_DOUBT = 0.02
-"""A pose that a clean one exceeds with this probability is not among those that the first fit is made of."""
-
-VARIANCE_PASSES = 3
-STUDENT_ITERATIONS = 40
-SETTLED = 1e-3
-ROUNDS = 20
-MOST_LEFT_OUT = 0.4
-"""Of the poses: where more would have to go, nobody knows which side is right, and none is left out."""
-
-LEAST_DOF = 0.5
-LEAST_SHARE = 0.02
-"""Of a group's sum of squares: how much a pose leaves to the others is exact for both groups together only."""
+CLEAN_SHARE = 2.0 / 3.0
+SUBSETS, OF_SUBSET = 150, 4
+FEW = 8
+CONCENTRATIONS, FINALISTS = 2, 8
+MOST_CONCENTRATIONS = 20
+DOUBTED = 1e-3
+"""Probability of a distance this large, beyond which the search doubts a pose."""
 
 
-@dataclass(frozen=True, eq=False)
-class LinearReadings:
-    """Readings (n, 6) as a linear function of p parameters, and how the noise of the axes compares.
+def log_density_outlying(distance: Array) -> Array:
+    """Logarithm of the density of errors in units of the noise (6 of them) at this `distance`, if outlying."""
+    from scipy.special import gammainc
 
-    `J` (n, 6, p) and `errors` (n, 6) in units of the relative noise of each axis; `known` (q, p) and `known_errors`
-    (q,) rows of unit variance.
+    squared = np.maximum(np.asarray(distance) ** 2, 1e-12)
+    share = gammainc(3.0, squared / (2.0 * NARROWEST**2)) - gammainc(3.0, squared / (2.0 * WIDEST**2))
+    density = 8.0 * np.maximum(share, 1e-300) / (squared**3 * np.log(WIDEST / NARROWEST))
+    result: Array = np.log(density) - 3.0 * np.log(2.0 * np.pi)
+    return result
+
+
+def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever: float) -> NDArray[np.bool_]:
+    """The poses (n,) that belong together: `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which
+    `information` (q, q) and `pull` (q,) are known; `lever` m compares a torque with a force.
     """
-
-    J: Array
-    errors: Array
-    known: Array
-    known_errors: Array
-
-
-def outlying(linear: LinearReadings) -> NDArray[np.bool_]:
-    """Which of the poses (n,) the others do not explain; none where too many would be."""
-    n = len(linear.errors)
-    kept, seen = _kept_by_student(linear), {b""}
-    while kept.tobytes() not in seen and len(seen) <= ROUNDS:
-        seen.add(kept.tobytes())
-        distance, limit = deleted_distances(linear, kept)
-        kept = distance <= limit
-    return ~kept if np.mean(~kept) <= MOST_LEFT_OUT else np.zeros(n, dtype=bool)
-
-
-def chance_of_loss(n: int) -> float:
-    """Probability, at most, that a clean recording of n poses loses one."""
-    return FALSE_ALARMS * min(1.0, (n / PLENTY) ** 2)
-
-
-def deleted_distances(linear: LinearReadings, kept: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Squared distances (n,) of each pose from what the other poses that are `kept` say, in units of the noise that
-    these have and of the error of the fit to them; and the limit that a clean recording exceeds anywhere with
-    `chance_of_loss`.
-    """
-    from scipy.special import fdtri
-
-    n = len(linear.errors)
-    weight = kept.astype(np.float64)
-    fit = weighted_fit(linear, weight)
-    of_pose, along = _of_poses(linear, fit.weighted_by)
-    of_pose, along = weight[:, None, None] * of_pose, weight[:, None] * along
-    inverse = _inverse(fit.information - of_pose)
-    without = np.einsum("npq,nq->np", inverse, fit.right - along)
-    errors = linear.errors - np.einsum("nip,np->ni", linear.J, without)
-    # what the others leave once the pose is gone: its own share goes, and so does its pull on them
-    rest = _of_groups(weight[:, None] * fit.left**2).sum(axis=0) - _of_groups(weight[:, None] * fit.left * errors)
-    dof = np.maximum(fit.dof - 3.0 * weight[:, None], LEAST_DOF)
-    of_all = _of_groups(weight[:, None] * fit.left**2).sum(axis=0)
-    of_others = np.maximum(rest, LEAST_SHARE * of_all + 1e-300) / dof
-    spread = linear.J @ inverse @ linear.J.transpose(0, 2, 1)
-    spread[:, range(6), range(6)] += np.repeat(of_others, 3, axis=1)
-    distance = np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[..., None])[..., 0])
-    return distance, 6.0 * float(fdtri(6.0, 0.5 * float(dof.min(axis=0).sum()), 1.0 - chance_of_loss(n) / n))
-
-
-def _kept_by_student(linear: LinearReadings) -> NDArray[np.bool_]:
-    """Which poses (n,) a fit under a multivariate Student's t does not doubt; half of all poses count as clean."""
     from scipy.special import chdtri
 
-    weight, variance = np.ones(len(linear.errors)), np.ones(2)
-    distance = np.zeros(len(weight))
-    for _ in range(STUDENT_ITERATIONS):
-        fit = _weighted(linear, weight, variance)
-        variance = fit.variance
-        distance = np.sum(fit.left**2 / np.repeat(variance, 3), axis=1)
-        before, weight = weight, (TAIL + 6.0) / (TAIL + distance)
-        if float(np.abs(weight - before).max()) <= SETTLED:
+    n = len(errors)
+    h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, 5))
+    if n < 5:
+        return np.ones(n, dtype=bool)
+    problem = _Trimmed(J, errors, information, pull, lever, h)
+    kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
+    score = problem.score(kept)
+    best = kept[np.argsort(score)[:FINALISTS]]
+    best = problem.concentrated(best, MOST_CONCENTRATIONS)
+    last = best[int(np.argmin(problem.score(best)))][None]
+    limit = float(chdtri(6.0, DOUBTED))
+    for _ in range(MOST_CONCENTRATIONS):
+        distance = problem.distance(last)[0]
+        typical = np.partition(distance, h - 1)[h - 1] / float(chdtri(6.0, max(1.0 - (h - 0.5) / n, 1.0 / (4.0 * n))))
+        clean = distance <= limit * max(float(typical), 1e-300)
+        if int(clean.sum()) < h or (clean == last[0]).all():
             break
-    typical = float(np.median(distance)) / float(chdtri(6.0, 0.5))
-    doubted: NDArray[np.bool_] = distance > typical * float(chdtri(6.0, BEYOND_DOUBT))
-    return ~doubted
+        last = clean[None]
+    return np.asarray(last[0], dtype=bool)
 
 
-@dataclass(frozen=True, eq=False)
-class WeightedFit:
-    """A weighted fit: normal equations (p, p) and (p,), the `inverse` of the former, what is `left` (n, 6), and of
-    forces and of torques (2,) the `variance` that is left, its `dof`, and the one that the readings were `weighted_by`.
-    """
-
-    information: Array
-    right: Array
-    inverse: Array
-    left: Array
-    variance: Array
-    dof: Array
-    weighted_by: Array
-
-
-def weighted_fit(linear: LinearReadings, weight: Array) -> WeightedFit:
-    """The fit to poses of `weight` (n,), with the variances of forces and of torques that it finds itself."""
-    fit = _weighted(linear, weight, np.ones(2))
-    for _ in range(VARIANCE_PASSES):
-        fit = _weighted(linear, weight, fit.variance)
-    return fit
+def _subsets(n: int) -> NDArray[np.bool_]:
+    """Masks (k, n): of few poses all but one or two, of more some at random, always the same ones."""
+    if n <= FEW:
+        left_out = [c for k in (0, 1, 2) for c in combinations(range(n), k) if n - k >= OF_SUBSET]
+        masks = np.ones((len(left_out), n), dtype=bool)
+        for mask, out in zip(masks, left_out, strict=True):
+            mask[list(out)] = False
+        return masks
+    order = np.argsort(np.random.default_rng(n).random((SUBSETS, n)), axis=1)
+    masks = np.zeros((SUBSETS, n), dtype=bool)
+    np.put_along_axis(masks, order[:, :OF_SUBSET], True, axis=1)
+    masks[0] = True
+    return masks
 
 
-def _weighted(linear: LinearReadings, weight: Array, variance: Array) -> WeightedFit:
-    n, _, p = linear.J.shape
-    flat = linear.J.reshape(6 * n, p)
-    weighted = flat * np.outer(weight, 1.0 / np.repeat(variance, 3)).reshape(-1, 1)
-    information = weighted.T @ flat + linear.known.T @ linear.known
-    right = weighted.T @ linear.errors.ravel() + linear.known.T @ linear.known_errors
-    inverse = _inverse(information)
-    left = linear.errors - (flat @ (inverse @ right)).reshape(n, 6)
-    taken = np.sum((flat @ inverse) * weighted, axis=1).reshape(n, 6)
-    dof = np.maximum(3.0 * weight.sum() - _of_groups(taken).sum(axis=0), LEAST_DOF)
-    squares = _of_groups(weight[:, None] * left**2).sum(axis=0)
-    return WeightedFit(information, right, inverse, left, np.maximum(squares / dof, 1e-12 * variance), dof, variance)
+class _Trimmed:
+    """Least squares on subsets of the poses, in stacks."""
 
+    def __init__(self, J: Array, errors: Array, information: Array, pull: Array, lever: float, h: int) -> None:
+        self.J, self.errors, self.information, self.pull, self.h = J, errors, information, pull, h
+        self.unit = np.array([1.0, 1.0, 1.0, lever, lever, lever])
+        n, _, q = J.shape
+        columns = np.concatenate([J, errors[..., None]], axis=2)
+        groups = columns.reshape(n, 2, 3, q + 1)
+        self.products = np.einsum("ngap,ngaq->gnpq", groups, groups).reshape(2, n, -1)
 
-def _of_poses(linear: LinearReadings, variance: Array) -> tuple[Array, Array]:
-    """Normal equations of each pose alone, (n, p, p) and (n, p)."""
-    weighted = linear.J.transpose(0, 2, 1) / np.repeat(variance, 3)
-    return weighted @ linear.J, np.einsum("npi,ni->np", weighted, linear.errors)
+    def distance(self, kept: NDArray[np.bool_]) -> Array:
+        """Squared distances (k, n) from the fits to the poses kept (k, n), in units of what is left in those."""
+        k, n = kept.shape
+        q = self.J.shape[2]
+        products = (kept.astype(np.float64) @ self.products).reshape(2, k, q + 1, q + 1)
+        variance = np.ones((2, k)) * np.array([1.0, self.unit[3] ** 2])[:, None] * self._rough()
+        for _ in range(3):
+            total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
+            information = total[:, :q, :q] + self.information
+            unit = np.sqrt(np.einsum("kpp->kp", information)) + 1e-300
+            units = unit[:, :, None] * unit[:, None, :]
+            scaled = information / units + 1e-10 * np.eye(q)
+            step = np.linalg.solve(scaled, ((total[:, :q, q] + self.pull) / unit)[..., None])[..., 0] / unit
+            left = self.errors - np.einsum("nap,kp->kna", self.J, step, optimize=True)
+            squares = (left**2).reshape(k, n, 2, 3).sum(axis=3)
+            count = kept.sum(axis=1)
+            freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
+            variance = np.maximum(np.einsum("kng,kn->gk", squares, kept) / freedom, 1e-24)
+        result: Array = np.einsum("kng,gk->kn", squares, 1.0 / variance)
+        self.variance = variance
+        return result
 
+    def _rough(self) -> float:
+        return max(float(np.median(np.sum((self.errors / self.unit) ** 2, axis=1))) / 6.0, 1e-20)
 
-def _of_groups(values: Array) -> Array:
-    """Sums (n, 2) of values (n, 6) over the forces and over the torques."""
-    return np.stack([values[:, group].sum(axis=1) for group in GROUPS], axis=1)
+    def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
+        """Each set replaced by the `h` poses nearest to its own fit, so many times."""
+        for _ in range(times):
+            distance = self.distance(kept)
+            before, nearest = kept, np.argpartition(distance, self.h - 1, axis=1)[:, : self.h]
+            kept = np.zeros_like(before)
+            np.put_along_axis(kept, nearest, True, axis=1)
+            if (kept == before).all():
+                break
+        return kept
 
-
-def _inverse(information: Array) -> Array:
-    """Inverses (..., p, p) of symmetric positive matrices whose units differ widely; huge where one is singular."""
-    unit = np.sqrt(np.maximum(np.einsum("...pp->...p", information), 0.0))
-    unit = np.where(unit > 0.0, unit, 1.0)
-    units = unit[..., :, None] * unit[..., None, :]
-    inverse: Array = np.linalg.inv(information / units + 1e-12 * np.eye(unit.shape[-1])) / units
-    return inverse
+    def score(self, kept: NDArray[np.bool_]) -> Array:
+        """What is left of forces and of torques in sets of equal size, the least the best."""
+        self.distance(kept)
+        score: Array = np.log(self.variance).sum(axis=0)
+        return score

@@ -13,8 +13,6 @@ regression leaves, less the part that the force's noise has in its regressor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..calibration.observability import require_separable
@@ -23,7 +21,7 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import rotations_about_z
 from ..geometry.wrench import cross_matrix
 from ..model import PARAMETERS, RigidTool, free_wrench, gravity_in_flange, matrix_jacobian, wrench_matrix
-from .least_squares import Fit
+from .estimate import RigidEstimate
 from .noise import PoseReadings
 
 MIN_POSES = 3
@@ -34,16 +32,7 @@ FORCE_NAMES = ("weight_xy", "yaw", "weight", "bias_fx", "bias_fy", "bias_fz")
 TORQUE_NAMES = ("com_x", "com_y", "com_z", "bias_tx", "bias_ty", "bias_tz")
 
 
-@dataclass(frozen=True, eq=False)
-class PaperFit:
-    """A `Fit` and the paper's two weights, N."""
-
-    fit: Fit
-    weight_xy: float
-    weight_z: float
-
-
-def fit_paper(readings: PoseReadings, gravity_direction: Array) -> PaperFit:
+def fit_paper(readings: PoseReadings, gravity_direction: Array) -> RigidEstimate:
     """The paper's estimate from at least three poses. Raises `UnobservableError` where a regression is singular."""
     n = len(readings)
     r = gravity_in_flange(readings.R_base_flange, gravity_direction)
@@ -65,21 +54,24 @@ def fit_paper(readings: PoseReadings, gravity_direction: Array) -> PaperFit:
     covariance = _covariance(force, torque, x, tool, force_variance, torque_variance)
     from_parameters = matrix_jacobian(tool, PARAMETERS["paper"])
     singular_values = np.asarray(np.linalg.svd(force.reshape(3 * n, 6), compute_uv=False))
-    fit = Fit(
+    return RigidEstimate(
+        names=PARAMETERS["paper"],
         tool=tool,
         gravity_direction=gravity_direction,
         B=B,
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(np.r_[force_variance, np.full(3, torque_variance)]),
-        residuals=readings.wrench - free_wrench(B, r),
+        kept=np.ones(n, dtype=bool),
+        errors=readings.wrench - free_wrench(B, r),
         held_out=_held_out(readings, force, torque, x, L, gravity_direction),
         reduced_chi2=1.0,
         dof=np.full(11, float(n - 2)),
-        readings_left=6.0 * n - 12.0,
+        readings_left=np.full(2, 3.0 * n - 6.0),
         singular_values=singular_values,
+        weight_xy=float(np.hypot(x[0], x[1])),
+        weight_z=float(x[2]),
     )
-    return PaperFit(fit, float(np.hypot(x[0], x[1])), float(x[2]))
 
 
 def _force_regressor(r: Array) -> Array:

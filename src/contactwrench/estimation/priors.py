@@ -20,8 +20,20 @@ from ..geometry.orientation import nearest_rotations
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import cross_matrix, unit_direction
 from ..model import GRAVITY, MOUNT, RigidTool, horizontal_axes
-from .least_squares import PriorRows
 from .noise import MOST_DOF, StatedNoise, variance_of_means
+
+
+@dataclass(frozen=True, eq=False)
+class PriorRows:
+    """What is known before the readings, as rows of unit variance.
+
+    `residuals` (q,): what is known less what the tool says, in standard deviations; `jacobian` (q, p): the derivative
+    of what the tool says, likewise.
+    """
+
+    residuals: Array
+    jacobian: Array
+
 
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
 

@@ -1,199 +1,317 @@
-"""The joint force and torque fit of the rigid models `yaw`, `mount` and `mount+base`, and that of `affine`.
+"""The estimate of a rigid tool: mean and covariance over all that the readings leave open.
 
-Gauss-Newton steps of the mounting and of gravity are small rotations, so no angle is singular; the initial guess is
-global, so no mounting has to be stated.
+Where to begin is global, so no mounting and no base needs a guess; `auto` begins near nominal and, where the readings
+favour it, with mounting and base anywhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..calibration.fields import Kind
+from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..model import (
     PARAMETERS,
     RigidTool,
-    affine_jacobian,
-    free_wrench,
-    gravity_in_flange,
     matrix_jacobian,
+    response_jacobian,
+    small_change_about,
     stepped,
     wrench_jacobian,
     wrench_matrix,
 )
-from .initial_guess import SEARCH_OF_MODEL, initial_guesses
-from .least_squares import LEAST_LEFT, Fit, Linearised, Solved, linearise, solve
-from .noise import (
-    EstimatedNoise,
-    PoseReadings,
-    Scatter,
-    StatedNoise,
-    effective_dof,
-    mean_scatter,
-    relative_variances,
-    whitening,
-)
-from .priors import Knowledge, rows_of
+from .bias_drift import possible_drifts
+from .estimate import Beliefs, RigidEstimate
+from .hypotheses import Hypothesis, hypotheses_of, priors_at
+from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
+from .least_squares import NoiseModel, axis_precision, gram
+from .moments import moments_of, precision_times
+from .noise import MOST_DOF, PoseReadings, relative_variances
+from .posterior import FAR, Problem, Table, deleted_errors, errors_of, explored, settled
+from .priors import Question, rows_of
 
-SETTLE_ITERATIONS = 12
-SETTLED = 1e-2
+MODEL_OF_AUTO = "mount+base"
+CLOSE_RIVAL = 6.0
+"""Natural logarithm of the odds, up to which another place to begin is looked at closely."""
+
+MOST_JUDGED = 2_000
+"""Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
+
+SETTLE_ITERATIONS = 15
+EVEN = 1.5
+"""Ratio of the poses' own variances up to which they count alike."""
 
 
-@dataclass(frozen=True, eq=False)
-class RigidProblem:
-    """Residuals, derivatives and steps of a rigid tool with the parameters `names` for poses (n, 3, 3) and readings
-    (n, 6), and what is known of it beforehand.
+def model_fitted(model: str) -> str:
+    """The model whose parameters another one estimates."""
+    return MODEL_OF_AUTO if model == "auto" else model
+
+
+def estimated(readings: PoseReadings, question: Question, plain: bool = False) -> RigidEstimate:
+    """The posterior mean of tool, mounting, base and last bias. Singular problems are returned as they come.
+
+    Args:
+        readings: of the poses, in the order of time where that tells.
+        question: `yaw`, `mount`, `mount+base` or `auto`.
+        plain: all poses belong, and the bias is steady.
     """
-
-    R_base_flange: Array
-    wrench: Array
-    names: tuple[str, ...]
-    knowledge: tuple[Knowledge, ...] = ()
-
-    def residuals(self, tool: RigidTool) -> Array:
-        """What `tool` leaves in the readings, (n, 6), N and N m."""
-        r = gravity_in_flange(self.R_base_flange, tool.gravity_direction)
-        return self.wrench - free_wrench(wrench_matrix(tool), r)
-
-    def linearised(self, tool: RigidTool, whitener: Array) -> Linearised:
-        """Residuals and derivatives at `tool`, whitened, with the rows of what is known."""
-        jacobian = wrench_jacobian(tool, self.R_base_flange, self.names)
-        return linearise(self.residuals(tool), jacobian, whitener, rows_of(self.knowledge, tool, self.names))
-
-    def advanced(self, tool: RigidTool, linear: Linearised) -> RigidTool:
-        """A Gauss-Newton step, halved until the misfit does not grow."""
-        step = linear.step()
-        for _ in range(30):
-            moved = stepped(tool, step, self.names)
-            if self.misfit(moved, linear.whitener) <= linear.chi2 * (1.0 + 1e-12):
-                return moved
-            step = 0.5 * step
-        return tool
-
-    def misfit(self, tool: RigidTool, whitener: Array) -> float:
-        """Sum of the squared whitened residuals, those of what is known included."""
-        whitened = np.einsum("nij,nj->ni", whitener, self.residuals(tool))
-        known = rows_of(self.knowledge, tool, self.names)
-        return float(np.sum(whitened**2)) + (0.0 if known is None else float(known.residuals @ known.residuals))
+    problem = _problem(readings, question, plain or len(readings) > MOST_JUDGED)
+    tables = _tables(problem, plain or len(readings) > MOST_JUDGED)
+    relative = readings.relative_variance
+    if question.noise is None and float(relative.max()) > EVEN * float(relative.min()):
+        of_stops = float(np.mean(readings.least_variance / _mean_variance(tables)))
+        problem = replace(problem, relative=1.0 + min(of_stops, 1.0) * (relative - 1.0))
+        tables = [settled(problem, tables[0].tool, table.kept, table.hypotheses) for table in tables[:1]] + tables[1:]
+    return _mean(problem, tables, readings)
 
 
-def fit_rigid(
-    readings: PoseReadings,
-    model: str,
-    gravity_direction: Array,
-    noise: StatedNoise | None,
-    knowledge: tuple[Knowledge, ...] = (),
-    sign: float = 1.0,
-) -> Fit:
-    """Fit `yaw`, `mount` or `mount+base`.
-
-    `gravity_direction` (3,) in base axes is held, but for `mount+base`; `knowledge` joins the readings. `sign` -1 fits
-    the negated readings (the rival reading of section 4b of the method). Singular problems are returned as they come:
-    see observability.py.
-    """
-    problem = RigidProblem(readings.R_base_flange, sign * readings.wrench, PARAMETERS[model], knowledge)
-    guesses = initial_guesses(readings.R_base_flange, problem.wrench, SEARCH_OF_MODEL[model], gravity_direction)
-    tool, solved = solved_from(problem, guesses, readings, noise)
-    return finished_rigid(tool, problem.names, solved)
-
-
-def solved_from(
-    problem: RigidProblem, guesses: list[RigidTool], readings: PoseReadings, noise: StatedNoise | None
-) -> tuple[RigidTool, Solved]:
-    """The optimum that the most promising of the guesses leads to."""
-    rough = whitening(relative_variances(noise), None, len(readings))
-    settled = [_settled(problem, guess, rough) for guess in guesses]
-    best, _ = min(settled, key=lambda guess: guess[1])
-    return solve(problem, best, readings, noise)
-
-
-def finished_rigid(tool: RigidTool, names: tuple[str, ...], solved: Solved) -> Fit:
-    """The `Fit` of a rigid tool at its optimum."""
-    return finished(tool, tool.gravity_direction, wrench_matrix(tool), matrix_jacobian(tool, names), solved)
-
-
-def finished(tool: RigidTool | None, gravity_direction: Array, B: Array, matrix_jacobian: Array, solved: Solved) -> Fit:
-    """The `Fit` at an optimum; `matrix_jacobian` (24, p) is the derivative of B, row-major."""
-    linear = solved.linear
-    A = linear.inverse()
-    covariance = A @ A.T
-    if isinstance(solved.noise, EstimatedNoise):
-        estimated, left = solved.noise, linear.readings_left
-        reduced_chi2 = _chi2_of_scatter(linear, estimated.scatter) / left if left >= LEAST_LEFT else 1.0
-        noise = np.sqrt(estimated.counted + mean_scatter(estimated.scatter))
-        gain = np.einsum("cp,nkp,nka->nca", A, linear.U, linear.whitener)
-        covariance = covariance + np.einsum("nca,nda,a->cd", gain, gain, estimated.counted - estimated.weighting)
-        from_prior = np.sum((A @ linear.U_prior.T) ** 2, axis=1)
-        dof = effective_dof(gain, np.diag(covariance), from_prior, estimated)
-    else:
-        reduced_chi2, noise = solved.noise.reduced_chi2, np.sqrt(solved.noise.variance)
-        dof = np.full(len(A), solved.noise.dof)
-    return Fit(
-        tool=tool,
-        gravity_direction=gravity_direction,
-        B=B,
-        B_covariance=matrix_jacobian @ covariance @ matrix_jacobian.T,
-        covariance=covariance,
-        noise=noise,
-        residuals=linear.residuals,
-        held_out=_held_out(linear),
-        reduced_chi2=reduced_chi2,
-        dof=dof,
-        readings_left=linear.readings_left,
-        singular_values=linear.s,
-        linear=linear,
+def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem:
+    n = len(readings)
+    relative = np.ones(n)
+    spread = readings.wrench - readings.wrench.mean(axis=0)
+    start = relative_variances(question.noise) * max(float(np.mean(spread[:, :3] ** 2)), 1e-20)
+    if question.noise is not None:
+        start = relative_variances(question.noise)
+    return Problem(
+        readings.R_base_flange,
+        readings.wrench,
+        relative,
+        possible_drifts(None if plain else readings.time, n),
+        PARAMETERS[model_fitted(question.model)],
+        question,
+        NoiseModel(readings.least_variance, question.noise, start),
     )
 
 
-def _chi2_of_scatter(linear: Linearised, scatter: Scatter | None) -> float:
-    """Sum of squares of the residuals over what the samples' scatter alone explains (without any: over the noise)."""
-    if scatter is None:
-        return linear.chi2_of_readings
-    variance = np.einsum("nii->ni", scatter.covariance)
-    known = variance > 0.0
-    return float(np.sum(linear.residuals[known] ** 2 / variance[known]))
-
-
-def _held_out(linear: Linearised) -> Array | None:
-    """Residual (n, 6) of each pose against the fit to the other poses; None where the others are too few.
-
-    From the block of the hat matrix, `(I - H_ii)^-1 e_i`: exact for a linear model, first order on the manifold.
-    """
-    remaining = np.eye(6) - linear.U @ linear.U.transpose(0, 2, 1)
-    if float(np.linalg.eigvalsh(remaining)[:, 0].min()) < 1e-9:
-        return None
-    whitened = np.linalg.solve(remaining, linear.whitened[..., None])
-    held_out: Array = np.linalg.solve(linear.whitener, whitened)[..., 0]
-    return held_out
-
-
-def _settled(problem: RigidProblem, tool: RigidTool, whitener: Array) -> tuple[RigidTool, float]:
-    """A guess brought close to its optimum, and the misfit there."""
-    for _ in range(SETTLE_ITERATIONS):
-        linear = problem.linearised(tool, whitener)
-        tool = problem.advanced(tool, linear)
-        if linear.step_size() <= SETTLED:
+def _tables(problem: Problem, plain: bool) -> list[Table]:
+    question = problem.question
+    look = _settled_only if plain else explored
+    if question.earlier is not None:
+        return look(problem, question.earlier, hypotheses_of(question, False, False))
+    if question.model != "auto":
+        return look(problem, _start(problem, SEARCH_OF_MODEL[question.model]), hypotheses_of(question, False, False))
+    mounting, base = question.priors.mount is None, question.priors.base is None
+    nominal = hypotheses_of(question, False, False)
+    best = look(problem, _start(problem, Search(mounting, base)), nominal)
+    rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
+    rivals = [pair for pair in rivals if pair != (mounting, base)]
+    found = best
+    for k, (any_mounting, any_base) in enumerate(rivals):
+        hypotheses = hypotheses_of(question, any_mounting, any_base)
+        start = _start(problem, Search(any_mounting, any_base), best[0].kept)
+        rival = settled(problem, start, best[0].kept, hypotheses)
+        if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
+            tables = look(problem, rival.tool, hypotheses)
+            if tables[0].log_evidence > found[0].log_evidence:
+                found = tables
+        elif k == 0 and rival.log_evidence < best[0].log_evidence - FAR:
             break
-    return tool, problem.misfit(tool, whitener)
+    return found
 
 
-class _AffineProblem:
-    """Residuals, derivatives and steps of the 24 numbers B, row-major."""
-
-    def __init__(self, r: Array, wrench: Array) -> None:
-        self.r, self.wrench = r, wrench
-        self.jacobian = affine_jacobian(r)
-
-    def linearised(self, B: Array, whitener: Array) -> Linearised:
-        return linearise(self.wrench - free_wrench(B, self.r), self.jacobian, whitener)
-
-    def advanced(self, B: Array, linear: Linearised) -> Array:
-        return B + linear.step().reshape(6, 4)
+def _settled_only(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> list[Table]:
+    return [settled(problem, tool, np.ones(len(problem.wrench), dtype=bool), hypotheses)]
 
 
-def fit_affine(readings: PoseReadings, gravity_direction: Array, noise: StatedNoise | None) -> Fit:
-    """Fit B (6, 4) itself, 24 free numbers: `F = A r + F0, T = A_t r + T0` (method, section 4)."""
-    problem = _AffineProblem(gravity_in_flange(readings.R_base_flange, gravity_direction), readings.wrench)
-    B, solved = solve(problem, np.zeros((6, 4)), readings, noise)
-    return finished(None, gravity_direction, B, np.eye(24), solved)
+def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = None) -> RigidTool:
+    """The most promising guess, brought close to its optimum under a steady bias."""
+    kept = np.ones(len(problem.wrench), dtype=bool) if kept is None else kept
+    R, wrench = problem.R_base_flange[kept], problem.wrench[kept]
+    steady = problem.kernels.select(np.zeros(1, dtype=np.intp)).of_poses(kept)
+    guesses = initial_guesses(R, wrench, search, problem.question.gravity_direction)
+    wide = (Hypothesis(None if search.any_mounting else 0.1, None if search.any_base else 0.05, (False, False), 0.0),)
+    weight = 1.0 / relative_variances(problem.question.noise)
+    found = []
+    for tool in guesses:
+        for _ in range(SETTLE_ITERATIONS):
+            X = np.concatenate([R.reshape(-1, 9), problem.errors(tool)[kept]], axis=1)
+            G = gram(tool, problem.names, moments_of(X, problem.relative[kept], steady).S)[0]
+            total = np.einsum("a,aij->ij", weight / (weight @ G[:, -1, -1] / (6.0 * len(R)) + 1e-300), G)
+            known = priors_at(tool, problem.names, wide, problem.question)
+            information = total[:-1, :-1] + known.information[0]
+            unit = np.sqrt(np.diag(information)) + 1e-300
+            scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
+            step = np.linalg.solve(scaled, (total[:-1, -1] + known.pull[0]) / unit) / unit
+            misfit = float(weight @ G[:, -1, -1])
+            if float(np.max(np.abs(step) * unit)) < 0.3:
+                break
+            tool = problem.stepped(tool, step)
+        found.append((misfit, tool))
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _mean_variance(tables: list[Table]) -> Array:
+    members = tables[0].members
+    weight = np.exp(members.log_evidence - tables[0].log_evidence)
+    mean: Array = weight @ members.variance
+    return mean
+
+
+def _mean(problem: Problem, tables: list[Table], readings: PoseReadings) -> RigidEstimate:
+    """The mean of all members of the tables, which are linearised at one tool."""
+    names, columns, first = problem.names, problem.columns, tables[0]
+    tool, bias = first.tool, slice(4, 10)
+    J = response_jacobian(tool, names)
+    log_all = np.concatenate([table.members.log_evidence for table in tables])
+    weight = np.exp(log_all - np.logaddexp.reduce(log_all))
+    steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
+    offset = 0
+    for table in tables:
+        m = table.members
+        mean, own = _last_bias(problem, table)
+        here = slice(offset, offset + len(m.kernel))
+        share = weight[here]
+        steps[here, columns] = m.step
+        of_mean = np.einsum("paj,kj->kap", J, mean[:, :9])
+        steps[here, bias] = mean[:, 9:] - np.einsum("kap,kp->ka", of_mean, m.step)
+        to_bias = -of_mean @ m.covariance
+        C = np.zeros((len(share), len(names), len(names)))
+        C[np.ix_(range(len(share)), columns, columns)] = m.covariance
+        C[:, bias, columns] = to_bias
+        C[:, columns, bias] = to_bias.transpose(0, 2, 1)
+        C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + (own[:, None] * m.variance)[:, :, None] * np.eye(6)
+        within += np.einsum("k,kpq->pq", share, C)
+        offset += len(share)
+    step = weight @ steps
+    moved = stepped(tool, step, names)
+    axes = small_change_about(tool, moved, names)
+    off = steps - step
+    covariance = axes @ (within + np.einsum("k,kp,kq->pq", weight, off, off)) @ axes.T
+    covariance = 0.5 * (covariance + covariance.T)
+    variance = sum(
+        (np.exp(t.members.log_evidence - np.logaddexp.reduce(log_all)) @ t.members.variance for t in tables),
+        np.zeros(6),
+    )
+    from_parameters = matrix_jacobian(moved, names)
+    best = first.best
+    errors = errors_of(problem, first, best)
+    left = first.members.dof[best].reshape(2, 3).sum(axis=1)
+    known = rows_of(problem.question.knowledge, moved, names)
+    whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
+    rows = whitened.reshape(-1, len(names))
+    rows = rows if known is None else np.vstack([rows, known.jacobian])
+    length = np.linalg.norm(rows, axis=0)
+    return RigidEstimate(
+        names=names,
+        tool=moved,
+        gravity_direction=moved.gravity_direction,
+        B=wrench_matrix(moved),
+        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        covariance=covariance,
+        noise=np.sqrt(variance),
+        dof=_dof(problem, first, covariance),
+        kept=first.kept,
+        errors=errors,
+        held_out=deleted_errors(problem, first),
+        reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
+        readings_left=left,
+        singular_values=np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False),
+        beliefs=_beliefs(problem, tables, weight, errors),
+    )
+
+
+def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
+    """Of each member: the weighted mean (m, 15) of orientation and error that the last bias is read off, and its
+    variance (m,) in units of a reading's.
+    """
+    kernels, kept = problem.kernels, table.kept
+    n = int(kept.sum())
+    X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[kept]
+    mean, own = {}, {}
+    for k in np.unique(table.members.kernel):
+        of_one = precision_times(
+            kernels.drifts[kernels.drift[k]].columns[kept],
+            float(kernels.strength[k]),
+            problem.relative[kept],
+            np.ones((n, 1)),
+        )[:, 0]
+        mean[k], own[k] = of_one @ X / of_one.sum(), 1.0 / of_one.sum()
+    return np.array([mean[k] for k in table.members.kernel]), np.array([own[k] for k in table.members.kernel])
+
+
+def _dof(problem: Problem, table: Table, covariance: Array) -> Array:
+    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
+    the axes, of which it is a weighted sum, are uncertain together.
+    """
+    m, best, names = table.members, table.best, problem.names
+    stated = problem.noise.stated
+    if stated is not None:
+        return np.full(len(names), min(float(m.dof[best].sum()) + stated.dof, MOST_DOF))
+    spread = np.linalg.inv(axis_precision(m.dof[best]))
+    of_step = m.covariance[best]
+    X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
+    kernel = problem.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
+    G = gram(table.tool, names, moments_of(X, problem.relative[table.kept], kernel).S)[0, :, :-1, :-1]
+    of_axis = np.einsum("pi,aij,jq->apq", of_step, G / m.variance[best][:, None, None], of_step)
+    mean, own = _last_bias(problem, table)
+    to_bias = np.einsum("paj,j->ap", response_jacobian(table.tool, names), mean[best, :9])
+    share = np.zeros((len(names), 6))
+    share[problem.columns] = np.einsum("app->pa", of_axis)
+    share[4:10] = np.einsum("bp,apq,bq->ba", to_bias, of_axis, to_bias) + np.diag(own[best] * m.variance[best])
+    total = np.maximum(np.diag(covariance), 1e-300)
+    share = share / np.maximum(total, share.sum(axis=1))[:, None]
+    uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
+    dof: Array = np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF)
+    return dof
+
+
+def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, left: float) -> float:
+    """Sum of squares over what is known of the noise, stated or shown by the stops; 1 where nothing is."""
+    if left < 0.5:
+        return 1.0
+    stated = problem.noise.stated
+    if stated is not None:
+        return float(np.sum((residuals / stated.std) ** 2)) / left
+    known = readings.variance > 0.0
+    if not known.any():
+        return 1.0
+    return float(np.sum(residuals[known] ** 2 / readings.variance[known])) / left
+
+
+def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Beliefs:
+    """Probabilities, read off the members."""
+    kernels = problem.kernels
+    kernel = np.concatenate([table.members.kernel for table in tables])
+    hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
+    of_table = np.repeat(np.arange(len(tables)), [len(table.members.kernel) for table in tables])
+    kinds = [kernels.drifts[k].kind for k in kernels.drift[kernel]]
+    moved: dict[Kind, float] = {}
+    for kind, share in zip(kinds, weight, strict=True):
+        if kind is not None:
+            moved[kind] = moved.get(kind, 0.0) + float(share)
+    of_drift = np.bincount(kernels.drift[kernel], weight, len(kernels.drifts))
+    of_drift[0] = 0.0
+    likeliest = int(np.argmax(of_drift))
+    change = np.zeros_like(problem.wrench)
+    if moved:
+        first = tables[0]
+        best = int(np.argmax(np.where(kernels.drift[first.members.kernel] == likeliest, first.members.log_evidence, -np.inf)))
+        change = _change(problem, first, best)
+    return Beliefs(
+        outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),
+        moved=moved,
+        drift=kernels.drifts[likeliest] if moved else None,
+        change=change,
+        mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
+        base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
+        any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)),
+        any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)),
+    )
+
+
+def _change(problem: Problem, table: Table, member: int) -> Array:
+    """What a member says each pose's bias was off the last one, (n, 6)."""
+    k = table.members.kernel[member]
+    drift, strength = problem.kernels.drifts[problem.kernels.drift[k]], float(problem.kernels.strength[k])
+    J = response_jacobian(table.tool, problem.names)
+    moved = np.einsum("p,paj->aj", table.members.step[member], J)
+    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
+    L, variance = drift.columns[table.kept], problem.relative[table.kept]
+    both = precision_times(L, strength, variance, np.column_stack([np.ones(len(L)), errors[table.kept]]))
+    left = both[:, 1:] - both[:, :1] * both[:, 1:].sum(axis=0) / both[:, 0].sum()
+    change: Array = strength**2 * drift.columns @ (L.T @ left)
+    return change

@@ -1,0 +1,109 @@
+"""What mounting and base may be, each with a probability before the readings: exactly nominal, nearly, anything.
+
+Parallel faces and a level base are what most robots have, to a degree or so; no fixed model is right for all of them
+(method, sections 4 and 5). A tilt is exactly nominal, or near it by a mixture of Gaussians of two widths, or the
+mounting and the base may point anywhere. Nothing is chosen: the answer is the mean over all, by evidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ..geometry.arrays import Array
+from ..model import RigidTool
+from .least_squares import Priors
+from .priors import EXACT_TILT_SD, Question, known_com, known_gravity, nominal_mounting, rows_of
+
+PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
+"""Of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
+
+WIDTHS = {1.0: 0.8, 4.0: 0.2}
+"""Of a tilt near nominal, in units of its stated standard deviation, with their probabilities."""
+
+ANY_MOUNTING, ANY_BASE = 0.03, 0.02
+"""That a mounting, or a base, points anywhere."""
+
+COM_SD = 0.15
+"""m: a tool's size, which keeps what poor poses cannot tell from going further."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """`mount` and `base`: standard deviation (rad, an axis) of the tilt about nominal, None where it is free; `exact`
+    whether each is exactly nominal; `log_prior` its probability, with the density of the tilts.
+    """
+
+    mount: float | None
+    base: float | None
+    exact: tuple[bool, bool]
+    log_prior: float
+
+
+def hypotheses_of(question: Question, any_mounting: bool, any_base: bool) -> tuple[Hypothesis, ...]:
+    """Those to which a fit belongs whose mounting, or base, was looked for anywhere, the widest last."""
+    if question.model != "auto" or question.earlier is not None:
+        return (Hypothesis(None, None, (False, False), 0.0),)
+    of_mount = _options(question.priors.mount, any_mounting, ANY_MOUNTING, np.log(4.0 * np.pi), np.log(4.0 * np.pi))
+    of_base = _options(question.priors.base, any_base, ANY_BASE, np.log(2.0 * np.pi), np.log(2.0 * np.pi))
+    found = []
+    for (mount, log_m, mount_exact), (base, log_b, base_exact) in product(of_mount, of_base):
+        joint = np.log(PROBABILITY[mount_exact, base_exact])
+        found.append(Hypothesis(mount, base, (mount_exact, base_exact), float(joint + log_m + log_b)))
+    return tuple(found)
+
+
+def _options(
+    sd: float | None, free: bool, any_probability: float, log_area: float, log_sides: float
+) -> list[tuple[float | None, float, bool]]:
+    """Standard deviation, log density, and whether exact, of each option of one tilt."""
+    if sd is None:
+        return [(None, 0.0, False)]
+    if free:
+        return [(None, float(np.log(any_probability) - log_area), False)]
+    options = [(EXACT_TILT_SD, 1.0, True), *((sd * width, share, False) for width, share in WIDTHS.items())]
+    return [(s, float(np.log(share) - log_sides - 2.0 * np.log(s)), exact) for s, share, exact in options]
+
+
+def priors_at(
+    tool: RigidTool, names: tuple[str, ...], hypotheses: tuple[Hypothesis, ...], question: Question
+) -> Priors:
+    """What is known beforehand under each hypothesis, linearised at `tool`."""
+    columns = [k for k, name in enumerate(names) if not name.startswith("bias")]
+
+    def rows(piece: object) -> tuple[Array, Array, float]:
+        known = rows_of((piece,), tool, names)  # type: ignore[arg-type]
+        assert known is not None
+        J = known.jacobian[:, columns]
+        return J.T @ J, J.T @ known.residuals, float(known.residuals @ known.residuals)
+
+    pieces = (*question.knowledge, *(() if question.earlier is not None else (known_com(np.zeros(3), np.full(3, COM_SD)),)))
+    p = len(columns)
+    common = [rows(piece) for piece in pieces]
+    information = sum((part[0] for part in common), np.zeros((p, p)))
+    pull = sum((part[1] for part in common), np.zeros(p))
+    misfit = sum(part[2] for part in common)
+    auto = question.model == "auto" and question.earlier is None
+    tilts = [rows(nominal_mounting(1.0)), rows(known_gravity(question.gravity_direction, 1.0))] if auto else []
+    h = len(hypotheses)
+    result = Priors(
+        np.broadcast_to(information, (h, p, p)).copy(),
+        np.broadcast_to(pull, (h, p)).copy(),
+        np.full(h, misfit),
+        np.zeros((h, p, p)),
+        np.array([hypothesis.log_prior for hypothesis in hypotheses]),
+    )
+    if not auto:
+        return result
+    around = rows(known_gravity(tool.gravity_direction, 1.0))[0]
+    for k, hypothesis in enumerate(hypotheses):
+        for sd, (I, f, m), volume in zip((hypothesis.mount, hypothesis.base), tilts, (tilts[0][0], around), strict=True):
+            if sd is None:
+                result.of_volume[k] += volume
+            else:
+                result.information[k] += I / sd**2
+                result.pull[k] += f / sd**2
+                result.misfit[k] += m / sd**2
+    return result

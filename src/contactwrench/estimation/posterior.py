@@ -1,0 +1,273 @@
+"""The posterior over drifts of the bias, hypotheses on mounting and base, and poses left out; and its mean.
+
+A `Table` has every member that counts, linearised at one tool, for one set of poses. Several tables, for several sets
+of poses, make the posterior: the answer is their mean by evidence, its covariance is within members plus between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.arrays import Array
+from ..model import RigidTool, free_wrench, gravity_in_flange, response_jacobian, stepped, wrench_jacobian, wrench_matrix
+from .bias_drift import Kernels
+from .hypotheses import Hypothesis, priors_at
+from .least_squares import Members, NoiseModel, gram, solved
+from .moments import Moments, moments_of, precision_times
+from .outliers import PROBABILITY, likely_clean, log_density_outlying
+from .priors import Question
+
+FAR = 12.0
+"""Natural logarithm of the odds at which a rival is no longer looked at."""
+
+CENTRINGS = 10
+CENTRED = 0.05
+LARGEST_TURN = 0.5
+"""rad in one step."""
+
+DOUBTED = 22.0
+"""Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
+
+FEWEST_POSES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of how the bias may have moved, the parameters
+    `names`, the question and what is known of the noise.
+    """
+
+    R_base_flange: Array
+    wrench: Array
+    relative: Array
+    kernels: Kernels
+    names: tuple[str, ...]
+    question: Question
+    noise: NoiseModel
+
+    @property
+    def columns(self) -> list[int]:
+        """Of the parameters: those that are not the bias."""
+        return [k for k, name in enumerate(self.names) if not name.startswith("bias")]
+
+    def errors(self, tool: RigidTool) -> Array:
+        """What `tool` leaves in the readings, (n, 6)."""
+        r = gravity_in_flange(self.R_base_flange, tool.gravity_direction)
+        return self.wrench - free_wrench(wrench_matrix(tool), r)
+
+    def stepped(self, tool: RigidTool, step: Array) -> RigidTool:
+        """The tool after a step (p,) in all but the bias, no rotation too far."""
+        full = np.zeros(len(self.names))
+        full[self.columns] = step
+        turn = float(np.abs(step[4:]).max(initial=0.0))
+        return stepped(tool, full * min(1.0, LARGEST_TURN / max(turn, LARGEST_TURN)), self.names)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out."""
+
+    tool: RigidTool
+    hypotheses: tuple[Hypothesis, ...]
+    kept: NDArray[np.bool_]
+    moments: Moments
+    members: Members
+
+    @property
+    def log_evidence(self) -> float:
+        """Of all members together."""
+        return float(np.logaddexp.reduce(self.members.log_evidence))
+
+    @property
+    def best(self) -> int:
+        """The likeliest member."""
+        return int(np.argmax(self.members.log_evidence))
+
+
+def table_at(
+    problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]
+) -> Table:
+    """All members that count, linearised at `tool`."""
+    n = len(problem.wrench)
+    X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
+    moments = moments_of(X, problem.relative[kept], problem.kernels.of_poses(kept))
+    log_prior = problem.kernels.log_prior
+    G = gram(tool, problem.names, moments.S)
+    priors = priors_at(tool, problem.names, hypotheses, problem.question)
+    kernels = np.arange(len(moments.S))
+    widest = np.full(len(kernels), len(hypotheses) - 1)
+    members = solved(G, moments, log_prior, priors, (kernels, widest), problem.noise)
+    if len(hypotheses) > 1:
+        near = kernels[members.log_evidence > members.log_evidence.max() - FAR]
+        pairs = np.repeat(near, len(hypotheses)), np.tile(np.arange(len(hypotheses)), len(near))
+        members = solved(G, moments, log_prior, priors, pairs, problem.noise)
+    members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
+    table = Table(tool, hypotheses, kept, moments, members)
+    return replace(table, members=replace(members, log_evidence=members.log_evidence + _of_the_rest(problem, table)))
+
+
+def _of_the_rest(problem: Problem, table: Table) -> float:
+    """Logarithm of the probability of those left out, and that the others are none."""
+    out = ~table.kept
+    rest = float(table.kept.sum()) * float(np.log1p(-PROBABILITY)) - 3.0 * np.log(2.0 * np.pi) * table.moments.n
+    if not out.any():
+        return float(rest)
+    errors, std = errors_of(problem, table, table.best)[out], np.sqrt(table.members.variance[table.best])
+    distance = np.sqrt(np.sum((errors / std) ** 2, axis=1))
+    density = log_density_outlying(distance) - float(np.sum(np.log(std)))
+    return float(rest + np.sum(density + np.log(PROBABILITY)))
+
+
+def errors_of(problem: Problem, table: Table, member: int) -> Array:
+    """What a member leaves in all readings (n, 6), its bias and what it knows of the bias' change taken out."""
+    m, k = table.members, int(table.members.kernel[member])
+    J = response_jacobian(table.tool, problem.names)
+    n = len(problem.wrench)
+    moved = np.einsum("p,paj->aj", m.step[member], J)
+    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(n, 9) @ moved.T
+    drift, strength = problem.kernels.drifts[problem.kernels.drift[k]], float(problem.kernels.strength[k])
+    L, variance = drift.columns[table.kept], problem.relative[table.kept]
+    one = np.ones((len(L), 1))
+    of_one = precision_times(L, strength, variance, one)
+    bias = of_one[:, 0] @ errors[table.kept] / float(of_one.sum())
+    left = errors - bias
+    if not drift.columns.shape[1]:
+        return left
+    weighted = precision_times(L, strength, variance, left[table.kept])
+    return np.asarray(left - strength**2 * drift.columns @ (L.T @ weighted))
+
+
+def settled(
+    problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]
+) -> Table:
+    """The table at the mean of its own members."""
+    table = table_at(problem, tool, kept, hypotheses)
+    for _ in range(CENTRINGS):
+        weight = np.exp(table.members.log_evidence - table.log_evidence)
+        step = weight @ table.members.step
+        std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
+        if float(np.max(np.abs(step) / std)) < CENTRED:
+            break
+        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses)
+    return table
+
+
+def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> list[Table]:
+    """Tables for the sets of poses that may be clean, at the tool of the likeliest, which comes first."""
+    everything = np.ones(len(problem.wrench), dtype=bool)
+    best = settled(problem, tool, everything, hypotheses)
+    if len(everything) <= FEWEST_POSES or best.members.dof[best.best].sum() < 6.0:
+        return [best]
+    tables = {best.kept.tobytes(): best}
+
+    def tried(kept: NDArray[np.bool_], start: RigidTool) -> Table:
+        key = kept.tobytes()
+        if key not in tables:
+            tables[key] = settled(problem, start, kept, hypotheses)
+        return tables[key]
+
+    clean = _clean_poses(problem, best)
+    for _ in range(3):
+        if clean.all():
+            break
+        rival = tried(clean, best.tool)
+        again = _clean_poses(problem, rival)
+        best = max(best, rival, key=lambda table: table.log_evidence)
+        if (again == clean).all():
+            break
+        clean = again
+    for start in sorted(tables.values(), key=lambda table: -table.log_evidence)[:2]:
+        now = start
+        for _ in range(len(everything)):
+            flips = [tried(kept, now.tool) for kept in _flips(problem, now)]
+            better = max(flips, key=lambda table: table.log_evidence, default=now)
+            if better.log_evidence <= now.log_evidence:
+                break
+            now = better
+    found = sorted(tables.values(), key=lambda table: -table.log_evidence)
+    first = found[0]
+    others = [t for t in found[1:] if t.log_evidence > first.log_evidence - FAR]
+    return [first, *(table_at(problem, first.tool, other.kept, hypotheses) for other in others)]
+
+
+def _clean_poses(problem: Problem, table: Table) -> NDArray[np.bool_]:
+    J = wrench_jacobian(table.tool, problem.R_base_flange, problem.names)
+    priors = priors_at(table.tool, problem.names, table.hypotheses[-1:], problem.question)
+    q, columns = len(problem.names), problem.columns
+    information, pull = np.zeros((q, q)), np.zeros(q)
+    information[np.ix_(columns, columns)], pull[columns] = priors.information[0], priors.pull[0]
+    return likely_clean(J, problem.errors(table.tool), information, pull, LEVER)
+
+
+LEVER = 0.05
+
+
+def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
+    """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest."""
+    member, m = table.best, table.members
+    distance = deleted_distances(problem, table)
+    sets = []
+    kept = table.kept
+    worst = int(np.argmax(np.where(kept, distance, -np.inf)))
+    if distance[worst] > DOUBTED and kept.sum() > FEWEST_POSES:
+        flipped = kept.copy()
+        flipped[worst] = False
+        sets.append(flipped)
+    if not kept.all():
+        errors = errors_of(problem, table, member)
+        squared = np.sum(errors**2 / m.variance[member], axis=1)
+        nearest = int(np.argmin(np.where(kept, np.inf, squared)))
+        flipped = kept.copy()
+        flipped[nearest] = True
+        sets.append(flipped)
+    return sets
+
+
+def deleted_distances(problem: Problem, table: Table) -> Array:
+    """Squared distance (n,) of each kept pose from what the others predict, of the likeliest member; 0 of the rest."""
+    weighted, D = _deletion(problem, table)
+    distance = np.zeros(len(problem.wrench))
+    distance[table.kept] = np.einsum("ni,ni->n", weighted, np.linalg.solve(D, weighted[..., None])[..., 0])
+    return distance
+
+
+def deleted_errors(problem: Problem, table: Table) -> Array | None:
+    """What each kept pose (m, 6) is off what the others predict; None where these are too few."""
+    weighted, D = _deletion(problem, table)
+    scale = np.sqrt(table.members.variance[table.best])
+    if float(np.linalg.eigvalsh(D * np.outer(scale, scale))[:, 0].min()) < 1e-9:
+        return None
+    return np.asarray(np.linalg.solve(D, weighted[..., None])[..., 0])
+
+
+def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
+    """Of the kept poses: weighted errors (m, 6) and the blocks (m, 6, 6), which inverted times the former are what each
+    pose is off what the others predict.
+    """
+    m, best = table.members, table.best
+    k = int(m.kernel[best])
+    kept = table.kept
+    L, strength = problem.kernels.drifts[problem.kernels.drift[k]].columns[kept], float(problem.kernels.strength[k])
+    variance = problem.relative[kept]
+    n = int(kept.sum())
+    J = response_jacobian(table.tool, problem.names)
+    R = problem.R_base_flange[kept].reshape(n, 9)
+    errors = problem.errors(table.tool)[kept] - R @ np.einsum("p,paj->aj", m.step[best], J).T
+    stacked = np.concatenate([R, errors, np.eye(n), np.ones((n, 1))], axis=1) if n <= 400 else None
+    if stacked is None:
+        of_one = precision_times(L, strength, variance, np.ones((n, 1)))
+        QX = precision_times(L, strength, variance, np.concatenate([R, errors], axis=1))
+        QX = QX - of_one * (of_one[:, 0] @ np.concatenate([R, errors], axis=1)) / of_one.sum()
+        diagonal = 1.0 / variance
+    else:
+        K = precision_times(L, strength, variance, stacked)
+        of_one = K[:, -1:]
+        QX = K[:, :15] - of_one * (of_one[:, 0] @ stacked[:, :15]) / of_one.sum()
+        diagonal = np.diag(K[:, 15:-1]) - of_one[:, 0] ** 2 / of_one.sum()
+    inverse = 1.0 / m.variance[best]
+    Z = np.einsum("nj,paj->nap", QX[:, :9], J) * inverse[:, None]
+    D = diagonal[:, None, None] * np.diag(inverse) - np.einsum("nap,pq,nbq->nab", Z, m.covariance[best], Z, optimize=True)
+    return QX[:, 9:] * inverse, D

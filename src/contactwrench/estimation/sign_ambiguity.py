@@ -1,0 +1,183 @@
+"""What must hold before an estimate is handed on: parameters that the poses separate, a noise, a sign that can be right.
+
+Free air cannot tell everything (method, section 4b). Negating force and torque of an upright robot gives exactly the
+data of a robot that hangs from the ceiling; a mirrored axis looks the same, with another mounting. So such readings are
+refused, both ways to understand them named. Where they fit both ways alike, as they do when gravity's directions all
+lie in one plane of the sensor, what was stated is taken, and a finding says that it was not confirmed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.observability import require_full_rank
+from ..errors import AmbiguityError, UnobservableError
+from ..geometry.arrays import Array
+from ..model import PARAMETERS, RigidTool
+from .estimate import RigidEstimate
+from .initial_guess import SEARCH_OF_MODEL, explained_by_guess
+from .noise import PoseReadings
+from .priors import Question, rows_of
+from .rigid import estimated
+
+FEWEST_POSES_WITH_BASE = 4
+HELD_GRAVITY = ("yaw", "mount")
+PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
+LEAST_LEFT = 0.5
+"""Degrees of freedom: with fewer left, residuals say nothing about the noise."""
+
+SIGNIFICANCE = 0.001
+NEAR_TIE = 0.9
+SURE_SIDE = 4.0
+SURE_WEIGHT = 3.0
+"""Standard deviations: a fit whose weight is less sure explains nothing, so that a tie with it says nothing either."""
+
+ANYWHERE = 0.5
+"""Probability of a mounting, or a base, that points anywhere, from which on it is held to be free."""
+
+NOT_CONFIRMED = Finding(
+    Kind.SIGN_NOT_CONFIRMED,
+    Severity.WARNING,
+    "the sign of the readings is taken as given: the negated readings fit as well, mostly because gravity's directions "
+    "lie close to one plane of the sensor; confirm it by a push, or tilt the tool about another axis",
+)
+
+
+def checked(estimate: RigidEstimate, readings: PoseReadings, question: Question) -> tuple[Finding, ...]:
+    """What there is to say of the sign. Raises `UnobservableError` and `AmbiguityError` where the estimate may not be
+    returned. The sign is judged with and without the poses left out: whoever leaves out enough explains any sign.
+    """
+    stated, tool = question.gravity_direction, estimate.tool
+    if estimate.weight_z is not None:
+        as_yaw = replace(question, model="yaw", noise=None)
+        findings = check_sign(estimated(readings, as_yaw, plain=True), readings, "yaw", as_yaw)
+        require_positive_weight(estimate.weight_z, stated, PAPER_HINT)
+        return findings
+    if question.earlier is not None:
+        require_positive_weight(tool.weight, stated)
+        return ()
+    model = question.model if question.model != "auto" else _model_freed(estimate)
+    kept = readings.select(estimate.kept)
+    require_answerable(estimate, kept, model, question)
+    if model not in HELD_GRAVITY:
+        require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(estimate.covariance[-2:, -2:])[-1])))
+    if not estimate.kept.all():
+        check_sign(estimate, readings, model, question)
+    findings = check_sign(estimate, kept, model, question)
+    require_positive_weight(tool.weight, stated)
+    return findings
+
+
+def _model_freed(estimate: RigidEstimate) -> str:
+    """The model whose rotations are free under the likeliest hypotheses of `auto`."""
+    beliefs = estimate.beliefs
+    if beliefs is None or beliefs.any_base > ANYWHERE:
+        return "mount+base"
+    return "mount" if beliefs.any_mounting > ANYWHERE else "yaw"
+
+
+def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: str, question: Question) -> None:
+    """Raise `UnobservableError` unless the poses kept separate the parameters of a rigid `model`, and leave its noise
+    some readings.
+    """
+    tool, names, stated = estimate.tool, PARAMETERS[model], question.gravity_direction
+    known = rows_of(question.knowledge, tool, names)
+    if model in HELD_GRAVITY:
+        tool = replace(tool, gravity_direction=stated)  # a tilt that the prior lets in is not what separates
+    require_full_rank(tool, readings.R_base_flange, names, None if known is None else known.jacobian)
+    if model == "mount+base" and known is None and len(readings) < FEWEST_POSES_WITH_BASE:
+        raise UnobservableError(
+            f"found {len(readings)} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
+            "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
+        )
+    require_noise(len(readings), len(names), float(estimate.readings_left.min()), question)
+    if not estimate.singular_values[-1] > 0.0 or not tool_is_told(estimate):
+        raise UnobservableError(
+            "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
+            "columns hold what the sensor read"
+        )
+
+
+def tool_is_told(estimate: RigidEstimate) -> bool:
+    """Whether there is a weight at all, beyond what the digits of the readings leave."""
+    return bool(np.isfinite(estimate.covariance).all()) and abs(estimate.tool.weight) > 1e-9
+
+
+def require_noise(n: int, parameters: int, left: float, question: Question) -> None:
+    """Raise `UnobservableError` where nothing is left to estimate the noise from."""
+    if question.noise is None and left < LEAST_LEFT:
+        raise UnobservableError(
+            f"{n} poses give {6 * n} readings for {parameters} parameters: nothing is left to estimate the noise "
+            "from; record more poses, or give noise"
+        )
+
+
+def check_sign(
+    estimate: RigidEstimate, readings: PoseReadings, model: str, question: Question
+) -> tuple[Finding, ...]:
+    """Refuse readings that a tool explains much better once they are negated (or, the same, gravity is).
+
+    `model` yaw, mount or mount+base is fitted to the negated readings. Returns a finding where both fit alike, else
+    nothing. Raises `AmbiguityError` naming both interpretations.
+    """
+    R, wrench, stated = readings.R_base_flange, readings.wrench, question.gravity_direction
+    as_given = explained_by_guess(R, wrench, SEARCH_OF_MODEL[model], stated)
+    if explained_by_guess(R, -wrench, SEARCH_OF_MODEL[model], stated) < NEAR_TIE * as_given:
+        return ()
+    negated_readings = replace(readings, wrench=-wrench)
+    rival = estimated(negated_readings, replace(question, model=model, knowledge=()), plain=True)
+    dof = max(6 * len(readings) - len(PARAMETERS[model]), 1)
+    residuals = estimate.residuals if len(estimate.residuals) == len(readings) else estimate.errors
+    left, left_negated = (float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (residuals, rival.errors))
+    if left_negated < 0.5 * left and _fits_worse(residuals, rival.noise, rival.errors, dof):
+        raise AmbiguityError(
+            f"a tool explains these readings only with a negative weight: {left:.3g} N are left as given, "
+            f"{left_negated:.3g} N with force and torque negated; either the sensor reports the reaction (--sign "
+            f"reaction), or gravity points the other way (--gravity {negated(stated)}), or one axis is "
+            "mirrored; free air cannot tell, one push by hand can"
+        )
+    explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
+    on_stated_side = rival.gravity_direction @ stated >= 0.0
+    tie = explained and on_stated_side and not _fits_worse(rival.errors, estimate.noise, residuals, dof)
+    return (NOT_CONFIRMED,) if tie else ()
+
+
+def require_stated_side(tool: RigidTool, stated: Array, std: float) -> None:
+    """Raise `AmbiguityError` if gravity was found surely more than 90 deg from the stated direction (3,): a robot on a
+    wall is right there, give or take `std` rad.
+    """
+    angle = np.rad2deg(np.arccos(np.clip(tool.gravity_direction @ stated, -1.0, 1.0)))
+    if angle > 90.0 + SURE_SIDE * np.rad2deg(std):
+        found = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
+        raise AmbiguityError(
+            f"gravity comes out {angle:.0f} deg from the stated direction: either the sensor reports the reaction "
+            f"(--sign reaction), or the base is mounted that way (--gravity {found}); free air cannot tell, one push "
+            "by hand can"
+        )
+
+
+def require_positive_weight(weight: float, gravity_direction: Array, hint: str = "") -> None:
+    """Raise `AmbiguityError` for a weight (N) that is not above zero; `hint` is one of the model's own."""
+    if weight <= 0.0:
+        raise AmbiguityError(
+            f"the weight comes out as {weight:.3g} N, expected above 0: {hint}either the sensor reports the reaction "
+            f"(--sign reaction), or gravity points the other way (--gravity {negated(gravity_direction)}), or the "
+            "poses cannot tell; one push by hand decides"
+        )
+
+
+def negated(direction: Array) -> str:
+    """The opposite direction as the flag --gravity takes it."""
+    return ",".join(f"{-part + 0.0:g}" for part in direction)
+
+
+def _fits_worse(residuals: Array, noise: Array, other: Array, dof: int) -> bool:
+    """Whether `residuals` (n, 6) exceed those of another fit, in units of its noise, by more than chance (F test)."""
+    from scipy.special import fdtri
+
+    unit = np.maximum(noise, 1e-9 * float(np.abs(residuals).max()) + 1e-300)
+    own, least = float(np.sum((residuals / unit) ** 2)), float(np.sum((other / unit) ** 2))
+    return own > float(fdtri(dof, dof, 1.0 - SIGNIFICANCE)) * least
