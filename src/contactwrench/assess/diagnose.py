@@ -25,7 +25,8 @@ from ..calibration.observability import LEVER
 from ..errors import InputError, UnobservableError
 from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from ..estimation.noise import PoseReadings
-from ..estimation.rigid import fit_rigid
+from ..estimation.priors import Question
+from ..estimation.rigid import estimated
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
 from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Interpretations, as_read
@@ -193,10 +194,11 @@ def _fitted(R_base_flange: Array, wrench: Array, model: str, down: Array) -> tup
     torques, and whether its weight is sure; a tool of no weight where none fits.
     """
     if float(np.mean(np.var(gravity_in_flange(R_base_flange, down), axis=0))) > LEAST_TILT:
-        fit = fit_rigid(PoseReadings(R_base_flange, wrench, None), model, down, None)
-        if fit.tool is not None and fit.linear is not None and fit.tool.weight > 0.0:
+        readings = PoseReadings(R_base_flange, wrench, np.zeros_like(wrench))
+        fit = estimated(readings, Question(model, down), plain=True)
+        if fit.tool.weight > 0.0:
             sure = fit.tool.weight > SURE_WEIGHT * float(np.sqrt(fit.covariance[0, 0]))
-            return fit.tool, fit.residuals, _of_kinds(np.sqrt(np.sum(fit.linear.U**2, axis=2))), sure
+            return fit.tool, fit.residuals, 3.0 * len(wrench) - fit.readings_left, sure
     bias = wrench.mean(axis=0)
     return RigidTool(0.0, np.zeros(3), bias, np.eye(3), down), wrench - bias, np.full(2, 3.0), False
 

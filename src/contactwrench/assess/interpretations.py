@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimation.estimate import negated
+from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array
 
 DOWN = (0.0, 0.0, -1.0)

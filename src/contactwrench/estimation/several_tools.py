@@ -36,14 +36,22 @@ from ..model import (
 )
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, percent
-from .auto import AutoFit, tilt_priors
 from .calibrate import Recorded, assembled, from_recording, question_asked
-from .estimate import Estimate, fitted
+from .estimate import Beliefs, RigidEstimate
 from .initial_guess import linear_fit
-from .least_squares import Fit
 from .noise import NoiseLike, PoseReadings
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Knowledge, Question, TiltPriors, stated_knowledge
-from .robust import confirmed
+from .priors import (
+    BASE_TILT_SD,
+    MOUNT_TILT_SD,
+    Knowledge,
+    Question,
+    TiltPriors,
+    known_gravity,
+    nominal_mounting,
+    stated_knowledge,
+)
+from .rigid import estimated
+from .sign_ambiguity import checked
 from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
 
 ROUNDS = 10
@@ -92,25 +100,23 @@ def calibrate_shared(
     apart = stated_knowledge({name: pair for name, pair in (known or {}).items() if name not in shared})
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), apart)
     agreement = _agreement(recorded, sharing)
-    checked = []
     for recording, estimate, asked in zip(recorded, agreement.estimates, agreement.questions, strict=True):
         with _naming(recording.samples.source):
-            robust = confirmed(replace(recording.robust, estimate=estimate), asked)
-        checked.append(replace(recording, robust=robust))
-    common = checked[agreement.leader].robust.estimate
+            checked(estimate, recording.readings, asked)
+    common = agreement.estimates[agreement.leader]
     sources = [recording.samples.source for recording in recorded]
     contradictions = _contradictions(agreement, sources, sharing)
     results = []
-    for recording in checked:
-        robust = recording.robust
-        agreeing = _agreeing(robust.estimate, robust.readings, common, sharing)
+    for recording, estimate in zip(recorded, agreement.estimates, strict=True):
         agreed = replace(
             recording,
-            robust=replace(robust, estimate=agreeing),
+            estimate=_agreeing(estimate, recording.readings, common, sharing),
             findings=(*recording.findings, *contradictions),
         )
-        others = ", ".join(other.samples.source for other in checked if other is not recording)
-        results.append(assembled(agreed, question, {"shared": ", ".join(sharing.names), "shared_with": others}))
+        others = ", ".join(other.samples.source for other in recorded if other is not recording)
+        origin = {"shared": ", ".join(sharing.names), "shared_with": others}
+        with _naming(recording.samples.source):
+            results.append(assembled(agreed, question, origin))
     return tuple(results)
 
 
@@ -126,17 +132,17 @@ class _Sharing:
     def parameters(self) -> tuple[str, ...]:
         return tuple(parameter for name in self.names for parameter in SHAREABLE[name])
 
-    def known_apart(self, estimate: Estimate) -> tuple[Knowledge, ...]:
-        """What is known of a recording's rotations that are its own: stated, or a prior that `auto` kept."""
-        if estimate.auto is None:
+    def known_apart(self, estimate: RigidEstimate) -> tuple[Knowledge, ...]:
+        """What is known of a recording's rotations that are its own: stated, or a prior that the readings keep."""
+        beliefs, priors = estimate.beliefs, self.question.priors
+        pieces = list(self.apart)
+        if self.question.model != "auto" or beliefs is None:
             return self.apart
-        assumption = estimate.auto.assumption
-        kept = replace(
-            assumption,
-            nominal_mounting=assumption.nominal_mounting and "mount" not in self.names,
-            nominal_base=assumption.nominal_base and "gravity" not in self.names,
-        )
-        return (*self.apart, *(tilt for tilt, _ in tilt_priors(kept, self.question)))
+        if "mount" not in self.names and priors.mount is not None and beliefs.any_mounting < 0.5:
+            pieces.append(nominal_mounting(priors.mount))
+        if "gravity" not in self.names and priors.base is not None and beliefs.any_base < 0.5:
+            pieces.append(known_gravity(self.question.gravity_direction, priors.base))
+        return tuple(pieces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,17 +151,17 @@ class _Agreement:
     the `leader`, the recording that knows most of what is common.
     """
 
-    estimates: list[Estimate]
+    estimates: list[RigidEstimate]
     questions: list[Question]
     messages: list[Message]
     leader: int
 
 
 def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
-    alone = [recording.robust.estimate for recording in recorded]
-    readings = [recording.robust.readings for recording in recorded]
+    alone = [recording.estimate for recording in recorded if isinstance(recording.estimate, RigidEstimate)]
+    readings = [recording.readings for recording in recorded]
 
-    def say(estimates: list[Estimate], point: RigidTool | None) -> list[Message]:
+    def say(estimates: list[RigidEstimate], point: RigidTool | None) -> list[Message]:
         return [
             _message(*of_recording, point, sharing) for of_recording in zip(readings, alone, estimates, strict=True)
         ]
@@ -163,7 +169,7 @@ def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
     leader = int(np.argmin([message.uncertainty for message in say(alone, None)]))
     estimates, questions, messages = alone, [sharing.question] * len(alone), []
     for _ in range(ROUNDS):
-        before = estimates[leader].fit.rigid_tool
+        before = estimates[leader].tool
         messages = say(estimates, before)
         questions = [
             replace(
@@ -175,75 +181,78 @@ def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
             )
             for k in range(len(estimates))
         ]
-        estimates = [fitted(of_tool, question) for of_tool, question in zip(readings, questions, strict=True)]
-        fit, index = estimates[leader].fit, _index(estimates[leader].names, sharing)
-        moved = _turns(before, fit.rigid_tool, sharing)
-        if float(moved @ np.linalg.solve(fit.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
+        estimates = [estimated(of_tool, question) for of_tool, question in zip(readings, questions, strict=True)]
+        now, index = estimates[leader], _index(estimates[leader].names, sharing)
+        moved = _turns(before, now.tool, sharing)
+        if float(moved @ np.linalg.solve(now.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
             break
     return _Agreement(estimates, questions, messages, leader)
 
 
 def _message(
-    readings: PoseReadings, alone: Estimate, now: Estimate, point: RigidTool | None, sharing: _Sharing
+    readings: PoseReadings, alone: RigidEstimate, now: RigidEstimate, point: RigidTool | None, sharing: _Sharing
 ) -> Message:
     """What a recording says at the common `point` (None: at its own), with the noise that it has `alone`."""
-    tool = now.fit.rigid_tool
+    tool, kept = now.tool, readings.select(now.kept)
     common = tool if point is None else point
     R = common.R_flange_sensor if "mount" in sharing.names else tool.R_flange_sensor
     d = common.gravity_direction if "gravity" in sharing.names else tool.gravity_direction
     return message_of(
-        readings,
-        alone.fit.noise,
-        linear_fit(readings.R_base_flange, readings.wrench, R, d),
+        kept,
+        alone.noise,
+        linear_fit(kept.R_base_flange, kept.wrench, R, d),
         now.names,
         sharing.parameters,
         sharing.known_apart(now),
-        float(alone.fit.dof.min()),
+        float(alone.dof.min()),
     )
 
 
-def _agreeing(found: Estimate, readings: PoseReadings, common: Estimate, sharing: _Sharing) -> Estimate:
+def _agreeing(
+    found: RigidEstimate, readings: PoseReadings, common: RigidEstimate, sharing: _Sharing
+) -> RigidEstimate:
     """The estimate with the rotations, and their covariance, that all have in common; the rest follows them as its
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """
-    fit, names, index = found.fit, found.names, _index(found.names, sharing)
-    tool, agreed = fit.rigid_tool, common.fit.rigid_tool
-    follow = np.linalg.solve(fit.covariance[np.ix_(index, index)], fit.covariance[index]).T
+    names, index, tool, agreed = found.names, _index(found.names, sharing), found.tool, common.tool
+    follow = np.linalg.solve(found.covariance[np.ix_(index, index)], found.covariance[index]).T
     moved = stepped(tool, follow @ _turns(tool, agreed, sharing), names)
     if "mount" in sharing.names:
         moved = replace(moved, R_flange_sensor=agreed.R_flange_sensor)
     if "gravity" in sharing.names:
         moved = replace(moved, gravity_direction=agreed.gravity_direction)
     axes = small_change_about(tool, moved, names)
-    before, follow = axes @ fit.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
-    of_all = common.fit.covariance[np.ix_(index, index)]
+    before, follow = axes @ found.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
+    of_all = common.covariance[np.ix_(index, index)]
     covariance = before + follow @ (of_all - before[np.ix_(index, index)]) @ follow.T
-    dof = fit.dof.copy()
-    dof[index] = common.fit.dof[index]
+    dof = found.dof.copy()
+    dof[index] = common.dof[index]
     r = gravity_in_flange(readings.R_base_flange, moved.gravity_direction)
+    was = gravity_in_flange(readings.R_base_flange, tool.gravity_direction)
     from_parameters = matrix_jacobian(moved, names)
-    fit = replace(
-        fit,
+    B = wrench_matrix(moved)
+    return replace(
+        found,
         tool=moved,
         gravity_direction=moved.gravity_direction,
-        B=wrench_matrix(moved),
+        B=B,
         covariance=0.5 * (covariance + covariance.T),
         B_covariance=from_parameters @ covariance @ from_parameters.T,
-        residuals=readings.wrench - free_wrench(wrench_matrix(moved), r),
+        errors=found.errors + free_wrench(found.B, was) - free_wrench(B, r),
         dof=dof,
+        beliefs=_beliefs_agreeing(found.beliefs, common.beliefs, sharing),
     )
-    return replace(found, fit=fit, auto=_auto_agreeing(found.auto, fit, common.auto, sharing))
 
 
-def _auto_agreeing(auto: AutoFit | None, fit: Fit, common: AutoFit | None, sharing: _Sharing) -> AutoFit | None:
-    """What `auto` assumed, with the probabilities that all have in common."""
-    if auto is None or common is None:
+def _beliefs_agreeing(own: Beliefs | None, common: Beliefs | None, sharing: _Sharing) -> Beliefs | None:
+    """What is believed, with the probabilities that all have in common."""
+    if own is None or common is None:
         return None
-    if len(sharing.names) == len(SHAREABLE):
-        return replace(common, fit=fit)
     if "mount" in sharing.names:
-        return replace(auto, fit=fit, mounting_exact=common.mounting_exact)
-    return replace(auto, fit=fit, base_exact=common.base_exact)
+        own = replace(own, mounting_exact=common.mounting_exact, any_mounting=common.any_mounting)
+    if "gravity" in sharing.names:
+        own = replace(own, base_exact=common.base_exact, any_base=common.any_base)
+    return own
 
 
 def _contradictions(agreement: _Agreement, sources: list[str], sharing: _Sharing) -> tuple[Finding, ...]:

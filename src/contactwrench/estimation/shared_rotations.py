@@ -17,11 +17,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..model import GRAVITY, MOUNT, RigidTool, wrench_jacobian
+from ..model import GRAVITY, MOUNT, RigidTool, free_wrench, gravity_in_flange, wrench_jacobian, wrench_matrix
 from ..statistics import MisfitTest
 from .noise import PoseReadings
 from .priors import Knowledge, known_rotations, rows_of
-from .rigid import RigidProblem
 
 ROTATIONS = (*MOUNT, *GRAVITY)
 SHAREABLE = {"mount": MOUNT, "gravity": GRAVITY}
@@ -91,7 +90,8 @@ def message_of(
     """What readings with `noise` (6,) say of the parameters `shared` among `names`, linearised at `tool`; `knowledge`
     of the others helps to eliminate them.
     """
-    errors = RigidProblem(readings.R_base_flange, readings.wrench, names).residuals(tool) / noise
+    r = gravity_in_flange(readings.R_base_flange, tool.gravity_direction)
+    errors = (readings.wrench - free_wrench(wrench_matrix(tool), r)) / noise
     J = wrench_jacobian(tool, readings.R_base_flange, names) / noise[:, None]
     J, said = J.reshape(-1, len(names)), errors.ravel()
     known = rows_of(knowledge, tool, names)
