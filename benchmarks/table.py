@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Row:
-    """A figure in `unit`, and the range that it should lie in (None: no limit on that side)."""
+    """A figure in `unit`, with its standard error where it was drawn, and the range that it should lie in (None: no
+    limit on that side).
+    """
 
     what: str
     value: float
@@ -16,6 +18,7 @@ class Row:
     least: float | None = None
     most: float | None = None
     remark: str = ""
+    standard_error: float | None = None
 
     @property
     def has_target(self) -> bool:
@@ -26,6 +29,11 @@ class Row:
     def met(self) -> bool:
         """Whether the figure lies in its range; False for a NaN."""
         return (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most)
+
+    @property
+    def spread(self) -> str:
+        """The standard error in words."""
+        return "" if self.standard_error is None else f"+- {self.standard_error:.2g}"
 
     @property
     def target(self) -> str:
@@ -41,8 +49,11 @@ def print_table(title: str, rows: Iterable[Row]) -> None:
     width = max(len(row.what) for row in rows)
     unit = max(len(row.unit) for row in rows)
     target = max(len(row.target) for row in rows)
+    spread = max(len(row.spread) for row in rows)
     print(f"\n{title}\n{'-' * len(title)}")
     for row in rows:
         verdict = "" if not row.has_target else "ok" if row.met else "MISSED"
-        line = f"  {row.what:<{width}}  {row.value:>9.4g} {row.unit:<{unit}}  {row.target:<{target}}  {verdict:<6}"
-        print(f"{line}  {row.remark}".rstrip(), flush=True)
+        figure = f"{row.value:>9.4g} {row.spread:<{spread}} {row.unit:<{unit}}"
+        print(
+            f"  {row.what:<{width}}  {figure}  {row.target:<{target}}  {verdict:<6}  {row.remark}".rstrip(), flush=True
+        )
