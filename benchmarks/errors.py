@@ -24,7 +24,7 @@ RANGES = np.array([70.0, 70.0, 70.0, 3.0, 3.0, 3.0])
 LEVER = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """N and N m a N."""
 
-CONE = np.deg2rad(30.0)
+CONE, TURN = np.deg2rad(30.0), np.deg2rad(20.0)
 PRIOR_MOUNT, PRIOR_BASE = np.deg2rad(1.41), np.deg2rad(0.71)
 """rad, an axis: the stated priors of the mounting's and of the base's tilt (method.md)."""
 
@@ -38,10 +38,12 @@ def times(n: int) -> Array:
 
 
 def in_a_cone(n: int, rng: np.random.Generator) -> Array:
-    """Orientations (n, 3, 3) within 30 deg of tool-down, uniform over that cap, turned about the vertical at will."""
+    """Orientations (n, 3, 3) within 30 deg of tool-down, uniform over that cap, and turned little about the vertical,
+    as the paper's six.
+    """
     tilt, side = np.arccos(rng.uniform(np.cos(CONE), 1.0, n)), rng.uniform(0.0, 2.0 * np.pi, n)
     lean = Rotation.from_rotvec(tilt[:, None] * np.column_stack([np.cos(side), np.sin(side), np.zeros(n)]))
-    turn = Rotation.from_euler("z", rng.uniform(0.0, 2.0 * np.pi, n))
+    turn = Rotation.from_euler("z", rng.uniform(0.0, 2.0 * np.pi) + TURN * rng.normal(size=(n, 1)))
     matrices: Array = (turn * lean * Rotation.from_euler("x", 180.0, degrees=True)).as_matrix()
     return matrices
 
@@ -147,8 +149,9 @@ FIELD_LENGTH = 0.5
 
 @dataclass(frozen=True)
 class Realistic:
-    """How large the errors of sensor, cable and robot are: gain and cross-talk a share, backlash and cable N an axis,
-    robot deg an axis with that correlation from pose to pose, creep the share of the last load that is still felt.
+    """How large the errors of sensor, cable and robot are: gain and cross-talk a share, backlash N in all, cable N an
+    axis, robot deg an axis with that correlation from pose to pose, creep the share of the last change of load that is
+    still to come.
     """
 
     gain: float = 0.0
@@ -163,7 +166,7 @@ class Realistic:
         gain = np.eye(6) + self.gain * rng.normal(size=(6, 6)) * np.divide.outer(RANGES, RANGES)
         frequencies = rng.normal(size=(FEATURES, 9)) / (np.sqrt(2.0) * FIELD_LENGTH)
         amplitudes = rng.normal(size=(FEATURES, 6)) * np.sqrt(2.0 / FEATURES) * self.cable * LEVER
-        backlash = np.sqrt(3.0) * self.backlash * LEVER * np.r_[direction(rng), direction(rng)]
+        backlash = self.backlash * LEVER * np.r_[direction(rng), direction(rng)]
         phases = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
         return Reality(self, rig, gain, backlash, direction(rng), frequencies, amplitudes, phases)
 

@@ -177,14 +177,16 @@ FAR_OFF = 5.0
 
 
 def touched(cell: Touched, rng: np.random.Generator) -> dict[str, float]:
-    """One recording: `auto` on all poses, and on those that are not in contact."""
+    """One recording, with times or without: `auto` on all poses, and on those that are not in contact."""
     rig, R = usual_rig(rng), poses(f"{cell.poses} random", rng)
+    t = times(len(R)) if rng.integers(2) else None
     count = int(rng.integers(1, int(0.3 * cell.poses) + 1))
     added, bad = cell.contacts.drawn(cell.poses, count, rng)
     clean, truth = readings(rig, R) + NOISE * rng.normal(size=(len(R), 6)), readings(rig, UNSEEN)
     expected = told(rig, R[~bad], clean[~bad], None, UNSEEN).expected
-    whole = cw.calibrate(cw.Samples(clean + added, R), "auto")
-    without = force_error(cw.calibrate(cw.Samples(clean[~bad], R[~bad]), "auto"), truth)
+    whole = cw.calibrate(cw.Samples(clean + added, R, t), "auto")
+    free = cw.Samples(clean[~bad], R[~bad], None if t is None else t[~bad])
+    without = force_error(cw.calibrate(free, "auto"), truth)
     squared, out = force_error(whole, truth), np.array([pose.rejected is not None for pose in whole.poses])
     good = verdict(whole) == "good"
     return {
@@ -275,7 +277,7 @@ def steps(pool: Executor, n: int, seed: int) -> Iterator[Row]:
 def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     """Every table of the estimator on recordings of poses."""
     seed, seeds = (DEVELOPMENT, "development") if quick else (BLIND, "blind")
-    numbers = (3, 8, 4, 4) if quick else (200, 400, 210, 225)
+    numbers = (2, 6, 3, 4) if quick else (200, 400, 210, 225)
     families = (
         ("drift: 6, 12 and 24 poses whose bias moves", drift),
         ("steady: the same poses, and a bias that does not", steady),

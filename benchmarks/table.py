@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,15 @@ class Row:
         return (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most)
 
     @property
+    def judgement(self) -> str:
+        """In a word, whether the target is met; `missed?` where two standard errors more or less would meet it."""
+        if not self.has_target or self.met:
+            return "ok" if self.has_target else ""
+        error = 2.0 * (self.standard_error or 0.0)
+        eased = (None if self.least is None else self.least - error), (None if self.most is None else self.most + error)
+        return "missed?" if replace(self, least=eased[0], most=eased[1]).met else "MISSED"
+
+    @property
     def spread(self) -> str:
         """The standard error in words."""
         return "" if self.standard_error is None else f"+- {self.standard_error:.2g}"
@@ -52,8 +61,8 @@ def print_table(title: str, rows: Iterable[Row]) -> None:
     spread = max(len(row.spread) for row in rows)
     print(f"\n{title}\n{'-' * len(title)}")
     for row in rows:
-        verdict = "" if not row.has_target else "ok" if row.met else "MISSED"
         figure = f"{row.value:>9.4g} {row.spread:<{spread}} {row.unit:<{unit}}"
         print(
-            f"  {row.what:<{width}}  {figure}  {row.target:<{target}}  {verdict:<6}  {row.remark}".rstrip(), flush=True
+            f"  {row.what:<{width}}  {figure}  {row.target:<{target}}  {row.judgement:<7}  {row.remark}".rstrip(),
+            flush=True,
         )
