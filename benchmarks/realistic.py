@@ -55,8 +55,9 @@ def _said(calibration: cw.Calibration) -> float:
 
 
 def erring(cell: Erring, rng: np.random.Generator) -> dict[str, float]:
-    """One recording. Covered is by the t of the calibration. Its own error is against what the sensor reads at unseen orientations less what
-    differs from pose to pose, gain and cross-talk included; the new readings have all of it, drawn anew.
+    """One recording. Covered is by the t of the calibration. Its own error is against what the sensor reads at unseen
+    orientations less what differs from pose to pose, gain and cross-talk included; the new readings have all of it,
+    drawn anew.
     """
     reality = KINDS[cell.kind].drawn(usual_rig(rng, TOOL), rng)
     R = in_order(poses(cell.poses, rng))

@@ -32,11 +32,13 @@ class Row:
 
     @property
     def judgement(self) -> str:
-        """In a word, whether the target is met; `missed?` where two standard errors more or less would meet it."""
+        """In a word, whether the target is met; `missed?` where two standard errors more or less would meet it; a
+        single case is too many where none is allowed.
+        """
         if not self.has_target or self.met:
             return "ok" if self.has_target else ""
         error = 2.0 * (self.standard_error or 0.0)
-        eased = (None if self.least is None else self.least - error), (None if self.most is None else self.most + error)
+        eased = (None if self.least is None else self.least - error), (self.most + error if self.most else self.most)
         return "missed?" if replace(self, least=eased[0], most=eased[1]).met else "MISSED"
 
     @property
