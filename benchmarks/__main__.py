@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--quick] [NAME ...]`: figures with their targets, then those that are missed.
+"""`python -m benchmarks [--quick] [--only WORD] [NAME ...]`: figures with their targets, then those that are missed.
 
 A full run is added to results.csv.
 """
@@ -19,7 +19,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 BY_THEMSELVES = ("speed", "tables", "plan", "rig", "measured", "bags", "clock_delay", "stillness", "live")
 """They use the clock, or are too short for a pool; they come first, while numpy has all its threads."""
 
-IN_A_POOL = ("accuracy", "auto", "dirty", "diagnose")
+IN_A_POOL = ("accuracy", "auto", "dirty", "inference", "diagnose")
 
 
 def _tables(name: str, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
@@ -37,6 +37,7 @@ def main() -> None:
     known = (*BY_THEMSELVES, *IN_A_POOL)
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=(__doc__ or "").partition(": ")[2])
     parser.add_argument("--quick", action="store_true", help="a tenth of the trials, and nothing added to results.csv")
+    parser.add_argument("--only", metavar="WORD", default="", help="tables whose title has this word, and no others")
     parser.add_argument("which", nargs="*", metavar="NAME", help=f"what to run: {', '.join(known)}; default: all")
     options = parser.parse_args()
     if unknown := set(options.which) - set(known):
@@ -44,7 +45,9 @@ def main() -> None:
     rows: list[tuple[str, Row]] = []
     for name in [name for name in known if name in (options.which or known)]:
         for title, table in _tables(name, options.quick):
-            figures = list(table)
+            if options.only.lower() not in title.lower():
+                continue
+            figures = list(table)  # nothing was computed before
             print_table(title, figures)
             rows += [(title, row) for row in figures]
             if not options.quick:
@@ -53,8 +56,10 @@ def main() -> None:
     missed = [(title, row) for title, row in judged if not row.met]
     print(f"\nSummary: {len(judged) - len(missed)} of {len(judged)} targets met, {len(missed)} missed")
     if options.quick:
-        print("  quick: a tenth of the trials, so that ratios and coverages scatter by 2 %; only a full run judges")
+        print("  quick: a tenth of the trials, so that figures scatter; only a full run judges; clearly missed:")
     for title, row in missed:
+        if options.quick and row.judgement != "MISSED":
+            continue
         print(f"  {title}: {row.what} {row.value:.4g} {row.unit}, expected {row.target}")
 
 

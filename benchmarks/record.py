@@ -13,7 +13,7 @@ import contactwrench as cw
 from .table import Row
 
 RESULTS = Path(__file__).parent / "results.csv"
-HEADER = ("date", "version", "commit", "table", "what", "value", "unit", "target", "met")
+HEADER = ("date", "version", "commit", "table", "what", "value", "unit", "target", "met", "standard_error")
 
 
 def append(title: str, rows: Iterable[Row], path: Path = RESULTS) -> None:
@@ -26,7 +26,8 @@ def append(title: str, rows: Iterable[Row], path: Path = RESULTS) -> None:
             writer.writerow(HEADER)
         for row in rows:
             met = "" if not row.has_target else "yes" if row.met else "no"
-            writer.writerow((*stamp, title, row.what, f"{row.value:.6g}", row.unit, row.target, met))
+            error = "" if row.standard_error is None else f"{row.standard_error:.2g}"
+            writer.writerow((*stamp, title, row.what, f"{row.value:.6g}", row.unit, row.target, met, error))
 
 
 def commit() -> str:
