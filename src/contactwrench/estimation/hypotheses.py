@@ -79,13 +79,13 @@ def priors_at(
         J = known.jacobian[:, columns]
         return J.T @ J, J.T @ known.residuals, float(known.residuals @ known.residuals)
 
-    pieces = (*question.knowledge, *(() if question.earlier is not None else (known_com(np.zeros(3), np.full(3, COM_SD)),)))
+    auto = question.model == "auto" and question.earlier is None
+    pieces = (*question.knowledge, *((known_com(np.zeros(3), np.full(3, COM_SD)),) if auto else ()))
     p = len(columns)
     common = [rows(piece) for piece in pieces]
     information = sum((part[0] for part in common), np.zeros((p, p)))
     pull = sum((part[1] for part in common), np.zeros(p))
     misfit = sum(part[2] for part in common)
-    auto = question.model == "auto" and question.earlier is None
     tilts = [rows(nominal_mounting(1.0)), rows(known_gravity(question.gravity_direction, 1.0))] if auto else []
     h = len(hypotheses)
     result = Priors(

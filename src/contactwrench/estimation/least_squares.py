@@ -19,9 +19,10 @@ from ..model import RigidTool, response_jacobian
 from .moments import Moments
 from .noise import StatedNoise
 
-AXIS_SD = 0.7
-"""Of the logarithm of an axis' variance about that of its group: noises of one sensor's axes differ by a half or so."""
+AXIS_SCALE = 0.2
+"""Of the logarithm of an axis' variance about that of its group: up to that, chance is believed rather than the axis."""
 
+AXIS_PASSES = 8
 MOST_PASSES = 40
 SETTLED = 1e-3
 """Relative change of a variance; an estimate changes by far less than a hundredth of its std."""
@@ -134,18 +135,21 @@ def _inverse(information: Array) -> tuple[Array, Array]:
     return inverse, np.linalg.slogdet(scaled)[1] + 2.0 * np.log(unit).sum(axis=1)
 
 
-def axis_precision(dof: Array) -> Array:
-    """Precision (6, 6) of the logarithms of the axes' variances, at their optimum, from the `dof` (6,) of each."""
-    pull = (np.eye(3) - 1.0 / 3.0) / AXIS_SD**2
+def axis_precision(log_variance: Array, dof: Array) -> Array:
+    """Precision (6, 6) of the logarithms (6,) of the axes' variances about their optimum, from the `dof` of each."""
+    pull = _pull(log_variance.reshape(1, 2, 3))[0]
     precision = np.diag(0.5 * dof)
-    precision[:3, :3] += pull
-    precision[3:, 3:] += pull
+    for group, strength in zip((slice(0, 3), slice(3, 6)), pull, strict=True):
+        precision[group, group] += strength * (np.eye(3) - 1.0 / 3.0)
     return precision
 
 
 def variances(squares: Array, dof: Array, noise: NoiseModel) -> tuple[Array, Array]:
     """The axes' variances (m, 6) at their optimum, given the sums of squares and their dof, and -2 log of the volume
     that Laplace's method gives them, less that of their prior (m,).
+
+    The axes of a group differ as much as they must: their prior is a Student's t of one degree of freedom, narrow, so
+    that a few poses share one variance, and with tails that let a plain difference be.
     """
     if noise.stated is not None:
         given = noise.stated.std**2
@@ -157,15 +161,27 @@ def variances(squares: Array, dof: Array, noise: NoiseModel) -> tuple[Array, Arr
     least = noise.least.reshape(2, 3)
     level = np.log(np.maximum(grouped.sum(axis=2) / left.sum(axis=2), least.mean(axis=1)))
     log_variance = np.repeat(level[:, :, None], 3, axis=2)
-    pull = (np.eye(3) - 1.0 / 3.0) / AXIS_SD**2
-    for _ in range(6):
+    for _ in range(AXIS_PASSES):
+        pull = _pull(log_variance)
+        off = log_variance - log_variance.mean(axis=2, keepdims=True)
         chi2 = grouped * np.exp(-log_variance)
-        slope = 0.5 * (left - chi2) + log_variance @ pull
-        curvature = 0.5 * np.maximum(left, chi2)[..., None] * np.eye(3) + pull
-        log_variance = log_variance - np.linalg.solve(curvature, slope[..., None])[..., 0]
+        slope = 0.5 * (left - chi2) + pull[:, :, None] * off
+        stiff = 0.5 * np.maximum(left, chi2) + pull[:, :, None]
+        step = slope / stiff  # of diag(stiff) less a third of the pull everywhere (Sherman and Morrison, 1950)
+        third = pull / 3.0
+        step += (third * step.sum(axis=2) / (1.0 - third * (1.0 / stiff).sum(axis=2)))[:, :, None] / stiff
+        log_variance = log_variance - np.clip(step, -2.0, 2.0)
     log_variance = np.maximum(log_variance, np.log(least))
-    chi2 = grouped * np.exp(-log_variance)
-    curvature = 0.5 * np.maximum(left, chi2)[..., None] * np.eye(3) + pull
-    off = np.einsum("mgi,ij,mgj->m", log_variance, pull, log_variance)
-    volume = np.linalg.slogdet(curvature)[1].sum(axis=1)
-    return np.exp(log_variance).reshape(-1, 6), volume + off
+    off = log_variance - log_variance.mean(axis=2, keepdims=True)
+    pull = _pull(log_variance)
+    stiff = 0.5 * left + pull[:, :, None]
+    volume = np.log(stiff).sum(axis=2) + np.log1p(-pull / 3.0 * (1.0 / stiff).sum(axis=2))
+    tail = 3.0 * np.log1p(np.sum(off**2, axis=2) / AXIS_SCALE**2)
+    return np.exp(log_variance).reshape(-1, 6), (volume + tail).sum(axis=1)
+
+
+def _pull(log_variance: Array) -> Array:
+    """Of each group (m, 2): the precision with which its axes (m, 2, 3) are drawn to their mean, by that prior."""
+    off = log_variance - log_variance.mean(axis=2, keepdims=True)
+    pull: Array = 3.0 / (AXIS_SCALE**2 + np.sum(off**2, axis=2))
+    return pull

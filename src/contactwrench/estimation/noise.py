@@ -104,6 +104,8 @@ def readings_of(poses: tuple[Pose, ...], order_tells: bool) -> PoseReadings:
     known = variance.max(axis=1) > 0.0
     if known.any() and not known.all():
         variance[~known] = (rows[known, None] * variance[known]).mean(axis=0) / rows[~known, None]
+    mean = np.maximum(variance.mean(axis=0), 1e-300)
+    variance = np.mean(variance / mean, axis=1)[:, None] * mean  # one axis of few rows says little by itself
     time = times_of(poses) if order_tells or poses[0].t_start is not None else None
     return PoseReadings(
         np.array([pose.R_base_flange for pose in poses]), np.array([pose.wrench for pose in poses]), variance, time

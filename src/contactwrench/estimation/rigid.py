@@ -130,10 +130,10 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
         for _ in range(SETTLE_ITERATIONS):
             X = np.concatenate([R.reshape(-1, 9), problem.errors(tool)[kept]], axis=1)
             G = gram(tool, problem.names, moments_of(X, problem.relative[kept], steady).S)[0]
-            total = np.einsum("a,aij->ij", weight / (weight @ G[:, -1, -1] / (6.0 * len(R)) + 1e-300), G)
+            total = np.einsum("a,aij->ij", weight / (weight @ G[:, -1, -1] / (6.0 * len(R)) + 1e-30), G)
             known = priors_at(tool, problem.names, wide, problem.question)
             information = total[:-1, :-1] + known.information[0]
-            unit = np.sqrt(np.diag(information)) + 1e-300
+            unit = np.sqrt(np.diag(information)) + 1e-100
             scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
             step = np.linalg.solve(scaled, (total[:-1, -1] + known.pull[0]) / unit) / unit
             misfit = float(weight @ G[:, -1, -1])
@@ -241,7 +241,7 @@ def _dof(problem: Problem, table: Table, covariance: Array) -> Array:
     stated = problem.noise.stated
     if stated is not None:
         return np.full(len(names), min(float(m.dof[best].sum()) + stated.dof, MOST_DOF))
-    spread = np.linalg.inv(axis_precision(m.dof[best]))
+    spread = np.linalg.inv(axis_precision(np.log(m.variance[best]), m.dof[best]))
     of_step = m.covariance[best]
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
     kernel = problem.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
