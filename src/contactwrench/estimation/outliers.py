@@ -8,6 +8,7 @@ evidence beside everything else (posterior.py).
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 
 import numpy as np
@@ -15,28 +16,44 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 
-PROBABILITY = 0.03
-NARROWEST, WIDEST = 4.0, 3000.0
-"""Times the noise: the range of the wide distribution's width, in whose logarithm it is uniform."""
+PROBABILITY = 0.4
+"""That a recording has such poses at all; that it has k of them goes as 1 / k, up to `MOST_SHARE` of all."""
+
+MOST_SHARE = 0.4
+WIDTHS = np.geomspace(3.5, 3500.0, 7)
+"""Of the wide distribution, times the noise: one for all such poses, or one for each."""
 
 CLEAN_SHARE = 2.0 / 3.0
-SUBSETS, OF_SUBSET = 150, 4
+SUBSETS, OF_SUBSET = 120, 4
 FEW = 8
-CONCENTRATIONS, FINALISTS = 2, 8
+CONCENTRATIONS, FINALISTS = 2, 12
 MOST_CONCENTRATIONS = 20
 DOUBTED = 1e-3
 """Probability of a distance this large, beyond which the search doubts a pose."""
 
 
-def log_density_outlying(distance: Array) -> Array:
-    """Logarithm of the density of errors in units of the noise (6 of them) at this `distance`, if outlying."""
-    from scipy.special import gammainc
+def log_prior_outlying(n: int, k: int) -> float:
+    """Logarithm of the probability that of n poses a given set of k, and no others, are outlying."""
+    if k == 0:
+        return float(np.log1p(-PROBABILITY))
+    most = max(int(MOST_SHARE * n), 1)
+    share = 1.0 / (k * np.sum(1.0 / np.arange(1, most + 1)))
+    sets = math.lgamma(n + 1.0) - math.lgamma(k + 1.0) - math.lgamma(n - k + 1.0)
+    return float(np.log(PROBABILITY * share) - sets)
 
-    squared = np.maximum(np.asarray(distance) ** 2, 1e-12)
-    share = gammainc(3.0, squared / (2.0 * NARROWEST**2)) - gammainc(3.0, squared / (2.0 * WIDEST**2))
-    density = 8.0 * np.maximum(share, 1e-300) / (squared**3 * np.log(WIDEST / NARROWEST))
-    result: Array = np.log(density) - 3.0 * np.log(2.0 * np.pi)
-    return result
+
+def log_density_outlying(errors: Array) -> float:
+    """Logarithm of the density of outlying errors (k, 6) in units of the noise: wide with one width for all or one for
+    each, or all off by the same, as poses are that touch the same thing in the same way.
+    """
+    k, squared = len(errors), np.sum(errors**2, axis=1)
+    of_each = -6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared, WIDTHS**-2.0)
+    apart = np.logaddexp.reduce(of_each, axis=1).sum() - (k - 1.0) * np.log(len(WIDTHS))
+    mean = errors.mean(axis=0)
+    spread = 1.0 + k * WIDTHS**2
+    alike = -0.5 * (np.sum((errors - mean) ** 2) + k * (mean @ mean) / spread) - 3.0 * np.log(spread)
+    options = [np.logaddexp.reduce(of_each.sum(axis=0)), apart, np.logaddexp.reduce(alike)]
+    return float(np.logaddexp.reduce(options) - np.log(3.0 * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
 
 
 def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever: float) -> NDArray[np.bool_]:
@@ -77,6 +94,7 @@ def _subsets(n: int) -> NDArray[np.bool_]:
     order = np.argsort(np.random.default_rng(n).random((SUBSETS, n)), axis=1)
     masks = np.zeros((SUBSETS, n), dtype=bool)
     np.put_along_axis(masks, order[:, :OF_SUBSET], True, axis=1)
+    np.put_along_axis(masks[::2], order[::2, : 2 * OF_SUBSET], True, axis=1)
     masks[0] = True
     return masks
 

@@ -17,7 +17,7 @@ from .bias_drift import Kernels
 from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, NoiseModel, gram, solved
 from .moments import Moments, moments_of, precision_times
-from .outliers import PROBABILITY, likely_clean, log_density_outlying
+from .outliers import likely_clean, log_density_outlying, log_prior_outlying
 from .priors import Question
 
 FAR = 12.0
@@ -112,13 +112,12 @@ def table_at(
 def _of_the_rest(problem: Problem, table: Table) -> float:
     """Logarithm of the probability of those left out, and that the others are none."""
     out = ~table.kept
-    rest = float(table.kept.sum()) * float(np.log1p(-PROBABILITY)) - 3.0 * np.log(2.0 * np.pi) * table.moments.n
+    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * table.moments.n
     if not out.any():
         return float(rest)
-    errors, std = errors_of(problem, table, table.best)[out], np.sqrt(table.members.variance[table.best])
-    distance = np.sqrt(np.sum((errors / std) ** 2, axis=1))
-    density = log_density_outlying(distance) - float(np.sum(np.log(std)))
-    return float(rest + np.sum(density + np.log(PROBABILITY)))
+    errors, variance = errors_of(problem, table, table.best)[out], table.members.variance[table.best]
+    density = log_density_outlying(errors / np.sqrt(variance))
+    return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
 
 
 def errors_of(problem: Problem, table: Table, member: int) -> Array:
