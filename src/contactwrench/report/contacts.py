@@ -15,7 +15,7 @@ from ..recording.compensate import LEFT_OUT, Treatment, compensated, write_compe
 from ..recording.options import Options
 from ..recording.tables.columns import Advance
 from ..statistics import counted, meaningful_digits
-from .figures import AXIS_COLOURS, drawing, svg_text
+from .figures import AXIS_COLOURS, WIDTH, drawing, svg_text
 from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
 from .signals import Envelope, envelope, outline
 
@@ -125,7 +125,7 @@ def contact_signals(log: ContactLog) -> str:
     """Force and torque over the time from the first sample."""
     t, lines = outline(log.envelope or envelope(np.empty(0), np.empty((0, 6))))
     t -= log.start if np.isfinite(log.start) else 0.0
-    with drawing(1, (8.6, 4.6), rows=2) as (figure, axes):
+    with drawing(1, (WIDTH, 5.0), rows=2) as (figure, axes):
         for ax, part, name in zip(axes, (0, 3), ("force, N", "torque, N m"), strict=True):
             for contact in log.contacts[:MOST_SHADED]:
                 end = log.end if contact.release is None else contact.release
