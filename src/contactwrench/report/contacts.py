@@ -11,7 +11,7 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import LEFT_OUT, Treatment, compensated, write_compensated
+from ..recording.compensate import Treatment, compensated, write_compensated
 from ..recording.options import Options
 from ..recording.tables.columns import Advance
 from ..statistics import counted, meaningful_digits
@@ -53,11 +53,11 @@ class ContactLog:
         self.touching += int(np.sum(batch.contact == TOUCHING))
         self.envelope = envelope(batch.t, batch.wrench, self.envelope)
         for row in np.flatnonzero(~batch.valid).tolist():
-            self.faults += 1
-            kind, _, detail = (batch.reason[row] or "").partition(": ")
-            shown = detail if kind == LEFT_OUT else kind
-            count, first = self.reasons.get(shown, (0, float(batch.t[row])))
-            self.reasons[shown] = count + 1, first
+            reason = batch.reason[row]
+            if reason is not None:
+                count, first = self.reasons.get(reason.kind, (0, float(batch.t[row])))
+                self.reasons[reason.kind] = count + 1, first
+        self.faults += int(np.sum(~batch.valid))
 
 
 def compensate_recording(
