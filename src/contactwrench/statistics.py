@@ -45,15 +45,17 @@ class MisfitTest:
         return f"; a lenient test, the noise rests on {self.dof:.2g} degrees of freedom" if few else ""
 
 
-def misfit_of_readings(errors: Array, noise: Array, J: Array, covariance: Array) -> float:
-    """`e^T C^-1 e` for errors (m,) with independent noise variances (m,) and the parameters' covariance (p, p) in
-    common, C = diag(noise) + J covariance J^T, by the inversion lemma: nothing of size (m, m) is built.
+def products_of_readings(columns: Array, noise: Array, J: Array, covariance: Array) -> Array:
+    """`X^T C^-1 X` (k, k) for columns X (m, k) of readings with independent noise variances (m,) and the parameters'
+    covariance (p, p) in common, C = diag(noise) + J covariance J^T, by the inversion lemma: nothing of size (m, m) is
+    built. Of errors the misfit.
     """
-    std = np.sqrt(np.maximum(noise, 1e-300))
-    A = (J / std[:, None]) @ square_root(covariance)
-    z = errors / std
+    std = np.sqrt(np.maximum(noise, 1e-300))[:, None]
+    A = (J / std) @ square_root(covariance)
+    z = columns / std
     along = A.T @ z
-    return float(z @ z - along @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along))
+    products: Array = z.T @ z - along.T @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along)
+    return products
 
 
 def misfit_of_parameters(change: Array, covariance: Array) -> float:

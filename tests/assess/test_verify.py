@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.assess.verify import Weighing, verify
+from contactwrench.calibration.fields import Finding, Kind, Severity
 from contactwrench.errors import InputError
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
@@ -55,6 +57,93 @@ def test_a_changed_tool_or_a_drifted_sensor_is_found(change: dict[str, Array | f
     assert result.probability is not None
     assert result.probability < 0.01
     assert "more than the calibration's covariance and noise explain" in result.reason
+
+
+def _drifting(rig: Rig, R: Array, rng: np.random.Generator, drift: Array) -> cw.Calibration:
+    """A calibration that says, and whose poses show, that the bias drifted by `drift` (6,) up to the last of them."""
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    share = np.linspace(-1.0, 0.0, len(R))
+    poses = tuple(
+        replace(pose, wrench=pose.wrench + k * drift) for k, pose in zip(share, calibration.poses, strict=True)
+    )
+    said = Finding(Kind.BIAS_DRIFTED, Severity.WARNING, "the bias drifted")
+    return replace(calibration, poses=poses, findings=(said,))
+
+
+DRIFT = np.array([0.3, -0.2, 0.4, 0.01, 0.0, -0.02])
+
+
+@pytest.mark.parametrize(
+    ("further", "weight", "said", "passed", "remedy"),
+    [
+        (0.8, 0.0, True, True, "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"),
+        (3.0, 0.0, True, False, "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"),
+        (0.8, 0.0, False, False, "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"),
+        (0.8, 0.5, True, False, "more than the bias changed: calibrate anew"),
+        (0.0, 0.0, True, True, None),
+    ],
+    ids=["as calibrating saw", "much further", "nobody saw it", "another tool as well", "not at all"],
+)
+def test_a_bias_that_goes_on_moving_breaks_no_calibration(
+    further: float, weight: float, said: bool, passed: bool, remedy: str | None
+) -> None:
+    rig, R, rng = example(21)
+    calibration = _drifting(rig, R, rng, DRIFT)
+    if not said:
+        calibration = replace(calibration, findings=())
+    now = replace(rig, weight=rig.weight + weight, bias=rig.bias + further * DRIFT)
+    result = verify(calibration, noisy(now, random_rotations(10, rng), rng))
+    assert result.passed == passed
+    if remedy is None:
+        assert result.findings == ()
+        return
+    (finding,) = result.findings
+    assert (finding.kind, finding.severity) == (Kind.BIAS_SHIFTED, Severity.WARNING)
+    assert finding.text.startswith("the bias moved by ")
+    assert finding.text.endswith(f"; {remedy}")
+    assert result.reason.startswith("the residual less a bias that moves, as seen while calibrating, is what") == passed
+    if weight == 0.0:
+        assert result.bias is not None
+        assert np.abs((result.bias.shift - further * DRIFT) / result.bias.std).max() < 4.0
+
+
+def test_the_parts_of_chi_square_are_those_of_the_textbook() -> None:
+    """The bias' part is what a fit of six more numbers takes off, with the full covariance built and inverted."""
+    rig, R, rng = example(22)
+    calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(7, rng)
+    samples = noisy(replace(rig, bias=rig.bias + DRIFT), unseen, rng)
+    J = calibration.free_wrench_jacobian(unseen).reshape(42, -1)
+    weight = np.linalg.inv(np.diag(np.tile(calibration.noise**2, 7)) + J @ calibration.covariance @ J.T)
+    e, A = (samples.wrench - calibration.predict(unseen)).ravel(), np.tile(np.eye(6), (7, 1))
+    shift = np.linalg.solve(A.T @ weight @ A, A.T @ weight @ e)
+    left = e - A @ shift
+    bias = verify(calibration, samples).bias
+    assert bias is not None
+    assert bias.shift == pytest.approx(shift)
+    assert bias.std == pytest.approx(np.sqrt(np.diag(np.linalg.inv(A.T @ weight @ A))))
+    assert bias.rest_chi2 == pytest.approx(left @ weight @ left)
+    assert bias.chi2 + bias.rest_chi2 == pytest.approx(e @ weight @ e)
+    assert "the rest has a probability of" in verify(calibration, samples).warnings[0]
+
+
+def test_poses_alike_do_not_tell_a_bias_from_another_tool() -> None:
+    rig, R, rng = example(23)
+    drift = DRIFT * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]  # a torque about gravity would tell
+    calibration = _drifting(rig, R, rng, drift)
+    alike = np.repeat(random_rotations(1, rng), 2, axis=0)
+    alike[1] = alike[1] @ Rotation.from_rotvec([0.05, 0.0, 0.0]).as_matrix()
+    result = verify(calibration, noisy(replace(rig, bias=rig.bias + drift), alike, rng))
+    assert not result.passed
+    assert result.warnings[0].endswith("; another tool or mounting would do as well: tilt the tool further")
+    once = verify(calibration, noisy(replace(rig, bias=rig.bias + drift), alike[:1], rng))
+    assert (once.passed, once.bias, once.findings) == (False, None, ())
+
+
+def test_a_bias_that_stayed_is_seldom_said_to_have_moved() -> None:
+    rig, R, rng = example(24)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+    said = [bool(verify(calibration, noisy(rig, random_rotations(6, rng), rng)).findings) for _ in range(200)]
+    assert np.mean(said) <= 0.03  # 1 % and three standard deviations
 
 
 def test_what_is_reported_of_the_residuals() -> None:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import contactwrench as cw
 from contactwrench.assess.weigh import HeldObject, weigh
+from contactwrench.calibration.fields import Finding, Kind, Severity
 from contactwrench.errors import InputError
 from tests.support.recordings import MATRIX, WRENCH, csv_text, matrix_table, run, rz, written
 from tests.support.rigs import NOISE, example, noise_free, noisy, seeds
@@ -147,15 +148,47 @@ def test_nothing_held_and_too_little() -> None:
     assert held.warnings == ()
 
 
-def test_a_tool_that_lost_weight() -> None:
+def test_a_tool_that_lost_weight_is_refused() -> None:
     rig, R, rng = example(7)
     calibration = cw.calibrate(noisy(rig, R, rng), "mount")
     held = weigh(calibration, _noisy_holding(rig, -0.15, COM, random_rotations(4, rng), rng))
     assert held.com is None
-    assert held.warnings == (
-        "the mass is below zero: the tool is lighter than when it was calibrated, or the sign of the readings "
-        "differs (--sign)",
+    assert held.refused
+    assert held.findings == (
+        Finding(
+            Kind.NEGATIVE_MASS,
+            Severity.REFUSED,
+            "the mass is below zero: the tool is lighter than when it was calibrated, the sign of the readings differs "
+            "(--sign), or the calibration is another tool's",
+        ),
     )
+
+
+@pytest.mark.parametrize(("distance", "refused"), [(1.9, False), (2.1, True)])
+def test_a_centre_of_mass_outside_anything_that_an_arm_holds_is_refused(distance: float, refused: bool) -> None:
+    rig, R, rng = example(7)
+    calibration = cw.calibrate(noisy(rig, R, rng), "mount")
+    held = weigh(calibration, _noisy_holding(rig, 0.5, np.array([0.0, 0.0, distance]), R, rng))
+    assert held.refused == refused
+    assert held.warnings == (
+        (
+            "the centre of mass comes out 2.1 m from the sensor, outside anything that an arm holds: the calibration "
+            "is another tool's, its bias moved, or the torques are in N mm; contactwrench verify tells",
+        )
+        if refused
+        else ()
+    )
+
+
+@pytest.mark.parametrize("mass", [-0.5, 0.5])
+def test_the_program_refuses_what_no_object_is(tmp_path: Path, capsys: pytest.CaptureFixture[str], mass: float) -> None:
+    recording, tool, held = _files(tmp_path, 17, mass, 3)
+    done = run(capsys, "weigh", recording, "-c", tool)
+    values = run(capsys, "weigh", recording, "-c", tool, "--json")
+    assert (done.status, done.err) == (values.status, values.err) == (int(mass < 0.0), "")
+    assert json.loads(values.out)["refused"] == held.refused == (mass < 0.0)
+    assert (f"REFUSED  {held.warnings[0]}" == done.out.splitlines()[-1]) if mass < 0.0 else "REFUSED" not in done.out
+    assert ("\n  mass " in done.out) == (mass > 0.0)
 
 
 @pytest.mark.parametrize("poses", [1, 4])
@@ -170,7 +203,9 @@ def test_a_touch_is_noticed(poses: int) -> None:
     push[0, :3] /= np.linalg.norm(push[0, :3])
     touched = weigh(calibration, cw.Samples(samples.wrench + push, at))
     assert touched.probability < 0.01
-    assert touched.warnings[-1].startswith("a rigid object that hangs free does not explain the readings (chi-square ")
+    assert touched.warnings[-1].startswith(
+        "doubtful: a rigid object that hangs free does not explain the readings (chi-square "
+    )
     assert touched.warnings[-1].endswith(
         "it or the tool touched something, it moved between the poses, or the calibration no longer holds"
     )

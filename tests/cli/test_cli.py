@@ -100,7 +100,7 @@ def test_a_required_accuracy_that_is_missed_exits_1(
     assert (done.status, done.err) == ((1, line) if missed else (0, ""))
     assert done.out == (tmp_path / "tool.json").read_text()
     said = " ".join(run(capsys, "calibrate", PANDA, *flags).out.split())
-    assert (f"Verdict doubtful, but misses what is required, {missed}: " in said) == bool(missed)
+    assert (f"Verdict doubtful, and misses what is required, {missed}: " in said) == bool(missed)
 
 
 @pytest.mark.parametrize("gain", [1.0, 1.05])

@@ -38,7 +38,7 @@ def test_it_says_what_the_results_mean(demo: tuple[Path, str]) -> None:
     assert "A tool of 0.789 +- 0.003 kg; the set's authors found 0.788 kg" in words
     assert "mounted flipped and turned by 105 deg" in words
     assert "shows the tool 7 % lighter than along another" in words
-    assert "Warning no rigid tool explains these readings" in words
+    assert "Warning doubtful: no rigid tool explains these readings" in words
     assert "six poses cannot fix the weight" in words
     assert "condition number 46" in words
     assert "weight and bias_fz: correlation -0.999" in words

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import contactwrench as cw
 from contactwrench.compensate.contact_wrenches import ContactWrenches
+from contactwrench.compensate.faults import Reason
 from contactwrench.errors import FileAccessError, InputError
 from contactwrench.recording.tables.write import NAMES, write_contact_wrenches
 from tests.recording.test_tables import HEADER, rows, with_gaps
@@ -48,7 +49,8 @@ def test_a_row_is_as_python_formats_it(tmp_path: Path, sizes: list[int], t: Arra
 
 
 def judged() -> ContactWrenches:
-    reasons = [None, "stuck: fx has not moved", 'gap: nothing for 1 s, "filters" start anew', None]
+    stuck = Reason("stuck: fx has not moved", "stuck")
+    reasons = [None, stuck, Reason('gap: nothing for 1 s, "filters" start anew', "gap"), None]
     return ContactWrenches(
         WRENCH_OF[:4],
         STD[:4],

@@ -15,13 +15,14 @@ from itertools import chain
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.fields import BIAS_MOVED, Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..samples.poses import Pose
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, MisfitTest, misfit_of_readings, percent
+from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
 from .weigh import gravity_in_sensor
 
 
@@ -46,13 +47,50 @@ class Weighing:
 
 
 @dataclass(frozen=True, eq=False)
+class BiasShift(Frozen):
+    """The part of the residuals that a bias explains which moved since the calibration.
+
+    `shift` (6,), N and N m, the same in all poses, with its `std` (6,); `chi2` of it, its share of the whole, and the
+    `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `alone`: whether that is
+    what the calibration explains, and no other tool or mounting would do as well.
+    """
+
+    shift: Array
+    std: Array
+    chi2: float
+    probability: float
+    rest_chi2: float
+    rest_probability: float
+    alone: bool
+
+    @property
+    def finding(self) -> Finding | None:
+        """That the bias moved, where it did beyond chance, and what to do."""
+        if self.probability >= SIGNIFICANCE:
+            return None
+        remedy = "another tool or mounting would do as well: tilt the tool further"
+        if self.alone:
+            remedy = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
+        elif self.rest_probability < SIGNIFICANCE:
+            remedy = "more than the bias changed: calibrate anew"
+        force, torque = (float(np.linalg.norm(part)) for part in (self.shift[:3], self.shift[3:]))
+        text = (
+            f"the bias moved by {force:.2g} N and {1e3 * torque:.2g} mN m, which explains {self.chi2:.3g} of the "
+            f"chi-square of {self.chi2 + self.rest_chi2:.3g}; the rest has a probability of "
+            f"{percent(self.rest_probability)}; {remedy}"
+        )
+        return Finding(Kind.BIAS_SHIFTED, Severity.WARNING, text)
+
+
+@dataclass(frozen=True, eq=False)
 class Verification(Frozen):
     """How a recording agrees with a calibration.
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
     norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
     the residuals or of the weighings, whichever is the less probable; the limits asked for, N and N m; `weighings`, one
-    a load; `passed`, and the `reason` in words. `warnings`: what was left out.
+    a load; `passed`, and the `reason` in words. `bias`: what of the residuals a moved bias explains, None for a single
+    pose. `findings`: what was left out, and a bias that moved.
     """
 
     residuals: Array
@@ -66,7 +104,13 @@ class Verification(Frozen):
     weighings: tuple[Weighing, ...]
     passed: bool
     reason: str
-    warnings: tuple[str, ...] = ()
+    bias: BiasShift | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The texts of the findings."""
+        return tuple(finding.text for finding in self.findings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +162,10 @@ def verify(
     """Hold `samples` against `calibration`.
 
     Poses without a load must be explained: within `limit_force` N and `limit_torque` N m (norms, every pose) where
-    those are given, else by the calibration's covariance and noise at the 1 % level. Poses with a `load_mass` are
-    weighed, with `g` m/s^2 (None: the calibration's); without limits the weighings must agree with the loads at that
-    level too. Samples with a saturated channel are left out. Raises `InputError` for a limit or a `g` that is none, and
-    where there is nothing to judge by.
+    those are given, else by the calibration's covariance and noise at the 1 % level, less a bias that moved no further
+    than calibrating has seen it move. Poses with a `load_mass` are weighed, with `g` m/s^2 (None: the calibration's);
+    without limits the weighings must agree with the loads at that level too. Samples with a saturated channel are left
+    out. Raises `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
     """
     for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
         if value is not None and not 0.0 <= value < np.inf:
@@ -129,22 +173,26 @@ def verify(
     g = calibration.g if g is None else g
     if not 0.0 < g < np.inf:
         raise InputError(f"g is {g:g}, expected m/s^2 above 0")
-    samples, warnings = samples.unsaturated()
+    samples, notes = samples.unsaturated()
+    findings = [Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes]
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")
     weighings, weighed = _weigh(calibration, samples, load, g)
     poses = resting_poses(samples.select(load == 0.0), is_stream(samples))
-    residuals = np.empty((0, 6))
+    residuals, bias = np.empty((0, 6)), None
     tests = {} if weighed is None else {"error of the weighings": weighed}
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise = reading_variance(calibration, poses).ravel()
-        J = calibration.free_wrench_jacobian(R).reshape(len(noise), -1)
-        tests["residual"] = MisfitTest(
-            misfit_of_readings(residuals.ravel(), noise, J, calibration.covariance), len(noise), noise_dof(calibration)
-        )
+        whole, bias = _explained(calibration, residuals, noise, R)
+        findings += [] if bias is None or bias.finding is None else [bias.finding]
+        if bias is not None and _moves_so(calibration, bias):
+            rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)
+            tests["residual less a bias that moves, as seen while calibrating,"] = rest
+        else:
+            tests["residual"] = whole
     force = float(np.linalg.norm(residuals[:, :3], axis=1).max(initial=0.0))
     torque = float(np.linalg.norm(residuals[:, 3:], axis=1).max(initial=0.0))
     judged = min(tests, key=lambda name: tests[name].probability)
@@ -178,8 +226,49 @@ def verify(
         weighings=weighings,
         passed=passed,
         reason=reason,
-        warnings=warnings,
+        bias=bias,
+        findings=tuple(findings),
     )
+
+
+def _explained(
+    calibration: Calibration, residuals: Array, noise: Array, R_base_flange: Array
+) -> tuple[MisfitTest, BiasShift | None]:
+    """The test of residuals (n, 6) with noise variances (6 n,), and what of their misfit a moved bias explains."""
+    n, dof = len(residuals), noise_dof(calibration)
+    J = calibration.free_wrench_jacobian(R_base_flange).reshape(6 * n, -1)
+    of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.parameter_names]
+    columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), J[:, np.logical_not(of_bias)]]
+    products = products_of_readings(np.hstack(columns), noise, J, calibration.covariance)
+    whole = MisfitTest(float(products[0, 0]), 6 * n, dof)
+    if n == 1:
+        return whole, None
+    inverse = np.linalg.inv(products[1:7, 1:7])
+    shift = inverse @ products[1:7, 0]
+    of_shift = MisfitTest(float(shift @ products[1:7, 0]), 6, dof)
+    rest = MisfitTest(whole.misfit - of_shift.misfit, 6 * n - 6, dof)
+    by_others = np.linalg.lstsq(products[7:, 7:], products[7:, 0], rcond=None)[0] @ products[7:, 0]
+    left = 6 * n - len(products) + 7
+    otherwise = left <= 0 or MisfitTest(whole.misfit - float(by_others), left, dof).probability >= SIGNIFICANCE
+    return whole, BiasShift(
+        shift=shift,
+        std=np.sqrt(np.diag(inverse)),
+        chi2=of_shift.misfit,
+        probability=of_shift.probability,
+        rest_chi2=rest.misfit,
+        rest_probability=rest.probability,
+        alone=rest.probability >= SIGNIFICANCE and not otherwise,
+    )
+
+
+def _moves_so(calibration: Calibration, bias: BiasShift) -> bool:
+    """Whether the bias alone moved, and no further, within three of its std, than calibrating has seen it move."""
+    said = any(finding.kind in BIAS_MOVED for finding in calibration.findings)
+    if bias.finding is None or not (bias.alone and said and calibration.fitted_poses):
+        return False
+    seen = compare(calibration, calibration.fitted_poses)[0].wrench  # off the last bias
+    far = [np.linalg.norm(part.reshape(-1, 2, 3), axis=2).max(axis=0) for part in (bias.shift, seen, 3.0 * bias.std)]
+    return bool((far[0] <= far[1] + far[2]).all())
 
 
 def _weigh(
@@ -206,5 +295,5 @@ def _weigh(
         of_mean = J[rows].mean(axis=0)
         variance = noise[rows].mean() / n + of_mean @ calibration.covariance @ of_mean
         weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
-    misfit = misfit_of_readings(each - actual, noise, J, calibration.covariance)
+    misfit = float(products_of_readings((each - actual)[:, None], noise, J, calibration.covariance)[0, 0])
     return tuple(weighings), MisfitTest(misfit, len(poses), noise_dof(calibration))

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.fields import Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, read_only
@@ -32,6 +33,12 @@ THREE_STD = 0.9973
 PASSES = 3
 """How often the object's weight, which turns with the calibration's errors, is taken from the pass before."""
 
+FURTHEST_COM = 2.0
+"""m from the sensor: nothing that an arm holds has its centre of mass further off."""
+
+REFUSALS = (Kind.NEGATIVE_MASS, Kind.FAR_CENTRE_OF_MASS)
+"""Findings that no object gives."""
+
 
 @dataclass(frozen=True, eq=False)
 class HeldObject(Frozen):
@@ -44,7 +51,7 @@ class HeldObject(Frozen):
     `com_flange`, `com_flange_std` (3,) m: the same in flange axes, still from the sensor's origin; None where com is
     not known in full or the model has no mounting. `residual_rms` (6,) N and N m of what a rigid object leaves; `chi2`
     of it per degree of freedom (1 expected), and the `probability` of one as large or larger; `dof` of every variance,
-    as in `Calibration`; `g` m/s^2.
+    as in `Calibration`; `g` m/s^2. `findings`: what was left out, cannot be told, or contradicts the calibration.
     """
 
     mass: float
@@ -62,7 +69,17 @@ class HeldObject(Frozen):
     probability: float
     dof: float
     g: float
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The texts of the findings."""
+        return tuple(finding.text for finding in self.findings)
+
+    @property
+    def refused(self) -> bool:
+        """Whether nothing that an arm holds gives such readings, so that mass and com are none."""
+        return any(finding.kind in REFUSALS for finding in self.findings)
 
     @property
     def com_std(self) -> Array | None:
@@ -82,7 +99,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     g = calibration.g if g is None else g
     if not 0.0 < g < np.inf:
         raise InputError(f"g is {g:g}, expected m/s^2 above 0")
-    held, warnings = _of_one_object(samples)
+    held, left_out = _of_one_object(samples)
     poses = resting_poses(held, is_stream(samples))
     if not poses:
         raise InputError(f"{samples.source}: found no samples, expected poses in which the object is held")
@@ -138,7 +155,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         probability=test.probability,
         dof=calibration.dof,
         g=g,
-        warnings=(*warnings, *_doubts(mass, surely, unknown_along is not None, test)),
+        findings=(*left_out, *_doubts(mass, surely, com, unknown_along is not None, test)),
     )
 
 
@@ -148,11 +165,12 @@ def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
     return force
 
 
-def _of_one_object(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
-    """The samples in which the object is held, and a note where others were left out."""
+def _of_one_object(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The samples in which the object is held, and that others were left out."""
     samples, notes = samples.unsaturated()
+    findings = tuple(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes)
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
-        return samples, notes
+        return samples, findings
     loaded = samples.load_mass > 0.0
     masses = np.unique(samples.load_mass[loaded])
     if len(masses) > 1:
@@ -161,8 +179,10 @@ def _of_one_object(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
             f"{samples.source}: found loads of {found}, expected one object: weigh several with verify, or split the "
             "recording"
         )
-    left_out = int(np.sum(~loaded))
-    return samples.select(loaded), (*notes, *([f"{left_out} rows without a load were left out"] if left_out else []))
+    if not loaded.all():
+        text = f"{int(np.sum(~loaded))} rows without a load were left out"
+        findings = (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
+    return samples.select(loaded), findings
 
 
 def _down(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]:
@@ -202,26 +222,41 @@ def _least_squares(A: Array, J: Array, y: Array) -> tuple[Array, Array, float]:
     return (inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left)
 
 
-def _doubts(mass: float, surely: float, one_direction: bool, test: MisfitTest) -> Iterator[str]:
+def _doubts(mass: float, surely: float, com: Array | None, one_direction: bool, test: MisfitTest) -> Iterator[Finding]:
     """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
+    distance = 0.0 if com is None else float(np.linalg.norm(com))
     if mass < -surely:
-        yield (
-            "the mass is below zero: the tool is lighter than when it was calibrated, or the sign of the readings "
-            "differs (--sign)"
+        yield Finding(
+            Kind.NEGATIVE_MASS,
+            Severity.REFUSED,
+            "the mass is below zero: the tool is lighter than when it was calibrated, the sign of the readings differs "
+            "(--sign), or the calibration is another tool's",
         )
     elif mass <= surely:
-        yield (
+        yield Finding(
+            Kind.UNCERTAIN_PARAMETER,
+            Severity.WARNING,
             "the mass is not above zero by three standard deviations: nothing is held, or too little for this "
-            "calibration; no centre of mass"
+            "calibration; no centre of mass",
+        )
+    elif distance > FURTHEST_COM:
+        yield Finding(
+            Kind.FAR_CENTRE_OF_MASS,
+            Severity.REFUSED,
+            f"the centre of mass comes out {distance:.2g} m from the sensor, outside anything that an arm holds: the "
+            "calibration is another tool's, its bias moved, or the torques are in N mm; contactwrench verify tells",
         )
     elif one_direction:
-        yield (
+        yield Finding(
+            Kind.ADVICE,
+            Severity.NOTE,
             "gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the tool to "
-            "another pose for the rest"
+            "another pose for the rest",
         )
     if test.probability < SIGNIFICANCE:
-        yield (
+        yield Finding.doubtful(
+            Kind.POOR_FIT,
             f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
             f"freedom, probability {percent(test.probability)}): it or the tool touched something, it moved between "
-            "the poses, or the calibration no longer holds"
+            "the poses, or the calibration no longer holds",
         )

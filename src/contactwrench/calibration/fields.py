@@ -33,18 +33,16 @@ WEAK_SHARE = 0.1
 
 
 class Severity(StrEnum):
-    """What a finding means for the result."""
+    """What a finding means for the result: nothing is wrong; something is to be looked at, the numbers hold; they hold
+    only if something holds that the readings do not show (`Doubt` says what); a number, or its std, is not to be
+    trusted; readings took no part in the fit.
+    """
 
     NOTE = "note"
-    """Nothing is wrong."""
     WARNING = "warning"
-    """Something is to be looked at; the numbers hold."""
     DOUBTFUL = "doubtful"
-    """The numbers hold only if something holds that the readings do not show; `Doubt` says what."""
     WEAK = "weak"
-    """A number, or its std, is not to be trusted."""
     REFUSED = "refused"
-    """Readings took no part in the fit."""
 
 
 class Kind(StrEnum):
@@ -72,6 +70,8 @@ class Kind(StrEnum):
     NO_HELD_OUT_ERROR = "no_held_out_error"
     CONTRADICTS_PRIOR = "contradicts_prior"
     CONTRADICTS_OTHERS = "contradicts_others"
+    BIAS_SHIFTED = "bias_shifted"
+    NEGATIVE_MASS = "negative_mass"
     OTHER = "other"
 
     @classmethod

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry.arrays import Array
+from ..geometry.wrench import cross_matrix
 from ..model import AXES, GRAVITY, LINEAR_PARAMETERS, MOUNT, horizontal_axes
 from ..samples.delay import applied_or_not
 from ..statistics import (
@@ -58,7 +59,7 @@ def describe(calibration: CalibrationFields, missed: str = "") -> str:
     """
     rows = parameter_rows(calibration)
     width = [max(len(row[k]) for row in rows) for k in range(3)]
-    lines = [headline(calibration), ""]
+    lines = [", ".join(filter(None, [headline(calibration), str(calibration.provenance.get("source", ""))])), ""]
     lines += [
         f"  {name:<{width[0]}}  {value:>{width[1]}}  {'+- ' + std if std else '':<{width[2] + 3}}  {unit}".rstrip()
         for name, value, std, unit in rows
@@ -77,8 +78,9 @@ def verdict_sentences(c: CalibrationFields, missed: str = "") -> list[str]:
     of_both = np.array([*c.expected_error, *c.largest_std]) * (1.0, 1e3, 1.0, 1e3)
     force, torque, own_force, own_torque = map(two_digits, of_both)
     large = ["the std of the contact force is over 10 % of the weight somewhere"] * c.is_uncertain
+    link = "but" if c.verdict == "good" else "and"
     return [
-        f"{c.verdict}, but misses what is required, {missed}" if missed else c.verdict,
+        f"{c.verdict}, {link} misses what is required, {missed}" if missed else c.verdict,
         *large,
         *c.doubts,
         f"at a new orientation expect an error of {force} N and {torque} mN m (std), of which the calibration's own "
@@ -87,14 +89,14 @@ def verdict_sentences(c: CalibrationFields, missed: str = "") -> list[str]:
 
 
 def headline(c: CalibrationFields) -> str:
-    """Model, and what it was fitted on."""
+    """Model, and how many poses and rows it was fitted on."""
     n = len(c.poses) if c.moments is None else c.moments.n
     kept = len(c.fitted_poses) if c.moments is None else n
     rows = c.provenance.get("rows", n)
     of_all = "" if kept == n else f"{kept} of "
     poses = f"{of_all}{counted(n, 'pose')}"
     of_rows = "" if rows == n else f" from {rows} rows"
-    return f"Calibration, model {c.requested_model}, {poses}{of_rows}, {c.provenance.get('source', '')}".rstrip(", ")
+    return f"Calibration, model {c.requested_model}, {poses}{of_rows}"
 
 
 def parameter_rows(calibration: CalibrationFields) -> list[Row]:
@@ -116,16 +118,15 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
         side = "along" if c.sensor_z_along_flange else "against"
         rows.append(_row("yaw", np.rad2deg(c.yaw), np.rad2deg(std["yaw"]), f"deg, sensor's z {side} the flange's"))
         if std["mount"] is not None:
-            tilt, tilt_std = _tilt(c.R_flange_sensor, _block(c, MOUNT))
-            rows.append(_row("tilt", np.rad2deg(tilt), np.rad2deg(tilt_std), "deg between those two axes"))
+            down = c.R_flange_sensor[2]
+            about = cross_matrix(down) @ _block(c, MOUNT) @ cross_matrix(down).T
+            rows.append(_row("tilt", *_angle_to_axis(down, 2, about), "deg between those two axes"))
     if std["gravity"] is not None:
-        a, b = horizontal_axes(c.gravity_direction)
-        turned = np.stack([-b, a], axis=1)
-        spread = np.sqrt(np.diag(turned @ _block(c, GRAVITY) @ turned.T))
-        rows += [
-            _row(f"gravity_{x}", v, s, "in base axes")
-            for x, v, s in zip("xyz", c.gravity_direction, spread, strict=True)
-        ]
+        d, axes = c.gravity_direction, np.stack(horizontal_axes(c.gravity_direction), axis=1)
+        about = cross_matrix(d) @ axes @ _block(c, GRAVITY) @ axes.T @ cross_matrix(d).T
+        spread, k = np.sqrt(np.diag(about)), int(np.argmax(np.abs(d)))
+        rows += [_row(f"gravity_{x}", v, s, "in base axes") for x, v, s in zip("xyz", d, spread, strict=True)]
+        rows.append(_row("lean", *_angle_to_axis(d, k, about), f"deg, of gravity from the base's {'xyz'[k]}"))
     if c.delay is not None and c.delay_std is not None:
         unit = f"ms, wrench after orientation; {applied_or_not(c.delay, c.delay_std)}"
         rows.append(_row("delay", 1e3 * c.delay, 1e3 * c.delay_std, unit))
@@ -137,16 +138,14 @@ def _block(c: CalibrationFields, names: tuple[str, ...]) -> Array:
     return c.covariance[np.ix_(index, index)]
 
 
-def _tilt(R_flange_sensor: Array, covariance: Array) -> tuple[float, float]:
-    """Angle between the two z axes, taken along or against each other, and its std; near zero, where the angle has no
-    derivative, the std of a tilt in the least certain direction. `covariance` (3, 3) of the mounting.
+def _angle_to_axis(v: Array, axis: int, covariance: Array) -> tuple[float, float]:
+    """Angle, deg, of a unit vector (3,) from an axis, taken along or against it, and its std; near zero, where it has
+    no derivative, the std in the least certain direction. `covariance` (3, 3) of the vector.
     """
-    along = abs(float(R_flange_sensor[2, 2]))
-    sine = float(np.hypot(R_flange_sensor[2, 0], R_flange_sensor[2, 1]))
-    if sine < 1e-6:
-        return 0.0, float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-    gradient = np.array([R_flange_sensor[2, 1], -R_flange_sensor[2, 0]]) / sine
-    return float(np.arctan2(sine, along)), float(np.sqrt(gradient @ covariance[:2, :2] @ gradient))
+    sine = float(np.linalg.norm(np.delete(v, axis)))
+    least_certain = sine < 1e-6
+    std = np.sqrt(np.linalg.eigvalsh(covariance)[-1] if least_certain else covariance[axis, axis] / sine**2)
+    return 0.0 if least_certain else float(np.rad2deg(np.arctan2(sine, abs(v[axis])))), float(np.rad2deg(std))
 
 
 def fit_lines(c: CalibrationFields) -> list[str]:
@@ -173,8 +172,7 @@ def alternative_lines(calibration: CalibrationFields) -> list[str]:
     for other in calibration.alternatives:
         weight = "-"
         if other.weight is not None and other.weight_std is not None:
-            _, value, std, _ = _row("weight", other.weight, other.weight_std, "N")
-            weight = f"{value} +- {std}"
+            weight = " +- ".join(meaningful_digits(other.weight, other.weight_std))
         change = other.largest_force_change(calibration.B, calibration.gravity_direction)
         left = f"{other.force_left:7.3g}  {1e3 * other.torque_left:7.3g}"
         lines.append(f"  {other.model:<12}  {weight:<18}  {left}   {change:.2g} N")

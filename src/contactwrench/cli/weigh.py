@@ -13,10 +13,15 @@ def weigh(
     recording: options.Recordings,
     gravity: options.Gravity = None,
     g: options.WeighingGravity = None,
-) -> None:
-    """Mass and centre of mass of an object that the tool holds, from one or more poses."""
+) -> int:
+    """Mass and centre of mass of an object that the tool holds, from one or more poses.
+
+    Exit status 1 where nothing that an arm holds explains the readings: the calibration is wrong.
+    """
     from ..assess.weigh import weigh as weighed
     from ..report.text import held_object_json, held_object_text
 
     loaded, samples = options.calibration_and_samples(calibration, gravity, recording)
-    options.print_result(weighed(loaded, samples, g=g), json, held_object_json, held_object_text)
+    held = weighed(loaded, samples, g=g)
+    options.print_result(held, json, held_object_json, held_object_text)
+    return int(held.refused)

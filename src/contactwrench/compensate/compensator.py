@@ -19,7 +19,7 @@ from ..samples.samples import Samples
 from .bias_tracking import HOUR, free_mean, start, track
 from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
-from .faults import BACK, FINE, reason_of
+from .faults import BACK, FINE, Reason, reason_of
 from .filters import LowPass, delay_of
 from .noise import noise_of_sample, with_torques
 from .runner import Compiled, Plain
@@ -186,7 +186,7 @@ class Compensator:
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
         fault = samples["fault"]
-        reasons: list[str | None] = [None] * n
+        reasons: list[Reason | None] = [None] * n
         for row in np.flatnonzero(fault).tolist():
             reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
         return ContactWrenches(

@@ -17,6 +17,7 @@ from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.wrench import cross_matrix, wrench_transform
 from ..model import mounting_turn
 from ..samples.samples import Samples
+from .faults import Reason
 from .line_of_action import LineOfAction, line_of_action
 
 OUTPUT_FRAMES = ("sensor", "flange", "base")
@@ -40,7 +41,7 @@ class ContactWrench:
     std: Array
     t: float
     valid: bool
-    reason: str | None
+    reason: Reason | None
     contact: bool | None
 
 
@@ -83,7 +84,7 @@ class ContactWrenches(Rows):
     t: Array | None = field(default=None, metadata=column())
     judged: bool = False
     valid: NDArray[np.bool_] = field(default=NOT_GIVEN, metadata=column(kind=np.bool_))
-    reason: tuple[str | None, ...] = field(default=NOT_GIVEN, metadata=column(kind=object))
+    reason: tuple[Reason | None, ...] = field(default=NOT_GIVEN, metadata=column(kind=object))
     contact: NDArray[np.int8] = field(default=NOT_GIVEN, metadata=column(kind=np.int8))
     contacts: tuple[Contact, ...] = ()
     statistic: Array = field(default=NOT_GIVEN, metadata=column(kind=np.float64))

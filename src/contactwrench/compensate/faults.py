@@ -40,9 +40,24 @@ REASONS = (
 )
 
 
-def reason_of(fault: int, detail: float, channel: int) -> str | None:
-    """A fault of a sample in words; None where there is none."""
-    return REASONS[fault].format(detail=detail, axis=AXES[channel], unit=UNITS[channel]) or None
+class Reason(str):
+    """What is wrong with a sample in words, and the `kind` of it, by which samples are counted."""
+
+    kind: str
+
+    def __new__(cls, text: str, kind: str) -> Reason:
+        """A string that knows its kind."""
+        reason = super().__new__(cls, text)
+        reason.kind = kind
+        return reason
+
+
+def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
+    """A fault of a sample; None where there is none."""
+    if fault == FINE:
+        return None
+    kind = REASONS[fault].partition(": ")[0]
+    return Reason(REASONS[fault].format(detail=detail, axis=AXES[channel], unit=UNITS[channel]), kind)
 
 
 @kernel

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import LONGEST_DELAY, Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, require_frame
+from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
@@ -33,7 +34,7 @@ from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
-SATURATED = "saturated: a channel stands at its limit"
+SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +194,6 @@ def _of_samples(
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
 
 
-LEFT_OUT = "left out"
-"""The first words of why a row was not paired."""
 NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
@@ -236,7 +235,7 @@ class _InOrder:
 def _missing(reason: str, t: Array) -> ContactWrenches:
     """Rows without a contact wrench."""
     n, nan = len(t), np.full((len(t), 6), np.nan)
-    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (f"{LEFT_OUT}: {reason}",) * n)
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (Reason(f"left out: {reason}", reason),) * n)
 
 
 def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:

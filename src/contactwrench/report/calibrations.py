@@ -21,6 +21,8 @@ from ..samples.samples import Samples
 
 OF_THE_FILE = ("orientation", "wrench_frame", "sign", "inverse_orientation")
 """Options that a calibration keeps, so that a recording that is read otherwise is noticed."""
+OF_THE_RIG = ("robot", "wrench_topic")
+"""Options that it keeps where they are stated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,7 @@ def calibrate_recordings(
         earlier = None if prior is None else Calibration.load(prior)
         fitted = (calibrate(recordings[0], model, prior=earlier, **stated),)
     kept = {name: getattr(options, name) for name in OF_THE_FILE}
+    kept |= {name: value for name in OF_THE_RIG if (value := getattr(options, name)) is not None}
     kept["created"] = datetime.now(UTC).isoformat(timespec="seconds")
     calibrations = tuple(replace(c, provenance={**c.provenance, **kept}) for c in fitted)
     if shared and output is not None and paths:

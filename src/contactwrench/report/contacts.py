@@ -11,11 +11,11 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import TOUCHING, Contact, ContactWrenches
 from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
-from ..recording.compensate import LEFT_OUT, Treatment, compensated, write_compensated
+from ..recording.compensate import Treatment, compensated, write_compensated
 from ..recording.options import Options
 from ..recording.tables.columns import Advance
 from ..statistics import counted, meaningful_digits
-from .figures import AXIS_COLOURS, drawing, svg_text
+from .figures import AXIS_COLOURS, WIDTH, drawing, svg_text
 from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
 from .signals import Envelope, envelope, outline
 
@@ -53,11 +53,11 @@ class ContactLog:
         self.touching += int(np.sum(batch.contact == TOUCHING))
         self.envelope = envelope(batch.t, batch.wrench, self.envelope)
         for row in np.flatnonzero(~batch.valid).tolist():
-            self.faults += 1
-            kind, _, detail = (batch.reason[row] or "").partition(": ")
-            shown = detail if kind == LEFT_OUT else kind
-            count, first = self.reasons.get(shown, (0, float(batch.t[row])))
-            self.reasons[shown] = count + 1, first
+            reason = batch.reason[row]
+            if reason is not None:
+                count, first = self.reasons.get(reason.kind, (0, float(batch.t[row])))
+                self.reasons[reason.kind] = count + 1, first
+        self.faults += int(np.sum(~batch.valid))
 
 
 def compensate_recording(
@@ -125,7 +125,7 @@ def contact_signals(log: ContactLog) -> str:
     """Force and torque over the time from the first sample."""
     t, lines = outline(log.envelope or envelope(np.empty(0), np.empty((0, 6))))
     t -= log.start if np.isfinite(log.start) else 0.0
-    with drawing(1, (8.6, 4.6), rows=2) as (figure, axes):
+    with drawing(1, (WIDTH, 5.0), rows=2) as (figure, axes):
         for ax, part, name in zip(axes, (0, 3), ("force, N", "torque, N m"), strict=True):
             for contact in log.contacts[:MOST_SHADED]:
                 end = log.end if contact.release is None else contact.release

@@ -13,24 +13,28 @@ from numpy.typing import NDArray
 
 from ..assess.verify import LeftOver
 from ..calibration.calibration import Calibration
+from ..calibration.fields import WEAK_SHARE
+from ..calibration.observability import LEVER
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
-from ..statistics import counted
+from ..statistics import counted, three_digits, two_digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+WIDTH = 10.0
+"""Inches, of a figure as wide as the text."""
 SIDES = (1.0, -1.0)
 AXIS_COLOURS = ("#c1443c", "#3a7d44", "#2f5fa8")
 METHODS = {
-    "full": ("#1b6e9c", "o"),
-    "tare": ("#c98a1b", "s"),
-    "gravity only": ("#8a5a9e", "^"),
-    "raw": ("#8a8f94", "x"),
+    "full": ("#1b6e9c", "o", "this calibration: bias and the turning weight subtracted"),
+    "tare": ("#c98a1b", "s", "the sensor zeroed in the first pose only"),
+    "gravity only": ("#8a5a9e", "^", "the turning weight subtracted, the bias left in (the paper's Table VIII)"),
+    "raw": ("#8a8f94", "x", "what the sensor reads"),
 }
-"""Colour and marker of each."""
+"""Colour and marker of each, and what it is."""
 LEFT_OUT = "#b3541e"
 PARTS = ((0, "force, N", 1.0), (3, "torque, mN m", 1e3))
 """Of a wrench: the first column, name and unit, and the factor to that unit from SI."""
@@ -55,8 +59,8 @@ STYLE: dict[Any, Any] = {
 
 def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
     """What the fit leaves in each pose, axis by axis; the band is two standard deviations of a pose's noise."""
-    kept, left_out = pose_numbers(calibration)
-    with drawing(2, (8.2, 2.9)) as (figure, axes):
+    kept, _ = places_in_time(calibration)
+    with drawing(2, (WIDTH, 3.3)) as (figure, axes):
         for ax, (part, name, scale) in zip(axes, PARTS, strict=True):
             band = 2.0 * scale * float(calibration.noise[part : part + 3].max())
             ax.axhspan(-band, band, color="#e9eef2", lw=0)
@@ -65,92 +69,118 @@ def residuals_per_pose(calibration: Calibration, left: LeftOver) -> str:
                 values = scale * left.wrench[:, part + k]
                 ax.plot(kept + 0.18 * (k - 1), values, "o", ms=4, color=AXIS_COLOURS[k], label="xyz"[k])
             ax.set_ylabel(f"residual {name}")
-            _number_poses(ax, len(calibration.poses), left_out)
+            _number_poses(ax, calibration)
         axes[1].legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=1.0)
         return svg_text(figure)
 
 
 def left_over_per_pose(calibration: Calibration, methods: tuple[LeftOver, ...]) -> str:
     """The norm of force and torque left in each contact-free pose, by each method of compensation; log scale."""
-    kept, left_out = pose_numbers(calibration)
-    with drawing(2, (8.2, 3.0)) as (figure, axes):
+    kept, _ = places_in_time(calibration)
+    with drawing(2, (WIDTH, 3.4)) as (figure, axes):
         for ax, (part, name, scale) in zip(axes, PARTS, strict=True):
             for method in methods:
                 norm = scale * np.linalg.norm(method.wrench[:, part : part + 3], axis=1)
-                colour, marker = METHODS[method.name]
+                colour, marker, _ = METHODS[method.name]
                 shown = np.where(norm > 0.0, norm, np.nan)
                 ax.plot(kept, shown, marker, ms=4, color=colour, label=method.name, ls="-", lw=0.7)
             ax.set_yscale("log")
             ax.yaxis.set_major_formatter("{x:g}")
             ax.set_ylabel(f"left over, {name}")
-            _number_poses(ax, len(calibration.poses), left_out)
+            _number_poses(ax, calibration)
         axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
         return svg_text(figure)
 
 
-def pose_numbers(calibration: Calibration) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The numbers, from 1 and in the order of the recording, of the poses that were fitted and of those left out."""
+def in_order_of_time(calibration: Calibration) -> NDArray[np.intp]:
+    """The places in `poses`, by the time at which each began; without times as they are."""
+    return np.argsort([pose.t_start or 0.0 for pose in calibration.poses], kind="stable")
+
+
+def places_in_time(calibration: Calibration) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where, from 1, the poses that were fitted and those that were left out stand in the order of time."""
+    place = np.argsort(in_order_of_time(calibration)) + 1
     out = np.array([pose.rejected is not None for pose in calibration.poses])
-    return np.flatnonzero(~out) + 1, np.flatnonzero(out) + 1
+    return place[~out], place[out]
 
 
-def gravity_on_sphere(calibration: Calibration) -> str:
-    """The directions of gravity in flange axes that the poses covered: both halves of the sphere, equal areas. Hollow:
-    poses that were left out.
+def sensor_axes(calibration: Calibration) -> str:
+    """The sensor's axes as seen from ahead and above, the flange's through the same origin, the centre of mass with the
+    way to it along x, y and z, and gravity on it in the first pose; nothing where the model has no mounting.
     """
-    R = np.array([pose.R_base_flange for pose in calibration.poses])
-    r = gravity_in_flange(R, calibration.gravity_direction)
-    fitted = np.array([pose.rejected is None for pose in calibration.poses])
-    with drawing(2, (6.4, 3.3)) as (figure, axes):
-        for ax, side in zip(axes, SIDES, strict=True):
-            _globe(ax, side)
-            here = side * r[:, 2] >= 0.0
-            ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=9, mfc="none", mec=LEFT_OUT, mew=1.2)
-            ax.plot(*_equal_area(r[here & fitted], side), "o", ms=6, mfc="#1b6e9c", mec="white", mew=0.8, alpha=0.9)
-            count = int((here & fitted).sum())
-            ax.set_title(f"{_side(side)}: {counted(count, 'pose')}", fontsize=9, color="#2a3036")
+    c, com, R = calibration, calibration.com, calibration.R_flange_sensor
+    if c.weight is None or com is None or R is None or not c.fitted_poses:
+        return ""
+    onto_paper = np.array([[-0.80, -0.42], [0.86, -0.36], [0.0, 1.0]])
+    reach = max(float(np.linalg.norm(com)), 0.01)
+    down = gravity_in_flange(c.fitted_poses[0].R_base_flange[None], c.gravity_direction)[0] @ R
+    steps = np.array([np.where(np.arange(3) < k, com, 0.0) for k in range(4)]) @ onto_paper
+    arrows = [(f"flange {'xyz'[k]}", np.zeros(3), 0.6 * R[k], "#9aa2a9", ":") for k in range(3)]
+    arrows += [("xyz"[k], np.zeros(3), np.eye(3)[k], AXIS_COLOURS[k], "-") for k in range(3)]
+    arrows += [(f"{three_digits(c.weight)} N", com, 0.6 * down, "#1f262d", "-")]
+    with drawing(1, (3.9, 4.6)) as (figure, (ax,)):
+        ax.plot(steps[:, 0], steps[:, 1], ":", color="#1b6e9c", lw=1.2)
+        ax.plot(*steps[3], "o", ms=8, color="#1b6e9c")
+        for name, start, way, colour, style in arrows:
+            tail, tip, beyond = ((start + length * reach * way) @ onto_paper for length in (0.0, 1.0, 1.15))
+            ax.annotate("", tip, tail, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.4, "ls": style})
+            ax.text(beyond[0], beyond[1], name, ha="center", va="center", color=colour)
+            ax.plot(*beyond, alpha=0.0)  # so that there is room for the name
+        at = ", ".join(f"{1e3 * part:.1f}" for part in com)
+        ax.annotate(f"com {at} mm", steps[3], (9.0, 0.0), textcoords="offset points", va="center", color="#1b6e9c")
+        ax.set(aspect="equal")
+        ax.margins(0.08)
+        ax.set_axis_off()
         return svg_text(figure)
 
 
-def std_over_orientations(calibration: Calibration, quantity: str) -> str:
-    """The standard deviation of the contact `force` or `torque` that the calibration causes, over the direction of
-    gravity in flange axes; the directions of the poses that were fitted as dots.
+def std_over_orientations(calibration: Calibration) -> str:
+    """The standard deviation of contact force and torque that the calibration causes, over the direction of gravity in
+    flange axes: both halves of the sphere, equal areas. The scale is absolute, from zero to where a calibration is
+    weak. Dots: the poses, hollow those that were left out.
     """
-    part, scale, unit = {"force": (slice(0, 3), 1.0, "N"), "torque": (slice(3, 6), 1e3, "mN m")}[quantity]
-    R = np.array([pose.R_base_flange for pose in calibration.fitted_poses])
-    poses = gravity_in_flange(R, calibration.gravity_direction)
+    c = calibration
+    r = gravity_in_flange(np.array([pose.R_base_flange for pose in c.poses]), c.gravity_direction)
+    fitted = np.array([pose.rejected is None for pose in c.poses])
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-1.0, 1.0, 41))
     within = 1.0 / np.maximum(np.hypot(x, y), 1.0)
-    std = [
-        scale * _std(calibration, _from_equal_area((x * within).ravel(), (y * within).ravel(), side), part)
-        for side in SIDES
-    ]
-    with drawing(2, (6.9, 3.2)) as (figure, axes):
+    halves = [_std(c, _from_equal_area((x * within).ravel(), (y * within).ravel(), side)) for side in SIDES]
+    weak = WEAK_SHARE * float(np.linalg.norm(c.B[:3, :3], 2))
+    with drawing(4, (WIDTH, 3.5)) as (figure, axes):
         from matplotlib.patches import Circle
 
-        for ax, half, side in zip(axes, std, SIDES, strict=True):
-            shown = ax.pcolormesh(
-                x, y, half.reshape(x.shape), vmin=np.min(std), vmax=np.max(std), cmap="YlGnBu", shading="gouraud",
-                rasterized=True, clip_path=Circle((0.0, 0.0), 1.0, transform=ax.transData),
-            )  # fmt: skip
-            _globe(ax, side)
-            here = side * poses[:, 2] >= 0.0
-            ax.plot(*_equal_area(poses[here], side), "o", ms=4, mfc="white", mec="#2a3036", mew=0.7)
-            ax.set_title(_side(side), fontsize=9, color="#2a3036")
-        bar = figure.colorbar(shown, ax=list(axes), shrink=0.8, pad=0.02)
-        bar.set_label(f"std of the contact {quantity}, {unit}")
-        bar.outline.set_visible(False)
+        limits = (("force, N", 1.0, weak), ("torque, mN m", 1e3, 1e3 * LEVER * weak))
+        for part, (name, scale, most) in enumerate(limits):
+            pair = axes[2 * part : 2 * part + 2]
+            for ax, half, side in zip(pair, halves, SIDES, strict=True):
+                std = scale * half[:, part]
+                shown = ax.pcolormesh(
+                    x, y, std.reshape(x.shape), vmin=0.0, vmax=most, cmap="YlGnBu", shading="gouraud", rasterized=True,
+                    clip_path=Circle((0.0, 0.0), 1.0, transform=ax.transData),
+                )  # fmt: skip
+                _globe(ax, side)
+                here = side * r[:, 2] >= 0.0
+                ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=7, mfc="none", mec=LEFT_OUT, mew=1.2)
+                ax.plot(*_equal_area(r[here & fitted], side), "o", ms=4, mfc="white", mec="#2a3036", mew=0.7)
+                said = f"{_side(side)}: {counted(int((here & fitted).sum()), 'pose')}"
+                ends = " to ".join(map(two_digits, (std.min(), std.max())))
+                ax.set_title(f"{said}\n{ends} {name.partition(', ')[2]}", fontsize=9, color="#2a3036")
+            bar = figure.colorbar(shown, ax=pair, location="bottom", shrink=0.8, aspect=30, pad=0.02, extend="max")
+            bar.set_label(f"std of the contact {name}")
+            bar.outline.set_visible(False)
         return svg_text(figure)
 
 
-def _std(calibration: Calibration, r: Array, part: slice) -> Array:
-    """Root of the summed variances of three axes for gravity along r (n, 3), the mean over turns about it."""
+def _std(calibration: Calibration, r: Array) -> Array:
+    """Standard deviation (n, 2) of force and torque, roots of the summed variances of three axes, for gravity along
+    r (n, 3), the mean over turns about it.
+    """
     from scipy.spatial.transform import Rotation
 
     d = calibration.gravity_direction
     R = np.array([_half_turn(direction, d) for direction in r])
     turns = Rotation.from_rotvec(np.outer(np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False), d)).as_matrix()
-    variances = [np.sum(calibration.wrench_std(turn @ R)[:, part] ** 2, axis=1) for turn in turns]
+    variances = [np.sum(calibration.wrench_std(turn @ R).reshape(-1, 2, 3) ** 2, axis=2) for turn in turns]
     std: Array = np.sqrt(np.mean(variances, axis=0))
     return std
 
@@ -192,7 +222,7 @@ def _globe(ax: Axes, side: float) -> None:
 
 
 def _side(side: float) -> str:
-    return f"gravity towards the flange's {'+' if side > 0.0 else '-'}z"
+    return f"gravity to flange {'+' if side > 0.0 else '-'}z"
 
 
 @contextmanager
@@ -210,14 +240,16 @@ def drawing(columns: int, size: tuple[float, float], rows: int = 1) -> Iterator[
         yield figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
-def _number_poses(ax: Axes, n: int, left_out: NDArray[np.intp]) -> None:
-    """Poses along x in whole numbers, with a band where one was left out."""
+def _number_poses(ax: Axes, calibration: Calibration) -> None:
+    """Poses along x in the order of time, by their numbers, with a band where one was left out."""
     from matplotlib.ticker import MaxNLocator
 
-    for number in left_out:
-        ax.axvspan(number - 0.4, number + 0.4, color=LEFT_OUT, alpha=0.15, lw=0)
+    numbers = [k + 1 for k in in_order_of_time(calibration)]
+    for place in places_in_time(calibration)[1]:
+        ax.axvspan(place - 0.4, place + 0.4, color=LEFT_OUT, alpha=0.15, lw=0)
     ax.xaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
-    ax.set(xlabel="pose", xlim=(0.4, n + 0.6))
+    ax.xaxis.set_major_formatter(lambda x, _: str(numbers[int(x) - 1]) if 0 < x <= len(numbers) else "")
+    ax.set(xlabel="pose", xlim=(0.4, len(numbers) + 0.6))
 
 
 def svg_text(figure: Figure) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from ..assess.verify import LeftOver, compare
 from ..calibration.calibration import Calibration
 from ..calibration.fields import BIAS_MOVED
+from ..calibration.observability import LEVER
 from ..calibration.text import headline, parameter_rows, verdict_sentences
 from ..files import write_text
 from ..geometry.arrays import Array
@@ -24,12 +25,8 @@ from ..statistics import meaningful_digits, three_digits
 from ..version import __version__
 from . import figures, signals
 
-PURPOSE = {
-    "full": "this calibration: bias and the turning weight subtracted",
-    "tare": "the sensor zeroed in the first pose only",
-    "gravity only": "the turning weight subtracted, the bias left in (the paper's Table VIII)",
-    "raw": "what the sensor reads",
-}
+HEAD = {"source": "file", "created": "calibrated", "robot": "robot", "wrench_topic": "sensor"}
+"""What the head says of the provenance, as far as anybody stated it."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +44,7 @@ def write_calibration_report(
     path: str | Path, calibration: Calibration, samples: Samples | None = None, missed: str = ""
 ) -> None:
     """Write the report of one calibration, with a picture of the `samples` that it was made from where they are a
-    stream, and what is `missed` of what was required. Raises `FileAccessError`, and `MissingExtraError` without
-    matplotlib.
+    stream, and what it `missed`. Raises `FileAccessError`, and `MissingExtraError` without matplotlib.
     """
     write_report(path, "Calibration report", (), (Section(headline(calibration), (), calibration, samples, missed),))
 
@@ -72,11 +68,16 @@ def page(title: str, introduction: tuple[str, ...], body: str) -> str:
 def _section(section: Section) -> str:
     c = section.calibration
     many = "<p>The fit has more than 10,000 poses; their moments are kept, so no pose is drawn.</p>"
+    stated = [(name, str(c.provenance[key])) for key, name in HEAD.items() if c.provenance.get(key)]
+    head = " · ".join(f"{name} <b>{escape(value).replace('+00:00', ' UTC')}</b>" for name, value in stated)
+    drawn = figures.sensor_axes(c)
+    axes = "The sensor's axes, the flange's (dotted), the centre of mass, and the weight in the first pose."
     return (
-        f"<section><h2>{escape(section.title)}</h2>{paragraphs_html(section.paragraphs)}{_verdict(c, section.missed)}"
+        f"<section><h2>{escape(section.title)}</h2><p class='unit'>{head}</p>{paragraphs_html(section.paragraphs)}"
+        f"{_verdict(c, section.missed)}"
         f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div>"
-        f"<div><h3>Fit</h3>{_fit(c)}</div></div>"
-        f"{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}{_left_out(c)}"
+        f"<div>{figure_html(drawn, axes) if drawn else ''}</div></div>"
+        f"<h3>Fit</h3>{_fit(c)}{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}{_left_out(c)}"
         f"{''.join(_poses(c)) if c.fitted_poses else many}{_provenance(c)}</section>\n"
     )
 
@@ -85,13 +86,15 @@ def _poses(c: Calibration) -> list[str]:
     methods = compare(c, c.fitted_poses)
     some_left_out = len(c.fitted_poses) < len(c.poses)
     shaded, hollow = (f" {mark}: poses that were left out." * some_left_out for mark in ("Shaded", "Hollow"))
+    purposes = "".join(f"<li><b>{name}</b>: {escape(said)}</li>" for name, (_, _, said) in figures.METHODS.items())
     return [
         "<h3>What is left in each contact-free pose</h3>",
-        "<p>Nothing touches the tool in these poses, so the contact wrench should be zero.</p>",
+        "<p>Nothing touches the tool in these poses, so the contact wrench should be zero. What is left of it by each "
+        f"method of compensation:</p><ul>{purposes}</ul>",
         paragraphs_html(_bias_moved(c)),
         figure_html(
             figures.left_over_per_pose(c, methods),
-            f"Norm of what each method of compensation leaves, log scale.{shaded}",
+            f"Norm of what each method leaves, log scale, pose by pose in the order of time.{shaded}",
         ),
         _methods(methods),
         _pose_table(c, methods),
@@ -101,23 +104,19 @@ def _poses(c: Calibration) -> list[str]:
             "What the fit leaves, axis by axis. The band is two standard deviations of the noise of a pose's reading."
             + shaded,
         ),
-        "<h3>Directions of gravity that the poses covered</h3>",
+        "<h3>Directions of gravity that the poses covered, and the std of the contact wrench over all</h3>",
         figure_html(
-            figures.gravity_on_sphere(c),
-            "Gravity as seen from the flange, on the two halves of the sphere in equal-area projection. Poses that "
-            f"differ by a turn about the vertical fall on one point, and one such point fixes nothing.{hollow}",
-        ),
-        "<h3>Standard deviation of the contact wrench over orientations</h3>",
-        figure_html(figures.std_over_orientations(c, "force"), "White dots: the poses."),
-        figure_html(
-            figures.std_over_orientations(c, "torque"),
-            "What the calibration's own uncertainty does to the contact wrench, for any direction of gravity.",
+            figures.std_over_orientations(c),
+            "Gravity as seen from the flange, on the two halves of the sphere, equal areas. Dots: poses; those that "
+            f"differ by a turn about the vertical fall on one point.{hollow} Colour: what the calibration's own std "
+            "does, on a scale that ends where it is called weak: at 10 % of the weight, for the torque at a lever of "
+            f"{1e3 * LEVER:.0f} mm.",
         ),
     ]
 
 
 def _verdict(c: Calibration, missed: str) -> str:
-    """The verdict in a box, which is green where it is good and nothing was missed; what is to be looked at in it."""
+    """The verdict in a box, which is green where it is good and nothing was missed; the warnings below it."""
     head, *reasons = verdict_sentences(c, missed)
     quality = "missed" if missed else c.verdict
     said = f"<strong>{escape(_sentence(head))}</strong> {escape(' '.join(map(_sentence, reasons)))}"
@@ -187,7 +186,7 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
 
 def _left_out(c: Calibration) -> str:
     """The poses that were left out, why, and what the calibration leaves in them."""
-    poses = [(k + 1, pose) for k, pose in enumerate(c.poses) if pose.rejected is not None]
+    poses = [(k + 1, c.poses[k]) for k in figures.in_order_of_time(c) if c.poses[k].rejected is not None]
     if not poses:
         return ""
     timed = any(pose.t_start is not None for _, pose in poses)
@@ -231,19 +230,20 @@ def _methods(methods: tuple[LeftOver, ...]) -> str:
         for method in methods
         for kind, values in (("mean", method.mean_abs), ("largest", method.max_abs))
     )
-    purposes = "; ".join(f"<b>{name}</b>: {escape(text)}" for name, text in PURPOSE.items())
-    said = f"Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII. {purposes}."
+    said = "Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII."
     return f"{table_html(head_html(['', '', *AXES]) + rows)}<p class='unit'>{said}</p>"
 
 
 def _pose_table(c: Calibration, methods: tuple[LeftOver, ...]) -> str:
     n, head = len(methods), "".join(f"<th>{escape(method.name)}</th>" for method in methods)
-    kept, left_out = figures.pose_numbers(c)
-    rows = dict.fromkeys(left_out.tolist(), f"<td colspan={2 * n} class='fact'>left out</td>")
-    for k, number in enumerate(kept.tolist()):
-        parts = [*(method.wrench[k, :3] for method in methods), *(1e3 * method.wrench[k, 3:] for method in methods)]
-        rows[number] = "".join(f"<td>{three_digits(float(np.linalg.norm(part)))}</td>" for part in parts)
-    body = "".join(f"<tr><th>{number}</th>{rows[number]}</tr>" for number in sorted(rows))
+    parts = [scale * method.wrench[:, k : k + 3] for k, _, scale in figures.PARTS for method in methods]
+    norms = iter(np.linalg.norm(parts, axis=2).T)
+    left_out = f"<td colspan={2 * n} class='fact'>left out</td>"
+    rows = [
+        left_out if pose.rejected is not None else "".join(f"<td>{three_digits(norm)}</td>" for norm in next(norms))
+        for pose in c.poses
+    ]
+    body = "".join(f"<tr><th>{k + 1}</th>{rows[k]}</tr>" for k in figures.in_order_of_time(c))
     table = table_html(
         f"<thead><tr><th></th><th colspan={n}>force, N</th><th colspan={n}>torque, mN m</th></tr>"
         f"<tr><th>pose</th>{head}{head}</tr></thead>{body}"

@@ -11,7 +11,7 @@ from ..geometry.arrays import Array
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.samples import Samples
 from ..samples.still_segments import StillSegment, StillSegments
-from .figures import AXIS_COLOURS, PARTS, drawing, svg_text
+from .figures import AXIS_COLOURS, PARTS, WIDTH, drawing, svg_text
 
 MOST_BINS = 2000
 """Of a picture; in each the least and the most are drawn, so that a million rows make no larger one."""
@@ -116,7 +116,7 @@ def signals_over_time(calibration: Calibration, samples: Samples, found: StillSe
     numbered = left_out_spans(calibration, found)
     angle = np.rad2deg(_angle_from(samples.R_base_flange))
     at, lines = outline(envelope(t - first, np.column_stack([samples.wrench, angle]), most_bins=MOST_BINS // 2))
-    with drawing(1, (8.2, 5.6), rows=3) as (figure, axes):
+    with drawing(1, (WIDTH, 6.4), rows=3) as (figure, axes):
         for ax, (part, name, scale) in zip(axes[:2], PARTS, strict=True):
             for k in range(3):
                 ax.plot(at, scale * lines[:, part + k], color=AXIS_COLOURS[k], lw=0.7, label="xyz"[k])

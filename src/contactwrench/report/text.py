@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from ..assess.verify import Verification
-from ..assess.weigh import HeldObject
+from ..assess.weigh import REFUSALS, HeldObject
 from ..calibration.difference import Difference, GroupChange
 from ..geometry.arrays import Array
 from ..model import AXES
@@ -69,7 +69,7 @@ def _axes_lines(rows: dict[str, Array]) -> list[str]:
 def verification_json(result: Verification) -> str:
     """The fields of `Verification` under their names; each weighing with its `error` and `error_std`."""
     weighings = [{**_fields(w), "error": w.error, "error_std": w.error_std} for w in result.weighings]
-    return json_text({**_fields(result), "weighings": weighings})
+    return json_text({**_fields(result), "weighings": weighings, "warnings": result.warnings})
 
 
 def _fields(of: Any) -> dict[str, Any]:
@@ -77,19 +77,21 @@ def _fields(of: Any) -> dict[str, Any]:
 
 
 def held_object_text(held: HeldObject) -> str:
-    """Mass, centre of mass in sensor and flange axes, what a rigid object leaves, and the warnings."""
+    """Mass, centre of mass in sensor and flange axes, unless they are refused, what a rigid object leaves, and the
+    findings.
+    """
     factor, unit = (1.0, "kg") if abs(held.mass) >= 1.0 else (1e3, "g")
     mass, std = meaningful_digits(factor * held.mass, factor * held.mass_std)
+    answer = [] if held.refused else [f"  mass   {mass:>8} +- {std} {unit}", *_com_lines(held), ""]
     lines = [
         f"Held object, weighed in {counted(held.poses, 'pose')}, g {held.g:.6g} m/s^2",
         "",
-        f"  mass   {mass:>8} +- {std} {unit}",
-        *_com_lines(held),
-        "",
+        *answer,
         *_axes_lines({"residual rms": held.residual_rms}),
         f"  chi-square {held.chi2:.3g} per degree of freedom, probability {percent(held.probability)}",
+        *(f"{'REFUSED' if f.kind in REFUSALS else 'Warning'}  {f.text}" for f in held.findings),
     ]
-    return "\n".join([*lines, *(f"Warning  {warning}" for warning in held.warnings)])
+    return "\n".join(lines)
 
 
 def _com_lines(held: HeldObject) -> list[str]:
@@ -121,8 +123,8 @@ def _triple(values: Array, digits: int) -> str:
 
 
 def held_object_json(held: HeldObject) -> str:
-    """The fields of `HeldObject` under their names, and `com_std`; null where a number is not known."""
-    return json_text({**_fields(held), "com_std": held.com_std})
+    """The fields of `HeldObject` under their names, `com_std`, `warnings`, `refused`; null where one is not known."""
+    return json_text({**_fields(held), **{name: getattr(held, name) for name in ("com_std", "warnings", "refused")}})
 
 
 def difference_text(change: Difference) -> str:
