@@ -104,7 +104,7 @@ def test_correlated_noise_widens_the_std() -> None:
         estimate_delay(gravity_alone(3, noise=5.0, correlated_over=over), within=NEAR) for over in (0.0, 0.2)
     )
     assert white.std < 1.3 * white.bound
-    assert slow.std > 2.5 * slow.bound
+    assert slow.std > 2.0 * slow.bound
 
 
 @pytest.mark.slow
@@ -309,7 +309,7 @@ def test_noise_that_is_correlated_widens_it_further_where_positions_are_missing(
         pose = streams.orientation
         missing = Streams(streams.wrench, OrientationStream(pose.t, pose.R_base_flange))
         known, unknown = (estimate_delay(one, within=NEAR).std for one in (streams, missing))
-        assert unknown == pytest.approx(factor * known, rel=1e-3)
+        assert unknown == pytest.approx(factor * known, rel=0.05)
 
 
 def test_a_calibration_shows_it() -> None:
