@@ -43,6 +43,8 @@ STRUCTURED, UNKNOWN_ACCELERATIONS = 1.15, 3.0
 """Where positions are not known, and so much more is left than noise: the flange's accelerations move with the arm, so
 that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
 """
+BLOCK = 512
+"""Rows of a product that one thread makes: with 22 columns each OpenBLAS leaves it to one."""
 LEAST_PART = 30
 PARTS = {2: 5.02, 3: 7.38}
 """Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
@@ -125,15 +127,15 @@ def _explained(state: Array, wrench: Array, down: Array | None, weight: Array) -
     root = np.sqrt(weight)[:, None]
     columns = _columns(state, down)
     basis, unit = _orthonormal(columns * root)
-    coefficients = unit @ (basis.T @ (root * wrench))
-    return wrench - columns @ coefficients, coefficients, basis, unit
+    coefficients = unit @ _sums(basis, root * wrench)
+    return wrench - _times(columns, coefficients), coefficients, basis, unit
 
 
 def _columns(state: Array, down: Array | None, one: float = 1.0) -> Array:
     """The columns (n, p) of a state (n, m) of the motion, or of its change (then `one` is 0): 1, gravity (3) or the
     base's axes (9), accelerations (9 or 12).
     """
-    gravity = state[:, :9] if down is None else state[:, :9] @ np.kron(down[:, None], np.eye(3))
+    gravity = state[:, :9] if down is None else _times(state[:, :9], np.kron(down[:, None], np.eye(3)))
     return np.column_stack([np.full(len(state), one), gravity, state[:, 9:]])
 
 
@@ -142,7 +144,7 @@ def _variance(residual: Array, means: WrenchStream, weight: Array | None = None)
     if weight is None:
         variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2
     else:
-        variance = weight @ residual**2 / weight.sum()
+        variance = _sums(weight[:, None], residual**2)[0] / weight.sum()
     floored: Array = variance + (ROUNDING * means.wrench.var(axis=0) + 1e-24)
     return floored
 
@@ -192,25 +194,24 @@ def _step(
         variance = _variance(residual, means)
     scale, across = root / np.sqrt(variance), np.linalg.svd(down[None])[2][1:]
     change = _columns(-motion.change_at(tau), down, 0.0)
-    slopes = [scale * (change @ coefficients)]
-    slopes += [scale * (state[:, :9] @ np.kron(turn[:, None], coefficients[1:4])) for turn in across]
-    free = np.array([slope - basis @ (basis.T @ slope) for slope in slopes])
+    slopes = [scale * _times(change, coefficients)]
+    slopes += [scale * _times(state[:, :9], np.kron(turn[:, None], coefficients[1:4])) for turn in across]
+    free = np.array([_beside(slope, basis) for slope in slopes])
     left = scale * residual
     H = np.einsum("ani,bni->ab", free, free)
     gradient = np.einsum("ani,ni->a", free, left)
     H[1:, 1:] += np.eye(2) / TILT_SD**2
     gradient[1:] -= across @ (down - start) / TILT_SD**2
     misfit = float(np.log(variance).sum())
-    if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
+    if H[0, 0] <= SAME * (slopes[0] ** 2).sum():
         blind = Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit)
         return np.zeros(4), residual, blind
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
     influence = np.einsum("a,ani->ni", inverse[0], free)
     bound = float(np.sqrt(inverse[0, 0]))
-    noisy = root * change
-    noisy = (noisy - basis @ (basis.T @ noisy)) @ unit
-    weightless = float(1.0 / np.sqrt(max(6.0 * float(np.vdot(noisy, noisy)), 1e-300)))
+    noisy = _times(_beside(root * change, basis), unit)
+    weightless = float(1.0 / np.sqrt(max(6.0 * (noisy**2).sum(), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
     return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
 
@@ -221,10 +222,25 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > SAME * size[0], size, np.inf)
-    values, vectors = np.linalg.eigh((columns / size).T @ (columns / size))
+    values, vectors = np.linalg.eigh(_sums(columns / size, columns / size))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
-    return columns @ unit, unit
+    return _times(columns, unit), unit
+
+
+def _times(tall: Array, matrix: Array) -> Array:
+    """`tall @ matrix`, in blocks that are too small to be shared among threads, which costs ten times the work."""
+    return np.concatenate([tall[k : k + BLOCK] @ matrix for k in range(0, len(tall), BLOCK)])
+
+
+def _sums(a: Array, b: Array) -> Array:
+    """`a.T @ b` of tall arrays, likewise."""
+    return np.sum([a[k : k + BLOCK].T @ b[k : k + BLOCK] for k in range(0, len(a), BLOCK)], axis=0)
+
+
+def _beside(columns: Array, basis: Array) -> Array:
+    """What of the columns (n, p) an orthonormal basis (n, k) does not explain."""
+    return columns - _times(basis, _sums(basis, columns))
 
 
 def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> float:
