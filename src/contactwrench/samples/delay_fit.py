@@ -135,7 +135,8 @@ def _columns(state: Array, down: Array | None, one: float = 1.0) -> Array:
     """The columns (n, p) of a state (n, m) of the motion, or of its change (then `one` is 0): 1, gravity (3) or the
     base's axes (9), accelerations (9 or 12).
     """
-    gravity = state[:, :9] if down is None else _times(state[:, :9], np.kron(down[:, None], np.eye(3)))
+    axes = state[:, :9]
+    gravity = axes if down is None else np.einsum("nji,j->ni", axes.reshape(-1, 3, 3), down)
     return np.column_stack([np.full(len(state), one), gravity, state[:, 9:]])
 
 
@@ -235,7 +236,8 @@ def _times(tall: Array, matrix: Array) -> Array:
 
 def _sums(a: Array, b: Array) -> Array:
     """`a.T @ b` of tall arrays, likewise."""
-    return np.sum([a[k : k + BLOCK].T @ b[k : k + BLOCK] for k in range(0, len(a), BLOCK)], axis=0)
+    sums: Array = np.sum([a[k : k + BLOCK].T @ b[k : k + BLOCK] for k in range(0, len(a), BLOCK)], axis=0)
+    return sums
 
 
 def _beside(columns: Array, basis: Array) -> Array:
