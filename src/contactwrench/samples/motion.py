@@ -98,53 +98,54 @@ def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     fast = CELL / max(float(np.median(np.diff(nodes.t))), 1e-9)
     if fast >= 2.0:
         index = index[:: int(fast)]
-    t, R = orientations.t[index], orientations.R_base_flange[index]
-    t = _evened(t, R.reshape(-1, 9))
+    R = orientations.R_base_flange[index]
+    t = _evened(orientations.t[index], R.reshape(-1, 9))
     is_gap = np.r_[0, np.cumsum(np.diff(orientations.t[: nodes.count]) > longest_gap)]
+    state = _state(t, R, None if orientations.position is None else orientations.position[index])
+    step = np.diff(t)[:, None]
+    until = np.cumsum(0.5 * step * (state[1:] + state[:-1]), axis=0)
+    area = [0.5 * np.diff(state, axis=0) / step, state[:-1], np.concatenate([0.0 * until[:1], until[:-1]])]
+    width = max(SMOOTHED, *(float(np.median(np.diff(stamps))) for stamps in (t, buffer.readings.t)))
+    return ArmMotion(t, np.stack(area, axis=1), np.diff(is_gap[index]) > 0, width)
+
+
+def _state(t: Array, R: Array, position: Array | None) -> Array:
+    """At nodes (k,) with rotations (k, 3, 3): the base's axes, angular acceleration, products of the angular velocity,
+    and of positions (k, 3) the acceleration, all in flange axes.
+    """
     step, middle = np.diff(t)[:, None], 0.5 * (t[1:] + t[:-1])
     turning = rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step
-    angular = np.stack([np.interp(t, middle, column) for column in turning.T])
-    state = [
-        R.reshape(-1, 9),
-        _derivative(middle, turning),
-        np.stack([angular[i] * angular[j] for i, j in PRODUCTS], 1),
-    ]
-    if orientations.position is not None:
-        velocity = np.diff(orientations.position[index], axis=0) / step
-        state.append(np.einsum("nij,ni->nj", R, _derivative(middle, velocity)))
-    x = np.concatenate(state, axis=1)
-    until = np.cumsum(0.5 * step * (x[1:] + x[:-1]), axis=0)
-    start = np.concatenate([np.zeros((1, x.shape[1])), until[:-1]])
-    width = max(SMOOTHED, *(float(np.median(np.diff(stamps))) for stamps in (t, buffer.readings.t)))
-    return ArmMotion(
-        t, np.stack([0.5 * np.diff(x, axis=0) / step, x[:-1], start], 1), np.diff(is_gap[index]) > 0, width
-    )
+    angular = [np.interp(t, middle, column) for column in turning.T]
+    products = np.stack([angular[i] * angular[j] for i, j in PRODUCTS], axis=1)
+    state = [R.reshape(-1, 9), _derivative(middle, turning), products]
+    if position is not None:
+        acceleration = _derivative(middle, np.diff(position, axis=0) / step)
+        state.append(np.einsum("nij,ni->nj", R, acceleration))
+    return np.concatenate(state, axis=1)
 
 
 def _evened(t: Array, values: Array) -> Array:
-    """The stamps (n,), or those of messages that were sent at an even pace, all or but for those that were lost, and
-    stamped as they came: whichever lets the values (n, m) change the most smoothly. An arm at 1 m/s whose stamps are 1
-    ms off seems to accelerate at 10 m/s^2.
+    """The stamps (n,), or those of messages that were sent at an even pace, some of them lost, singly or in gaps alone,
+    and stamped as they came: if the values (n, m) then change more smoothly. An arm at 1 m/s whose stamps are 1 ms off
+    seems to accelerate at 10 m/s^2.
     """
     from scipy.ndimage import uniform_filter1d
 
     steps = np.diff(t)
     period = float(np.median(steps))
     near = 2 * round(0.5 * PACED / period) + 1
-    candidates = [t]
-    for counted in (np.ones(len(steps)), np.maximum(np.round(steps / period), 1.0)):
+    evened = []
+    for shortest_loss in (GAP_IN_ROWS, 1.5):
+        counted = np.where(steps < shortest_loss * period, 1.0, np.round(steps / period))
         even = t[0] + period * np.r_[0.0, np.cumsum(counted)]
-        candidates.append(even + uniform_filter1d(t - even, near, mode="nearest"))
+        evened.append(even + uniform_filter1d(t - even, near, mode="nearest"))
 
     def unsteady(t: Array) -> float:
-        steps = np.diff(t)
-        return (
-            float((np.diff(np.diff(values, axis=0) / steps[:, None], axis=0) ** 2).sum())
-            if steps.min() > 0.0
-            else np.inf
-        )
+        velocity = np.diff(values, axis=0) / np.diff(t)[:, None]
+        return float((np.diff(velocity, axis=0) ** 2).sum())
 
-    return min(candidates, key=unsteady)
+    closest = min(evened, key=lambda stamps: float(((stamps - t) ** 2).sum()))
+    return closest if np.diff(closest).min() > 0.0 and unsteady(closest) < unsteady(t) else t
 
 
 def _derivative(middle: Array, rate: Array) -> Array:
