@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contactwrench as cw
 from contactwrench.assess.robot_arms import Arm, known_arm
 from contactwrench.errors import FileFormatError, InputError
 from contactwrench.recording.bags.read import bag_streams
 from contactwrench.recording.urdf import read_urdf
 from tests.assess.test_robot_arms import poses_by_pinocchio, urdf_of
 from tests.support.bags import KINDS, START, joint_state, wrench_stamped, write_bag
+from tests.support.moving import whole_arm
 from tests.support.recordings import written
 from tests.support.world import Array
 
@@ -144,3 +146,12 @@ def test_the_pose_has_one_source(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         bag_streams(path, arm=arm, frames=("base", "tool0"))
     assert str(caught.value) == "found --frames and --robot, expected one of them: the pose has one source"
+
+
+def test_joints_tell_the_delay_of_a_whole_arm(tmp_path: Path) -> None:
+    rec = whole_arm("hand", 20.0, 5)
+    names = [f"A{k}" for k in range(1, 8)]
+    wrenches = [wrench_stamped(t + 0.02, wrench) for t, wrench in zip(rec.t[::5], rec.wrench[::5], strict=True)]
+    joints = [joint_state(t, names, row) for t, row in zip(rec.t[3::10], rec.joints[3::10], strict=True)]
+    samples = cw.read(write_bag(tmp_path / "run.mcap", [*wrenches, *joints]), robot="iiwa7")
+    assert samples.delay == pytest.approx(0.02, abs=0.0003)
