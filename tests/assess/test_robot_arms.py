@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import contactwrench as cw
-from contactwrench.assess.robot_arms import ARMS, MARGIN, flange_orientation, known_arm, reach
+from contactwrench.assess.robot_arms import ARMS, MARGIN, flange_orientation, flange_pose, known_arm, reach
 from contactwrench.errors import InputError
 from contactwrench.recording.urdf import read_urdf
 from tests.support.recordings import generic_rotations, written
@@ -22,22 +21,39 @@ H = np.pi / 2
 ROUNDED = 1e-4
 """rad: joint angles are given to four digits."""
 
-URDF_JOINTS: dict[str, list[tuple[float, float, float]]] = {
-    # roll, pitch, yaw of every joint's frame in the one before it, and of the flange in the last one
+URDF_JOINTS: dict[str, list[tuple[float, ...]]] = {
+    # x, y, z and roll, pitch, yaw of every joint's frame in the one before it, and of the flange in the last one
     "iiwa14": [
-        (0, 0, 0),
-        (H, 0, np.pi),
-        (H, 0, np.pi),
-        (H, 0, 0),
-        (-H, np.pi, 0),
-        (H, 0, 0),
-        (-H, np.pi, 0),
-        (0, 0, 0),
+        (0, 0, 0.1575, 0, 0, 0),
+        (0, 0, 0.2025, H, 0, np.pi),
+        (0, 0.2045, 0, H, 0, np.pi),
+        (0, 0, 0.2155, H, 0, 0),
+        (0, 0.1845, 0, -H, np.pi, 0),
+        (0, 0, 0.2155, H, 0, 0),
+        (0, 0.081, 0, -H, np.pi, 0),
+        (0, 0, 0.045, 0, 0, 0),
     ],
-    "panda": [(0, 0, 0), (-H, 0, 0), (H, 0, 0), (H, 0, 0), (-H, 0, 0), (H, 0, 0), (H, 0, 0), (0, 0, 0)],
-    "ur5e": [(0, 0, 0), (H, 0, 0), (0, 0, 0), (0, 0, 0), (H, 0, 0), (H, np.pi, np.pi), (0, 0, 0)],
+    "panda": [
+        (0, 0, 0.333, 0, 0, 0),
+        (0, 0, 0, -H, 0, 0),
+        (0, -0.316, 0, H, 0, 0),
+        (0.0825, 0, 0, H, 0, 0),
+        (-0.0825, 0.384, 0, -H, 0, 0),
+        (0, 0, 0, H, 0, 0),
+        (0.088, 0, 0, H, 0, 0),
+        (0, 0, 0.107, 0, 0, 0),
+    ],
+    "ur5e": [
+        (0, 0, 0.1625, 0, 0, 0),
+        (0, 0, 0, H, 0, 0),
+        (-0.425, 0, 0, 0, 0, 0),
+        (-0.3922, 0, 0.1333, 0, 0, 0),
+        (0, -0.0997, 0, H, 0, 0),
+        (0, 0.0996, 0, H, np.pi, np.pi),
+        (0, 0, 0, 0, 0, 0),
+    ],
 }
-"""As the ROS descriptions give them, not as Denavit-Hartenberg twists: iiwa_stack, franka_description
+"""As the ROS descriptions give them, not as Denavit-Hartenberg figures: iiwa_stack, franka_description
 (kinematics.yaml), Universal_Robots_ROS2_Description (base_link_inertia to tool0).
 """
 
@@ -50,39 +66,49 @@ def urdf_of(name: str, lower: float = -2.0, upper: float = 2.0, extra: str = "")
         *(f'<link name="l{k}"/>' for k in range(len(joints) + 1)),
         '<link name="tool0"/>',
     ]
-    for k, rpy in enumerate(joints):
+    for k, origin in enumerate(joints):
         lines.append(
             f'<joint name="j{k + 1}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
-            f'<origin xyz="0 0 0.3" rpy="{rpy[0]!r} {rpy[1]!r} {rpy[2]!r}"/><axis xyz="0 0 1"/>'
+            f'{_origin(origin)}<axis xyz="0 0 1"/>'
             f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint>'
         )
     lines.append(
         f'<joint name="last" type="fixed"><parent link="l{len(joints)}"/><child link="tool0"/>'
-        f'<origin rpy="{flange[0]!r} {flange[1]!r} {flange[2]!r}"/></joint>{extra}</robot>'
+        f"{_origin(flange)}</joint>{extra}</robot>"
     )
     return "\n".join(lines)
 
 
-def orientations_by_pinocchio(model: Any, frame: str, joints: Array) -> Array:
+def _origin(numbers: tuple[float, ...]) -> str:
+    x, y, z, roll, pitch, yaw = map(repr, numbers)
+    return f'<origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/>'
+
+
+def poses_by_pinocchio(text: str, frame: str, joints: Array) -> tuple[Array, Array]:
+    """`R_base_flange` (n, 3, 3) and position (n, 3), m."""
     pin = pytest.importorskip("pinocchio", reason="Pinocchio has no build for this platform")
+    model = pin.buildModelFromXML(text)
     data, index = model.createData(), model.getFrameId(frame)
-    R = []
+    R, position = [], []
     for q in joints:
         pin.framesForwardKinematics(model, data, q)
         R.append(data.oMf[index].rotation.copy())
-    return np.array(R)
+        position.append(data.oMf[index].translation.copy())
+    return np.array(R), np.array(position)
+
+
+def _require_same(poses: tuple[Array, Array], expected: tuple[Array, Array]) -> None:
+    for one, other in zip(poses, expected, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", URDF_JOINTS)
-def test_an_arm_and_its_urdf_turn_the_flange_as_pinocchio_says(name: str, tmp_path: Path) -> None:
-    pin = pytest.importorskip("pinocchio", reason="Pinocchio has no build for this platform")
+def test_an_arm_and_its_urdf_turn_and_carry_the_flange_as_pinocchio_says(name: str, tmp_path: Path) -> None:
     text = urdf_of(name)
     joints = np.random.default_rng(1).uniform(-2.0, 2.0, (50, len(URDF_JOINTS[name]) - 1))
-    expected = orientations_by_pinocchio(pin.buildModelFromXML(text), "tool0", joints)
-    assert flange_orientation(ARMS[name], joints) == pytest.approx(expected, abs=1e-12)
-    assert flange_orientation(read_urdf(written(tmp_path, text, "arm.urdf")), joints) == pytest.approx(
-        expected, abs=1e-12
-    )
+    expected = poses_by_pinocchio(text, "tool0", joints)
+    _require_same(flange_pose(ARMS[name], joints), expected)
+    _require_same(flange_pose(read_urdf(written(tmp_path, text, "arm.urdf")), joints), expected)
 
 
 def test_ur5e_turns_as_the_makers_denavit_hartenberg_table_says() -> None:
@@ -179,20 +205,18 @@ def test_limits_flange_and_home_come_from_the_file(tmp_path: Path) -> None:
     assert len(read_urdf(path, "l3")) == 3
 
 
-def test_any_axis_and_any_origin_turn_as_pinocchio_says(tmp_path: Path) -> None:
-    pin = pytest.importorskip("pinocchio", reason="Pinocchio has no build for this platform")
+def test_any_axis_and_any_origin_turn_and_carry_as_pinocchio_says(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     joints = "".join(
         f'<link name="l{k + 1}"/><joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
-        f'<origin rpy="{" ".join(map(str, rng.uniform(-3, 3, 3)))}"/>'
+        f"{_origin(tuple(rng.uniform(-3, 3, 6).tolist()))}"
         + (f'<axis xyz="{" ".join(map(str, rng.normal(size=3)))}"/>' if k else "")
         + '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
         for k in range(4)
     )
     text = f'<robot name="odd"><link name="l0"/>{joints}</robot>'
     q = rng.uniform(-1.0, 1.0, (20, 4))
-    expected = orientations_by_pinocchio(pin.buildModelFromXML(text), "l4", q)
-    assert flange_orientation(read_urdf(written(tmp_path, text, "odd.urdf")), q) == pytest.approx(expected, abs=1e-12)
+    _require_same(flange_pose(read_urdf(written(tmp_path, text, "odd.urdf")), q), poses_by_pinocchio(text, "l4", q))
 
 
 def test_the_only_end_of_the_chain_is_the_flange(tmp_path: Path) -> None:

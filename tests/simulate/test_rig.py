@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
-from contactwrench.assess.robot_arms import ARMS, flange_orientation
+from contactwrench.assess import robot_arms
+from contactwrench.assess.robot_arms import ARMS
 from contactwrench.errors import InputError
 from contactwrench.simulate.arm import BASE_MASS, JOINT_RANGE, LINKS
 from contactwrench.simulate.kinematics import HOME, flange_jacobian, flange_pose, joints_for
@@ -158,12 +159,13 @@ def test_the_wrist_is_never_further_than_its_reach_from_the_shoulder(seed: int) 
 
 @given(seeds)
 @few
-def test_the_flange_turns_as_in_the_planner(seed: int) -> None:
-    """robots.py has the rotations of the iiwa 7 from its data sheet, in another way."""
+def test_the_flange_is_where_the_table_of_arms_says(seed: int) -> None:
+    """robot_arms.py has the iiwa 7 from its data sheet, in another way."""
     joints = any_joints(np.random.default_rng(seed), 20)
-    R, _ = flange_pose(build(Settings(base=Base("wall", (3.0, -8.0)))), joints)
-    planned = flange_orientation(ARMS["iiwa7"], joints)
-    assert pytest.approx(planned, abs=1e-12) == R
+    R, position = flange_pose(build(Settings(base=Base("wall", (3.0, -8.0)))), joints)
+    R_of_table, position_of_table = robot_arms.flange_pose(ARMS["iiwa7"], joints)
+    assert pytest.approx(R_of_table, abs=1e-12) == R
+    assert pytest.approx(position_of_table, abs=1e-12) == position
     assert ARMS["iiwa7"].limits[:, 1] == pytest.approx(JOINT_RANGE)
     assert ARMS["iiwa7"].home == pytest.approx(HOME)
 

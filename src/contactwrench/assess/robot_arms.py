@@ -1,12 +1,13 @@
-"""Robot arms as far as they turn a sensor: which orientations of the flange the wrist reaches, and how.
+"""Robot arms as far as they turn and carry a sensor: where the flange is, and which orientations the wrist reaches.
 
-Only rotations are kept. The lengths of an arm carry the flange to another place, which gravity does not notice, so
-arms that differ in length alone have one wrist. The flange is the one of the maker's controller, z out of it; the base
+Gravity does not notice where the flange is, so arms that differ in length alone have one wrist; in motion the sensor
+feels how it is accelerated. The flange is the one of the maker's controller, z out of it; the base
 too (on ROS, `base_link` of the Universal Robots arms is turned by half a turn about z against it).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,9 +33,10 @@ TYPED_DIGITS = 4
 
 @dataclass(frozen=True, eq=False)
 class Arm(Frozen):
-    """The rotations of an arm with k revolute joints: `R_before[0] exp(axis[0] q1) R_before[1] ... R_last_flange`.
+    """An arm with k revolute joints, which turns by `R_before[0] exp(axis[0] q1) R_before[1] ... R_last_flange`.
 
-    `R_before` (k, 3, 3) from each joint's frame to the one before it, at rest; `axis` (k, 3) unit vectors in the
+    `R_before` (k, 3, 3) from each joint's frame to the one before it, at rest; `offset` (k + 1, 3) m, from each
+    frame's origin to the next, in its axes: base, joints, flange; `axis` (k, 3) unit vectors in the
     joint's own frame; `R_last_flange` (3, 3) from the flange to the last joint; `limits` (k, 2) rad, lowest and
     highest; `home` (k,) rad, a place to plan around. `source` says where this is from; `joint_names` (k),
     where it names the joints.
@@ -42,6 +44,7 @@ class Arm(Frozen):
 
     name: str
     R_before: Array
+    offset: Array
     axis: Array
     R_last_flange: Array
     limits: Array
@@ -63,15 +66,20 @@ class Reach(Frozen):
     joints: Array
 
 
-def flange_orientation(arm: Arm, joints: Array) -> Array:
-    """`R_base_flange` (n, 3, 3) of an arm at joint angles (n, k), rad."""
-    R = np.broadcast_to(np.eye(3), (len(joints), 3, 3))
-    for before, axis, q in zip(arm.R_before, arm.axis, joints.T, strict=True):
+def flange_pose(arm: Arm, joints: Array) -> tuple[Array, Array]:
+    """`R_base_flange` (n, 3, 3) and position (n, 3), m, of an arm's flange at joint angles (n, k), rad."""
+    R, position = np.broadcast_to(np.eye(3), (len(joints), 3, 3)), np.zeros((len(joints), 3))
+    for offset, before, axis, q in zip(arm.offset[:-1], arm.R_before, arm.axis, joints.T, strict=True):
         K = cross_matrix(axis)
         turn = np.eye(3) + np.sin(q)[:, None, None] * K + (1.0 - np.cos(q))[:, None, None] * (K @ K)
+        position = position + R @ offset
         R = R @ before @ turn
-    at_flange: Array = R @ arm.R_last_flange
-    return at_flange
+    return R @ arm.R_last_flange, position + R @ arm.offset[-1]
+
+
+def flange_orientation(arm: Arm, joints: Array) -> Array:
+    """`R_base_flange` (n, 3, 3) of an arm at joint angles (n, k), rad."""
+    return flange_pose(arm, joints)[0]
 
 
 def reach(arm: Arm, around: Array | None = None) -> Reach:
@@ -150,18 +158,42 @@ def _about_x(quarter_deg: int) -> Array:
 
 
 def _arms(
-    names: tuple[str, ...], twists: tuple[int, ...], limits: ArrayLike, home: tuple[int, ...], source: str
+    lengths: Mapping[str, ArrayLike],
+    twists: tuple[int, ...],
+    limits: ArrayLike,
+    home: tuple[int, ...],
+    source: str,
 ) -> dict[str, Arm]:
     """Arms with one wrist, by their Denavit-Hartenberg twists, deg: `Rx(twist 0) Rz(q1) Rx(twist 1) ... Rx(twist k)`.
 
-    `limits` rad, (2, k), lowest and highest; `home` deg, flange down and forearm level, so that every tilt is within
-    the wrist's reach.
+    `lengths` m: by name, how far from each joint the next one lies along x and along z, two times k numbers; `limits`
+    rad, (2, k), lowest and highest; `home` deg, flange down and forearm level, so that every tilt is within the wrist's
+    reach.
     """
     R = np.array([_about_x(twist) for twist in twists])
     axis = np.tile([0.0, 0.0, 1.0], (len(home), 1))
-    return {name: Arm(name, R[:-1], axis, R[-1], np.array(limits).T, np.deg2rad(home), source) for name in names}
+    ends = np.array(limits).T, np.deg2rad(home)
+    offsets = {name: np.zeros((len(twists), 3)) for name in lengths}
+    for name, along in lengths.items():
+        offsets[name][1:, [0, 2]] = np.transpose(along)
+    return {name: Arm(name, R[:-1], offset, axis, R[-1], *ends, source) for name, offset in offsets.items()}
 
 
+IIWA_LENGTHS = {
+    "iiwa7": ((0.0,) * 7, (0.34, 0.0, 0.4, 0.0, 0.4, 0.0, 0.126)),
+    "iiwa14": ((0.0,) * 7, (0.36, 0.0, 0.42, 0.0, 0.4, 0.0, 0.126)),
+}
+UR_LENGTHS = {
+    name: ((0.0, a2, a3, 0.0, 0.0, 0.0), (d1, 0.0, 0.0, d4, d5, d6))
+    for name, (d1, a2, a3, d4, d5, d6) in {
+        "ur3e": (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
+        "ur5e": (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+        "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+        "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
+        "ur20": (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543),
+    }.items()
+}
+FRANKA_LENGTHS = (0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088, 0.0), (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.107)
 IIWA_LIMITS = np.outer([-1.0, 1.0], np.deg2rad([170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0]))
 UR_LIMITS = np.outer([-1.0, 1.0], np.deg2rad(np.full(6, 360.0)))
 PANDA_LIMITS = (
@@ -179,9 +211,9 @@ UR_TWISTS, UR_HOME = (0, 90, 0, 0, 90, -90, 0), (0, -90, 90, -90, -90, 0)
 FRANKA = "Franka Robotics, Franka Control Interface documentation: robot and interface specifications"
 
 ARMS: dict[str, Arm] = {
-    **_arms(("iiwa7", "iiwa14"), (0, -90, 90, 90, -90, -90, 90, 0), IIWA_LIMITS, (0, 30, 0, -60, 0, 90, 0), KUKA),
-    **_arms(("ur3e", "ur5e", "ur10e", "ur16e", "ur20"), UR_TWISTS, UR_LIMITS, UR_HOME, UNIVERSAL),
-    **_arms(("panda",), FRANKA_TWISTS, PANDA_LIMITS, FRANKA_HOME, FRANKA),
-    **_arms(("fr3",), FRANKA_TWISTS, FR3_LIMITS, FRANKA_HOME, FRANKA),
+    **_arms(IIWA_LENGTHS, (0, -90, 90, 90, -90, -90, 90, 0), IIWA_LIMITS, (0, 30, 0, -60, 0, 90, 0), KUKA),
+    **_arms(UR_LENGTHS, UR_TWISTS, UR_LIMITS, UR_HOME, UNIVERSAL),
+    **_arms({"panda": FRANKA_LENGTHS}, FRANKA_TWISTS, PANDA_LIMITS, FRANKA_HOME, FRANKA),
+    **_arms({"fr3": FRANKA_LENGTHS}, FRANKA_TWISTS, FR3_LIMITS, FRANKA_HOME, FRANKA),
 }
-"""By name. Twists and limits are the makers' figures; `source` says where they stand."""
+"""By name. Twists, lengths and limits are the makers' figures; `source` says where they stand."""

@@ -118,8 +118,8 @@ class Recordings:
         from ..recording.read import read_samples
 
         path = path or self.path
-        with progress(f"reading {path.name}") as advance:
-            return read_samples(path, options or self.options, advance, note)
+        with progress(f"reading {path.name}") as bar:
+            return read_samples(path, options or self.options, bar, note, bar.begin)
 
     def note_differences(self, calibration: Calibration) -> None:
         """Say on stderr where the calibration's recording was read otherwise: most often a forgotten option."""

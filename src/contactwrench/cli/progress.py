@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from math import isnan
+from math import isnan, nan
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,28 +16,43 @@ MOMENT = 1.0
 """s"""
 
 
+class Bar:
+    """What is done now and how much of it is."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._start = what, time.monotonic()
+        self._bar: Progress | None = None
+
+    def __call__(self, done: float) -> None:
+        """The part that is done, 0 to 1 (NaN: nobody knows how much there is)."""
+        if self._bar is None and time.monotonic() - self._start > MOMENT and sys.stderr.isatty():
+            self._bar = _bar()
+            self._bar.add_task(self._what, total=None if isnan(done) else 1.0)
+            self._bar.start()
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=0.0 if isnan(done) else done)
+
+    def begin(self, what: str) -> None:
+        """Something else is done from now on."""
+        self.stop()
+        self._what = what
+        self(nan)
+
+    def stop(self) -> None:
+        """It goes."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[float], None]]:
-    """A function that is told the part, 0 to 1, that is done (NaN: nobody knows how much there is), and shows it."""
-    if not sys.stderr.isatty():
-        yield lambda done: None
-        return
-    start, bar = time.monotonic(), None
-
-    def show(done: float) -> None:
-        nonlocal bar
-        if bar is None and time.monotonic() - start > MOMENT:
-            bar = _bar()
-            bar.add_task(what, total=None if isnan(done) else 1.0)
-            bar.start()
-        if bar is not None:
-            bar.update(bar.task_ids[0], completed=0.0 if isnan(done) else done)
-
+def progress(what: str) -> Iterator[Bar]:
+    """A bar as long as it takes."""
+    bar = Bar(what)
     try:
-        yield show
+        yield bar
     finally:
-        if bar is not None:
-            bar.stop()
+        bar.stop()
 
 
 def _bar() -> Progress:

@@ -144,10 +144,14 @@ def pairs_in_batches(
 
 
 def read_samples(
-    path: str | Path, options: Options = AS_USUAL, advance: Advance | None = None, tell: Tell | None = None
+    path: str | Path,
+    options: Options = AS_USUAL,
+    advance: Advance | None = None,
+    tell: Tell | None = None,
+    begin: Tell | None = None,
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
-    orientation is brought to the wrench's times, and `tell` hears how. Raises as `read`.
+    orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
 
     The delay between two streams, of free readings, is applied where it is significant. Where a recording does not say
     which channels stood at their limits, its readings do.
@@ -158,6 +162,8 @@ def read_samples(
         return _samples(Table.concatenate(paired), path)
     from ..samples.delay import on_one_clock
 
+    if begin is not None:
+        begin(f"finding the delay in {Path(path).name}")
     streams = Streams.concatenate([_as_streams(block, path) for block in blocks])
     if streams.wrench.saturated is None:
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))

@@ -1,6 +1,6 @@
-"""A robot arm from a URDF file: the joints between its root and its flange, as far as they turn the flange.
+"""A robot arm from a URDF file: the joints between its root and its flange, as far as they turn and carry the flange.
 
-A URDF is XML, and rotations and limits of revolute joints are all that is asked of it, so Python's own reader does;
+A URDF is XML, and origins and limits of revolute joints are all that is asked of it, so Python's own reader does;
 meshes, masses and colours are passed over. Format: http://wiki.ros.org/urdf/XML/joint.
 """
 
@@ -37,6 +37,7 @@ class _Joint:
     parent: str
     child: str
     R_parent_joint: Array
+    origin: Array
     axis: Array
     limits: tuple[float, float]
 
@@ -65,8 +66,9 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     if tip not in to_child:
         raise FileFormatError(f"{path}: found no joint that carries a link {tip!r}, expected one of {_list(to_child)}")
     chain = _chain(path, tip, to_child)
-    R_before, axes, limits, names, R = [], [], [], [], np.eye(3)
+    R_before, offsets, axes, limits, names, R, offset = [], [], [], [], [], np.eye(3), np.zeros(3)
     for joint in chain:
+        offset = offset + R @ joint.origin
         R = R @ joint.R_parent_joint
         if joint.kind == "fixed":
             continue
@@ -76,15 +78,17 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
                 "name the arm's flange, as in arm.urdf:LINK"
             )
         R_before.append(R)
+        offsets.append(offset)
         axes.append(joint.axis)
         limits.append(joint.limits)
         names.append(joint.name)
-        R = np.eye(3)
+        R, offset = np.eye(3), np.zeros(3)
     if not axes:
         raise FileFormatError(f"{path}: found no revolute joint from root to {tip}, expected a robot arm")
     ends = np.array(limits)
     name = f"{Path(path).name}:{tip}"
-    return Arm(name, np.array(R_before), np.array(axes), R, ends, ends.mean(axis=1), str(path), tuple(names))
+    lengths = np.array([*offsets, offset])
+    return Arm(name, np.array(R_before), lengths, np.array(axes), R, ends, ends.mean(axis=1), str(path), tuple(names))
 
 
 def _joints(path: str | Path) -> list[_Joint]:
@@ -139,6 +143,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         link("parent"),
         link("child"),
         Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
+        numbers("origin", "xyz", "0 0 0"),
         axis / max(float(np.linalg.norm(axis)), 1e-300),
         (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT,
     )

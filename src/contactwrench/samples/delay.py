@@ -12,7 +12,7 @@ from ..geometry.arrays import Array
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
 from .delay_fit import GRID, Fit, Scan, fitted, scan, standard_deviation, thinned
-from .motion import CELL, ArmMotion, arm_motion
+from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
 from .synchronize import default_gap, synchronize
 from .timestamps import require_common_span, require_times
@@ -23,8 +23,6 @@ SIGNIFICANT = 3.0
 LEAST_TURN = np.deg2rad(2.0)
 """Between the orientations that differ most: less does not show when the wrench follows."""
 LEAST_MEANS = 60
-LONG = 300.0
-"""s: what goes on for longer is averaged over twice the time."""
 ANOTHER_BASE = 0.5
 """Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
 TOLD = 0.3
@@ -91,7 +89,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     if len(nodes.t) < 3:
         return _untold("found fewer than 3 orientations")
     motion = arm_motion(buffer, nodes, gap)
-    means = _means(buffer.readings)
+    means = _means(buffer.readings, motion.width)
     span = min(means.t[-1], motion.t[-1]) - max(means.t[0], motion.t[0]) if len(means) else 0.0
     reach = min(within, 0.25 * span)
     steps = max(int(np.ceil(reach / GRID)), 1)
@@ -99,8 +97,8 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     scanned = _known(motion, means, -reach, reach)
     if len(scanned) < LEAST_MEANS:
         return _untold(f"found {len(scanned)} readings with orientations around them, expected {LEAST_MEANS} or more")
-    axes = motion.axes_at(scanned.t)
-    cosine_of_turn = 0.5 * (np.einsum("nij,ij->n", axes, axes[0]) - 1.0)
+    axes = motion.state_at(scanned.t)[:, :9]
+    cosine_of_turn = 0.5 * (axes @ axes[0] - 1.0)
     if np.arccos(np.clip(cosine_of_turn.min(), -1.0, 1.0)) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
     scans = [scan(motion, scanned, delays, down) for down in (stated, None)]
@@ -116,15 +114,14 @@ def _untold(reason: str, beyond: bool = False) -> Delay:
     return Delay(0.0, np.inf, np.inf, reason, beyond)
 
 
-def _means(readings: WrenchStream) -> WrenchStream:
-    """Means of consecutive readings over about `CELL`; those that say nothing left out, as are means across a gap."""
+def _means(readings: WrenchStream, width: float) -> WrenchStream:
+    """Means of consecutive readings over `width` s; those that say nothing left out, as are means across a gap."""
     finite = np.isfinite(readings.wrench).all(axis=1)
     t, wrench = readings.t[finite], readings.wrench[finite]
     if len(t) < 2:
         return WrenchStream(t, wrench)
     spacing = max(float(np.median(np.diff(t))), 1e-9)
-    longer = CELL if len(t) * spacing < LONG else 2.0 * CELL
-    each = max(round(longer / spacing), 1)
+    each = max(round(width / spacing), 1)
     n = len(t) // each
     of_cell, in_cell = t[: n * each].reshape(n, each), wrench[: n * each].reshape(n, each, 6)
     whole = of_cell[:, -1] - of_cell[:, 0] <= 2.0 * each * spacing

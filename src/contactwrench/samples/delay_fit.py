@@ -18,7 +18,7 @@ from .samples import WrenchStream
 
 GRID = 0.04
 """s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
-FINE, FINEST = 0.01, 0.001
+FINE = 0.01
 SCANNED = 2000
 """Means that the search over the whole range looks at."""
 REWEIGHTED = 4
@@ -29,7 +29,7 @@ TILT_SD = 0.1
 """rad: how far the base may stand from its start, where the motion does not tell."""
 CONTACT = 4.1
 """Standard deviations, of six axes at once: 1 % of free readings lie beyond (chi-square)."""
-MOST_STEPS, CLOSE = 40, 1e-8
+MOST_STEPS, CLOSE = 40, 1e-7
 """The last step's size, s."""
 SLOWEST = 0.95
 """Of a step's size to that of the one before, to reckon with in how far the rest of them goes (Aitken)."""
@@ -39,10 +39,12 @@ SMOOTHED, LEAST_BINS = 0.3, 4
 """Hz to each side, and at least so many frequencies of the recording, over which a spectrum is averaged."""
 LEAST_THERE = 0.1
 """Of the noise at a frequency, whatever the free coefficients took out of it."""
-STRUCTURED, UNKNOWN_ACCELERATIONS = 1.5, 3.0
+STRUCTURED, UNKNOWN_ACCELERATIONS = 1.15, 3.0
 """Where positions are not known, and so much more is left than noise: the flange's accelerations move with the arm, so
 that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
 """
+BLOCK = 512
+"""Rows of a product that one thread makes: with 22 columns each OpenBLAS leaves it to one."""
 LEAST_PART = 30
 PARTS = {2: 5.02, 3: 7.38}
 """Into how many parts a recording is cut, and the chi-square that parts which agree exceed once in 40 times."""
@@ -54,7 +56,7 @@ class Fit:
     `influence` (n, 6), s per standard deviation; the residuals in standard deviations, `left` (n, 6), each with its
     weight; the orthonormal `basis` (n, k) that was free to explain them; the `weight` (n,) of each mean and the
     `variance` (6,) of the residuals; `bound` s, the standard deviation if the residuals were independent, and
-    `weightless` s, what it would be of a tool without weight, in whose place noise is fitted; and the `misfit`, the sum
+    `weightless` s, what it would be of a tool without mass, in whose place noise is fitted; and the `misfit`, the sum
     of the logarithms of the variances.
     """
 
@@ -85,7 +87,7 @@ def thinned(means: WrenchStream) -> WrenchStream:
 
 
 def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | None) -> Scan:
-    """The misfit of a tool at each of `delays` (k,), and the best of them, to 1 ms; under gravity along `down` (3,).
+    """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms; under gravity along `down` (3,).
 
     The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
     and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
@@ -96,41 +98,46 @@ def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | No
 
     def reweighted(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
-            residual, *_ = _explained(motion, thin, delay, down, weight)
+            residual, *_ = _explained(motion.state_at(thin.t - delay), thin.wrench, down, weight)
             weight = _weight(residual, _variance(residual, thin, weight if weight.min() < 1.0 else None))
         return weight
 
     def misfits(delays: Array) -> Array:
-        residuals = (_explained(motion, thin, float(delay), down, weight)[0] for delay in delays)
+        states = (motion.state_at(thin.t - delay) for delay in delays)
+        residuals = (_explained(state, thin.wrench, down, weight)[0] for state in states)
         return np.array([np.log(_variance(residual, thin, weight)).sum() for residual in residuals])
 
     weight = reweighted(0.0, weight)
     weight = reweighted(float(delays[misfits(delays).argmin()]), weight)
     misfit = misfits(delays)
     best = float(delays[misfit.argmin()])
-    for reach, step in ((GRID, FINE), (FINE, FINEST)):
-        near = best + np.linspace(-reach, reach, 2 * round(reach / step) + 1)
-        best = float(near[misfits(near).argmin()])
+    near = best + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
+    best = float(near[misfits(near).argmin()])
     if down is None:
-        of_axes = _explained(motion, thin, best, None, weight)[1][1:10].reshape(3, 3, 6)
+        of_axes = _explained(motion.state_at(thin.t - best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
         noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
         down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
     return Scan(misfit, best, down)
 
 
-def _explained(
-    motion: ArmMotion, means: WrenchStream, delay: float, down: Array | None, weight: Array
-) -> tuple[Array, Array, Array, Array]:
-    """The linear fit at a delay with these weights (n,): residuals (n, 6), coefficients (p, 6), and what `_orthonormal`
-    makes of the weighted columns: 1, gravity (3) or the base's axes (9), accelerations (9 or 12).
+def _explained(state: Array, wrench: Array, down: Array | None, weight: Array) -> tuple[Array, Array, Array, Array]:
+    """The linear fit of readings (n, 6) by the motion's state at their moments, with these weights (n,): residuals
+    (n, 6), coefficients (p, 6), and what `_orthonormal` makes of the weighted columns.
     """
-    tau, root = means.t - delay, np.sqrt(weight)[:, None]
-    axes = motion.axes_at(tau)
-    gravity = axes.reshape(-1, 9) if down is None else np.einsum("nji,j->ni", axes, down)
-    columns = np.column_stack([np.ones(len(tau)), gravity, motion.accelerations_at(tau)])
+    root = np.sqrt(weight)[:, None]
+    columns = _columns(state, down)
     basis, unit = _orthonormal(columns * root)
-    coefficients = unit @ (basis.T @ (root * means.wrench))
-    return means.wrench - columns @ coefficients, coefficients, basis, unit
+    coefficients = unit @ _sums(basis, root * wrench)
+    return wrench - _times(columns, coefficients), coefficients, basis, unit
+
+
+def _columns(state: Array, down: Array | None, one: float = 1.0) -> Array:
+    """The columns (n, p) of a state (n, m) of the motion, or of its change (then `one` is 0): 1, gravity (3) or the
+    base's axes (9), accelerations (9 or 12).
+    """
+    axes = state[:, :9]
+    gravity = axes if down is None else np.einsum("nji,j->ni", axes.reshape(-1, 3, 3), down)
+    return np.column_stack([np.full(len(state), one), gravity, state[:, 9:]])
 
 
 def _variance(residual: Array, means: WrenchStream, weight: Array | None = None) -> Array:
@@ -138,7 +145,7 @@ def _variance(residual: Array, means: WrenchStream, weight: Array | None = None)
     if weight is None:
         variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2
     else:
-        variance = weight @ residual**2 / weight.sum()
+        variance = _sums(weight[:, None], residual**2)[0] / weight.sum()
     floored: Array = variance + (ROUNDING * means.wrench.var(axis=0) + 1e-24)
     return floored
 
@@ -182,31 +189,30 @@ def _step(
     the residuals (n, 6) here, and the fit.
     """
     tau, root = means.t - delay, np.sqrt(weight)[:, None]
-    residual, coefficients, basis, unit = _explained(motion, means, delay, down, weight)
+    state = motion.state_at(tau)
+    residual, coefficients, basis, unit = _explained(state, means.wrench, down, weight)
     if variance is None:
         variance = _variance(residual, means)
-    scale, gravity = root / np.sqrt(variance), coefficients[1:4]
-    across = np.linalg.svd(down[None])[2][1:]
-    change = -np.einsum("nji,j->ni", motion.change_at(tau), down)
-    slopes = [scale * (change @ gravity)]
-    slopes += [scale * (np.einsum("nji,j->ni", motion.axes_at(tau), turn) @ gravity) for turn in across]
-    free = np.array([slope - basis @ (basis.T @ slope) for slope in slopes])
+    scale, across = root / np.sqrt(variance), np.linalg.svd(down[None])[2][1:]
+    change = _columns(-motion.change_at(tau), down, 0.0)
+    slopes = [scale * _times(change, coefficients)]
+    slopes += [scale * _times(state[:, :9], np.kron(turn[:, None], coefficients[1:4])) for turn in across]
+    free = np.array([_beside(slope, basis) for slope in slopes])
     left = scale * residual
     H = np.einsum("ani,bni->ab", free, free)
     gradient = np.einsum("ani,ni->a", free, left)
     H[1:, 1:] += np.eye(2) / TILT_SD**2
     gradient[1:] -= across @ (down - start) / TILT_SD**2
     misfit = float(np.log(variance).sum())
-    if H[0, 0] <= SAME * np.vdot(slopes[0], slopes[0]):
+    if H[0, 0] <= SAME * (slopes[0] ** 2).sum():
         blind = Fit(delay, down, np.zeros_like(left), left, basis, weight, variance, np.inf, np.inf, misfit)
         return np.zeros(4), residual, blind
     inverse = np.linalg.inv(H)
     step = inverse @ gradient
     influence = np.einsum("a,ani->ni", inverse[0], free)
     bound = float(np.sqrt(inverse[0, 0]))
-    noisy = root * change
-    noisy = (noisy - basis @ (basis.T @ noisy)) @ unit[1:4]
-    weightless = float(1.0 / np.sqrt(max(6.0 * np.vdot(noisy, noisy), 1e-300)))
+    noisy = _times(_beside(root * change, basis), unit)
+    weightless = float(1.0 / np.sqrt(max(6.0 * (noisy**2).sum(), 1e-300)))
     moved: Array = np.r_[step[0], step[1:] @ across]
     return moved, residual, Fit(delay, down, influence, left, basis, weight, variance, bound, weightless, misfit)
 
@@ -217,10 +223,26 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > SAME * size[0], size, np.inf)
-    values, vectors = np.linalg.eigh((columns / size).T @ (columns / size))
+    values, vectors = np.linalg.eigh(_sums(columns / size, columns / size))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
-    return columns @ unit, unit
+    return _times(columns, unit), unit
+
+
+def _times(tall: Array, matrix: Array) -> Array:
+    """`tall @ matrix`, in blocks that are too small to be shared among threads, which costs ten times the work."""
+    return np.concatenate([tall[k : k + BLOCK] @ matrix for k in range(0, len(tall), BLOCK)])
+
+
+def _sums(a: Array, b: Array) -> Array:
+    """`a.T @ b` of tall arrays, likewise."""
+    sums: Array = np.sum([a[k : k + BLOCK].T @ b[k : k + BLOCK] for k in range(0, len(a), BLOCK)], axis=0)
+    return sums
+
+
+def _beside(columns: Array, basis: Array) -> Array:
+    """What of the columns (n, p) an orthonormal basis (n, k) does not explain."""
+    return columns - _times(basis, _sums(basis, columns))
 
 
 def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> float:
@@ -232,7 +254,7 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
     """
     if not np.isfinite(fit.bound):
         return np.inf
-    turned = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay), axis=(1, 2)))
+    turned = np.cumsum(np.linalg.norm(motion.change_at(means.t - fit.delay)[:, :9], axis=1))
     factor = 1.0
     for count, limit in PARTS.items():
         cut = np.searchsorted(turned, turned[-1] * np.arange(1, count) / count)

@@ -8,7 +8,6 @@ axes: left out, they are taken for a delay of several ms.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,114 +20,143 @@ from .poses import SAME_POSE_ANGLE
 from .samples import Samples
 
 CELL = 0.01
-"""s: what is faster than this is no motion of an arm; orientations that come faster are thinned, readings averaged."""
+"""s: what is faster than this is no motion of an arm; orientations that come faster are thinned."""
 SMOOTHED = 0.05
-"""s, of velocities before they are differentiated: an arm trembles, and so do the digits of its pose."""
+"""s, over which readings and motion are averaged: an arm trembles, and so do the digits of its pose."""
+PACED = 1.0
+"""s, over which a pace is even."""
 PRODUCTS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class ArmMotion:
-    """Between nodes at `t` (k,) s: `base_axes`, a spline of the base's axes in flange axes, 3 x 3 numbers, row by row
-    one axis, and its derivative `change`; `accelerations` (k, 9), or (k, 12) where positions are known. `turns` and
-    `gap` (k - 1,): where the arm turns between two nodes, and where nothing is known.
+    """Between nodes at `t` (k,) s a state, straight from one to the next: the base's axes in flange axes, 3 x 3
+    numbers, row by row one axis, and what exerts a wrench beside gravity, 9 numbers, or 12 where positions are known.
+    `gap` (k - 1,): where nothing is known between two nodes.
+
+    All is seen through a window of `width` s, as readings are that were averaged over as long: what is filtered alike
+    still obeys the same law. So its integral over time is kept, three coefficients for each number of the state: `area`
+    (k - 1, 3, m), falling powers of the time from the node before.
     """
 
     t: Array
-    base_axes: Any
-    change: Any
-    accelerations: Array
-    turns: NDArray[np.bool_]
+    area: Array
     gap: NDArray[np.bool_]
+    width: float
 
     @property
     def knows_positions(self) -> bool:
         """Whether the accelerations of the flange are among those known."""
-        return len(self.accelerations[0]) > 9
+        return int(self.area.shape[2]) > 18
 
-    def axes_at(self, t: Array) -> Array:
-        """The base's axes in flange axes (n, 3, 3) at t (n,)."""
-        axes: Array = self.base_axes(t).reshape(-1, 3, 3)
-        return axes
+    def state_at(self, t: Array) -> Array:
+        """The state (n, m), averaged over the window around t (n,)."""
+        half = 0.5 * self.width
+        state: Array = (self._area_until(t + half) - self._area_until(t - half)) / self.width
+        return state
 
     def change_at(self, t: Array) -> Array:
-        """Their derivative (n, 3, 3), 1/s; zero where the arm does not turn."""
-        change: Array = self.change(t).reshape(-1, 3, 3)
-        change[~self.turns[self._place(t)]] = 0.0
+        """Its derivative, 1/s; zero for axes where the arm does not turn, and for accelerations that are known in part:
+        they would be taken for the others.
+        """
+        w = self.width
+        change: Array = (self._area_until(t + w) - 2.0 * self._area_until(t) + self._area_until(t - w)) / w**2
+        change[np.linalg.norm(change[:, :9], axis=1) < np.sqrt(2.0) * LEAST_SPEED, :9] = 0.0
+        if not self.knows_positions:
+            change[:, 9:] = 0.0
         return change
 
-    def accelerations_at(self, t: Array) -> Array:
-        """The terms (n, 9 or 12) that exert a wrench beside gravity, at t (n,)."""
+    def _area_until(self, t: Array) -> Array:
         place = self._place(t)
-        share = ((t - self.t[place]) / (self.t[place + 1] - self.t[place]))[:, None]
-        before, after = self.accelerations[place], self.accelerations[place + 1]
-        between: Array = before + share * (after - before)
-        return between
-
-    def is_known(self, earliest: Array, latest: Array) -> NDArray[np.bool_]:
-        """Whether all moments from `earliest` to `latest` (n,) lie within the recording and in no gap."""
-        gaps = np.r_[0, np.cumsum(self.gap)]
-        known = gaps[self._place(earliest)] == gaps[self._place(latest) + 1]
-        inside: NDArray[np.bool_] = (earliest >= self.t[0]) & (latest <= self.t[-1]) & known
-        return inside
+        curve, slope, start = np.moveaxis(self.area[place], 1, 0)
+        since = (t - self.t[place])[:, None]
+        area: Array = start + since * (slope + since * curve)
+        return area
 
     def _place(self, t: Array) -> NDArray[np.intp]:
         """The nodes that come before t (n,), the last one left out."""
         return np.clip(np.searchsorted(self.t, t, "right") - 1, 0, len(self.t) - 2)
 
+    def is_known(self, earliest: Array, latest: Array) -> NDArray[np.bool_]:
+        """Whether all moments from `earliest` to `latest` (n,), with the windows around them, lie within the recording
+        and in no gap.
+        """
+        earliest, latest = earliest - self.width, latest + self.width
+        gaps = np.r_[0, np.cumsum(self.gap)]
+        known = gaps[self._place(earliest)] == gaps[self._place(latest) + 1]
+        inside: NDArray[np.bool_] = (earliest >= self.t[0]) & (latest <= self.t[-1]) & known
+        return inside
 
-SPEED_OVER = 0.1
+
 LEAST_SPEED = 0.01
-"""rad/s, over so many s: slower than that is the trembling of an arm at rest, or of its encoders."""
+"""rad/s: slower than that is the trembling of an arm at rest, or of its encoders."""
 
 
 def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     """The motion through the orientations of a whole recording, whose gaps are longer than `longest_gap` s."""
-    from scipy.interpolate import CubicHermiteSpline
-    from scipy.ndimage import uniform_filter1d
-
     index, orientations = nodes.index, buffer.orientations
     fast = CELL / max(float(np.median(np.diff(nodes.t))), 1e-9)
     if fast >= 2.0:
         index = index[:: int(fast)]
-    t, R = orientations.t[index], orientations.R_base_flange[index]
+    R = orientations.R_base_flange[index]
+    t = _evened(orientations.t[index], R.reshape(-1, 9))
     is_gap = np.r_[0, np.cumsum(np.diff(orientations.t[: nodes.count]) > longest_gap)]
-    axes = R.reshape(-1, 9)
-    spline = CubicHermiteSpline(t, axes, np.gradient(axes, t, axis=0))
-    middle = 0.5 * (t[1:] + t[:-1])
+    state = _state(t, R, None if orientations.position is None else orientations.position[index])
     step = np.diff(t)[:, None]
-    width = 2 * round(0.5 * SMOOTHED / float(np.median(step))) + 1
-    angular_velocity = uniform_filter1d(rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step, width, axis=0)
-    angular = _between(middle, angular_velocity, t)
-    accelerations = [
-        _derivative(middle, angular_velocity, t),
-        np.stack([angular[:, i] * angular[:, j] for i, j in PRODUCTS], axis=1),
-    ]
-    if orientations.position is not None:
-        velocity = uniform_filter1d(np.diff(orientations.position[index], axis=0) / step, width, axis=0)
-        accelerations.append(np.einsum("nij,ni->nj", R, _derivative(middle, velocity, t)))
-    half = max(0.5 * SPEED_OVER, float(np.median(step)))
-    ends = [spline(np.clip(middle + sign * half, t[0], t[-1])) for sign in (-1.0, 1.0)]
-    speed = np.linalg.norm(ends[1] - ends[0], axis=1) / (np.sqrt(2.0) * 2.0 * half)
-    return ArmMotion(
-        t,
-        spline,
-        spline.derivative(),
-        np.concatenate(accelerations, axis=1),
-        speed >= LEAST_SPEED,
-        np.diff(is_gap[index]) > 0,
-    )
+    until = np.cumsum(0.5 * step * (state[1:] + state[:-1]), axis=0)
+    area = [0.5 * np.diff(state, axis=0) / step, state[:-1], np.concatenate([0.0 * until[:1], until[:-1]])]
+    width = max(SMOOTHED, *(float(np.median(np.diff(stamps))) for stamps in (t, buffer.readings.t)))
+    return ArmMotion(t, np.stack(area, axis=1), np.diff(is_gap[index]) > 0, width)
 
 
-def _between(middle: Array, values: Array, t: Array) -> Array:
-    return np.stack([np.interp(t, middle, column) for column in values.T], axis=1)
+def _state(t: Array, R: Array, position: Array | None) -> Array:
+    """At nodes (k,) with rotations (k, 3, 3): the base's axes, angular acceleration, products of the angular velocity,
+    and of positions (k, 3) the acceleration, all in flange axes.
+    """
+    step, middle = np.diff(t)[:, None], 0.5 * (t[1:] + t[:-1])
+    turning = rotation_vectors(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / step
+    angular = [np.interp(t, middle, column) for column in turning.T]
+    products = np.stack([angular[i] * angular[j] for i, j in PRODUCTS], axis=1)
+    state = [R.reshape(-1, 9), _derivative(middle, turning), products]
+    if position is not None:
+        acceleration = _derivative(middle, np.diff(position, axis=0) / step)
+        state.append(np.einsum("nij,ni->nj", R, acceleration))
+    return np.concatenate(state, axis=1)
 
 
-def _derivative(middle: Array, rate: Array, t: Array) -> Array:
-    """The derivative at `t` of a `rate` that is known in the `middle` of the steps."""
+def _evened(t: Array, values: Array) -> Array:
+    """The stamps (n,), or those of messages that were sent at an even pace, some of them lost, singly or in gaps alone,
+    and stamped as they came: if the values (n, m) then change more smoothly. An arm at 1 m/s whose stamps are 1 ms off
+    seems to accelerate at 10 m/s^2.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    steps = np.diff(t)
+    period = float(np.median(steps))
+    near = 2 * round(0.5 * PACED / period) + 1
+    evened = []
+    for shortest_loss in (GAP_IN_ROWS, 1.5):
+        counted = np.where(steps < shortest_loss * period, 1.0, np.round(steps / period))
+        even = t[0] + period * np.r_[0.0, np.cumsum(counted)]
+        evened.append(even + uniform_filter1d(t - even, near, mode="nearest"))
+
+    def unsteady(t: Array) -> float:
+        velocity = np.diff(values, axis=0) / np.diff(t)[:, None]
+        return float((np.diff(velocity, axis=0) ** 2).sum())
+
+    closest = min(evened, key=lambda stamps: float(((stamps - t) ** 2).sum()))
+    return closest if np.diff(closest).min() > 0.0 and unsteady(closest) < unsteady(t) else t
+
+
+def _derivative(middle: Array, rate: Array) -> Array:
+    """The derivative at the nodes of a `rate` that is known in the `middle` of the steps between them; at both ends
+    that of the nodes next to them.
+    """
     if len(middle) < 2:
-        return np.zeros((len(t), rate.shape[1]))
-    return _between(t[1:-1], np.diff(rate, axis=0) / np.diff(middle)[:, None], t)
+        return np.zeros((len(rate) + 1, rate.shape[1]))
+    within = np.diff(rate, axis=0) / np.diff(middle)[:, None]
+    derivative: Array = np.concatenate([within[:1], within, within[-1:]])
+    return derivative
 
 
 BLOCK = 0.02

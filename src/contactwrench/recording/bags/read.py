@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...assess.robot_arms import Arm, flange_orientation
+from ...assess.robot_arms import Arm, flange_pose
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, Streams, WrenchStream
@@ -67,7 +67,7 @@ def bag_batches(
         pose_topic: of `PoseStamped`, of `TransformStamped` or `nav_msgs/Odometry` (child in header frame), of the
             transforms for `frames` or the joint states for `arm`; None: the only one.
         frames: base and flange: the pose is the chain of tf between them (transforms.py says at which times).
-        arm: the pose is that of its `sensor_msgs/JointState`, which gives no position.
+        arm: the pose is that of its `sensor_msgs/JointState`.
         batch: readings or poses of a piece, and up to a chunk of the file more.
         advance: is told the part, 0 to 1, of the bag's duration that has been read.
 
@@ -148,7 +148,7 @@ def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
         if not np.isfinite(joints[known]).all():
             row = int(np.argmax(known & ~np.isfinite(joints).all(axis=1)))
             raise FileFormatError(f"{place(bag, topic, t[row])}: found a joint that is no number, expected angles, rad")
-        return Poses(t[known], flange_orientation(arm, joints[known]), None)
+        return Poses(t[known], *flange_pose(arm, joints[known]))
 
     return read
 
@@ -169,7 +169,7 @@ def _no_poses(bag: Bag, topic: Topic, source: str, arm: Arm | None) -> FileForma
     )
 
 
-_NO_POSES = Poses(np.empty(0), np.empty((0, 3, 3)), None)
+_NO_POSES = Poses(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
 
 
 def _streams(bag: Bag, wrench: Topic, source: str, readings: list[tuple[Array, Array]], placed: list[Poses]) -> Streams:
