@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
-from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, visits
+from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import Samples
 from .still_segments import StillSegment, StillSegments, still_segments
 
@@ -111,9 +111,9 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]))
     visit = visits(label, most_visits)
     return RecordedPoses(
-        _joined(still.accepted, label),
-        None if visit is None else _joined(still.accepted, visit),
-        tuple(_pose([segment]) for segment in still.rejected),
+        _joined(samples, still.accepted, label),
+        None if visit is None else _joined(samples, still.accepted, visit),
+        tuple(segment.as_pose() for segment in still.rejected),
         sum(segment.moves for segment in still.rejected),
         len(still.accepted),
     )
@@ -126,8 +126,9 @@ def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, .
 
 def _require_few(samples: Samples) -> None:
     """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged."""
-    cells = np.rint(samples.R_base_flange.reshape(-1, 9) / CELL).astype(np.int16)
-    count = len(np.unique(cells.view("V18")))
+    R = samples.R_base_flange.reshape(-1, 9)
+    new = R[np.r_[True, (R[1:] != R[:-1]).any(axis=1)][: len(R)]]
+    count = len(np.unique(np.rint(new / CELL).astype(np.int16).view("V18")))
     if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _follows_the_arm(samples.R_base_flange)):
         raise _too_many(samples, count)
 
@@ -158,24 +159,11 @@ def _angles(R: Array) -> Array:
     return angle
 
 
-def _joined(segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the segments of each label, in the order of their first ones."""
-    return tuple(_pose([segments[k] for k in np.flatnonzero(label == pose)]) for pose in range(int(label.max()) + 1))
-
-
-def _pose(segments: list[StillSegment]) -> Pose:
-    n = np.array([segment.n for segment in segments], dtype=np.float64)
-    share = n / n.sum()
-    U, _, Vt = np.linalg.svd(np.einsum("k,kij->ij", share, [segment.R_base_flange for segment in segments]))
-    return Pose(
-        U @ Vt,
-        share @ np.array([segment.wrench for segment in segments]),
-        np.einsum("k,kij->ij", share**2, [segment.wrench_cov for segment in segments]),
-        int(n.sum()),
-        segments[0].t_start,
-        segments[-1].t_end,
-        segments[0].rejected,
-    )
+def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the rows of the segments of each label, in the order of their first ones."""
+    row = np.arange(len(samples))
+    of_pose = [np.flatnonzero(label == pose) for pose in range(int(label.max()) + 1)]
+    return mean_poses(samples, [np.concatenate([row[segments[k].rows] for k in of]) for of in of_pose])
 
 
 def _never_still(samples: Samples, still: StillSegments) -> str:
