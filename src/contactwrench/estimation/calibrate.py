@@ -21,8 +21,9 @@ from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
 from ..samples.poses import Pose, moments_of_poses
-from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
+from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
+from ..samples.still_noise import StillNoise
 from ..version import __version__
 from .estimate import HELD_GRAVITY, alternatives_to, model_fitted
 from .findings import assumptions_in_words, doubts
@@ -106,6 +107,7 @@ class Recorded:
     g: float
     rejected: tuple[Pose, ...]
     segments: int
+    still_noise: StillNoise | None
 
     @property
     def what_was_still(self) -> str:
@@ -185,15 +187,28 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if stream:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
-    findings += segments_left_out(recorded, _first_time(free))
+    findings += (*segments_left_out(recorded, _first_time(free)), *_on_the_way(recorded))
     if recorded.visits is not None:
         visits = in_time(recorded.visits)
         robust = robust_estimate(readings_of(visits), times_of(visits), question)
         if robust.bias_drift is not None and robust.bias_drift.kind is not None:
-            return Recorded(free, visits, robust, findings, g, recorded.rejected, recorded.segments)
+            return Recorded(
+                free, visits, robust, findings, g, recorded.rejected, recorded.segments, recorded.still_noise
+            )
     poses = in_time(recorded.poses)
     robust = robust_estimate(readings_of(poses), times_of(poses), question)
-    return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.segments)
+    return Recorded(free, poses, robust, findings, g, recorded.rejected, recorded.segments, recorded.still_noise)
+
+
+def _on_the_way(recorded: RecordedPoses) -> tuple[Finding, ...]:
+    """That the arm stopped at too few orientations, and how many of the poses are of its slow motion."""
+    if not recorded.on_the_way:
+        return ()
+    text = (
+        f"{recorded.on_the_way} of {len(recorded.poses)} poses are parts of a slow motion, "
+        f"{recorded.segments} still stretches were found: a stop of two seconds at each orientation tells more"
+    )
+    return (Finding(Kind.POSES_ON_THE_WAY, Severity.WARNING, text),)
 
 
 def _first_time(samples: Samples) -> float:
@@ -273,6 +288,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         alternatives=alternatives,
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,
+        still_noise=recorded.still_noise,
     )
 
 

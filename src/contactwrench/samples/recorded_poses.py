@@ -17,6 +17,8 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
 from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import Samples
+from .slow_motion import poses_on_the_way
+from .still_noise import StillNoise
 from .still_segments import StillSegment, StillSegments, still_segments
 
 SLOWEST = 0.25
@@ -43,6 +45,9 @@ CLOSE = np.deg2rad(3.0)
 LONGEST_STEP = np.deg2rad(20.0)
 ROW_SCALES = (1.0, 3.0, 10.0, 30.0)
 """Steps and looks at rows without times."""
+
+FEW_STOPS = 6
+"""Orientations: with fewer, what the sensor reads on the way between them is used too."""
 
 LEAST_ON_THE_WAY = 5.0 * SAME_POSE_ANGLE
 FEWEST_ROWS = 10
@@ -83,7 +88,8 @@ def _turns_along(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> b
 class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
     none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, in how many of
-    them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did).
+    them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did); how many poses were
+    taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments.
     """
 
     poses: tuple[Pose, ...]
@@ -91,6 +97,8 @@ class RecordedPoses:
     rejected: tuple[Pose, ...]
     moved: int
     segments: int
+    on_the_way: int = 0
+    still_noise: StillNoise | None = None
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
@@ -106,16 +114,21 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
             raise _too_many(samples, len(poses))
         return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0)
     still = still_segments(samples)
-    if not still.accepted:
+    stood = still.accepted + still.rejected
+    label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
+    count = len(set(label.tolist()))
+    moving = poses_on_the_way(samples, [segment.rows for segment in stood]) if count < FEW_STOPS else ()
+    if not still.accepted and not moving:
         raise InputError(_never_still(samples, still))
-    label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]))
     visit = visits(label, most_visits)
     return RecordedPoses(
-        _joined(samples, still.accepted, label),
-        None if visit is None else _joined(samples, still.accepted, visit),
+        _joined(samples, still.accepted, label) + moving,
+        None if visit is None else _joined(samples, still.accepted, visit) + moving,
         tuple(segment.as_pose() for segment in still.rejected),
         sum(segment.moves for segment in still.rejected),
         len(still.accepted),
+        len(moving),
+        still.noise,
     )
 
 
@@ -162,7 +175,7 @@ def _angles(R: Array) -> Array:
 def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
     """The mean of the rows of the segments of each label, in the order of their first ones."""
     row = np.arange(len(samples))
-    of_pose = [np.flatnonzero(label == pose) for pose in range(int(label.max()) + 1)]
+    of_pose = [np.flatnonzero(label == pose) for pose in range(int(label.max(initial=-1)) + 1)]
     return mean_poses(samples, [np.concatenate([row[segments[k].rows] for k in of]) for of in of_pose])
 
 
