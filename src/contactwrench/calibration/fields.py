@@ -25,6 +25,7 @@ from ..model import (
     yaw_of_mounting,
 )
 from ..samples.poses import Pose, PoseMoments
+from ..samples.still_noise import StillNoise
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
@@ -51,6 +52,7 @@ class Kind(StrEnum):
     SATURATED_ROWS = "saturated_rows"
     LOADED_ROWS = "loaded_rows"
     STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
+    POSES_ON_THE_WAY = "poses_on_the_way"
     POSE_LEFT_OUT = "pose_left_out"
     POSE_IN_DOUBT = "pose_in_doubt"
     BIAS_STEPPED = "bias_stepped"
@@ -180,6 +182,7 @@ class CalibrationFields(Frozen):
     alternatives: tuple[Alternative, ...] = ()
     delay: float | None = None
     delay_std: float | None = None
+    still_noise: StillNoise | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 B_TOLERANCE = 1e-9
 ROUNDING = 1e-14
 COVARIANCE_TOLERANCE = 1e-6
-NOT_NEGATIVE = ("noise", "residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof")
+NOT_NEGATIVE = ("noise", "residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
 _AGAIN = "calibrate again or restore the file"
 
 Form = TypeVar("Form", bound=CalibrationFields)
@@ -168,6 +168,8 @@ def _shapes(c: CalibrationFields) -> Iterator[tuple[str, Array | None, tuple[int
     for k, other in enumerate(c.alternatives):
         yield f"alternatives[{k}].B", other.B, (6, 4)
         yield f"alternatives[{k}].gravity_direction", other.gravity_direction, (3,)
+    if c.still_noise is not None:
+        yield "still_noise.std", c.still_noise.std, (len(c.still_noise.duration), 6)
     if c.moments is not None:
         yield "moments.design", c.moments.design, (10, 10)
         yield "moments.cross", c.moments.cross, (10, 6)
@@ -196,6 +198,8 @@ def _check_numbers(c: CalibrationFields) -> None:
         raise InputError(f"delay_std is {c.delay_std:g}, expected 0 or more")
     if (c.delay is None) != (c.delay_std is None):
         raise InputError("found one of delay and delay_std, expected both or neither")
+    if c.still_noise is not None and not (np.diff(c.still_noise.duration, prepend=0.0) > 0.0).all():
+        raise InputError("found still_noise.duration not ascending from above 0")
     if (np.diag(c.covariance) < 0.0).any():
         raise InputError("covariance has a variance below 0, expected 0 or more")
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Alternative, Finding, Kind, Severity
+from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
@@ -22,19 +22,19 @@ from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
 from ..samples.poses import Pose, moments_of_poses
-from ..samples.recorded_poses import is_stream, recorded_poses, resting_poses
+from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..version import __version__
 from .affine import MIRRORED, fit_affine
+from .alternatives import alternatives_to
 from .estimate import Estimate, RigidEstimate
-from .findings import assumptions_in_words, doubts, outliers_and_drift, reasons_left_out, segments_left_out
+from .findings import assumptions_in_words, doubts, on_the_way, outliers_and_drift, reasons_left_out, segments_left_out
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
 from .rigid import MOST_JUDGED, estimated, model_fitted
-from .sign_ambiguity import HELD_GRAVITY, checked, require_answerable, require_noise
+from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
-OTHER_MODELS = ("yaw", "mount", "mount+base", "affine")
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
@@ -92,8 +92,7 @@ def calibrate(
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """A recording less its rows under load, its poses and their `readings`, the `estimate` from them, what was found
-    on the way, and the `g` (m/s^2) of the place; `rejected` the segments of a stream that are no pose; `segments` how
-    many made the poses, 0 of a table.
+    on the way, the `g` (m/s^2) of the place, and how the poses were `found`.
     """
 
     samples: Samples
@@ -102,15 +101,15 @@ class Recorded:
     estimate: Estimate
     findings: tuple[Finding, ...]
     g: float
-    rejected: tuple[Pose, ...]
-    segments: int
+    found: RecordedPoses
 
     @property
     def what_was_still(self) -> str:
         """What to add to a complaint about the poses of a stream."""
-        if not self.segments:
+        if not self.found.segments:
             return ""
-        return f" (still stretches: {self.segments}, left out: {len(self.rejected)}; stop for a second or two at each)"
+        left_out = len(self.found.rejected)
+        return f" (still stretches: {self.found.segments}, left out: {left_out}; stop for a second or two at each)"
 
 
 def question_asked(
@@ -183,18 +182,17 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if stream:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
-    findings += segments_left_out(recorded, _first_time(free))
+    findings += (*segments_left_out(recorded, _first_time(free)), *on_the_way(recorded))
     ordered = stream or recorded.visits is not None
     if recorded.visits is not None:
         poses = in_time(recorded.visits)
         readings = readings_of(poses, ordered)
         estimate = fitted(readings, question)
-        if isinstance(estimate, RigidEstimate) and estimate.beliefs and sum(estimate.beliefs.moved.values()) > 0.5:
-            return Recorded(free, poses, readings, estimate, findings, g, recorded.rejected, recorded.segments)
+        if estimate.bias_moved:
+            return Recorded(free, poses, readings, estimate, findings, g, recorded)
     poses = in_time(recorded.poses)
     readings = readings_of(poses, ordered)
-    estimate = fitted(readings, question)
-    return Recorded(free, poses, readings, estimate, findings, g, recorded.rejected, recorded.segments)
+    return Recorded(free, poses, readings, fitted(readings, question), findings, g, recorded)
 
 
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
@@ -202,34 +200,6 @@ def fitted(readings: PoseReadings, question: Question) -> Estimate:
     if question.model == "paper":
         return fit_paper(readings, question.gravity_direction)
     return fit_affine(readings, question) if question.model == "affine" else estimated(readings, question)
-
-
-def alternatives_to(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
-    """What the other models make of the same poses; those that the poses cannot tell are left out."""
-    alternatives = []
-    for model in OTHER_MODELS:
-        as_asked = replace(question, model=model)
-        try:
-            other = fit_affine(readings, as_asked) if model == "affine" else estimated(readings, as_asked, plain=True)
-            if isinstance(other, RigidEstimate):
-                require_answerable(other, readings, model, as_asked)
-            else:
-                require_noise(len(readings), 24, float(other.readings_left.min()), as_asked)
-        except UnobservableError:
-            continue
-        rigid = isinstance(other, RigidEstimate)
-        alternatives.append(
-            Alternative(
-                model=model,
-                weight=other.tool.weight if isinstance(other, RigidEstimate) else None,
-                weight_std=float(np.sqrt(other.covariance[0, 0])) if rigid else None,
-                force_left=other.force_left,
-                torque_left=other.torque_left,
-                B=other.B,
-                gravity_direction=other.gravity_direction,
-            )
-        )
-    return tuple(alternatives)
 
 
 def _first_time(samples: Samples) -> float:
@@ -279,7 +249,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
     compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_JUDGED
-    steady = replace(kept, wrench=kept.wrench - _change(estimate)[estimate.kept])
+    steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
     return Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),
@@ -308,7 +278,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             *doubts(estimate, kept, question, observability.trade_offs),
         ),
         provenance=provenance,
-        poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.rejected),
+        poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.found.rejected),
         moments=moments_of_poses(R, kept.wrench) if many else None,
         weight_xy=weight_xy,
         weight_z=weight_z,
@@ -317,14 +287,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         alternatives=alternatives_to(steady, question) if compared else (),
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,
+        still_noise=recorded.found.still_noise,
     )
-
-
-def _change(estimate: Estimate) -> Array:
-    """What the likeliest motion of the bias makes each pose's reading be off, (n, 6); zero of a steady one."""
-    beliefs = estimate.beliefs if isinstance(estimate, RigidEstimate) else None
-    moved = beliefs is not None and sum(beliefs.moved.values()) > 0.5
-    return beliefs.change if beliefs is not None and moved else np.zeros_like(estimate.errors)
 
 
 def _marked(pose: Pose, reason: str | None) -> Pose:

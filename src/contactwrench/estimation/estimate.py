@@ -44,6 +44,16 @@ class Estimate:
         return self.errors[self.kept]
 
     @property
+    def change(self) -> Array:
+        """What each pose's bias was off the last one (n, 6), where it is believed to have moved; else zero."""
+        return np.zeros_like(self.errors)
+
+    @property
+    def bias_moved(self) -> bool:
+        """Whether that is likelier than not."""
+        return False
+
+    @property
     def weight_scale(self) -> float:
         """The weight (N), of a model without one the mean singular value of its force matrix."""
         return float(np.mean(np.linalg.svd(self.B[:3, :3], compute_uv=False)))
@@ -86,3 +96,11 @@ class RigidEstimate(Estimate):
     beliefs: Beliefs | None = None
     weight_xy: float | None = None
     weight_z: float | None = None
+
+    @property
+    def bias_moved(self) -> bool:
+        return self.beliefs is not None and sum(self.beliefs.moved.values()) > 0.5
+
+    @property
+    def change(self) -> Array:
+        return np.zeros_like(self.errors) if self.beliefs is None or not self.bias_moved else self.beliefs.change

@@ -267,6 +267,17 @@ def segments_left_out(recorded: RecordedPoses, since: float) -> tuple[Finding, .
     return (Finding.weak(Kind.STILL_SEGMENTS_LEFT_OUT, f"{text}; {doubt}"),)
 
 
+def on_the_way(recorded: RecordedPoses) -> tuple[Finding, ...]:
+    """That the arm stopped at too few orientations, and how many of the poses are of its slow motion."""
+    if not recorded.on_the_way:
+        return ()
+    text = (
+        f"{recorded.on_the_way} of {len(recorded.poses)} poses are parts of a slow motion, "
+        f"{recorded.segments} still stretches were found: a stop of two seconds at each orientation tells more"
+    )
+    return (Finding(Kind.POSES_ON_THE_WAY, Severity.WARNING, text),)
+
+
 def _start(pose: Pose) -> float:
     return 0.0 if pose.t_start is None else pose.t_start
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_vectors
 from .buffer import Buffer, Nodes
-from .change_detection import Segment, WindowNoise, noise_of_windows, segments_between_changes
+from .change_detection import NoiseOfMeans, Segment, noise_of_windows, segments_between_changes
 from .poses import SAME_POSE_ANGLE
 from .samples import Samples
 
@@ -220,9 +220,8 @@ def stationary_arm(between_gaps: list[Blocks], period: float, least_duration: fl
         return StationaryArm([], 0, least_duration)
     block = between_gaps[0].rows * period
     window = max(FEWEST_ROWS_OF_WINDOW, int(np.ceil(WINDOW / block)))
-    least, floor = np.full(3, STILL_ANGLE), np.full(3, FINEST_ANGLE**2)
-    noise = noise_of_windows([blocks.path for blocks in between_gaps], window, least, floor, joint=True)
-    blocks_to_see_creep = 12.0 * CREEP_SHOWS**2 * noise.variance[0] * noise.window / SAME_POSE_ANGLE**2
+    noise = noise_of_windows([blocks.path for blocks in between_gaps], window, float(STILL_ANGLE), FINEST_ANGLE**2)
+    blocks_to_see_creep = 12.0 * CREEP_SHOWS**2 * noise.over(1.0)[0] / SAME_POSE_ANGLE**2
     duration = max(least_duration, float(blocks_to_see_creep) * block)
     segments = [
         (blocks, segment)
@@ -232,7 +231,7 @@ def stationary_arm(between_gaps: list[Blocks], period: float, least_duration: fl
     return StationaryArm(segments, window, duration if segments else least_duration)
 
 
-def _stationary_segments(blocks: Blocks, noise: WindowNoise, least: float) -> list[Segment]:
+def _stationary_segments(blocks: Blocks, noise: NoiseOfMeans, least: float) -> list[Segment]:
     """Segments of at least `least` blocks in which the arm stands; those in which it creeps are not steady. What moves
     too slowly to show at once falls to short segments and creeping ones, hardly a window apart: they are one creeping
     segment.
@@ -257,9 +256,9 @@ def turn_over(path: Array) -> float:
     return float(np.linalg.norm(n * (time @ path) / float(time @ time)))
 
 
-def _creeps(path: Array, noise: WindowNoise) -> bool:
+def _creeps(path: Array, noise: NoiseOfMeans) -> bool:
     """Whether the arm turns over the segment by more than noise and `CREEP_ANGLE`."""
-    std = np.sqrt(12.0 * float(noise.variance[0]) * noise.window / len(path))
+    std = np.sqrt(12.0 * float(noise.over(len(path))[0]))
     return turn_over(path) > max(CREEP_ANGLE, CREEP_SHOWS * float(std))
 
 

@@ -6,13 +6,16 @@ Millions of rows at a few orientations are a few poses, and no more.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array, Frozen, Matrix, Vector
 from .samples import Samples
+from .still_noise import covariances_of_means
 
 SAME_POSE_ANGLE = np.deg2rad(0.2)
 """Orientations closer than this are one pose: robots repeat to about a tenth of it."""
@@ -26,8 +29,8 @@ _HASH = np.array([pow(0x9E3779B97F4A7C15, k, 2**63) for k in range(1, 10)], dtyp
 class Pose(Frozen):
     """One orientation of the arm at rest, and the mean reading there.
 
-    `R_base_flange` (3, 3); `wrench` (6,) N and N m, the mean of `n` rows; `wrench_cov` (6, 6) of that mean from
-    the scatter of its rows (zero for a single row, whose scatter is unknown); `t_start`, `t_end` s or None;
+    `R_base_flange` (3, 3); `wrench` (6,) N and N m, the mean of `n` rows; `wrench_cov` (6, 6) of that mean as the rows
+    show it at their length, noise that is not white included (zero for a single row); `t_start`, `t_end` s or None;
     `rejected` the reason why the pose is left out, or None.
     """
 
@@ -50,31 +53,37 @@ def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
 
 
 def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the rows of each `label` (n,)."""
+    """The mean of the rows of each label (0, 1, ...), in that order."""
     if not len(label):
         return ()
-    small = label.astype(np.min_scalar_type(int(label.max())))  # numpy sorts 16-bit integers by radix, far faster
-    order = slice(None) if (np.diff(label) >= 0).all() else np.argsort(small, kind="stable")
-    wrench, R, label = samples.wrench[order], samples.R_base_flange[order], label[order]
-    t = None if samples.t is None else samples.t[order]
-    starts = np.flatnonzero(np.r_[True, label[1:] != label[:-1]])
-    ends = np.r_[starts[1:], len(label)]
+    in_order = bool((label[1:] >= label[:-1]).all())
+    order = np.arange(len(label)) if in_order else np.argsort(label, kind="stable")
+    edges = np.flatnonzero(np.r_[True, np.diff(label[order]) != 0, True])
+    ends = list(pairwise(edges.tolist()))
+    return mean_poses(samples, [slice(a, b) for a, b in ends] if in_order else [order[a:b] for a, b in ends])
+
+
+def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tuple[Pose, ...]:
+    """The mean readings of `rows`, each at one orientation, with the covariance of means of that length."""
+    readings = [samples.wrench[each] for each in rows]
+    means = [wrench[0] + (wrench - wrench[0]).mean(axis=0) for wrench in readings]
     return tuple(
-        mean_pose(wrench[a:b], R[a:b], None if t is None else t[a:b]) for a, b in zip(starts, ends, strict=True)
+        Pose(_mean_rotation(samples.R_base_flange[each]), mean, covariance, len(wrench), *_span(samples.t, each), None)
+        for each, wrench, mean, covariance in zip(rows, readings, means, covariances_of_means(readings), strict=True)
     )
 
 
-def mean_pose(wrench: Array, R_base_flange: Array, t: Array | None, worth: Array | float = 1.0) -> Pose:
-    """The mean of readings (n, 6) at one orientation, as (n, 3, 3); `worth` (6,) of them make an independent one."""
-    n = len(wrench)
-    t_start, t_end = (None, None) if t is None else (float(t.min()), float(t.max()))
-    if n == 1:
-        return Pose(R_base_flange[0], wrench[0], np.zeros((6, 6)), 1, t_start, t_end, None)
-    from_first = wrench - wrench[0]  # so that rows which repeat exactly have a scatter of exactly zero
-    mean = from_first.mean(axis=0)
-    centred = (from_first - mean) * np.sqrt(worth)
-    U, _, Vt = np.linalg.svd(R_base_flange.mean(axis=0))
-    return Pose(U @ Vt, wrench[0] + mean, centred.T @ centred / (n * (n - 1.0)), n, t_start, t_end, None)
+def _mean_rotation(R: Array) -> Array:
+    if len(R) == 1:
+        only: Array = R[0]
+        return only
+    U, _, Vt = np.linalg.svd(R.mean(axis=0))
+    nearest: Array = U @ Vt
+    return nearest
+
+
+def _span(t: Array | None, rows: slice | NDArray[np.intp]) -> tuple[float | None, float | None]:
+    return (None, None) if t is None else (float(t[rows].min()), float(t[rows].max()))
 
 
 def label_orientations(R: Array) -> NDArray[np.intp]:

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
-from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, visits
+from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import Samples
+from .slow_motion import poses_on_the_way
+from .still_noise import StillNoise
 from .still_segments import StillSegment, StillSegments, still_segments
 
 SLOWEST = 0.25
@@ -43,6 +45,9 @@ CLOSE = np.deg2rad(3.0)
 LONGEST_STEP = np.deg2rad(20.0)
 ROW_SCALES = (1.0, 3.0, 10.0, 30.0)
 """Steps and looks at rows without times."""
+
+FEW_STOPS = 6
+"""Orientations: with fewer, what the sensor reads on the way between them is used too."""
 
 LEAST_ON_THE_WAY = 5.0 * SAME_POSE_ANGLE
 FEWEST_ROWS = 10
@@ -83,7 +88,8 @@ def _turns_along(R: Array, t: Array, jumps: NDArray[np.intp], scale: float) -> b
 class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
     none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, in how many of
-    them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did).
+    them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did); how many poses were
+    taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments.
     """
 
     poses: tuple[Pose, ...]
@@ -91,6 +97,8 @@ class RecordedPoses:
     rejected: tuple[Pose, ...]
     moved: int
     segments: int
+    on_the_way: int = 0
+    still_noise: StillNoise | None = None
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
@@ -106,16 +114,21 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
             raise _too_many(samples, len(poses))
         return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0)
     still = still_segments(samples)
-    if not still.accepted:
+    stood = still.accepted + still.rejected
+    label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
+    count = len(set(label.tolist()))
+    moving = poses_on_the_way(samples, [segment.rows for segment in stood]) if count < FEW_STOPS else ()
+    if not still.accepted and not moving:
         raise InputError(_never_still(samples, still))
-    label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]))
     visit = visits(label, most_visits)
     return RecordedPoses(
-        _joined(still.accepted, label),
-        None if visit is None else _joined(still.accepted, visit),
-        tuple(_pose([segment]) for segment in still.rejected),
+        _joined(samples, still.accepted, label) + moving,
+        None if visit is None else _joined(samples, still.accepted, visit) + moving,
+        tuple(segment.as_pose() for segment in still.rejected),
         sum(segment.moves for segment in still.rejected),
         len(still.accepted),
+        len(moving),
+        still.noise,
     )
 
 
@@ -126,8 +139,9 @@ def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, .
 
 def _require_few(samples: Samples) -> None:
     """Raise `InputError` for a table of more orientations than anybody stops at, before they are averaged."""
-    cells = np.rint(samples.R_base_flange.reshape(-1, 9) / CELL).astype(np.int16)
-    count = len(np.unique(cells.view("V18")))
+    R = samples.R_base_flange.reshape(-1, 9)
+    new = R[np.r_[True, (R[1:] != R[:-1]).any(axis=1)][: len(R)]]
+    count = len(np.unique(np.rint(new / CELL).astype(np.int16).view("V18")))
     if count > MOST_CELLS or (count > MOST_ON_THE_WAY and _follows_the_arm(samples.R_base_flange)):
         raise _too_many(samples, count)
 
@@ -158,24 +172,11 @@ def _angles(R: Array) -> Array:
     return angle
 
 
-def _joined(segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the segments of each label, in the order of their first ones."""
-    return tuple(_pose([segments[k] for k in np.flatnonzero(label == pose)]) for pose in range(int(label.max()) + 1))
-
-
-def _pose(segments: list[StillSegment]) -> Pose:
-    n = np.array([segment.n for segment in segments], dtype=np.float64)
-    share = n / n.sum()
-    U, _, Vt = np.linalg.svd(np.einsum("k,kij->ij", share, [segment.R_base_flange for segment in segments]))
-    return Pose(
-        U @ Vt,
-        share @ np.array([segment.wrench for segment in segments]),
-        np.einsum("k,kij->ij", share**2, [segment.wrench_cov for segment in segments]),
-        int(n.sum()),
-        segments[0].t_start,
-        segments[-1].t_end,
-        segments[0].rejected,
-    )
+def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:
+    """The mean of the rows of the segments of each label, in the order of their first ones."""
+    row = np.arange(len(samples))
+    of_pose = [np.flatnonzero(label == pose) for pose in range(int(label.max(initial=-1)) + 1)]
+    return mean_poses(samples, [np.concatenate([row[segments[k].rows] for k in of]) for of in of_pose])
 
 
 def _never_still(samples: Samples, still: StillSegments) -> str:

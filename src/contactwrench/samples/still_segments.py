@@ -2,37 +2,32 @@
 
 The rule. A recording is cut where its times have a gap, and averaged over blocks of 20 ms. The arm stands where its
 orientation does not change (change_detection.py: windows of 0.1 s, or of three rows where those take longer), by more
-than its own noise and `STILL_ANGLE`; then the same is asked of the reading, its noise taken from where the arm stands.
-The beginning of a segment is cut to where neither the arm swings nor a filter's tail is left that the data show, and by
-half as long again, as a tail is there before and after it shows. What is left must last `LEAST_DURATION`, and long
-enough for the noise to be independent a few times over.
-
-False alarms: change_detection.py asks once a window, at a probability of one in a million, whether two neighbours
-differ; of 3,000 stops in ten kinds of runs three are lost, all at 10 Hz with a noisy orientation
-(benchmarks/stillness.py).
+than its own noise and `STILL_ANGLE`. Then the same is asked of the reading, against the noise that means of each length
+have in this recording's own stops: what creeps as the others do is no change, and counts in the covariance of the mean.
+A stop is left out where its reading moves much more than the others do, jumps or shakes. The beginning of a segment is
+cut to where neither the arm swings nor a filter's tail is left that the data show, and by half as long again, as a tail
+is there before and after it shows.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
 import numpy as np
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen
+from ..geometry.arrays import Array
 from ..model import AXES
 from ..statistics import two_digits
-from .change_detection import Segment, WindowNoise, noise_of_windows, segments_between_changes
-from .motion import FEWEST_ROWS, Blocks, blocks_of, stationary_arm, turn_over
-from .poses import Pose, mean_pose
+from .change_detection import NoiseOfMeans, Segment, is_steady, noise_at_all_lengths, segments_between_changes
+from .motion import FEWEST_ROWS, Blocks, StationaryArm, blocks_of, stationary_arm, turn_over
+from .poses import SAME_POSE_ANGLE, Pose, mean_poses
 from .samples import Samples
+from .still_noise import StillNoise, still_noise_of
 
 LEAST_DURATION = 0.3
 """s: an arm that turns round stands for as long."""
-
-FEWEST_INDEPENDENT = 3.0
-"""Of the readings in a segment: with fewer nobody can tell noise from a tail."""
 
 SETTLING_MARGIN = 0.5
 """Of the time that a tail was seen, that it is taken to last beyond."""
@@ -40,38 +35,45 @@ SETTLING_MARGIN = 0.5
 SHAKING = 3.0
 """Times the scatter of the recording's segments: a segment that scatters more shakes."""
 
+ACCEPTED_TURN = float(0.5 * SAME_POSE_ANGLE)
+"""What it does to the reading is no change."""
+
+MOST_CREEP = 0.01
+"""Of the weight: means that differ by more in most stops are no creep of the sensor."""
+
 MOST_ROWS_FOR_STEP = 100_000
 ROUNDING = 1e-9
-LEAST_LAGS, MOST_LAGS = 4, 100
-MOST_LOST = 0.5
-"""Of the sum of correlations, that the unknown mean of short segments is corrected for."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StillSegment(Pose):
-    """Rows `first` to `last`, both included, in which the arm stands, and their mean: the correlation of the rows in
-    time is counted in `wrench_cov`; `independent` readings that the rows are worth; the reading `moves`.
-    """
+    """Rows `first` to `last`, both included, in which the arm stands, and their mean; whether the reading `moves`."""
 
     first: int
     last: int
     t_start: float
     t_end: float
-    independent: float
     moves: bool
+
+    @property
+    def rows(self) -> slice:
+        """Of the samples."""
+        return slice(self.first, self.last + 1)
+
+    def as_pose(self) -> Pose:
+        """The mean alone."""
+        return Pose(**{field.name: getattr(self, field.name) for field in fields(Pose)})
 
 
 @dataclass(frozen=True, eq=False)
-class StillSegments(Frozen):
-    """The segments of a recording in which the arm stands, `accepted` and `rejected`, each in the order of time.
-
-    `noise` (6,) N and N m: standard deviation of a row within segments; `least_duration` s that a segment must last.
+class StillSegments:
+    """The segments of a recording in which the arm stands, `accepted` and `rejected`, each in the order of time; the
+    `noise` of means within those accepted, where they tell it.
     """
 
     accepted: tuple[StillSegment, ...]
     rejected: tuple[StillSegment, ...]
-    noise: Array
-    least_duration: float
+    noise: StillNoise | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,38 +102,43 @@ def still_segments(samples: Samples) -> StillSegments:
     if samples.t is None:
         raise InputError(f"{samples.source}: found no times, expected a column t: stillness shows in time only")
     period, between_gaps = blocks_of(samples)
-    arm = stationary_arm(between_gaps, period, max(LEAST_DURATION, FEWEST_ROWS * period))
+    least = max(LEAST_DURATION, FEWEST_ROWS * period)
+    arm = stationary_arm(between_gaps, period, least)
     if not arm.segments:
-        return StillSegments((), (), np.zeros(6), arm.duration)
-    rows, window = between_gaps[0].rows, arm.window
-    scatter = _scatter_of_rows(samples, [b.rows_of(s.first, s.last) for b, s in arm.segments], rows * window)
-    readings = [blocks.wrench[segment.blocks] for blocks, segment in arm.segments]
-    noise = noise_of_windows(readings, window, scatter, scatter**2 / (rows * window), joint=False)
+        return StillSegments((), (), None)
+    step = _resolution(samples, [blocks.rows_of(segment.first, segment.last) for blocks, segment in arm.segments])
+    noise = _noise_of_readings(arm, step)
     candidates = [
         candidate
         for blocks, segment in arm.segments
         for candidate in _where_the_reading_stays(blocks, segment, noise, period, arm.duration)
     ]
-    return _judged(samples, candidates, rows, scatter, arm.duration)
+    return _judged(samples, candidates, between_gaps[0].rows * arm.window, step, period)
 
 
-def _scatter_of_rows(samples: Samples, ends: list[tuple[int, int]], rows: int) -> Array:
-    """Standard deviation (6,) of the rows within a window, of most windows in which the arm stands, and at least what
-    the steps of the readings and rounding make of it.
+def _noise_of_readings(arm: StationaryArm, step: Array) -> NoiseOfMeans:
+    """The noise of means where the arm stands. No change is what a turn that is accepted does to the reading, the
+    differences between stops standing in for the weight; and one `step` (6,) of coarse readings.
     """
-    parts = [samples.wrench[a : a + (b - a) // rows * rows].reshape(-1, rows, 6) for a, b in ends if b - a >= rows]
-    if not parts:
-        return np.zeros(6)
-    variance = np.median(np.concatenate([part.var(axis=1, ddof=1) for part in parts]), axis=0)
-    step = np.abs(np.diff(np.concatenate([part.reshape(-1, 6) for part in parts])[:MOST_ROWS_FOR_STEP], axis=0))
+    stops = [blocks.wrench[segment.blocks] for blocks, segment in arm.segments]
+    levels = np.array([np.median(stop, axis=0) for stop in stops])
+    weight = np.repeat(np.sqrt(levels.var(axis=0).reshape(2, 3).sum(axis=1)), 3)
+    least, floor = np.maximum(ACCEPTED_TURN * weight, step), step**2 / (12.0 * arm.segments[0][0].rows)
+    most = np.where(weight > 0.0, (MOST_CREEP * weight) ** 2, np.inf)
+    return noise_at_all_lengths(stops, arm.window, least, floor, most)
+
+
+def _resolution(samples: Samples, ends: list[tuple[int, int]]) -> Array:
+    """The least step (6,) of the readings where the arm stands, and no less than rounding."""
+    rows = np.concatenate([samples.wrench[a:b] for a, b in ends])[:MOST_ROWS_FOR_STEP]
+    step = np.abs(np.diff(rows, axis=0))
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
-    rounding = ROUNDING * float(np.abs(samples.wrench).max())
-    scatter: Array = np.maximum(np.sqrt(variance), np.maximum(0.5 * np.where(np.isfinite(least), least, 0.0), rounding))
-    return scatter
+    rounding = max(ROUNDING * float(np.abs(samples.wrench).max()), 1e-100)
+    return np.maximum(np.where(np.isfinite(least), least, 0.0), rounding)
 
 
 def _where_the_reading_stays(
-    blocks: Blocks, stationary: Segment, noise: WindowNoise, period: float, duration: float
+    blocks: Blocks, stationary: Segment, noise: NoiseOfMeans, period: float, duration: float
 ) -> list[_Candidate]:
     """What lies within a segment in which the arm stands; the whole of it, with the reason, where nothing is still."""
     first, last = blocks.rows_of(stationary.first, stationary.last)
@@ -149,6 +156,7 @@ def _where_the_reading_stays(
         before = segment.last
         if segment.steady and begin < segment.last:
             settled.append(Segment(begin, segment.last, True))
+    settled = settled or _later_half(wrench, noise)
     block = blocks.rows * period
     usable = [segment for segment in settled if len(segment) * block >= duration]
     if not usable:
@@ -177,11 +185,24 @@ def _where_the_reading_stays(
     return candidates
 
 
-def _agree(wrench: Array, segments: list[Segment], noise: WindowNoise) -> bool:
+def _later_half(wrench: Array, noise: NoiseOfMeans) -> list[Segment]:
+    """The later half of a stop in which all moves slowly, no further than a sensor creeps, and that half less."""
+    half = Segment(len(wrench) // 2, len(wrench), True)
+    creep = np.abs(wrench[half.blocks].mean(axis=0) - wrench[: half.first].mean(axis=0))
+    creeps = bool((creep <= MOST_CREEP / ACCEPTED_TURN * noise.least).all())
+    return [half] if creeps and is_steady(wrench[half.blocks], noise) else []
+
+
+def _agree(wrench: Array, segments: list[Segment], noise: NoiseOfMeans) -> bool:
     """Whether the readings of all segments are at one level."""
-    means = [(wrench[segment.blocks].mean(axis=0), len(segment)) for segment in segments]
+    means = [wrench[segment.blocks].mean(axis=0) for segment in segments]
     return not any(
-        noise.changes((mean - other)[None], of, over).any() for (mean, of), (other, over) in combinations(means, 2)
+        noise.changes(
+            (means[j] - means[i])[None],
+            (len(segments[i]), len(segments[j])),
+            0.5 * (segments[j].first + segments[j].last - segments[i].first - segments[i].last),
+        ).any()
+        for i, j in combinations(range(len(segments)), 2)
     )
 
 
@@ -195,32 +216,43 @@ def _moves(wrench: Array, level: Array | None = None) -> str:
     )
 
 
-def _judged(samples: Samples, candidates: list[_Candidate], rows: int, least: Array, duration: float) -> StillSegments:
-    """The segments with their means, once it is known how much the rows scatter and how far they are correlated."""
-    pooled = [samples.wrench[each.rows] for each in candidates if each.reason is None]
-    scatter = [wrench.std(axis=0, ddof=1) for wrench in pooled]
-    usual = np.maximum(np.median(scatter, axis=0), least) if scatter else least
-    worth = _rows_per_independent(pooled, rows)
-    segments = [_segment(samples, candidate, worth, usual) for candidate in candidates]
-    accepted = tuple(segment for segment in segments if segment.rejected is None)
-    rejected = tuple(segment for segment in segments if segment.rejected is not None)
-    return StillSegments(accepted, rejected, usual, duration)
-
-
-def _segment(samples: Samples, candidate: _Candidate, worth: Array, usual: Array) -> StillSegment:
-    t = samples.t if samples.t is not None else np.empty(0)
-    mean = mean_pose(samples.wrench[candidate.rows], samples.R_base_flange[candidate.rows], t[candidate.rows], worth)
-    independent = float(mean.n / worth.max())
-    reason = candidate.reason or _saturated(samples, candidate) or _shakes(samples, candidate, usual)
-    if reason is None and independent < FEWEST_INDEPENDENT:
-        reason = (
-            f"too short: its {mean.n} rows are worth {independent:.2g} independent readings, "
-            f"{FEWEST_INDEPENDENT:.0f} are needed, {FEWEST_INDEPENDENT * mean.n / independent:.0f} rows"
+def _judged(samples: Samples, candidates: list[_Candidate], window: int, step: Array, period: float) -> StillSegments:
+    """The segments with their means, once it is known how much the rows of most scatter within `window` rows; coarse
+    readings by a `step` (6,) at least.
+    """
+    scatter = [_scatter(samples.wrench[each.rows], max(window, FEWEST_ROWS)) for each in candidates]
+    still = [own for own, each in zip(scatter, candidates, strict=True) if each.reason is None]
+    usual = np.maximum(np.median(still, axis=0), step) if still else step
+    reasons = [
+        each.reason or _saturated(samples, each) or _shakes(own, usual)
+        for own, each in zip(scatter, candidates, strict=True)
+    ]
+    accepted, rejected = (
+        _segments(
+            samples, [(each, why) for each, why in zip(candidates, reasons, strict=True) if (why is None) == good]
         )
-    known = vars(replace(mean, rejected=reason))
-    return StillSegment(
-        **known, first=candidate.first, last=candidate.last - 1, independent=independent, moves=candidate.moves
+        for good in (True, False)
     )
+    return StillSegments(accepted, rejected, still_noise_of([samples.wrench[each.rows] for each in accepted], period))
+
+
+def _segments(samples: Samples, candidates: list[tuple[_Candidate, str | None]]) -> tuple[StillSegment, ...]:
+    means = mean_poses(samples, [each.rows for each, _ in candidates])
+    return tuple(
+        StillSegment(**vars(replace(mean, rejected=why)), first=each.first, last=each.last - 1, moves=each.moves)
+        for mean, (each, why) in zip(means, candidates, strict=True)
+    )
+
+
+def _scatter(wrench: Array, rows: int) -> Array:
+    """Standard deviation (6,) of readings (n, 6) about a straight line over so many rows: of what is no creep."""
+    rows = min(rows, len(wrench))
+    windows = wrench[: len(wrench) // rows * rows].reshape(-1, rows, 6)
+    windows = windows - windows.mean(axis=1, keepdims=True)
+    time = np.arange(rows) - 0.5 * (rows - 1)
+    square = np.sum(windows**2, axis=1) - np.tensordot(time, windows, (0, 1)) ** 2 / float(time @ time)
+    scatter: Array = np.sqrt(np.maximum(square, 0.0).mean(axis=0) / max(rows - 2, 1))
+    return scatter
 
 
 def _saturated(samples: Samples, candidate: _Candidate) -> str | None:
@@ -229,8 +261,7 @@ def _saturated(samples: Samples, candidate: _Candidate) -> str | None:
     return f"saturated: {count} of {rows} rows stand at the sensor's limit" if count else None
 
 
-def _shakes(samples: Samples, candidate: _Candidate, usual: Array) -> str | None:
-    scatter = samples.wrench[candidate.rows].std(axis=0, ddof=1)
+def _shakes(scatter: Array, usual: Array) -> str | None:
     if not (scatter > SHAKING * usual).any():
         return None
     worst = int(np.argmax(scatter / np.maximum(usual, 1e-300)))
@@ -240,26 +271,3 @@ def _shakes(samples: Samples, candidate: _Candidate, usual: Array) -> str | None
         f"{two_digits(scale * scatter[worst])} {unit}, {two_digits(scale * usual[worst])} in the other stretches: "
         "contact or vibration"
     )
-
-
-def _rows_per_independent(segments: list[Array], rows: int) -> Array:
-    """How many rows (6,) are worth one independent reading: the correlation in time of the means of blocks, summed as
-    long as neighbouring lags add up to more than zero (Geyer 1992), of all segments together.
-    """
-    blocks = [y[: len(y) // rows * rows].reshape(-1, rows, 6).mean(axis=1) for y in segments]
-    blocks = [b - b.mean(axis=0) for b in blocks if len(b) >= 2 * LEAST_LAGS]
-    if not blocks:
-        return np.ones(6)
-    count = sum(len(b) - 1 for b in blocks)
-    lags = min(MOST_LAGS, min(len(b) for b in blocks) // 2)
-    of_row = sum((np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in segments), np.zeros(6))
-    of_row = np.maximum(of_row / sum(len(y) - 1 for y in segments), 1e-300)
-    products = [np.array([np.sum(b[k:] * b[: len(b) - k], axis=0) for k in range(lags)]) for b in blocks]
-    covariance = np.sum(products, axis=0) / (count - np.arange(lags)[:, None] * len(blocks))
-    pairs = covariance[0 : lags // 2 * 2 : 2] + covariance[1 : lags // 2 * 2 : 2]
-    positive = np.cumprod(pairs > covariance[0] * np.sqrt(2.0 / count), axis=0)
-    used = 2 * positive.sum(axis=0)
-    summed = 2.0 * np.sum(positive * pairs, axis=0) - covariance[0]
-    lost = np.minimum((2.0 * used - 1.0) * len(blocks) / (count + len(blocks)), MOST_LOST)
-    worth: Array = np.maximum(rows * summed / (1.0 - lost) / of_row, 1.0)
-    return worth
