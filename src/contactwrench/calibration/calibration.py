@@ -57,6 +57,7 @@ class Calibration(CalibrationFields):
         alternatives: what other models make of the same poses.
         delay: s, of the wrench's stamps behind the orientation's; None where it was not estimated.
         delay_std: s.
+        still_noise: of means over 10 ms to 1 s at rest; None where the poses came without.
     """
 
     def __str__(self) -> str:

@@ -25,6 +25,7 @@ from ..model import (
     yaw_of_mounting,
 )
 from ..samples.poses import Pose, PoseMoments
+from ..samples.still_noise import StillNoise
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
@@ -159,6 +160,7 @@ class CalibrationFields(Frozen):
     alternatives: tuple[Alternative, ...] = ()
     delay: float | None = None
     delay_std: float | None = None
+    still_noise: StillNoise | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
