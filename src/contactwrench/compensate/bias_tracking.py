@@ -39,8 +39,9 @@ LEVEL_KNOWN = 20.0
 """s: over which 1/f noise counts as noise of the samples; by how much more it wanders in longer times, as drift."""
 REMNANT = 0.003
 """Of the largest contact wrench: the std of what a sensor still shows when the contact is over."""
-CREEP = 0.3
-"""s: after which such a remnant may have changed by its whole size."""
+CREEP, RECOVERY = 0.1, 60.0
+"""s: from which on such a remnant creeps, and after which it stays."""
+ALL_CREPT = log(1.0 + RECOVERY / CREEP)
 
 
 def track(s: State, calibration: Calibration, between: Array) -> None:
@@ -90,10 +91,10 @@ def dot(a: Row, b: Row, n: int) -> float:
 
 @kernel
 def crept(s: State, t: float) -> float:
-    """How many times its variance the remnant of the last contact has moved by then: at once, and then as the logarithm
-    of time, as strain gauges and glue creep.
+    """How many times its variance the remnant of the last contact has moved by then: at once, and within a minute once
+    more, with the logarithm of time, as strain gauges and glue creep.
     """
-    return 1.0 + log(1.0 + (t - s.release) / CREEP) if t >= s.release else 0.0
+    return 1.0 + log(1.0 + min(t - s.release, RECOVERY) / CREEP) / ALL_CREPT if t >= s.release else 0.0
 
 
 @kernel
@@ -107,7 +108,7 @@ def predict(s: State, R: Row, now: float) -> float:
     g, h, i = R[6] - there[6], R[7] - there[7], R[8] - there[8]
     squared = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
-    wandered, crept_on = 0.5 * log(1.0 + (passed / LEVEL_KNOWN) ** 2), max(crept(s, now) - crept(s, s.offset_time), 0.0)
+    wandered, crept_on = log(1.0 + (passed / LEVEL_KNOWN) ** 2), max(crept(s, now) - crept(s, s.offset_time), 0.0)
     for row in range(6):
         moved, slopes, before = s.moved[row], s.H_slope[row], s.with_calibration[row]
         for k in range(n):
@@ -125,34 +126,32 @@ def predict(s: State, R: Row, now: float) -> float:
 @kernel
 def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
     """The mean (6,) of free samples at an orientation and time goes into the offset, with its white noise's variance
-    (6,). The error's covariances with eta and u shrink with it; those two stay as they were.
+    (6,), one axis after the other. The error's covariances with eta and u shrink with it; those two stay as they were.
     """
-    lost, left, column = predict(s, R, now), s.left, s.column
+    lost, n, C, moved = predict(s, R, now), s.parameters, s.systematic, s.moved
     s.offset_time = now
     for k in range(9):
         s.offset_R[k] = R[k]
-    whiten(s.systematic, variance, s.whitening)
-    W, n = s.whitening, s.parameters
     for i in range(6):
-        column[i] = s.offset[i] - mean[i]
+        total, of_eta, found, column = C[i][i] + variance[i], s.of_eta, mean[i] - s.offset[i], s.column
+        s.with_pose[i] = (s.with_pose[i] + lost * (s.between[i] - s.with_pose[i])) * variance[i] / total
+        for k in range(6):
+            column[k] = C[i][k]
+        for k in range(n):
+            of_eta[k] = moved[i][k]
+        for k in range(6):
+            gain, row, to_eta = column[k] / total, C[k], moved[k]
+            s.offset[k] += gain * found
+            for j in range(k + 1):
+                row[j] -= gain * column[j]
+                C[j][k] = row[j]
+            for j in range(n):
+                to_eta[j] -= gain * of_eta[j]
+    for i in range(6):
+        for k in range(n):
+            s.with_calibration[i][k] = moved[i][k]
         for k in range(i + 1):
-            inverse = 0.0
-            for j in range(i, 6):
-                inverse += W[j][i] * W[j][k]
-            left[i][k], left[k][i] = variance[i] * inverse, variance[k] * inverse
-    # What is left of an error is `variance (C + variance)^-1` of it.
-    for i in range(6):
-        s.offset[i] = mean[i] + dot(left[i], column, 6)
-        s.with_pose[i] = left[i][i] * (s.with_pose[i] + lost * (s.between[i] - s.with_pose[i]))
-    for k in range(n):
-        for i in range(6):
-            column[i] = s.moved[i][k]
-        for i in range(6):
-            s.with_calibration[i][k] = dot(left[i], column, 6)
-    for i in range(6):
-        for k in range(i + 1):
-            remains = dot(left[i], s.systematic[k], 6) - dot(s.with_calibration[i], s.with_calibration[k], n)
-            s.offset_covariance[i][k] = s.offset_covariance[k][i] = remains
+            s.offset_covariance[i][k] = s.offset_covariance[k][i] = C[i][k] - dot(moved[i], moved[k], n)
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.poses import SAME_POSE_ANGLE
-from .bias_tracking import CREEP, REMNANT, predict, whiten
+from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
 from .state import THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
@@ -21,8 +21,6 @@ ONSET_RATE = 0.01
 TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
 SAME_POSE = 2.0 * SAME_POSE_ANGLE**2
-RECOVERY = 60.0
-"""s: for which the bias is followed after a contact that may have moved it by more than the noise of a block."""
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
 ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
 """Events of a sample: a contact ended, the rate is known, the covariance is another, the noise is learned."""
@@ -30,7 +28,8 @@ ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
 
 def thresholds(false_alarm_rate: float) -> tuple[Array, Array, Array]:
     """Of the statistic, over the logarithm of the degrees of freedom behind its covariance: above the first a sample is
-    taken for a contact, below the second for free, and a contact begins where one is above the third. For 6 axes: 6 F(6, dof), chi-square where the covariance is known.
+    taken for a contact, below the second for free, and one above the third makes a contact of its run. For 6 axes:
+    6 F(6, dof), chi-square where the covariance is known.
 
     Raises `InputError` unless the rate lies between 1e-9 and `RELEASE_RATE`.
     """
@@ -182,8 +181,8 @@ def gather(s: State, sample: Sample) -> None:
 
 @kernel
 def end_contact(s: State, sample: Sample, now: float) -> None:
-    """The contact is over; its covariance is the one of before a gap. What a strong one leaves is learned for a minute,
-    where nothing touches.
+    """The contact is over; its covariance is the one of before a gap. Where it may have moved the bias by more than the
+    noise of a block, free samples are learned from until nothing creeps.
     """
     s.touching, s.stale = False, True
     kept = 1.0 / (1.0 + (now - s.release) / CREEP) if s.offset_time > s.release else 1.0

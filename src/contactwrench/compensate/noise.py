@@ -22,7 +22,7 @@ LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm, as in `TYPICAL_DRIFT`."""
 LEAST_ROWS = 10
-LEAST_PAIRS = 4
+LEAST_PAIRS = 16
 """Of means, whose differences tell an Allan variance."""
 FAR = 1e6
 """Samples: over which a noise counts as noise where no rate is known."""

@@ -141,7 +141,7 @@ class State:
     with_calibration: Matrix = numbers(6, PARAMETERS)
     with_pose: Row = numbers(6)
     moved: Matrix = numbers(6, PARAMETERS)
-    left: Matrix = numbers(6, 6)
+    of_eta: Row = numbers(PARAMETERS)
     column: Row = numbers(6)
     down: Row = numbers(3)
 
