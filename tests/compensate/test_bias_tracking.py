@@ -70,7 +70,7 @@ def test_there_and_back_nothing_is_lost(seed: int) -> None:
     _, s, rng = _tracking(seed, between=np.zeros(6))
     here, there = random_rotations(2, rng)
     _learn(s, here, 0.0, np.ones(6), NOISE**2 / 100)
-    learned = np.array(s.offset_covariance)
+    learned = _predicted(s, here, 0.0)
     away, back = _predicted(s, there, 0.0), _predicted(s, here, 0.0)
     assert np.abs(back - learned).max() < 1e-9 * NOISE[0] ** 2
     assert (np.diag(away) > np.diag(learned)).all()
@@ -129,13 +129,13 @@ def test_what_was_learned_in_one_pose_is_not_known_in_another() -> None:
             _learn(s, here, 0.0, H_here @ eta + 0.1 * NOISE * rng.normal(size=6), 0.01 * NOISE**2)
         left = H_there @ eta - s.offset
         honest.append(left @ np.linalg.solve(_predicted(s, there, 0.0), left))
-        learned_there.append(left @ np.linalg.solve(np.array(s.offset_covariance), left))
+        learned_there.append(left @ np.linalg.solve(_predicted(s, here, 0.0), left))
     assert np.mean(honest) == pytest.approx(6.0, abs=5.0 * np.sqrt(12.0 / 200))
     assert np.mean(learned_there) > 30.0
 
 
 def _zeroed(s: State, mean: Array, variance: Array, R: Array, t: float) -> None:
-    start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros((6, 6)), R, t)
+    start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R, t)
 
 
 def test_a_new_zero_counts_alone() -> None:

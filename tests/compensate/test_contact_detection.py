@@ -14,8 +14,9 @@ from contactwrench.compensate.bias_tracking import TYPICAL_DRIFT, whiten
 from contactwrench.compensate.contact_detection import satterthwaite, threshold_at, thresholds
 from contactwrench.compensate.contact_wrenches import Contact, ContactWrenches
 from contactwrench.compensate.filters import LowPass
-from contactwrench.compensate.noise import noise_of_sample
+from contactwrench.compensate.noise import between_poses, of_still_segments, stated_noise
 from contactwrench.errors import InputError
+from contactwrench.samples.still_noise import StillNoise
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings, random_rotations, readings
@@ -29,8 +30,9 @@ def _plain(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
 @pytest.mark.parametrize("rate", [1e-6, 1e-4, 0.01])
 def test_thresholds_are_chi_square_or_f(rate: float) -> None:
     known, of_30 = ([threshold_at(table.tolist(), dof) for table in thresholds(rate)] for dof in (0.0, 30.0))
-    assert known == pytest.approx([chi2.isf(rate, 6), chi2.isf(0.01, 6)], rel=1e-4)
-    assert of_30 == pytest.approx([6.0 * f.isf(rate, 6, 30), 6.0 * f.isf(0.01, 6, 30)], rel=1e-2)
+    rates = (rate, 0.01, 0.01 * rate)
+    assert known == pytest.approx([chi2.isf(each, 6) for each in rates], rel=1e-4)
+    assert of_30 == pytest.approx([6.0 * f.isf(each, 6, 30) for each in rates], rel=1e-2)
     for dof in (0.1, 0.5, 1e6, 1e9):
         assert threshold_at(thresholds(rate)[0].tolist(), dof) == pytest.approx(
             6.0 * f.isf(rate, 6, min(max(dof, 0.5), 1e6)), rel=1e-6
@@ -55,22 +57,44 @@ def test_a_covariance_that_rounding_made_indefinite_is_whitened_all_the_same() -
     assert np.isfinite(W).all()
 
 
-def test_noise_of_a_sample() -> None:
+def test_noise_of_means_of_a_recording_and_of_a_size() -> None:
+    rng = np.random.default_rng(2)
+    white = stated_noise(NOISE)
+    found = stated_noise(NOISE * rng.normal(size=(20_000, 6)))
+    for rows in (1.0, 10.0, 1000.0):
+        assert white.of_mean(rows) == pytest.approx(NOISE**2 / rows, rel=1e-2)
+        assert found.of_mean(rows) == pytest.approx(NOISE**2 / rows, rel=0.6)
+    steady = stated_noise(NOISE * np.cumsum(rng.normal(size=(20_000, 6)), axis=0))
+    assert (steady.of_mean(100.0) > 0.5 * steady.of_sample).all()
+    for values in (np.full(6, np.nan), np.zeros((9, 6)), -NOISE):
+        with pytest.raises(InputError):
+            stated_noise(values)
+
+
+def test_noise_of_the_still_segments_is_carried_on_as_white_below_and_with_its_floor_above() -> None:
+    duration = np.array([0.01, 0.03, 0.1, 1.0])
+    flicker = 0.02**2
+    std = np.sqrt(NOISE**2 / (1000.0 * duration[:, None]) + flicker)
+    found = of_still_segments(StillNoise(duration, std), 1000.0)
+    allan = found.allan_of(np.array([1.0, 10.0, 50.0, 1e5]))
+    assert allan[0] == pytest.approx(10.0 * std[0] ** 2)
+    assert allan[1] == pytest.approx(std[0] ** 2)
+    assert allan[2] == pytest.approx(NOISE**2 / 50.0 + flicker, rel=0.1)
+    assert allan[3] == pytest.approx(np.full(6, flicker), rel=1e-3)
+    assert found.flicker == pytest.approx(np.full(6, flicker / np.log(4.0)), rel=1e-3)
+    at_50_hertz = of_still_segments(StillNoise(duration, std), 50.0)
+    assert at_50_hertz.rows == pytest.approx([1.5, 5.0, 50.0])
+
+
+def test_what_poses_differ_by_is_beyond_the_noise_of_their_means() -> None:
     rig, R, rng = example(2, poses=10)
     each = noisy_readings(rig, np.repeat(R, 200, axis=0), NOISE, rng).reshape(10, 200, 6)
     each += (2.0 * NOISE * rng.normal(size=(10, 6)))[:, None]
     repeated = cw.calibrate(cw.Samples(each.reshape(-1, 6), np.repeat(R, 200, axis=0)), "mount")
-    found = noise_of_sample(repeated, None)
-    assert np.sqrt(found.of_sample) == pytest.approx(NOISE, rel=0.1)
-    assert np.sqrt(found.between) == pytest.approx(2.0 * NOISE, rel=0.6)
-    assert np.sqrt(noise_of_sample(repeated, each[0]).of_sample) == pytest.approx(NOISE, rel=0.2)
+    assert np.sqrt(between_poses(repeated, NOISE**2)) == pytest.approx(2.0 * NOISE, rel=0.6)
     single = cw.calibrate(cw.Samples(noisy_readings(rig, R, NOISE, rng), R), "mount", noise=NOISE)
-    found = noise_of_sample(single, None)
-    assert found.of_sample == pytest.approx(single.noise**2)
-    assert found.between == pytest.approx(single.noise**2)
-    assert noise_of_sample(single, single.noise).between == pytest.approx(np.zeros(6))
-    with pytest.raises(InputError):
-        noise_of_sample(single, np.full(6, np.nan))
+    assert between_poses(single, np.zeros(6)) == pytest.approx(single.noise**2)
+    assert between_poses(single, single.noise**2) == pytest.approx(np.zeros(6))
 
 
 def _slow(rng: np.random.Generator, n: int) -> Array:
@@ -90,10 +114,9 @@ def test_a_recording_tells_noise_that_is_not_white() -> None:
         size = np.sqrt(np.mean((batch.wrench / batch.std)[500:] ** 2))
         assert bool(0.6 < size < 1.2) is honest
         assert (not batch.contacts) is honest
-    white = noise_of_sample(calibration, NOISE * rng.normal(size=(4000, 6)))
-    assert white.slowness(100) == pytest.approx(np.ones(6), abs=1.0)
-    expected = LowPass(20.0).noise_gain(RATE)[-1] * white.of_sample
-    assert white.behind(LowPass(20.0), RATE)[-1] == pytest.approx(expected, rel=0.5)
+    white = stated_noise(NOISE * rng.normal(size=(4000, 6)))
+    expected = LowPass(20.0).noise_gain(RATE)[-1] * NOISE**2
+    assert white.behind(LowPass(20.0), RATE)[-1] == pytest.approx(expected, rel=0.6)
 
 
 @pytest.mark.slow

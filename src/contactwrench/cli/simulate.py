@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from ..simulate.settings import Settings
 
 DEFAULT_POSES = "paper"
+ONE_OVER_F = 0.035
+"""N: as much as the white noise."""
+TORQUE_PER_FORCE = 0.02
+"""m: of the 1/f noise."""
 MOST_RANDOM = 10_000
 
 
@@ -54,6 +58,14 @@ def simulate(
     pushes: Annotated[
         int, typer.Option(metavar="N", help="Pushes by a hand on the tool's hook during the motion, 1 to 10 N.", min=0)
     ] = 0,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1/f[:N]",
+            help="1/f noise of the sensor beside its white noise: N is the std of a force within a minute. "
+            f"[default: none; 1/f alone: {ONE_OVER_F:g}]",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(metavar="S", help="Of everything random: same seed, same bytes.", min=0)] = 0,
     settings: Annotated[
         list[str] | None,
@@ -72,7 +84,7 @@ def simulate(
     from ..simulate.recording import record_poses, truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
 
-    rig_settings = changed(Settings(), settings or [])
+    rig_settings = changed(Settings(), (settings or []) + _noise(noise))
     if poses is not None and trajectory is not None:
         raise InputError("found both --poses and --trajectory, expected one of them: leave the other out")
     if str(output) == "-" or output.suffix.lower() not in (".csv", *SUFFIXES_OF_BAGS):
@@ -100,6 +112,20 @@ def simulate(
         write_truth(output, recorded, asked)
         _write_bag(output, recorded)
     options.say(_said(recorded, output, truth_path(output)))
+
+
+def _noise(text: str | None) -> list[str]:
+    """The setting that `1/f` or `1/f:N` stands for."""
+    if text is None:
+        return []
+    kind, colon, strength = text.partition(":")
+    try:
+        force = float(strength) if colon else ONE_OVER_F
+    except ValueError:
+        force = -1.0
+    if kind != "1/f" or not 0.0 < force < np.inf:
+        raise InputError(f"--noise is {text}, expected 1/f or 1/f:N with N above 0, as in 1/f:0.05")
+    return [f"sensor.noise.one_over_f={[force] * 3 + [TORQUE_PER_FORCE * force] * 3}"]
 
 
 def _write_bag(output: Path, recorded: Recorded) -> None:

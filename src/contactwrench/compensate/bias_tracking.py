@@ -3,7 +3,8 @@
 The offset at orientation R is `z = drift + H(R) eta + u(R)`: the drift a random walk; eta, standard normal, the error
 of the calibration's parameters (covariance L L^T, H = J(R) L); u what poses differ by for no reason that the model
 knows, which decays with the angle between two orientations. Only z is estimated. eta and u are *considered* (Schmidt,
-1966): their covariance with the error of z is carried along and they are never updated themselves, so that
+1966): their covariance with the error of z is carried along (of u axis by axis) and they are never updated themselves,
+so that
 
 - at one orientation z is learned from free samples, the calibration's error there included, and counted once;
 - a turn to another orientation brings back exactly the part of that error which is not known there;
@@ -12,7 +13,7 @@ knows, which decays with the angle between two orientations. Only z is estimated
 
 from __future__ import annotations
 
-from math import asin, exp, nan, sqrt
+from math import asin, exp, log, nan, sqrt
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from ..model import AXES
 from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.samples import Samples
 from ..statistics import square_root
+from .noise import SampleNoise
 from .state import Matrix, Row, State, kernel
 
 TYPICAL_DRIFT = np.array([0.05, 0.05, 0.05, 0.0025, 0.0025, 0.0025])
@@ -33,31 +35,49 @@ ALIKE = 0.5
 """rad: orientations this far apart share 1/e of what poses differ by."""
 LEAST_PIVOT = 1e-14
 """Of a covariance, over its diagonal: less is rounding."""
+LEVEL_KNOWN = 20.0
+"""s: over which 1/f noise counts as noise of the samples; by how much more it wanders in longer times, as drift."""
+REMNANT = 0.003
+"""Of the largest contact wrench: the std of what a sensor still shows when the contact is over."""
+CREEP, RECOVERY = 0.1, 60.0
+"""s: from which on such a remnant creeps, and after which it stays."""
+ALL_CREPT = log(1.0 + RECOVERY / CREEP)
 
 
 def track(s: State, calibration: Calibration, between: Array) -> None:
-    """Begin with the offset as a calibration with q parameters leaves it, none that is known: H (6, q) at the identity,
-    its derivatives (6, q, 9) to the nine entries of R, in which the free wrench is linear, and the variances (6,) of
-    what poses differ by.
+    """Begin with the offset as a calibration leaves it, none that is known: H (6, q) at the identity, its derivatives
+    (6, q, 9) to the nine entries of R, in which the free wrench is linear, and the variances (6,) of what poses differ
+    by. eta is turned so that H depends on R in its first q columns only: what the others do looks like drift.
     """
     corners = np.vstack([np.zeros((1, 9)), np.eye(9), np.eye(3).reshape(1, 9)]).reshape(11, 3, 3)
     H = calibration.free_wrench_jacobian(corners) @ square_root(calibration.covariance)
-    s.between, s.parameters = between.tolist(), H.shape[2]
-    for into, values in zip(s.H_slope, np.moveaxis(H[1:10] - H[0], 0, -1).tolist(), strict=True):
+    slopes = H[1:10] - H[0]
+    _, size, turn = np.linalg.svd(slopes.reshape(54, -1))
+    turn = turn[: np.sum(size > 1e-12 * size[0])].T
+    s.between, s.parameters = between.tolist(), turn.shape[1]
+    for into, values in zip(s.H_slope, np.moveaxis(slopes @ turn, 0, -1).tolist(), strict=True):
         into[: len(values)] = values
-    u = np.diag(between)
-    start(s, np.zeros(6), H[10] @ H[10].T + u, H[10], u, np.eye(3), nan)
+    start(s, np.zeros(6), H[10] @ H[10].T + np.diag(between), H[10] @ turn, between, np.eye(3), nan)
 
 
 def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_base_flange: Array, now: float) -> None:
     """An offset where nothing of before counts: its `mean` (6,), the `covariance` (6, 6) of its error, and that error's
-    covariances `H` (6, q) with eta and `between` (6, 6) with u.
+    covariances `H` (6, q) with eta and `between` (6,) with u.
     """
     s.offset_time, s.stale, s.clean_blocks = now, True, 0
-    s.offset[:], s.offset_R[:] = mean.tolist(), R_base_flange.ravel().tolist()
-    for into, values in ((s.offset_covariance, covariance), (s.with_calibration, H), (s.with_pose, between)):
+    s.offset[:], s.offset_R[:], s.with_pose[:] = mean.tolist(), R_base_flange.ravel().tolist(), between.tolist()
+    for into, values in ((s.offset_covariance, covariance - H @ H.T), (s.with_calibration, H)):
         for row, numbers in zip(into, values.tolist(), strict=True):
             row[: len(numbers)] = numbers
+
+
+def poses_differ_by(s: State, between: Array) -> None:
+    """Another variance (6,) of what poses differ by, from now on."""
+    for k, variance in enumerate(between.tolist()):
+        gone = min(s.between[k] - variance, s.with_pose[k])
+        s.offset_covariance[k][k] -= gone
+        s.with_pose[k] -= gone
+        s.between[k] = variance
 
 
 @kernel
@@ -70,8 +90,16 @@ def dot(a: Row, b: Row, n: int) -> float:
 
 
 @kernel
+def crept(s: State, t: float) -> float:
+    """How many times its variance the remnant of the last contact has moved by then: at once, and within a minute once
+    more, with the logarithm of time, as strain gauges and glue creep.
+    """
+    return 1.0 + log(1.0 + min(t - s.release, RECOVERY) / CREEP) / ALL_CREPT if t >= s.release else 0.0
+
+
+@kernel
 def predict(s: State, R: Row, now: float) -> float:
-    """Write the offset's `systematic` covariance at another orientation and time, and the `change` of H on the way
+    """Write the offset's `systematic` covariance at another orientation and time, and `moved`, its covariance with eta
     there; what u there shares with u here. A clock that went back adds nothing.
     """
     passed, there = max(now - s.offset_time, 0.0), s.offset_R
@@ -80,62 +108,50 @@ def predict(s: State, R: Row, now: float) -> float:
     g, h, i = R[6] - there[6], R[7] - there[7], R[8] - there[8]
     squared = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
+    wandered, crept_on = log(1.0 + (passed / LEVEL_KNOWN) ** 2), max(crept(s, now) - crept(s, s.offset_time), 0.0)
     for row in range(6):
-        change, slopes = s.change[row], s.H_slope[row]
+        moved, slopes, before = s.moved[row], s.H_slope[row], s.with_calibration[row]
         for k in range(n):
             m = slopes[k]
-            change[k] = a * m[0] + b * m[1] + c * m[2] + d * m[3] + e * m[4] + f * m[5] + g * m[6] + h * m[7] + i * m[8]
-    for row in range(6):
-        change, before = s.change[row], s.with_calibration[row]
+            turned = a * m[0] + b * m[1] + c * m[2] + d * m[3] + e * m[4] + f * m[5] + g * m[6] + h * m[7] + i * m[8]
+            moved[k] = before[k] + turned
         for k in range(row + 1):
-            across = dot(change, s.with_calibration[k], n) + dot(s.change[k], before, n) + dot(change, s.change[k], n)
-            across -= lost * (s.with_pose[row][k] + s.with_pose[k][row])
-            s.systematic[row][k] = s.systematic[k][row] = s.offset_covariance[row][k] + across
-        s.systematic[row][row] += s.walk[row] * passed + 2.0 * lost * s.between[row]
+            variance = s.offset_covariance[row][k] + dot(moved, s.moved[k], n)
+            s.systematic[row][k] = s.systematic[k][row] = variance
+        of_time = s.walk[row] * passed + s.flicker[row] * wandered + s.remnant[row] * crept_on
+        s.systematic[row][row] += of_time + 2.0 * lost * (s.between[row] - s.with_pose[row])
     return lost
 
 
 @kernel
 def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
     """The mean (6,) of free samples at an orientation and time goes into the offset, with its white noise's variance
-    (6,). The error's covariances with eta and u shrink with it; those two stay as they were.
+    (6,), one axis after the other. The error's covariances with eta and u shrink with it; those two stay as they were.
     """
-    lost, left, column = predict(s, R, now), s.left, s.column
+    lost, n, C, moved = predict(s, R, now), s.parameters, s.systematic, s.moved
     s.offset_time = now
     for k in range(9):
         s.offset_R[k] = R[k]
-    whiten(s.systematic, variance, s.whitening)
-    # What is left of an error is `variance (C + variance)^-1` of it.
     for i in range(6):
+        total, of_eta, found, column = C[i][i] + variance[i], s.of_eta, mean[i] - s.offset[i], s.column
+        s.with_pose[i] = (s.with_pose[i] + lost * (s.between[i] - s.with_pose[i])) * variance[i] / total
         for k in range(6):
-            inverse = 0.0
-            for j in range(max(i, k), 6):
-                inverse += s.whitening[j][i] * s.whitening[j][k]
-            left[i][k] = variance[i] * inverse
-        for k in range(s.parameters):
-            s.with_calibration[i][k] += s.change[i][k]
+            column[k] = C[i][k]
+        for k in range(n):
+            of_eta[k] = moved[i][k]
         for k in range(6):
-            s.with_pose[i][k] *= 1.0 - lost
-        s.with_pose[i][i] += lost * s.between[i]
-        column[i] = s.offset[i] - mean[i]
+            gain, row, to_eta = column[k] / total, C[k], moved[k]
+            s.offset[k] += gain * found
+            for j in range(k + 1):
+                row[j] -= gain * column[j]
+                C[j][k] = row[j]
+            for j in range(n):
+                to_eta[j] -= gain * of_eta[j]
     for i in range(6):
-        s.offset[i] = mean[i] + dot(left[i], column, 6)
-    shrink(left, s.systematic, column, 6)
-    shrink(left, s.with_pose, column, 6)
-    shrink(left, s.with_calibration, column, s.parameters)
-    for i in range(6):
-        for k in range(6):
-            s.offset_covariance[i][k] = 0.5 * (s.systematic[i][k] + s.systematic[k][i])
-
-
-@kernel
-def shrink(left: Matrix, M: Matrix, column: Row, columns: int) -> None:
-    """`left @ M` in place of M (6, columns)."""
-    for k in range(columns):
-        for i in range(6):
-            column[i] = M[i][k]
-        for i in range(6):
-            M[i][k] = dot(left[i], column, 6)
+        for k in range(n):
+            s.with_calibration[i][k] = moved[i][k]
+        for k in range(i + 1):
+            s.offset_covariance[i][k] = s.offset_covariance[k][i] = C[i][k] - dot(moved[i], moved[k], n)
 
 
 @kernel
@@ -165,10 +181,10 @@ MOST_MOVED = 5.0
 """Standard deviations between the means of the two halves."""
 
 
-def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple[Array, Array]:
+def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise) -> tuple[Array, Array]:
     """What the calibration leaves of the samples on average (6,), and their orientation (3, 3).
 
-    `noise` (6,): std of one sample. Raises `InputError` where they turn, scatter or move by more than noise does, or
+    Raises `InputError` where they turn, scatter or move by more than noise does, or
     are too few.
     """
     n = len(samples)
@@ -182,7 +198,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
             f"{np.degrees(SAME_POSE_ANGLE):.2g}; hold it still"
         )
     left = calibration.compensate(samples.wrench, R)
-    scatter = left.std(axis=0, ddof=1) / noise
+    scatter = left.std(axis=0, ddof=1) / np.sqrt(noise.of_sample)
     most = MOST_SCATTER * (1.0 + 2.0 / np.sqrt(n))
     if scatter.max() > most:
         axis = int(np.argmax(scatter))
@@ -191,7 +207,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: Array) -> tuple
             "keep everything away from the tool, and the arm still"
         )
     half = n // 2
-    std = noise * np.sqrt(1.0 / half + 1.0 / (n - half))
+    std = np.sqrt(2.0 * noise.allan_of(np.array([half]))[0])
     moved = np.abs(left[:half].mean(axis=0) - left[half:].mean(axis=0)) / std
     if moved.max() > MOST_MOVED:
         axis = int(np.argmax(moved))

@@ -5,6 +5,7 @@ results.
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 from importlib.util import find_spec
 from math import ceil, inf, nan
 
@@ -16,15 +17,15 @@ from ..errors import InputError
 from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
-from .bias_tracking import HOUR, free_mean, start, track
-from .contact_detection import COVARIANCE, ENDED, RATE_FOUND, readings_held, thresholds
+from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
+from .contact_detection import COVARIANCE, ENDED, NOISE_LEARNED, RATE_FOUND, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
-from .faults import BACK, FINE, Reason, reason_of
+from .faults import BACK, FINE, SAME, Reason, reason_of
 from .filters import LowPass, delay_of
-from .noise import noise_of_sample, with_torques
+from .noise import SampleNoise, between_poses, of_pairs, of_still_segments, of_variances, stated_noise, with_torques
 from .runner import Compiled, Plain
 from .state import INTERVALS, SAMPLE, State
-from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
+from .step import ASK, BLOCK_SECONDS, SAME_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
@@ -34,6 +35,8 @@ LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
 DENSEST = 10_000.0
 """Hz: the ring of past orientations has room for this many a second."""
+USUAL_RATE = 1000.0
+"""Hz: counts as the rate of samples until that is known."""
 
 
 class Compensator:
@@ -44,7 +47,8 @@ class Compensator:
         rate: Hz; None: from the first 25 stamps (`InputError` where a cut-off is too high for it), nothing filtered
             until then.
         noise: std (6,) of one sample, N and N m, or one number, N, that stands for as many N m at a lever of 5 cm; or a
-            recording (n, 6) at rest or, compensated, of free motion; None: from the calibration.
+            recording (n, 6) at rest or, compensated, of free motion; None: the calibration's `still_noise`, or, where
+            it has none, learned from the first second of samples, which are taken for free.
         lowpass: of the contact wrench, a `LowPass`, or a cut-off in Hz (Butterworth of order 2).
         sensor_filter: what the sensor itself does to a wrench, a `LowPass` or a cut-off in Hz (first order); the same
             is done to the model.
@@ -54,7 +58,7 @@ class Compensator:
             (`bias_tracking.TYPICAL_DRIFT`). None: the bias is not followed, for whatever follows a bias takes a push
             that is too slow or too weak to be detected for one.
         temperature_coefficient: (6,) of the bias, N/K and N m/K.
-        false_alarm_rate: per sample.
+        false_alarm_rate: per sample; a contact takes one that is a hundred times as rare.
         minimum_duration: s, of a contact, and of its end.
         ranges: (6,) of the sensor, N and N m.
         gravity: (3,) its direction in base axes, where that differs from the calibration's.
@@ -85,7 +89,7 @@ class Compensator:
         if not isinstance(calibration, Calibration):
             raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")
         self._calibration = calibration.with_gravity(None if gravity is None else np.asarray(gravity, dtype=np.float64))
-        self._noise = noise_of_sample(calibration, noise)
+        self._stated = None if noise is None else stated_noise(noise)
         self._rate = None if rate is None else _positive(rate, "rate", "Hz")
         self._lowpass = lowpass if isinstance(lowpass, LowPass | None) else LowPass(lowpass)
         self._sensor = sensor_filter if isinstance(sensor_filter, LowPass | None) else LowPass(sensor_filter, 1)
@@ -97,19 +101,22 @@ class Compensator:
         s.minimum_duration = _positive(minimum_duration, "minimum duration", "s") - 1e-9
         s.ranges = _six(ranges, "range", inf, least=np.finfo(float).tiny)
         s.per_kelvin = _six(temperature_coefficient, "temperature coefficient", 0.0)
-        s.noise_variance = self._noise.of_sample.tolist()
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         s.dof = calibration.dof
-        s.fires, s.ends = (table.tolist() for table in thresholds(false_alarm_rate))
+        s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
+        s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.follows_bias = drift is not None
         of_an_hour = _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
         s.walk = [std * std / HOUR for std in of_an_hour]
-        track(s, self._calibration, self._noise.between)
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the settings: filters, contact, what was learned of the bias and a new zero."""
+        self._noise = self._expected(self._rate or USUAL_RATE)
+        of_row = self._noise.of_sample if self._settings.knows_noise else np.zeros(6)
+        track(self._settings, self._calibration, between_poses(self._calibration, of_row))
+        self._settings.noise_variance, self._settings.block_noise = (self._noise.of_sample.tolist() for _ in range(2))
         s = deepcopy(self._settings)
         room = 2 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
         self._runner = self._steps(s, np.zeros((room, 4)), self._noise.of_sample[None].copy())
@@ -141,11 +148,12 @@ class Compensator:
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
         sample = self._runner.sample
-        self._attend(int(sample.events))
+        if sample.events:
+            self._attend(int(sample.events))
         fault, contact = int(sample.fault), None if sample.contact == NOT_JUDGED else bool(sample.contact)
-        std = self._std if fault == FINE or fault >= BACK else NOT_KNOWN
+        std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
         return ContactWrench(
-            result, std, float(t), fault == FINE, reason_of(fault, float(sample.detail), int(sample.channel)), contact
+            result, std, float(t), fault <= SAME, reason_of(fault, float(sample.detail), int(sample.channel)), contact
         )
 
     def run(
@@ -194,7 +202,7 @@ class Compensator:
             std=samples["wrench_std"],
             t=times,
             judged=True,
-            valid=fault == FINE,
+            valid=fault <= SAME,
             reason=tuple(reasons),
             contact=samples["contact"],
             contacts=tuple(contacts),
@@ -212,18 +220,18 @@ class Compensator:
                 beginning was seen; nothing is changed.
         """
         s, before = self._runner.state, self.drift
-        if s.touching and s.onset_seen:
+        if s.touching and s.onset_seen and not s.time - s.same_since >= SAME_SECONDS:
             raise InputError(
                 f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
                 "nothing touches it, reset() first"
             )
-        mean, R = free_mean(self._calibration, samples, np.sqrt(self._noise.of_sample))
-        variance = self._noise.of_sample * self._noise.slowness(len(samples)) / len(samples)
-        start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros((6, 6)), R, float(s.time))
+        mean, R = free_mean(self._calibration, samples, self._noise)
+        variance = self._noise.of_mean(len(samples))
+        start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R, float(s.time))
         if s.first_temperature == s.first_temperature:
             s.first_temperature = s.temperature
         s.spoiled, s.fresh, s.touching, s.run = True, WRENCH_ALONE, False, 0
-        of_calibration = self._calibration.wrench_covariance(R).diagonal() + self._noise.between
+        of_calibration = self._calibration.wrench_covariance(R).diagonal() + np.array(s.between)
         return Zero(mean - before, np.sqrt(of_calibration + variance))
 
     @property
@@ -255,6 +263,18 @@ class Compensator:
             s.stamps = 0  # looked for again where no filter takes this rate
             self._use_rate(len(s.intervals) / float(np.sum(s.intervals)))
             s.fresh = WHOLLY
+        if events & NOISE_LEARNED:
+            s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
+            poses_differ_by(s, between_poses(self._calibration, self._noise.of_sample))
+            self._use_rate(1.0 / s.interval)
+
+    def _expected(self, rate: float) -> SampleNoise:
+        """The noise as far as it is known: that of a pose, which is more, until it is learned."""
+        if self._stated is not None:
+            return self._stated
+        if (still := self._calibration.still_noise) is not None:
+            return of_still_segments(still, rate)
+        return of_variances(np.ones(1), self._calibration.noise[None] ** 2)
 
     def _use_rate(self, rate: float) -> None:
         s = self._runner.state
@@ -262,16 +282,20 @@ class Compensator:
             sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
             for row, section in zip(into, sections, strict=False):
                 row[:] = section
-        self._runner.use_settling(self._noise.behind(self._lowpass, rate))
-        s.slowness[:] = self._noise.slowness(max(round(BLOCK_SECONDS * rate), 1)).tolist()
+        if self._stated is None and self._calibration.still_noise is not None:
+            self._noise = self._expected(rate)
+        noise = self._noise = replace(self._noise, horizon=max(LEVEL_KNOWN * rate, 2.0))
+        self._runner.use_settling(noise.behind(self._lowpass, rate))
+        s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()
+        s.block_noise[:] = noise.of_mean(max(BLOCK_SECONDS * rate, 1.0)).tolist()
+        s.stale = True
         s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
 
     def _contact(self, release: float | None) -> Contact:
         """The contact so far, or the one that ended with the last sample."""
         s = self._runner.state
-        variance, rows = self._noise.of_sample, float(s.contact_rows)
-        share = np.minimum(np.array(self._runner.settling[-1]) * readings_held(s) / variance, 1.0)
-        noise = variance * share / (1.0 + (rows - 1.0) * share)
+        rows = float(s.contact_rows)
+        noise = np.minimum(self._noise.of_mean(rows) * readings_held(s), self._noise.of_sample)
         covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
         mean = np.array(s.contact_sum) / rows
         return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))

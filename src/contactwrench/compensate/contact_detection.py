@@ -10,21 +10,26 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from .bias_tracking import predict, whiten
+from ..samples.poses import SAME_POSE_ANGLE
+from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
 from .state import THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
+ONSET_RATE = 0.01
+"""Of the false-alarm rate: a run of samples is a contact where one of them is as rare as that."""
 TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
+SAME_POSE = 2.0 * SAME_POSE_ANGLE**2
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
-ENDED, RATE_FOUND, COVARIANCE = 1, 2, 4
-"""Events of a sample: a contact ended, the rate is known, the covariance is another."""
+ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
+"""Events of a sample: a contact ended, the rate is known, the covariance is another, the noise is learned."""
 
 
-def thresholds(false_alarm_rate: float) -> tuple[Array, Array]:
+def thresholds(false_alarm_rate: float) -> tuple[Array, Array, Array]:
     """Of the statistic, over the logarithm of the degrees of freedom behind its covariance: above the first a sample is
-    taken for a contact, below the second for free. For 6 axes: 6 F(6, dof), chi-square where the covariance is known.
+    taken for a contact, below the second for free, and one above the third makes a contact of its run. For 6 axes:
+    6 F(6, dof), chi-square where the covariance is known.
 
     Raises `InputError` unless the rate lies between 1e-9 and `RELEASE_RATE`.
     """
@@ -33,8 +38,9 @@ def thresholds(false_alarm_rate: float) -> tuple[Array, Array]:
     if not 1e-9 <= false_alarm_rate <= RELEASE_RATE:
         raise InputError(f"false-alarm rate is {false_alarm_rate:g}, expected 1e-9 to {RELEASE_RATE:g} per sample")
     dof = np.exp(np.linspace(FIRST_LOG_DOF, LAST_LOG_DOF, THRESHOLDS))
-    contact, release = (6.0 * fdtri(6.0, dof, 1.0 - rate) for rate in (false_alarm_rate, RELEASE_RATE))
-    return contact, release
+    rates = (false_alarm_rate, RELEASE_RATE, ONSET_RATE * false_alarm_rate)
+    contact, release, onset = (6.0 * fdtri(6.0, dof, 1.0 - rate) for rate in rates)
+    return contact, release, onset
 
 
 @kernel
@@ -94,10 +100,10 @@ def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) 
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k])
     whiten(s.systematic, s.noise_left, s.whitening)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)
-    s.fire, s.end = threshold_at(s.fires, dof), threshold_at(s.ends, dof)
+    s.fire, s.end, s.begin = threshold_at(s.fires, dof), threshold_at(s.ends, dof), threshold_at(s.begins, dof)
     for k in range(9):
         s.covariance_R[k] = s.R[k]
-    s.stale = False
+    s.stale, s.covariance_time = False, sample.time
     sample.events |= COVARIANCE
 
 
@@ -118,9 +124,11 @@ def statistic_of(f: Row, W: Matrix) -> float:
 @kernel
 def detect(s: State, sample: Sample) -> None:
     """The contact, with hysteresis: it begins with the first of a run of samples above one threshold, and ends with the
-    first of a run below another; a run lasts the minimum duration, and two samples.
+    first of a run below another, raised by what is left of the contact when it is over; a run lasts the minimum
+    duration, and two samples.
     """
-    now, above = sample.time, sample.statistic > (s.end if s.touching else s.fire)
+    end = (sqrt(s.end) + REMNANT * sqrt(s.peak_statistic)) ** 2 if s.touching else s.fire
+    now, above = sample.time, sample.statistic > end
     if not s.touching and not above:
         s.run = 0
         if s.free_time != s.free_time:
@@ -139,8 +147,8 @@ def detect(s: State, sample: Sample) -> None:
                 s.contact_sum[k] = 0.0
         s.run += 1
         gather(s, sample)
-        if s.run >= 2 and now - s.onset >= s.minimum_duration:
-            s.touching = True
+        if s.run >= 2 and now - s.onset >= s.minimum_duration and s.peak_statistic > s.begin:
+            s.touching, s.same_since = True, nan
             s.onset_seen = s.known_free
             s.quiet = 0
         return
@@ -173,13 +181,40 @@ def gather(s: State, sample: Sample) -> None:
 
 @kernel
 def end_contact(s: State, sample: Sample, now: float) -> None:
-    """The contact is over; its covariance is the one of before a gap."""
-    s.touching = False
+    """The contact is over; its covariance is the one of before a gap. Where it may have moved the bias by more than the
+    noise of a block, free samples are learned from until nothing creeps.
+    """
+    s.touching, s.stale = False, True
+    kept = 1.0 / (1.0 + (now - s.release) / CREEP) if s.offset_time > s.release else 1.0
     s.release = now
+    for group in range(0, 6, 3):
+        x, y, z = s.peak[group], s.peak[group + 1], s.peak[group + 2]
+        left = REMNANT * REMNANT * (x * x + y * y + z * z)
+        for k in range(group, group + 3):
+            s.remnant[k] = left + kept * s.remnant[k]
+            if s.remnant[k] > s.block_noise[k]:
+                s.follow_until = now + RECOVERY
     sample.events |= ENDED
     for i in range(6):
         for k in range(6):
             s.contact_covariance[i][k] = s.systematic[i][k]
+
+
+@kernel
+def stays_the_same(s: State, mean: Row) -> None:
+    """Note since when a contact has not changed by more than noise, its mean (6,) over a block, nor the arm turned."""
+    moved = turned = 0.0
+    for k in range(6):
+        moved += (mean[k] - s.same_mean[k]) ** 2 / (2.0 * s.block_noise[k])
+    for k in range(9):
+        turned += (s.R[k] - s.same_R[k]) ** 2
+    if s.same_since == s.same_since and moved < s.begin and turned < SAME_POSE:
+        return
+    s.same_since = s.block_time
+    for k in range(6):
+        s.same_mean[k] = mean[k]
+    for k in range(9):
+        s.same_R[k] = s.R[k]
 
 
 @kernel

@@ -7,9 +7,10 @@ from math import erf, inf, log, sqrt
 from ..model import AXES
 from .state import Row, Sample, State, kernel
 
-# From `BACK` on the numbers are computed all the same.
-FINE, NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP = range(8)
-OVERLOAD, STUCK, STILL, FROZEN, NO_PAST = range(8, 13)
+# Up to `SAME` nothing is wrong, from `BACK` on the numbers are computed all the same.
+FINE, LEARNING, LEARNED, SAME = range(4)
+NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP = range(4, 11)
+OVERLOAD, STUCK, STILL, FROZEN, NO_PAST = range(11, 16)
 
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
@@ -25,6 +26,9 @@ BRAKING = 20.0
 
 REASONS = (
     "",
+    "noise unknown: learned from the first second of free samples, until then no contact is judged",
+    "noise learned: from {detail:.3g} s of samples that were taken for free; state noise where they were not",
+    "contact or bias: nothing has changed for {detail:.3g} s; zero() where nothing touches",
     "time: {detail:g} is no time",
     "time: {detail:.6f} s again",
     "reading: {axis} is {detail:g}",

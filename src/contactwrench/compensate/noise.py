@@ -1,4 +1,6 @@
-"""The noise that the calibration itself does not explain: of one sample, behind a filter, and of a mean."""
+"""The noise that the calibration itself does not explain: of means over any number of samples, and so of one sample,
+and behind a filter. Noise that is not white falls more slowly than with their number.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..estimation.noise import pooled_scatter, variance_of_means
+from ..estimation.noise import variance_of_means
 from ..geometry.arrays import Array
 from ..samples.poses import Pose
+from ..samples.still_noise import StillNoise
 from .filters import LowPass
 
 LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
@@ -19,63 +22,121 @@ LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm, as in `TYPICAL_DRIFT`."""
 LEAST_ROWS = 10
-LEAST_BLOCKS = 5
+LEAST_PAIRS = 16
+"""Of means, whose differences tell an Allan variance."""
+FAR = 1e6
+"""Samples: over which a noise counts as noise where no rate is known."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampleNoise:
-    """Variances (6,) `of_sample`, and `between` orientations, of what poses differ by, which no filter reduces.
-
-    `recording` (n, 6), where the noise was given as one: how slowly it varies is then known, else it counts as white.
+    """Allan variances `allan` (k, 6), half the mean square of how far a mean differs from the next, of means over
+    `rows` (k,) samples. White noise is shorter ones and longer ones, down to the `floor` (6,). It counts as noise over
+    `horizon` samples; what is slower is drift.
     """
 
-    of_sample: Array
-    between: Array
-    recording: Array | None = None
+    rows: Array
+    allan: Array
+    floor: Array
+    horizon: float = FAR
+
+    def allan_of(self, rows: Array) -> Array:
+        """Allan variances (m, 6) of means over so many samples (m,)."""
+        at, known = np.log(rows), np.log(self.rows)
+        near = np.exp([np.interp(at, known, np.log(of_axis)) for of_axis in self.allan.T]).T
+        beyond = np.maximum(self.rows[0] / rows, 1.0) * np.minimum(self.rows[-1] / rows, 1.0)
+        variances: Array = np.maximum(near * beyond[:, None], self.floor)
+        return variances
+
+    def of_mean(self, rows: float) -> Array:
+        """The variance (6,) of the mean of so many samples about the level of the horizon: half the Allan variances of
+        all octaves between (Haar's wavelets), white noise beyond.
+        """
+        octaves = rows * 2.0 ** np.arange(max(np.ceil(np.log2(self.horizon / rows)), 1.0))
+        allan = self.allan_of(octaves)
+        return np.asarray(0.5 * (allan.sum(axis=0) + allan[-1]))
+
+    @property
+    def of_sample(self) -> Array:
+        """The variance (6,) of a sample."""
+        return self.of_mean(1.0)
+
+    @property
+    def flicker(self) -> Array:
+        """What the variance (6,) of a level grows by when the time grows e-fold, beyond the horizon."""
+        return np.asarray(self.allan_of(np.array([self.horizon]))[0] / np.log(4.0))
 
     def behind(self, low_pass: LowPass | None, rate: float) -> Array:
-        """Variances (k, 6) behind a filter, 0, 1, ... samples after its start; the last is what stays."""
+        """Variances (k, 6) behind a filter, 0, 1, ... samples after its start; the last is what stays. A filter stands
+        for the mean over so many samples as leaves as much of white noise.
+        """
         if low_pass is None:
             return self.of_sample[None]
-        left: Array = low_pass.noise_gain(rate)[:, None] * self.of_sample
-        if self.recording is None:
-            return left
-        from scipy.signal import sosfilt
-
-        filtered: Array = sosfilt(low_pass.sections(rate), self.recording, axis=0)
-        settled = filtered[min(len(left), len(filtered) // 2) :]
-        slow: Array = np.maximum(left, np.mean(settled**2, axis=0))
-        return slow
-
-    def slowness(self, rows: int) -> Array:
-        """How many times larger (6,) the variance of a mean of so many samples is than that of white noise."""
-        if self.recording is None or (blocks := len(self.recording) // rows) < LEAST_BLOCKS:
-            return np.ones(6)
-        means = self.recording[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1)
-        slowness: Array = np.maximum(np.mean(means**2, axis=0) * rows / self.of_sample, 1.0)
-        return slowness
+        gain = low_pass.noise_gain(rate)
+        variances: Array = np.maximum(gain[:, None] * self.allan_of(np.ones(1)), self.of_mean(1.0 / gain[-1]))
+        return variances
 
 
-def noise_of_sample(calibration: Calibration, noise: ArrayLike | None) -> SampleNoise:
-    """The noise of a sample and of what poses differ by.
-
-    `noise`: standard deviations (6,) of a sample, or a recording (n, 6) at rest or, compensated, of free motion, at the
-    rate of the samples; None: the scatter within the calibration's poses. Where each of those is a single row its two
-    parts cannot be told apart, and all of it counts as either. Raises `InputError` for any other shape, a negative
-    number or a NaN.
+def stated_noise(noise: ArrayLike) -> SampleNoise:
+    """From standard deviations (6,) of a sample, one number for all, or a recording (n, 6) at rest or, compensated, of
+    free motion, at the rate of the samples. Raises `InputError` for any other shape, a negative number or a NaN.
     """
-    scatter = pooled_scatter(calibration.fitted_poses)
-    of_mean = 0.0 if scatter is None else np.einsum("nii->ni", scatter.covariance).mean(axis=0)
-    recording = None
-    if noise is not None:
-        of_sample, recording = _stated(noise)
-        of_mean = of_sample if scatter is None else of_mean
-    elif scatter is not None:
-        of_sample = np.diag(scatter.covariance[0]) * calibration.fitted_poses[0].n
-    else:
-        of_sample = calibration.noise**2
-    between = np.maximum(calibration.noise**2 - of_mean, 0.0)
-    return SampleNoise(np.maximum(of_sample, LEAST_STD**2), between, recording)
+    values = with_torques(noise)
+    is_recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= LEAST_ROWS
+    if not (is_recording or values.shape == (6,)):
+        raise InputError(
+            f"noise has shape {values.shape}, expected (6,) standard deviations of a sample, or a recording at rest of "
+            f"at least {LEAST_ROWS} rows (n, 6), all finite"
+        )
+    if not np.isfinite(values).all():
+        raise InputError("noise has a NaN or an infinity, expected finite numbers: leave such samples out")
+    if not is_recording and (values < 0.0).any():
+        raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
+    if not is_recording:
+        return of_variances(np.ones(1), np.square(values)[None])
+    pairs, squares = [], []
+    while len(values) >= 2:
+        first, second = values[: len(values) // 2 * 2].reshape(-1, 2, 6).swapaxes(0, 1)
+        pairs.append(len(first))
+        squares.append(np.sum((second - first) ** 2, axis=0))
+        values = 0.5 * (first + second)
+    return of_pairs(np.array(pairs), np.array(squares))
+
+
+def of_pairs(pairs: Array, squares: Array) -> SampleNoise:
+    """From sums of the squared differences (k, 6) within pairs of means over 1, 2, 4, ... samples, so many `pairs`
+    (k,). A floor counts only where chance does not explain it.
+    """
+    enough = max(int(np.sum(pairs >= LEAST_PAIRS)), 1)
+    pairs, allan = pairs[:enough], 0.5 * squares[:enough] / pairs[:enough, None]
+    white, chance = 0.5 * allan[-2:-1], 2.0 * np.sqrt(3.0 / pairs[-1])
+    above = allan[-1] - np.max(white, axis=0, initial=0.0)
+    floor = np.where(2.0 * above > chance * allan[-1], 2.0 * above, 0.0) if enough > 1 else np.zeros(6)
+    return of_variances(2.0 ** np.arange(enough), allan, floor)
+
+
+def of_still_segments(still: StillNoise, rate: float) -> SampleNoise:
+    """From what a calibration's recording showed at rest, for samples at a rate (Hz)."""
+    tell = (np.arange(len(still.duration)) == len(still.duration) - 1) | (still.duration * rate > 0.5)
+    rows, allan = still.duration[tell] * rate, still.std[tell] ** 2
+    floor = np.zeros(6)
+    if len(rows) > 1:  # what is left of the longest mean's beside white noise, of which the two have a / rows
+        floor = np.maximum(rows[-1] * allan[-1] - rows[-2] * allan[-2], 0.0) / (rows[-1] - rows[-2])
+    return of_variances(rows, allan, floor)
+
+
+def of_variances(rows: Array, allan: Array, floor: Array | float = 0.0) -> SampleNoise:
+    """With no less than any sensor has."""
+    return SampleNoise(rows, np.maximum(allan, LEAST_STD**2 / rows[:, None]), np.zeros(6) + floor)
+
+
+def between_poses(calibration: Calibration, of_row: Array) -> Array:
+    """The variance (6,) of what the calibration's poses differ by beyond the noise of their means, as these themselves
+    show it, or, where they are single rows, have that `of_row` (6,).
+    """
+    known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_row for pose in calibration.fitted_poses]
+    of_mean = np.mean(known, axis=0) if known else of_row
+    return np.maximum(calibration.noise**2 - of_mean, 0.0)
 
 
 def with_torques(values: ArrayLike) -> Array:
@@ -87,24 +148,6 @@ def with_torques(values: ArrayLike) -> Array:
             f"found {values!r}, expected numbers: one in N, or six, N of forces and N m of torques"
         ) from None
     return array * PER_NEWTON if array.ndim == 0 else array
-
-
-def _stated(noise: ArrayLike) -> tuple[Array, Array | None]:
-    """Variances (6,) of a sample, and the recording that they were taken from, less its mean."""
-    values = with_torques(noise)
-    is_recording = values.ndim == 2 and values.shape[1] == 6 and len(values) >= LEAST_ROWS
-    if not (is_recording or values.shape == (6,)):
-        raise InputError(
-            f"noise has shape {values.shape}, expected (6,) standard deviations of a sample, or a recording at rest of "
-            f"at least {LEAST_ROWS} rows (n, 6), all finite"
-        )
-    if not np.isfinite(values).all():
-        raise InputError("noise has a NaN or an infinity, expected finite numbers: leave such samples out")
-    if is_recording:
-        return values.var(axis=0, ddof=1), values - values.mean(axis=0)
-    if (values < 0.0).any():
-        raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
-    return np.square(values), None
 
 
 def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:

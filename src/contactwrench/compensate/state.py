@@ -17,8 +17,10 @@ Row: TypeAlias = list[float]
 Matrix: TypeAlias = list[list[float]]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-PARAMETERS = 24
-"""Of a calibration, at most: those of `affine`."""
+PARAMETERS = 18
+"""Of a calibration, that depend on the orientation, at most: those of `affine`."""
+OCTAVES = 20
+"""Of numbers of samples, over which the noise is learned."""
 THRESHOLDS = 400
 """Knots of the thresholds over the degrees of freedom."""
 INTERVALS = 24
@@ -79,7 +81,7 @@ class State:
     # What follows from the rate.
     interval: float = inf
     longest_gap: float = 1.0
-    slowness: Row = numbers(6, fill=1.0)
+    block_noise: Row = numbers(6, fill=inf)
     lowpass: Matrix = numbers(SECTIONS, 5)
     sensor: Matrix = numbers(SECTIONS, 5)
 
@@ -91,6 +93,13 @@ class State:
     since_fresh: int = 0
     temperature: float = 0.0
     first_temperature: float = nan
+
+    # The noise, where it is learned: means over 1, 2, 4, ... samples, and their differences in pairs.
+    knows_noise: bool = True
+    learns_from: float = nan
+    means: Row = numbers(OCTAVES)
+    first_mean: Matrix = numbers(OCTAVES, 6)
+    squares: Matrix = numbers(OCTAVES, 6)
 
     # Filters and the delay.
     lowpass_memory: Matrix = numbers(2 * SECTIONS, 6)
@@ -118,7 +127,10 @@ class State:
 
     # What free readings are off the calibration, as in bias_tracking.py.
     follows_bias: bool = False
+    follow_until: float = -inf
     walk: Row = numbers(6)
+    flicker: Row = numbers(6)
+    remnant: Row = numbers(6)
     between: Row = numbers(6)
     parameters: int = 0
     H_slope: list[Matrix] = numbers(6, PARAMETERS, 9)
@@ -127,10 +139,11 @@ class State:
     offset_R: Row = numbers(9)
     offset_covariance: Matrix = numbers(6, 6)
     with_calibration: Matrix = numbers(6, PARAMETERS)
-    with_pose: Matrix = numbers(6, 6)
-    change: Matrix = numbers(6, PARAMETERS)
-    left: Matrix = numbers(6, 6)
+    with_pose: Row = numbers(6)
+    moved: Matrix = numbers(6, PARAMETERS)
+    of_eta: Row = numbers(PARAMETERS)
     column: Row = numbers(6)
+    down: Row = numbers(3)
 
     # The block of samples of the last 0.1 s, and the one before.
     block_time: float = 0.0
@@ -141,12 +154,17 @@ class State:
     block_mean: Row = numbers(6)
     block_variance: Row = numbers(6)
     block_R: Row = numbers(9)
+    same_since: float = nan
+    same_mean: Row = numbers(6)
+    same_R: Row = numbers(9)
 
     # The covariance of the contact wrench, `systematic` and of the noise, and the test against it.
     dof: float = 0.0
     fires: Row = numbers(THRESHOLDS)
     ends: Row = numbers(THRESHOLDS)
+    begins: Row = numbers(THRESHOLDS)
     stale: bool = True
+    covariance_time: float = nan
     covariance_R: Row = numbers(9)
     systematic: Matrix = numbers(6, 6, fill=nan)
     noise_left: Row = numbers(6, fill=nan)
@@ -154,6 +172,7 @@ class State:
     whitening: Matrix = numbers(6, 6)
     fire: float = nan
     end: float = nan
+    begin: float = nan
 
     # The contact, and what is kept of it when it has ended.
     touching: bool = False

@@ -5,13 +5,43 @@ from __future__ import annotations
 from math import nan, sqrt
 
 from .bias_tracking import learn
-from .contact_detection import RATE_FOUND, detect, end_contact, far, readings_held, renew_covariance, statistic_of
+from .contact_detection import (
+    NOISE_LEARNED,
+    RATE_FOUND,
+    detect,
+    end_contact,
+    far,
+    readings_held,
+    renew_covariance,
+    statistic_of,
+    stays_the_same,
+)
 from .contact_wrenches import FREE, NOT_JUDGED, TOUCHING
-from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
+from .faults import (
+    BACK,
+    FINE,
+    FROZEN,
+    GAP,
+    LEARNED,
+    LEARNING,
+    NO_PAST,
+    OVERLOAD,
+    SAME,
+    STUCK,
+    standing_still,
+    turned,
+    unreadable,
+)
 from .filters import as_the_wrench_is_stamped, low_pass
-from .state import INTERVALS, Matrix, Sample, State, kernel
+from .state import INTERVALS, OCTAVES, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
+LEARN_SECONDS, LEARN_SAMPLES = 1.0, 50.0
+"""Of free samples, from which the noise is learned: both."""
+RENEW_SECONDS = 5.0
+"""After which the covariance counts again what the bias may have moved."""
+SAME_SECONDS = 10.0
+"""For which a contact does not change at all before it may be a bias that moved."""
 WRENCH_ALONE, WHOLLY = 1, 2
 """What starts anew with the next good sample."""
 ASK = 2
@@ -68,10 +98,16 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
         s.run = s.quiet = 0
     s.since_fresh += 1
     s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
-    if fault in (FINE, OVERLOAD):
+    if not s.knows_noise:
+        s.spoiled, sample.statistic = True, nan
+        if fault == FINE:
+            fault, detail = learn_noise(s, sample)
+    elif fault in (FINE, OVERLOAD):
         if not recovers:
             detect(s, sample)
         sample.contact = TOUCHING if s.touching else FREE
+        if fault == FINE and s.touching and s.time - s.same_since >= SAME_SECONDS:
+            fault, detail = SAME, s.time - s.same_since
     else:
         s.spoiled = True
     if s.time - s.block_time >= BLOCK_SECONDS:
@@ -110,7 +146,7 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     """The contact wrench, filtered: the reading less what the model gives at the wrench's moment, behind the sensor's
     own filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six.
     """
-    down = s.column
+    down = s.down
     x, y, z = down_in_flange(s)
     if s.delay != 0.0:
         x, y, z = as_the_wrench_is_stamped(s, ring, fresh_pose, sample.time, x, y, z)
@@ -122,10 +158,35 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     for k in range(6):
         B = s.B[k]
         left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
-        wrench[k] = left
+        wrench[k] = s.column[k] = left
         total[k] += left
     s.block_rows += 1.0
     low_pass(s.lowpass, s.lowpass_memory, wrench, 6, fresh)
+
+
+@kernel
+def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
+    """The sample's part in the Allan variances: whenever two means over as many samples have come, how far they differ,
+    and their mean, which is one over twice as many. What is to be said of the sample, with a figure.
+    """
+    mean = s.column
+    for octave in range(OCTAVES):
+        s.means[octave] += 1.0
+        first, squares = s.first_mean[octave], s.squares[octave]
+        if s.means[octave] % 2.0 == 1.0:
+            for k in range(6):
+                first[k] = mean[k]
+            break
+        for k in range(6):
+            squares[k] += (mean[k] - first[k]) ** 2
+            mean[k] = 0.5 * (mean[k] + first[k])
+    if s.learns_from != s.learns_from:
+        s.learns_from = sample.time
+    seconds = sample.time - s.learns_from
+    if s.means[0] < LEARN_SAMPLES or seconds < LEARN_SECONDS:
+        return LEARNING, seconds
+    sample.events |= NOISE_LEARNED
+    return LEARNED, seconds
 
 
 @kernel
@@ -155,23 +216,22 @@ def end_block(s: State, settled: int) -> None:
     """Learn from the block of samples before this one, where it, this one and the one before it were all free: so a
     contact that was too weak at first, or fades, is not taken for drift.
     """
-    rows, clean, mean = s.block_rows, not s.spoiled, s.block_sum
-    if s.follows_bias:
-        for k in range(6):
-            mean[k] = mean[k] / rows + s.offset[k]
-        if clean and s.clean_blocks >= 2:
-            learn(s, s.block_R, s.block_time, s.block_mean, s.block_variance)
-        s.clean_blocks = s.clean_blocks + 1 if clean else 0
-        held = readings_held(s)
-        for k in range(6):
-            s.block_mean[k] = mean[k]
-            s.block_variance[k] = s.noise_variance[k] * min(s.slowness[k] * held / rows, 1.0)
-        for k in range(9):
-            s.block_R[k] = s.last_R[k]
-    if s.follows_bias or s.since_fresh < settled + 2.0 * rows:
+    rows, clean, mean, follows = s.block_rows, not s.spoiled, s.block_sum, s.follows_bias or s.time < s.follow_until
+    for k in range(6):
+        mean[k] = mean[k] / rows + s.offset[k]
+    if follows and clean and s.clean_blocks >= 2:
+        learn(s, s.block_R, s.block_time, s.block_mean, s.block_variance)
+    if s.touching:
+        stays_the_same(s, mean)
+    s.clean_blocks = s.clean_blocks + 1 if clean else 0
+    held = readings_held(s)
+    for k in range(6):
+        s.block_mean[k], mean[k] = mean[k], 0.0
+        s.block_variance[k] = min(s.block_noise[k] * held, s.noise_variance[k])
+    for k in range(9):
+        s.block_R[k] = s.last_R[k]
+    if follows or s.since_fresh < settled + 2.0 * rows or s.time - s.covariance_time > RENEW_SECONDS:
         s.stale = True
     s.block_time = s.time
     s.block_rows = 0.0
     s.spoiled = False
-    for k in range(6):
-        s.block_sum[k] = 0.0

@@ -19,7 +19,9 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from .settings import JointTorque, Sensor
 
-HOUR = 3600.0
+HOUR, DAY = 3600.0, 86_400.0
+MINUTE_AT_1_KHZ = 30_000.0
+"""Largest over least frequency: of half the rate, and of once a minute."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,30 @@ class Readings:
 
     wrench: Array
     saturated: NDArray[np.bool_]
+
+
+class OneOverF:
+    """1/f noise (n, 6) as it goes on, of a std (6,) within a minute at 1 kHz: a sum of processes that each forget what
+    they were, four times as slowly as the one before, from a row to a day.
+    """
+
+    def __init__(self, std: Array, period: float, rng: np.random.Generator) -> None:
+        self._rng, memory = rng, period * 4.0 ** np.arange(np.log(DAY / period) / np.log(4.0)) / 2.0
+        self._kept = np.exp(-period / memory) if std.any() else np.empty(0)
+        self._std = std * np.sqrt(np.log(4.0) / np.log(MINUTE_AT_1_KHZ))
+        self._state = self._std * rng.normal(size=(len(self._kept), 6))
+
+    def next(self, rows: int) -> Array:
+        """The next rows (rows, 6)."""
+        from scipy.signal import lfilter
+
+        total = np.zeros((rows, 6))
+        for k, kept in enumerate(self._kept):
+            drawn = np.sqrt(1.0 - kept**2) * self._std * self._rng.normal(size=(rows, 6))
+            part = lfilter([1.0], [1.0, -kept], drawn, axis=0, zi=kept * self._state[k : k + 1])[0]
+            self._state[k] = part[-1]
+            total += part
+        return total
 
 
 class SensorStream:
@@ -47,6 +73,7 @@ class SensorStream:
         self._walk_steps = np.array(sensor.drift.walk) * np.sqrt(self._period / HOUR)
         self._mixing = (np.diag(sensor.gain) + np.array(sensor.crosstalk)).T
         self._noise = np.array([*sensor.noise.force, *sensor.noise.torque])
+        self._one_over_f = OneOverF(np.array(sensor.noise.one_over_f), self._period, rng)
         self._limit = sensor.overload * np.array(sensor.ranges)
         self._warms, self._walks = bool(self._warm_up.any()), bool(self._walk_steps.any())
 
@@ -55,7 +82,7 @@ class SensorStream:
         if len(wrench) == 0:
             return Readings(np.empty((0, 6)), np.empty((0, 6), dtype=bool))
         shown = self._delayed(self._low_passed(wrench @ self._mixing + self._bias(len(wrench))))
-        shown = shown + self._noise * self._rng.standard_normal(shown.shape)
+        shown = shown + self._noise * self._rng.standard_normal(shown.shape) + self._one_over_f.next(len(shown))
         saturated = np.abs(shown) >= self._limit
         shown = np.minimum(np.maximum(shown, -self._limit), self._limit)
         if self._sensor.quantum > 0.0:

@@ -88,12 +88,15 @@ class Base:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of the white noise of one row, per axis. Default: 0.05 % of the ranges (assumed)."""
+    """Standard deviation of the noise of one row, per axis. Default: white, 0.05 % of the ranges (assumed)."""
 
     force: Three = field(default=(0.035, 0.035, 0.035), metadata=between(0.0, 1e6))
     """N."""
     torque: Three = field(default=(0.0015, 0.0005, 0.0005), metadata=between(0.0, 1e6))
     """N m."""
+    one_over_f: Six = field(default=NONE, metadata=between(0.0, 1e6))
+    """Of 1/f noise beside it, within a minute at 1 kHz, N and N m; within ten times as long its variance is a fifth
+    larger."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,208 @@
+"""The Compensator without a stated noise: learned from free samples or known from still segments, white and 1/f; what a
+strong push leaves; and contacts that do not change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.errors import InputError
+from contactwrench.samples.still_noise import still_noise_of
+from tests.support.live import RATE, calibrated, free, still, swinging, times
+from tests.support.rigs import NOISE
+from tests.support.world import Array, Rig, random_rotations, readings
+
+LEARNS = "noise unknown: learned from the first second of free samples, until then no contact is judged"
+
+
+def _compensator(calibration: cw.Calibration, **settings: Any) -> cw.Compensator:
+    return cw.Compensator(calibration, **({"rate": RATE, "fast": False} | settings))
+
+
+def test_without_a_known_noise_no_contact_is_judged_for_a_second() -> None:
+    calibration, rig, rng = calibrated(1)
+    assert calibration.still_noise is None
+    n = 2500
+    R = swinging(rng, n)
+    wrench = free(rig, R, rng)
+    wrench[1800:2200, 1] += 1.0
+    compensator = _compensator(calibration)
+    batch = compensator.run(wrench, R, times(n))
+    assert batch.valid.all()
+    assert set(batch.reason[:1000]) == {LEARNS}
+    assert batch.reason[1000] == (
+        "noise learned: from 1 s of samples that were taken for free; state noise where they were not"
+    )
+    assert set(batch.reason[1001:]) == {None}
+    assert (batch.contact[:1001] == -1).all()
+    assert np.isnan(batch.statistic[:1000]).all()
+    assert not batch.contact[1001:1800].any()
+    assert batch.contact[1810:2200].all()
+    assert np.sqrt(batch.std[-1] ** 2 - calibration.wrench_std(R[-1]) ** 2) == pytest.approx(NOISE, rel=0.3)
+    sample = _compensator(calibration)(wrench[0], R[0], 0.0)
+    assert (sample.contact, sample.reason, sample.valid) == (None, LEARNS, True)
+    stated = _compensator(calibration, noise=NOISE).run(wrench[:5], R[:5], times(5))
+    assert set(stated.reason) == {None}
+
+
+def test_slow_samples_take_longer_to_learn_from() -> None:
+    calibration, rig, rng = calibrated(2)
+    R = still(rng, 100)
+    batch = _compensator(calibration, rate=None).run(free(rig, R, rng), R, np.arange(100) / 10.0)
+    assert np.flatnonzero(batch.contact == 0)[0] == 50
+    assert str(batch.reason[49]).startswith("noise learned: from 4.9 s")
+
+
+def test_a_new_zero_before_the_noise_is_learned_stays() -> None:
+    calibration, rig, rng = calibrated(3)
+    R = still(rng, 1500)
+    wrench = free(rig, R, rng) + 2.0 * np.ones(6)
+    compensator = _compensator(calibration)
+    compensator.run(wrench[:100], R[:100], times(100))
+    compensator.zero(cw.Samples(wrench[:100], R[:100]))
+    batch = compensator.run(wrench[100:], R[100:], times(1500)[100:])
+    assert not (batch.contact == 1).any()
+    assert np.abs(batch.wrench / batch.std).max() < 6.5
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+@pytest.mark.parametrize("rate", [RATE, None])
+def test_compiled_learns_as_plain_does(rate: float | None) -> None:
+    """To the last bit, batches and calls, through learning, what a push leaves, a constant contact."""
+    calibration, rig, rng = calibrated(4)
+    n = 16_000
+    R = still(rng, n)
+    wrench = free(rig, R, rng)
+    wrench[1500:2000, 2] += 30.0
+    wrench[2000:, 2] += 0.08
+    wrench[4000:15_000, 0] += 1.0
+    plain, compiled, single = (_compensator(calibration, rate=rate, lowpass=20.0, fast=f) for f in (False, True, True))
+    one, other = plain.run(wrench, R, times(n)), compiled.run(wrench, R, times(n))
+    for name in ("wrench", "std", "valid", "contact", "statistic", "threshold", "reason"):
+        assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=name not in ("reason",)), name
+    assert np.array_equal(plain.drift, compiled.drift)
+    assert plain.drift[2] > 0.03
+    assert "contact or bias: nothing has changed for 10 s; zero() where nothing touches" in one.reason
+    for k in range(3000):
+        sample = single(wrench[k], R[k], times(n)[k])
+        assert np.array_equal(sample.wrench, one.wrench[k])
+        assert sample.reason == one.reason[k]
+
+
+def _one_over_f(rng: np.random.Generator, n: int) -> Array:
+    """1/f noise (n, 6) by its spectrum, with a std of 1 within a minute at 1 kHz."""
+    f = np.fft.rfftfreq(2 * n, 1.0 / RATE)
+    f[0] = np.inf
+    drawn = rng.normal(size=(len(f), 6, 2)) @ np.array([1.0, 1.0j])
+    spectrum = np.sqrt(2 * n * RATE / 4.0 / np.log(30_000.0) / f)
+    noise: Array = np.fft.irfft(drawn * spectrum[:, None], 2 * n, axis=0)[:n]
+    return noise
+
+
+def _from_stops(rng: np.random.Generator, rig: Rig, slow: float, live: int) -> tuple[cw.Calibration, Array]:
+    """A calibration from 24 stops of 2 s with white noise and `slow` times as much 1/f noise, and the noise (live, 6)
+    that follows.
+    """
+    n, R = 2000, random_rotations(24, rng)
+    noise = NOISE * (rng.normal(size=(24 * n + live, 6)) + slow * _one_over_f(rng, 24 * n + live))
+    rows = readings(rig, R)[:, None] + noise[: 24 * n].reshape(24, n, 6)
+    calibration = cw.calibrate(cw.Samples(rows.reshape(-1, 6), R.repeat(n, axis=0)), "mount")
+    return replace(calibration, still_noise=still_noise_of(list(rows), 1.0 / RATE)), noise[24 * n :]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drift", [None, 0.05])
+@pytest.mark.parametrize("slow", [0.0, 0.2, 1.0])
+def test_one_over_f_noise_behind_a_low_pass_is_no_contact(slow: float, drift: float | None) -> None:
+    """With the calibration's own noise; taken for white, the second makes 4e-3, and the third 0.5 of the samples."""
+    fired, total = 0, 0
+    for seed in range(4):
+        _, rig, _ = calibrated(seed)
+        rng = np.random.default_rng((seed, 5))
+        calibration, noise = _from_stops(rng, rig, slow, 60_000)
+        R = swinging(rng, len(noise))
+        compensator = cw.Compensator(calibration, rate=RATE, lowpass=20.0, drift=drift)
+        batch = compensator.run(readings(rig, R) + noise, R, times(len(noise)))
+        fired, total = fired + int(np.sum(batch.statistic > batch.threshold)), total + len(noise)
+        assert not batch.contacts
+        assert 0.6 < np.sqrt(np.mean((batch.wrench / batch.std) ** 2)) < 1.3
+    assert fired < 1e-3 * total
+
+
+@pytest.mark.parametrize("drift", [None, 0.05])
+@pytest.mark.parametrize("memory", [0.3, 5.0, np.inf])
+def test_what_a_strong_push_leaves_ends_with_it(memory: float, drift: float | None) -> None:
+    """30 N again and again, which leave 0.1 to 0.3 % of themselves, that decays or adds up: every contact ends within a
+    second, and nothing of a push is learned.
+    """
+    calibration, rig, rng = calibrated(6)
+    n = 40_000
+    R, force = swinging(rng, n), np.zeros((n, 6))
+    for start in range(2000, n - 2000, 3000):
+        push = rng.normal(size=3)
+        push *= 30.0 / np.linalg.norm(push)
+        force[start : start + 1000, :3] += push
+        left = rng.uniform(0.001, 0.003) * push
+        force[start + 1000 :, :3] += left * np.exp(-np.arange(n - start - 1000)[:, None] / RATE / memory)
+    compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=drift)
+    batch = compensator.run(free(rig, R, rng) + force, R, times(n))
+    assert len(batch.contacts) == 12
+    for start, contact in zip(range(2000, n - 2000, 3000), batch.contacts, strict=True):
+        assert contact.release == pytest.approx(101.0 + start / RATE, abs=0.2)
+        assert batch.contact[start + 50 : start + 1000].all()
+    assert np.abs(compensator.drift - force[-1]).max() < 0.05
+
+
+def test_a_light_contact_after_a_strong_push_is_neither_lost_nor_learned() -> None:
+    calibration, rig, rng = calibrated(7)
+    n = 60_000
+    R = still(rng, n)
+    wrench = free(rig, R, rng)
+    wrench[2000:3000, 2] += 30.0
+    wrench[6000:, 0] += 0.6
+    compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE, lowpass=20.0, drift=0.05)
+    batch = compensator.run(wrench, R, times(n))
+    assert batch.contact[6100:].all()
+    assert abs(compensator.drift[0]) < 0.05
+
+
+def test_a_contact_that_never_changes_may_be_a_bias_that_stepped() -> None:
+    calibration, rig, rng = calibrated(8)
+    n = 15_000
+    R = still(rng, n)
+    wrench = free(rig, R, rng)
+    wrench[1000:, 1] += 1.0
+    compensator = cw.Compensator(calibration, rate=RATE, noise=NOISE)
+    early = compensator.run(wrench[:6000], R[:6000], times(n)[:6000])
+    assert set(early.reason) == {None}
+    held = cw.Samples(wrench[5000:6000], R[5000:6000])
+    with pytest.raises(InputError, match="no new zero: in contact since"):
+        compensator.zero(held)
+    batch = compensator.run(wrench[6000:], R[6000:], times(n)[6000:])
+    said = [reason for reason in batch.reason if reason]
+    assert 3.7 < len(said) / RATE < 4.0
+    assert said[0] == "contact or bias: nothing has changed for 10 s; zero() where nothing touches"
+    assert (batch.contact == 1).all()
+    assert batch.valid.all()
+    assert compensator.zero(held).shift[1] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("what", ["a hand", "the arm turns"])
+def test_a_contact_that_changes_is_one(what: str) -> None:
+    calibration, rig, rng = calibrated(9)
+    n = 15_000
+    R = still(rng, n) if what == "a hand" else swinging(rng, n)
+    wrench = free(rig, R, rng)
+    wrench[1000:, 1] += 1.0
+    if what == "a hand":
+        wrench[:, 1] += 0.3 * np.sin(0.5 * times(n))
+    batch = cw.Compensator(calibration, rate=RATE, noise=NOISE).run(wrench, R, times(n))
+    assert batch.contact[1100:].all()
+    assert set(batch.reason) == {None}
