@@ -125,6 +125,7 @@ def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...
         J[:, 3:, -2:] = com @ dF
     return J
 
+
 def response(tool: RigidTool) -> Array:
     """C (6, 9): the free wrench less the bias is `C @ vec(R_base_flange)`, row-major."""
     return _response(wrench_matrix(tool)[:, :3], tool.gravity_direction)

@@ -20,7 +20,7 @@ from ..samples.samples import Samples
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
 from .contact_detection import COVARIANCE, ENDED, NOISE_LEARNED, RATE_FOUND, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
-from .faults import BACK, FINE, SAME, Reason, reason_of
+from .faults import BACK, SAME, Reason, reason_of
 from .filters import LowPass, delay_of
 from .noise import SampleNoise, between_poses, of_pairs, of_still_segments, of_variances, stated_noise, with_torques
 from .runner import Compiled, Plain

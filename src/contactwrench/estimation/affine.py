@@ -53,7 +53,9 @@ def fit_affine(readings: PoseReadings, question: Question) -> Estimate:
         held_out=residuals / leverage[:, None] if float(leverage.min()) > 1e-9 else None,
         reduced_chi2=chi2,
         readings_left=np.full(2, 3.0 * (n - 4.0)),
-        singular_values=np.linalg.svd(np.kron(np.diag(1.0 / np.sqrt(variance)), A / np.linalg.norm(A, axis=0)) , compute_uv=False),
+        singular_values=np.linalg.svd(
+            np.kron(np.diag(1.0 / np.sqrt(variance)), A / np.linalg.norm(A, axis=0)), compute_uv=False
+        ),
     )
 
 

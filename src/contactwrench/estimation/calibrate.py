@@ -17,7 +17,6 @@ from ..calibration.calibration import Calibration
 from ..calibration.fields import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import InputError, UnobservableError
-from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from numpy.typing import NDArray
 import numpy as np
+from numpy.typing import NDArray
 
+from ..calibration.fields import Kind
 from ..geometry.arrays import Array
 from ..model import RigidTool
-from ..calibration.fields import Kind
 from .bias_drift import Drift
 
 

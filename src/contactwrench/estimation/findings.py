@@ -57,7 +57,9 @@ WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
 
-def doubts(estimate: Estimate, readings: PoseReadings, question: Question, trade_offs: tuple[str, ...]) -> list[Finding]:
+def doubts(
+    estimate: Estimate, readings: PoseReadings, question: Question, trade_offs: tuple[str, ...]
+) -> list[Finding]:
     """What an estimate from `readings`, those kept, cannot be trusted with."""
     found = uncertain_parameters(estimate, readings, trade_offs)
     estimated = question.noise is None or question.model == "paper"
@@ -73,9 +75,7 @@ def doubts(estimate: Estimate, readings: PoseReadings, question: Question, trade
     return found
 
 
-def uncertain_parameters(
-    fit: Estimate, readings: PoseReadings, trade_offs: tuple[str, ...]
-) -> list[Finding]:
+def uncertain_parameters(fit: Estimate, readings: PoseReadings, trade_offs: tuple[str, ...]) -> list[Finding]:
     """A weight known to worse than 10 %, a com to worse than 10 mm, a force bias to worse than 10 % of the weight, each
     with what it trades off with; then what would mend them.
 
@@ -360,11 +360,16 @@ def assumptions_in_words(estimate: RigidEstimate, question: Question) -> tuple[s
     if beliefs is None or question.model != "auto" or question.earlier is not None:
         return ()
     side = "along" if tool.R_flange_sensor[2, 2] >= 0.0 else "against"
-    tilt, lean = _angle(abs(float(tool.R_flange_sensor[2, 2]))), _angle(float(tool.gravity_direction @ question.gravity_direction))
+    tilt, lean = (
+        _angle(abs(float(tool.R_flange_sensor[2, 2]))),
+        _angle(float(tool.gravity_direction @ question.gravity_direction)),
+    )
     if priors.mount is None:
         of_mounting = f"mounting: as known; sensor's z is found {tilt:.2f} deg off the flange's"
     elif beliefs.any_mounting > 0.5:
-        of_mounting = f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(beliefs.any_mounting, priors.mount)}"
+        of_mounting = (
+            f"mounting: sensor's z is {tilt:.1f} deg off the flange's, {_overruled(beliefs.any_mounting, priors.mount)}"
+        )
     else:
         of_mounting = (
             f"mounting: sensor's z {side} the flange's, {_an_axis(priors.mount)}; found {tilt:.2f} deg off, exactly "
@@ -373,7 +378,9 @@ def assumptions_in_words(estimate: RigidEstimate, question: Question) -> tuple[s
     if priors.base is None:
         of_base = f"base: as known; gravity is found {lean:.2f} deg off that direction"
     elif beliefs.any_base > 0.5:
-        of_base = f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(beliefs.any_base, priors.base)}"
+        of_base = (
+            f"base: gravity is {lean:.1f} deg off the stated direction, {_overruled(beliefs.any_base, priors.base)}"
+        )
     else:
         of_base = (
             f"base: gravity in the stated direction, {_an_axis(priors.base)}; found {lean:.2f} deg off, exactly "

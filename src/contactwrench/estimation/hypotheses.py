@@ -99,7 +99,9 @@ def priors_at(
         return result
     around = rows(known_gravity(tool.gravity_direction, 1.0))[0]
     for k, hypothesis in enumerate(hypotheses):
-        for sd, (I, f, m), volume in zip((hypothesis.mount, hypothesis.base), tilts, (tilts[0][0], around), strict=True):
+        for sd, (I, f, m), volume in zip(
+            (hypothesis.mount, hypothesis.base), tilts, (tilts[0][0], around), strict=True
+        ):
             if sd is None:
                 result.of_volume[k] += volume
             else:

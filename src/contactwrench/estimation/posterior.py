@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
-from ..model import RigidTool, free_wrench, gravity_in_flange, response_jacobian, stepped, wrench_jacobian, wrench_matrix
+from ..model import (
+    RigidTool,
+    free_wrench,
+    gravity_in_flange,
+    response_jacobian,
+    stepped,
+    wrench_jacobian,
+    wrench_matrix,
+)
 from .bias_drift import Kernels
 from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, NoiseModel, gram, solved
@@ -87,9 +95,7 @@ class Table:
         return int(np.argmax(self.members.log_evidence))
 
 
-def table_at(
-    problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]
-) -> Table:
+def table_at(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]) -> Table:
     """All members that count, linearised at `tool`."""
     n = len(problem.wrench)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
@@ -139,9 +145,7 @@ def errors_of(problem: Problem, table: Table, member: int) -> Array:
     return np.asarray(left - strength**2 * drift.columns @ (L.T @ weighted))
 
 
-def settled(
-    problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]
-) -> Table:
+def settled(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]) -> Table:
     """The table at the mean of its own members."""
     table = table_at(problem, tool, kept, hypotheses)
     for _ in range(CENTRINGS):
@@ -268,5 +272,7 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
         diagonal = np.diag(K[:, 15:-1]) - of_one[:, 0] ** 2 / of_one.sum()
     inverse = 1.0 / m.variance[best]
     Z = np.einsum("nj,paj->nap", QX[:, :9], J) * inverse[:, None]
-    D = diagonal[:, None, None] * np.diag(inverse) - np.einsum("nap,pq,nbq->nab", Z, m.covariance[best], Z, optimize=True)
+    D = diagonal[:, None, None] * np.diag(inverse) - np.einsum(
+        "nap,pq,nbq->nab", Z, m.covariance[best], Z, optimize=True
+    )
     return QX[:, 9:] * inverse, D

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.fields import Kind
-from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..model import (
     PARAMETERS,
@@ -289,7 +288,9 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
     change = np.zeros_like(problem.wrench)
     if moved:
         first = tables[0]
-        best = int(np.argmax(np.where(kernels.drift[first.members.kernel] == likeliest, first.members.log_evidence, -np.inf)))
+        best = int(
+            np.argmax(np.where(kernels.drift[first.members.kernel] == likeliest, first.members.log_evidence, -np.inf))
+        )
         change = _change(problem, first, best)
     return Beliefs(
         outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),

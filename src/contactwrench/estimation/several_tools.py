@@ -51,8 +51,8 @@ from .priors import (
     stated_knowledge,
 )
 from .rigid import estimated
-from .sign_ambiguity import checked
 from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
+from .sign_ambiguity import checked
 
 ROUNDS = 10
 SETTLED = 1e-3
@@ -208,9 +208,7 @@ def _message(
     )
 
 
-def _agreeing(
-    found: RigidEstimate, readings: PoseReadings, common: RigidEstimate, sharing: _Sharing
-) -> RigidEstimate:
+def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimate, sharing: _Sharing) -> RigidEstimate:
     """The estimate with the rotations, and their covariance, that all have in common; the rest follows them as its
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """

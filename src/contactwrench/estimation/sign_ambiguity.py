@@ -115,9 +115,7 @@ def require_noise(n: int, parameters: int, left: float, question: Question) -> N
         )
 
 
-def check_sign(
-    estimate: RigidEstimate, readings: PoseReadings, model: str, question: Question
-) -> tuple[Finding, ...]:
+def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, question: Question) -> tuple[Finding, ...]:
     """Refuse readings that a tool explains much better once they are negated (or, the same, gravity is).
 
     `model` yaw, mount or mount+base is fitted to the negated readings. Returns a finding where both fit alike, else
