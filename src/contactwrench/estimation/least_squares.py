@@ -105,7 +105,7 @@ def solved(
         z = np.concatenate([-step, np.ones((len(step), 1))], axis=1)
         squares = np.maximum(np.einsum("mi,maij,mj->ma", z, own, z, optimize=True), 0.0)
         taken = np.einsum("mij,maij->ma", covariance, of_axis) / variance
-        dof = np.maximum(moments.n - 1.0 - taken, LEAST_DOF)
+        dof = np.maximum(moments.n - 1.0 - taken, 0.0)
         before, (variance, spread) = variance, variances(squares, dof, noise)
         if float(np.max(np.abs(variance - before) / variance, initial=0.0)) <= SETTLED:
             break
@@ -128,7 +128,7 @@ def solved(
 
 def _inverse(information: Array) -> tuple[Array, Array]:
     """Inverses (m, p, p) of symmetric positive matrices whose units differ widely, and log determinants (m,)."""
-    unit = np.sqrt(np.maximum(np.einsum("mpp->mp", information), 1e-300))
+    unit = np.sqrt(np.maximum(np.einsum("mpp->mp", information), 1e-60))
     scaled = information / (unit[:, :, None] * unit[:, None, :])
     scaled += RIDGE * np.eye(unit.shape[1])
     inverse = np.linalg.inv(scaled) / (unit[:, :, None] * unit[:, None, :])
@@ -138,7 +138,7 @@ def _inverse(information: Array) -> tuple[Array, Array]:
 def axis_precision(log_variance: Array, dof: Array) -> Array:
     """Precision (6, 6) of the logarithms (6,) of the axes' variances about their optimum, from the `dof` of each."""
     pull = _pull(log_variance.reshape(1, 2, 3))[0]
-    precision = np.diag(0.5 * dof)
+    precision = np.diag(0.5 * np.maximum(dof, LEAST_DOF))
     for group, strength in zip((slice(0, 3), slice(3, 6)), pull, strict=True):
         precision[group, group] += strength * (np.eye(3) - 1.0 / 3.0)
     return precision
@@ -153,11 +153,11 @@ def variances(squares: Array, dof: Array, noise: NoiseModel) -> tuple[Array, Arr
     """
     if noise.stated is not None:
         given = noise.stated.std**2
-        total = dof.sum(axis=1) + noise.stated.dof
+        total = np.maximum(dof.sum(axis=1) + noise.stated.dof, LEAST_DOF)
         scale = ((squares / given).sum(axis=1) + noise.stated.dof) / total
         variance = np.maximum(scale[:, None] * given, noise.least)
         return variance, np.log(total)
-    grouped, left = squares.reshape(-1, 2, 3), dof.reshape(-1, 2, 3)
+    grouped, left = squares.reshape(-1, 2, 3), np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3)
     least = noise.least.reshape(2, 3)
     level = np.log(np.maximum(grouped.sum(axis=2) / left.sum(axis=2), least.mean(axis=1)))
     log_variance = np.repeat(level[:, :, None], 3, axis=2)

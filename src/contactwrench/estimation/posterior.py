@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import Array
 from ..model import (
+    GRAVITY,
     RigidTool,
     free_wrench,
     gravity_in_flange,
@@ -38,6 +39,9 @@ LARGEST_TURN = 0.5
 
 DOUBTED = 22.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
+
+BEYOND_WALL = 0.2
+"""Cosine of the angle to the stated direction: a negative weight there is a positive one, with gravity the other way."""
 
 FEWEST_POSES = 4
 
@@ -71,7 +75,11 @@ class Problem:
         full = np.zeros(len(self.names))
         full[self.columns] = step
         turn = float(np.abs(step[4:]).max(initial=0.0))
-        return stepped(tool, full * min(1.0, LARGEST_TURN / max(turn, LARGEST_TURN)), self.names)
+        moved = stepped(tool, full * min(1.0, LARGEST_TURN / max(turn, LARGEST_TURN)), self.names)
+        d = moved.gravity_direction
+        if moved.weight < 0.0 and GRAVITY[0] in self.names and d @ self.question.gravity_direction < BEYOND_WALL:
+            return replace(moved, weight=-moved.weight, gravity_direction=-d)
+        return moved
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,6 @@ from .priors import (
 )
 from .rigid import estimated
 from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
-from .sign_ambiguity import checked
 
 ROUNDS = 10
 SETTLED = 1e-3
@@ -100,14 +99,11 @@ def calibrate_shared(
     apart = stated_knowledge({name: pair for name, pair in (known or {}).items() if name not in shared})
     sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), apart)
     agreement = _agreement(recorded, sharing)
-    for recording, estimate, asked in zip(recorded, agreement.estimates, agreement.questions, strict=True):
-        with _naming(recording.samples.source):
-            checked(estimate, recording.readings, asked)
     common = agreement.estimates[agreement.leader]
     sources = [recording.samples.source for recording in recorded]
     contradictions = _contradictions(agreement, sources, sharing)
     results = []
-    for recording, estimate in zip(recorded, agreement.estimates, strict=True):
+    for recording, estimate, asked in zip(recorded, agreement.estimates, agreement.questions, strict=True):
         agreed = replace(
             recording,
             estimate=_agreeing(estimate, recording.readings, common, sharing),
@@ -116,7 +112,7 @@ def calibrate_shared(
         others = ", ".join(other.samples.source for other in recorded if other is not recording)
         origin = {"shared": ", ".join(sharing.names), "shared_with": others}
         with _naming(recording.samples.source):
-            results.append(assembled(agreed, question, origin))
+            results.append(assembled(agreed, asked, origin))
     return tuple(results)
 
 
