@@ -14,7 +14,7 @@ from ..geometry.arrays import Array
 from ..model import gravity_in_flange
 from .bias_drift import Drift
 
-PROBABILITY = {Kind.GAIN: 0.08, Kind.CABLE: 0.05, Kind.ROBOT: 0.05}
+PROBABILITY = {Kind.GAIN: 0.2, Kind.CABLE: 0.1, Kind.ROBOT: 0.1}
 FIELD_LENGTH = 0.5
 """rad over which the pull of a cable changes."""
 

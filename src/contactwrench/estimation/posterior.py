@@ -54,7 +54,7 @@ DOUBTED = 28.0
 BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction: a negative weight there is a positive one, with gravity the other way."""
 
-TWO_LEVELS = 0.1
+TWO_LEVELS = 0.3
 """Probability of a bias that comes back in two levels; each pose is on either alike."""
 
 MOST_AS_LEVELS = 3

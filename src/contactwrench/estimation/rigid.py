@@ -216,7 +216,7 @@ def _mean(problem: Problem, tables: list[Table], readings: PoseReadings) -> Rigi
         tool=moved,
         gravity_direction=moved.gravity_direction,
         B=wrench_matrix(moved),
-        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        B_covariance=from_parameters @ covariance @ from_parameters.T + _of_gain(problem, tables, weight),
         covariance=covariance,
         noise=np.sqrt(variance),
         dof=_dof(problem, first, covariance),
@@ -228,6 +228,51 @@ def _mean(problem: Problem, tables: list[Table], readings: PoseReadings) -> Rigi
         singular_values=np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False),
         beliefs=_beliefs(problem, tables, weight, errors),
     )
+
+
+def _of_gain(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """By how much the covariance (24, 24) of B grows because gain and cross-talk are part of what the sensor reads at
+    any orientation: that of B with a slope of its own for each axis, less that of the rigid B, and the slopes found.
+    """
+    added, k, names = np.zeros((24, 24)), 0, problem.names
+    for table in tables:
+        members = table.members
+        of_gain = [j for j in range(len(members.kernel)) if table.kernel_of(j)[0].kind is Kind.GAIN]
+        if of_gain:
+            share = float(sum(weight[k + j] for j in of_gain))
+            best = max(of_gain, key=lambda j: float(members.log_evidence[j]))
+            added += share * _slopes(problem, table, best)
+        k += len(members.kernel)
+    return added
+
+
+def _slopes(problem: Problem, table: Table, member: int) -> Array:
+    """The same for one member."""
+    names, m, kept = problem.names, table.members, table.kept
+    drift, strength = table.kernel_of(member)
+    variance, q = m.variance[member], len(names)
+    D = np.zeros((int(kept.sum()), 6, q + 18))
+    D[:, :, :q] = wrench_jacobian(table.tool, problem.R_base_flange[kept], names)
+    for axis in range(6):
+        D[:, axis, q + 3 * axis : q + 3 * axis + 3] = drift.columns[kept]
+    whitened = (D / np.sqrt(problem.relative[kept, None] * variance)[:, :, None]).reshape(-1, q + 18)
+    errors = (problem.errors(table.tool)[kept] / np.sqrt(problem.relative[kept, None] * variance)).ravel()
+    prior = priors_at(table.tool, names, table.hypotheses, problem.question)
+    known, pull = prior.information[m.hypothesis[member]], prior.pull[m.hypothesis[member]]
+    information, right = whitened.T @ whitened, whitened.T @ errors
+    information[np.ix_(problem.columns, problem.columns)] += known
+    right[problem.columns] += pull
+    information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)
+    unit = np.sqrt(np.diag(information)) + 1e-100
+    covariance = np.linalg.inv(information / np.outer(unit, unit) + 1e-13 * np.eye(q + 18)) / np.outer(unit, unit)
+    to_B = np.zeros((24, q + 18))
+    to_B[:, :q] = matrix_jacobian(table.tool, names)
+    for axis in range(6):
+        to_B[4 * axis : 4 * axis + 3, q + 3 * axis : q + 3 * axis + 3] = np.eye(3)
+    found = to_B[:, q:] @ (covariance @ right)[q:]
+    rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
+    extra: Array = to_B @ covariance @ to_B.T - rigid + np.outer(found, found)
+    return extra
 
 
 def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
