@@ -287,10 +287,13 @@ def test_the_maps_say_between_what_the_std_lies_on_either_half() -> None:
 
 
 def test_the_drawing_names_the_axes_the_centre_of_mass_and_the_weight() -> None:
-    svg = figures.sensor_axes(cw.calibrate(cw.read(PANDA), "mount"))
-    for name in ("x", "y", "z", "flange x", "flange y", "flange z", "7.73 N"):
+    calibration = cw.calibrate(cw.read(PANDA), "mount")
+    assert calibration.weight is not None
+    assert calibration.com is not None
+    svg = figures.sensor_axes(calibration)
+    for name in ("x", "y", "z", "flange x", "flange y", "flange z", f"{calibration.weight:.2f} N"):
         assert f">{name}<" in svg
-    assert ">com 3.8, 6.6, -50.1 mm<" in svg
+    assert f">com {', '.join(f'{1e3 * part:.1f}' for part in calibration.com)} mm<" in svg
     assert figures.sensor_axes(cw.calibrate(cw.read(PANDA), "affine")) == ""
 
 
