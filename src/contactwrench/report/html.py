@@ -129,9 +129,9 @@ def _sentence(text: str) -> str:
 
 def _bias_moved(c: Calibration) -> list[str]:
     """How the left-overs are to be read where the bias moved."""
-    moved = [finding.text.partition(": ")[0] for finding in c.findings if finding.kind in BIAS_MOVED]
+    moved = [finding.kind.value.replace("_", " ") for finding in c.findings if finding.kind in BIAS_MOVED]
     return [
-        f"But {how}. The calibration holds the last bias; the poses before are drawn against it, so their residuals "
+        f"But the {how}. The calibration holds the last bias; the poses before are drawn against it, so their residuals "
         "show by how much theirs was another."
         for how in moved
     ]
