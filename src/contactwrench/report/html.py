@@ -131,8 +131,8 @@ def _bias_moved(c: Calibration) -> list[str]:
     """How the left-overs are to be read where the bias moved."""
     moved = [finding.kind.value.replace("_", " ") for finding in c.findings if finding.kind in BIAS_MOVED]
     return [
-        f"But the {how}. The calibration holds the last bias; the poses before are drawn against it, so their residuals "
-        "show by how much theirs was another."
+        f"But the {how}. The calibration holds the last bias; the poses before are drawn against it, and their "
+        "residuals show by how much theirs was another."
         for how in moved
     ]
 
