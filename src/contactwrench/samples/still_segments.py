@@ -41,6 +41,9 @@ ACCEPTED_TURN = float(0.5 * SAME_POSE_ANGLE)
 MOST_CREEP = 0.01
 """Of the weight: means that differ by more in most stops are no creep of the sensor."""
 
+FOLLOWS, FEWEST_TO_FOLLOW = 5.0, 4
+"""Standard deviations by which segments go on with the change from the one before, and segments that tell."""
+
 MOST_ROWS_FOR_STEP = 100_000
 ROUNDING = 1e-9
 
@@ -154,9 +157,8 @@ def _where_the_reading_stays(
     for segment in segments_between_changes(wrench, noise):
         begin = segment.first + int(np.ceil(SETTLING_MARGIN * (segment.first - before)))
         before = segment.last
-        if segment.steady and begin < segment.last:
-            settled.append(Segment(begin, segment.last, True))
-    settled = settled or _later_half(wrench, noise)
+        if begin < segment.last and (segment.steady or _later_half_is_steady(wrench[begin : segment.last], noise)):
+            settled.append(Segment(begin if segment.steady else (begin + segment.last) // 2, segment.last, True))
     block = blocks.rows * period
     usable = [segment for segment in settled if len(segment) * block >= duration]
     if not usable:
@@ -185,12 +187,11 @@ def _where_the_reading_stays(
     return candidates
 
 
-def _later_half(wrench: Array, noise: NoiseOfMeans) -> list[Segment]:
-    """The later half of a stop in which all moves slowly, no further than a sensor creeps, and that half less."""
-    half = Segment(len(wrench) // 2, len(wrench), True)
-    creep = np.abs(wrench[half.blocks].mean(axis=0) - wrench[: half.first].mean(axis=0))
-    creeps = bool((creep <= MOST_CREEP / ACCEPTED_TURN * noise.least).all())
-    return [half] if creeps and is_steady(wrench[half.blocks], noise) else []
+def _later_half_is_steady(wrench: Array, noise: NoiseOfMeans) -> bool:
+    """Whether a segment (n, 6) moves slowly, no further than a sensor creeps, and its later half less."""
+    earlier, later = np.array_split(wrench, [len(wrench) // 2])
+    creep = np.abs(later.mean(axis=0) - earlier.mean(axis=0)) if len(earlier) else np.inf
+    return bool(np.all(creep <= MOST_CREEP / ACCEPTED_TURN * noise.least)) and is_steady(later, noise)
 
 
 def _agree(wrench: Array, segments: list[Segment], noise: NoiseOfMeans) -> bool:
@@ -227,13 +228,34 @@ def _judged(samples: Samples, candidates: list[_Candidate], window: int, step: A
         each.reason or _saturated(samples, each) or _shakes(own, usual)
         for own, each in zip(scatter, candidates, strict=True)
     ]
-    accepted, rejected = (
-        _segments(
-            samples, [(each, why) for each, why in zip(candidates, reasons, strict=True) if (why is None) == good]
-        )
-        for good in (True, False)
-    )
+    judged = list(zip(candidates, _with_those_that_follow(samples, candidates, reasons), strict=True))
+    accepted = _segments(samples, [one for one in judged if one[1] is None])
+    rejected = _segments(samples, [one for one in judged if one[1] is not None])
     return StillSegments(accepted, rejected, still_noise_of([samples.wrench[each.rows] for each in accepted], period))
+
+
+def _with_those_that_follow(
+    samples: Samples, candidates: list[_Candidate], reasons: list[str | None]
+) -> list[str | None]:
+    """The reasons, and one for each segment whose force goes on with the change from the one before, where most do: no
+    creep depends on where the arm came from, but a filter's tail that is slower than the stops.
+    """
+    force = [np.array_split(samples.wrench[each.rows, :3], 2) for each in candidates]
+    halves = np.array([[half.mean(axis=0) for half in pair] for pair in force])
+    change, drift = halves[:-1, 1] - halves[1:, 1], halves[1:, 0] - halves[1:, 1]
+    free = np.flatnonzero([why is None for why in reasons[1:]])
+    square = np.sum(change**2, axis=1)
+    if len(free) < FEWEST_TO_FOLLOW or not square[free].all():
+        return reasons
+    share = np.sum(change * drift, axis=1) / np.maximum(square, 1e-300)
+    mean = float(np.average(share[free], weights=square[free]))
+    left = np.sum((drift - mean * change)[free] ** 2) / (3.0 * len(free) - 1.0)
+    if mean < max(FOLLOWS * np.sqrt(left / square[free].sum()), ACCEPTED_TURN):
+        return reasons
+    goes_on = np.r_[False, share > 0.5 * mean]
+    by = np.r_[0.0, np.linalg.norm(drift, axis=1)]
+    text = "the force still follows the move before, by {} N: a filter is slower than the stops"
+    return [why or (text.format(two_digits(by[k])) if goes_on[k] else None) for k, why in enumerate(reasons)]
 
 
 def _segments(samples: Samples, candidates: list[tuple[_Candidate, str | None]]) -> tuple[StillSegment, ...]:
