@@ -42,7 +42,7 @@ MOST_CREEP = 0.01
 """Of the weight: means that differ by more in most stops are no creep of the sensor."""
 
 FOLLOWS, FEWEST_TO_FOLLOW = 5.0, 4
-"""Standard deviations by which segments go on with the change from the one before, and segments that tell."""
+"""Standard deviations by which stops go on with the change from the one before, and stops that tell."""
 
 MOST_ROWS_FOR_STEP = 100_000
 ROUNDING = 1e-9
@@ -112,8 +112,8 @@ def still_segments(samples: Samples) -> StillSegments:
     step = _resolution(samples, [blocks.rows_of(segment.first, segment.last) for blocks, segment in arm.segments])
     noise = _noise_of_readings(arm, step)
     candidates = [
-        candidate
-        for blocks, segment in arm.segments
+        replace(candidate, reason=follows or candidate.reason)
+        for (blocks, segment), follows in zip(arm.segments, _following(arm), strict=True)
         for candidate in _where_the_reading_stays(blocks, segment, noise, period, arm.duration)
     ]
     return _judged(samples, candidates, between_gaps[0].rows * arm.window, step, period)
@@ -138,6 +138,23 @@ def _resolution(samples: Samples, ends: list[tuple[int, int]]) -> Array:
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
     rounding = max(ROUNDING * float(np.abs(samples.wrench).max()), 1e-100)
     return np.maximum(np.where(np.isfinite(least), least, 0.0), rounding)
+
+
+def _following(arm: StationaryArm) -> list[str | None]:
+    """For each stop whose force goes on with the change from the one before, where most do, the reason: no creep
+    depends on where the arm came from, but a filter's tail that is slower than the stops.
+    """
+    later = [np.array_split(blocks.wrench[segment.blocks, :3], 4)[2:] for blocks, segment in arm.segments]
+    quarters = np.array([[quarter.mean(axis=0) for quarter in each] for each in later])
+    change, drift = quarters[:-1, 1] - quarters[1:, 1], quarters[1:, 0] - quarters[1:, 1]
+    share = np.r_[0.0, np.sum(change * drift, axis=1) / np.maximum(np.sum(change**2, axis=1), 1e-300)]
+    usual = float(np.median(share[1:])) if len(share) > FEWEST_TO_FOLLOW else 0.0
+    chance = float(np.median(np.abs(share - usual))) / np.sqrt(len(share))
+    if usual < max(FOLLOWS * chance, MOST_CREEP):
+        return [None] * len(share)
+    by = np.r_[0.0, np.linalg.norm(drift, axis=1)]
+    text = "the force still follows the move before, by {} N: a filter is slower than the stops"
+    return [text.format(two_digits(by[k])) if share[k] > 0.5 * usual else None for k in range(len(share))]
 
 
 def _where_the_reading_stays(
@@ -228,34 +245,10 @@ def _judged(samples: Samples, candidates: list[_Candidate], window: int, step: A
         each.reason or _saturated(samples, each) or _shakes(own, usual)
         for own, each in zip(scatter, candidates, strict=True)
     ]
-    judged = list(zip(candidates, _with_those_that_follow(samples, candidates, reasons), strict=True))
+    judged = list(zip(candidates, reasons, strict=True))
     accepted = _segments(samples, [one for one in judged if one[1] is None])
     rejected = _segments(samples, [one for one in judged if one[1] is not None])
     return StillSegments(accepted, rejected, still_noise_of([samples.wrench[each.rows] for each in accepted], period))
-
-
-def _with_those_that_follow(
-    samples: Samples, candidates: list[_Candidate], reasons: list[str | None]
-) -> list[str | None]:
-    """The reasons, and one for each segment whose force goes on with the change from the one before, where most do: no
-    creep depends on where the arm came from, but a filter's tail that is slower than the stops.
-    """
-    force = [np.array_split(samples.wrench[each.rows, :3], 2) for each in candidates]
-    halves = np.array([[half.mean(axis=0) for half in pair] for pair in force])
-    change, drift = halves[:-1, 1] - halves[1:, 1], halves[1:, 0] - halves[1:, 1]
-    free = np.flatnonzero([why is None for why in reasons[1:]])
-    square = np.sum(change**2, axis=1)
-    if len(free) < FEWEST_TO_FOLLOW or not square[free].all():
-        return reasons
-    share = np.sum(change * drift, axis=1) / np.maximum(square, 1e-300)
-    mean = float(np.average(share[free], weights=square[free]))
-    left = np.sum((drift - mean * change)[free] ** 2) / (3.0 * len(free) - 1.0)
-    if mean < max(FOLLOWS * np.sqrt(left / square[free].sum()), ACCEPTED_TURN):
-        return reasons
-    goes_on = np.r_[False, share > 0.5 * mean]
-    by = np.r_[0.0, np.linalg.norm(drift, axis=1)]
-    text = "the force still follows the move before, by {} N: a filter is slower than the stops"
-    return [why or (text.format(two_digits(by[k])) if goes_on[k] else None) for k, why in enumerate(reasons)]
 
 
 def _segments(samples: Samples, candidates: list[tuple[_Candidate, str | None]]) -> tuple[StillSegment, ...]:
