@@ -41,7 +41,7 @@ ACCEPTED_TURN = float(0.5 * SAME_POSE_ANGLE)
 MOST_CREEP = 0.01
 """Of the weight: means that differ by more in most stops are no creep of the sensor."""
 
-FOLLOWS, FEWEST_TO_FOLLOW = 5.0, 4
+FOLLOWS, FEWEST_TO_FOLLOW = 8.0, 4
 """Standard deviations by which stops go on with the change from the one before, and stops that tell."""
 
 MOST_ROWS_FOR_STEP = 100_000
@@ -146,7 +146,7 @@ def _following(arm: StationaryArm) -> list[str | None]:
     """
     later = [np.array_split(blocks.wrench[segment.blocks, :3], 4)[2:] for blocks, segment in arm.segments]
     quarters = np.array([[quarter.mean(axis=0) for quarter in each] for each in later])
-    change, drift = quarters[:-1, 1] - quarters[1:, 1], quarters[1:, 0] - quarters[1:, 1]
+    change, drift = quarters[:-1, 1] - quarters[1:].mean(axis=1), quarters[1:, 0] - quarters[1:, 1]
     share = np.r_[0.0, np.sum(change * drift, axis=1) / np.maximum(np.sum(change**2, axis=1), 1e-300)]
     usual = float(np.median(share[1:])) if len(share) > FEWEST_TO_FOLLOW else 0.0
     chance = float(np.median(np.abs(share - usual))) / np.sqrt(len(share))
