@@ -131,7 +131,8 @@ def creeping(seed: int, stop: float, shape: str, flicker: float) -> Callable[...
         means = wander[: len(t) // 200 * 200].reshape(-1, 200, 6).mean(axis=1)
         wander *= flicker * QUIET / np.sqrt(0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0))
         way = SHAPES[shape](np.minimum((t % (stop + MOVE)) / stop, 1.0))
-        return wrench + wander + by[number] * way[:, None]
+        disturbed: np.ndarray[Any, Any] = wrench + wander + by[number] * way[:, None]
+        return disturbed
 
     return disturb
 
@@ -139,7 +140,7 @@ def creeping(seed: int, stop: float, shape: str, flicker: float) -> Callable[...
 def sensors_that_creep(runs: int) -> Iterator[Row]:
     """Stops used of 2 s and more, and the weight in std, over rates, lengths of stops and delays."""
     used, stops, off = 0, 0, []
-    settings = [f"sensor.noise.force={QUIET[0]}", f"sensor.noise.torque={QUIET[3]}"]
+    settings = [f"sensor.noise.force={QUIET[0]}", f"sensor.noise.torque={QUIET[3]}", "sensor.quantum=0.00001"]
     seed = SEEDS_OF_CREEP
     for rate in (10.0, 100.0, 1000.0):
         for stop in (2.0, 5.0, 20.0):

@@ -90,10 +90,12 @@ def test_it_is_saved_and_read_back_and_checked(tmp_path: Path) -> None:
     rng = np.random.default_rng(11)
     still = np.repeat(R, 100, axis=0)
     wrench = np.repeat(noisy(rig, R, rng).wrench, 100, axis=0) + 0.01 * rng.normal(size=(len(still), 6))
-    recorded = cw.Samples(wrench, still, np.arange(len(still)) / 100.0)
-    noise = still_noise_of([recorded.wrench[100 * k : 100 * k + 100] for k in range(len(R))], 0.01)
+    since = np.repeat(10.0 * np.arange(len(R)), 100) + np.tile(np.arange(100) / 100.0, len(R))
+    kept = cw.calibrate(cw.Samples(wrench, still, since), "mount")
+    noise = kept.still_noise
     assert noise is not None
-    kept = cw.Calibration(**{**vars(calibration), "still_noise": noise})
+    assert noise.duration.tolist() == [0.01, 0.03, 0.1]
+    assert noise.std[0] == pytest.approx(np.full(6, 0.01), rel=0.1)
     kept.save(tmp_path / "with.json")
     again = cw.Calibration.load(tmp_path / "with.json").still_noise
     assert isinstance(again, StillNoise)

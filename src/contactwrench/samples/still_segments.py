@@ -44,6 +44,9 @@ MOST_CREEP = 0.01
 FOLLOWS, FEWEST_TO_FOLLOW = 8.0, 4
 """Standard deviations by which stops go on with the change from the one before, and stops that tell."""
 
+STEPS = 1.5
+"""Of coarse readings, that are no change: a level between two."""
+
 MOST_ROWS_FOR_STEP = 100_000
 ROUNDING = 1e-9
 
@@ -121,12 +124,12 @@ def still_segments(samples: Samples) -> StillSegments:
 
 def _noise_of_readings(arm: StationaryArm, step: Array) -> NoiseOfMeans:
     """The noise of means where the arm stands. No change is what a turn that is accepted does to the reading, the
-    differences between stops standing in for the weight; and one `step` (6,) of coarse readings.
+    differences between stops standing in for the weight; and a `step` (6,) of coarse readings.
     """
     stops = [blocks.wrench[segment.blocks] for blocks, segment in arm.segments]
     levels = np.array([np.median(stop, axis=0) for stop in stops])
     weight = np.repeat(np.sqrt(levels.var(axis=0).reshape(2, 3).sum(axis=1)), 3)
-    least, floor = np.maximum(ACCEPTED_TURN * weight, step), step**2 / (12.0 * arm.segments[0][0].rows)
+    least, floor = np.maximum(ACCEPTED_TURN * weight, STEPS * step), step**2 / (12.0 * arm.segments[0][0].rows)
     most = np.where(weight > 0.0, (MOST_CREEP * weight) ** 2, np.inf)
     return noise_at_all_lengths(stops, arm.window, least, floor, most)
 
@@ -174,8 +177,10 @@ def _where_the_reading_stays(
     for segment in segments_between_changes(wrench, noise):
         begin = segment.first + int(np.ceil(SETTLING_MARGIN * (segment.first - before)))
         before = segment.last
-        if begin < segment.last and (segment.steady or _later_half_is_steady(wrench[begin : segment.last], noise)):
-            settled.append(Segment(begin if segment.steady else (begin + segment.last) // 2, segment.last, True))
+        if not segment.steady:
+            begin += _crept_after(wrench[begin : segment.last], noise)
+        if begin < segment.last:
+            settled.append(Segment(begin, segment.last, True))
     block = blocks.rows * period
     usable = [segment for segment in settled if len(segment) * block >= duration]
     if not usable:
@@ -199,16 +204,19 @@ def _where_the_reading_stays(
             add(end, segment.first, _moves(wrench[end : segment.first], wrench[segment.blocks]))
         add(segment.first, segment.last, None)
         end = segment.last
-    if len(stationary) - end >= 2 * noise.window:
+    if (len(stationary) - end) * block >= duration:  # less is the beginning of the next move
         add(end, len(stationary), _moves(wrench[end:], wrench[usable[-1].first : end]))
     return candidates
 
 
-def _later_half_is_steady(wrench: Array, noise: NoiseOfMeans) -> bool:
-    """Whether a segment (n, 6) moves slowly, no further than a sensor creeps, and its later half less."""
-    earlier, later = np.array_split(wrench, [len(wrench) // 2])
-    creep = np.abs(later.mean(axis=0) - earlier.mean(axis=0)) if len(earlier) else np.inf
-    return bool(np.all(creep <= MOST_CREEP / ACCEPTED_TURN * noise.least)) and is_steady(later, noise)
+def _crept_after(wrench: Array, noise: NoiseOfMeans) -> int:
+    """How many blocks of a segment (n, 6) to leave where it moves: the earlier half where it moves slowly, no further
+    than a sensor creeps, and the later half less; else all.
+    """
+    earlier, later = np.array_split(wrench, 2)
+    moved = np.abs(later.mean(axis=0) - earlier.mean(axis=0)) if len(later) else np.inf
+    creeps = bool(np.all(moved <= MOST_CREEP / ACCEPTED_TURN * noise.least)) and is_steady(later, noise)
+    return len(earlier) if creeps else len(wrench)
 
 
 def _agree(wrench: Array, segments: list[Segment], noise: NoiseOfMeans) -> bool:
