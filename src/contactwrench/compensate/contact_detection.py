@@ -85,7 +85,7 @@ def far(s: State) -> bool:
 
 
 @kernel
-def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) -> None:
+def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
     """The covariance of the contact wrench at the orientation and time of the sample that comes."""
     if restart:
         s.since_fresh = 0
@@ -94,9 +94,9 @@ def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) 
     if s.offset_time != s.offset_time:
         s.offset_time = sample.time
     predict(s, s.R, sample.time)
-    held, filtered = readings_held(s), settling[min(s.since_fresh, len(settling) - 1)]
+    held, settled = readings_held(s), s.since_fresh >= s.settled
     for k in range(6):
-        s.noise_left[k] = min(filtered[k] * held, s.noise_variance[k])
+        s.noise_left[k] = min(s.noise_filtered[k] * held, s.noise_variance[k]) if settled else s.noise_variance[k]
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k])
     whiten(s.systematic, s.noise_left, s.whitening)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)

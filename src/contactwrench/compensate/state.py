@@ -82,6 +82,8 @@ class State:
     interval: float = inf
     longest_gap: float = 1.0
     block_noise: Row = numbers(6, fill=inf)
+    noise_filtered: Row = numbers(6, fill=inf)
+    settled: int = 0
     lowpass: Matrix = numbers(SECTIONS, 5)
     sensor: Matrix = numbers(SECTIONS, 5)
 
@@ -96,7 +98,7 @@ class State:
 
     # The noise, where it is learned: means over 1, 2, 4, ... samples, and their differences in pairs.
     knows_noise: bool = True
-    learns_from: float = nan
+    learn_next: float = inf
     means: Row = numbers(OCTAVES)
     first_mean: Matrix = numbers(OCTAVES, 6)
     squares: Matrix = numbers(OCTAVES, 6)
