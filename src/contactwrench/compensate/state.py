@@ -138,6 +138,7 @@ class State:
     H_slope: list[Matrix] = numbers(6, PARAMETERS, 9)
     offset: Row = numbers(6)
     offset_time: float = nan
+    age: float = 0.0
     offset_R: Row = numbers(9)
     offset_covariance: Matrix = numbers(6, 6)
     with_calibration: Matrix = numbers(6, PARAMETERS)
