@@ -117,7 +117,8 @@ def remnants(memory: float, adds_up: bool, count: int, drift: float | None) -> I
     rng = np.random.default_rng((17, int(10 * min(memory, 1e6))))
     n = int((count * 4.0 + 60.0) * RATE)
     calibration, rig, noise = calibrated(rng, Case(0.02), n)
-    force, begin, spans = np.zeros((n, 6)), 2000, []
+    force, begin = np.zeros((n, 6)), 2000
+    spans: list[tuple[int, int, int]] = []
     for _ in range(count):
         end = begin + int(rng.uniform(0.3, 2.0) * RATE)
         push = rng.normal(size=3)

@@ -17,14 +17,14 @@ from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
-from .contact_detection import COVARIANCE, ENDED, NOISE_LEARNED, RATE_FOUND, readings_held, thresholds
+from .contact_detection import LEARN_FIRST, SAME_SECONDS, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of
 from .filters import LowPass, delay_of
-from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, stated_noise, with_torques
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import Compiled, Plain
-from .state import INTERVALS, SAMPLE, State
-from .step import ASK, BLOCK_SECONDS, LEARN_FIRST, SAME_SECONDS, WHOLLY, WRENCH_ALONE
+from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, SAMPLE, State
+from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
@@ -96,15 +96,15 @@ class Compensator:
             raise InputError(f"delay is {s.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
         s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
         s.minimum_duration = _positive(minimum_duration, "minimum duration", "s") - 1e-9
-        s.ranges = _six(ranges, "range", inf, least=np.finfo(float).tiny)
-        s.per_kelvin = _six(temperature_coefficient, "temperature coefficient", 0.0)
+        s.ranges = six_numbers(ranges, "range", inf, least=np.finfo(float).tiny)
+        s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", 0.0)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         s.dof = calibration.dof
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
         s.follows_bias = drift is not None
-        of_an_hour = _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
+        of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
         s.walk = [std * std / HOUR for std in of_an_hour]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
@@ -144,14 +144,12 @@ class Compensator:
         said, result = self._runner.step(reading, turn, t, nan if temperature is None else temperature)
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
-        sample = self._runner.sample
-        if sample.events:
-            self._attend(int(sample.events))
-        fault, contact = int(sample.fault), None if sample.contact == NOT_JUDGED else bool(sample.contact)
+        events, fault, detail, channel, judged = self._runner.told()
+        if events:
+            self._attend(events)
+        contact = None if judged == NOT_JUDGED else bool(judged)
         std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
-        return ContactWrench(
-            result, std, float(t), fault <= SAME, reason_of(fault, float(sample.detail), int(sample.channel)), contact
-        )
+        return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
 
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
@@ -294,19 +292,6 @@ class Compensator:
         covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
         mean = np.array(s.contact_sum) / rows
         return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
-
-
-def _six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:
-    """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
-    if values is None:
-        return [default] * 6
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
-        raise InputError(
-            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
-        )
-    numbers: list[float] = array.tolist()
-    return numbers
 
 
 def _positive(value: float, what: str, unit: str) -> float:

@@ -5,6 +5,7 @@ and behind a filter. Noise that is not white falls more slowly than with their n
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,7 +78,8 @@ class SampleNoise:
         noise.
         """
         gain = 1.0 if low_pass is None else low_pass.noise_gain(rate)
-        return np.maximum(gain * self.allan_of(np.ones(1))[0], self.of_mean(1.0 / gain))
+        variance: Array = np.maximum(gain * self.allan_of(np.ones(1))[0], self.of_mean(1.0 / gain))
+        return variance
 
 
 def stated_noise(noise: ArrayLike) -> SampleNoise:
@@ -97,7 +99,8 @@ def stated_noise(noise: ArrayLike) -> SampleNoise:
         raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
     if not is_recording:
         return of_variances(np.ones(1), np.square(values)[None])
-    pairs, squares = [], []
+    pairs: list[float] = []
+    squares: list[Array] = []
     while len(values) >= 2:
         first, second = values[: len(values) // 2 * 2].reshape(-1, 2, 6).swapaxes(0, 1)
         pairs.append(len(first))
@@ -123,7 +126,7 @@ def of_pairs(pairs: Array, squares: Array) -> SampleNoise:
     """
     enough = max(int(np.sum(pairs >= LEAST_PAIRS)), 1)
     pairs, allan = pairs[:enough], 0.5 * squares[:enough] / pairs[:enough, None]
-    return of_variances(2.0 ** np.arange(enough), allan, allan[-1])
+    return of_variances(2.0 ** np.arange(enough, dtype=np.float64), allan, allan[-1])
 
 
 def of_still_segments(still: StillNoise, rate: float) -> SampleNoise:
@@ -162,6 +165,19 @@ def with_torques(values: ArrayLike) -> Array:
             f"found {values!r}, expected numbers: one in N, or six, N of forces and N m of torques"
         ) from None
     return array * PER_NEWTON if array.ndim == 0 else array
+
+
+def six_numbers(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:
+    """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
+    if values is None:
+        return [default] * 6
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
+        raise InputError(
+            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
+        )
+    numbers: list[float] = array.tolist()
+    return numbers
 
 
 def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:

@@ -23,6 +23,7 @@ from .step import take
 MOMENT = 1.0
 """s: what takes longer is said."""
 ROWS_AT_ONCE = 128
+TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
@@ -34,6 +35,11 @@ class Plain:
         self.state: Any = state
         self.sample: Any = Sample()
         self._ring = ring.tolist()
+
+    def told(self) -> tuple[Any, ...]:
+        """`TOLD` of the last sample."""
+        sample = self.sample
+        return sample.events, sample.fault, sample.detail, sample.channel, sample.contact
 
     def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
@@ -73,7 +79,12 @@ class Compiled:
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
+        self._told = [self._samples[name] for name in TOLD]
         self._time, self._temperature, self._said = (self._samples[name] for name in ("time", "temperature", "said"))
+
+    def told(self) -> tuple[Any, ...]:
+        """`TOLD` of the last sample."""
+        return tuple(column.item() for column in self._told)
 
     def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""

@@ -30,6 +30,9 @@ SECTIONS = 2
 LOG_SAME_UNSEEN = -0.0207
 """Of a channel that never moved: it may repeat 10,000 times."""
 
+ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
+"""Events of a sample: a contact ended, the rate is known, the covariance is another, the noise is learned."""
+
 KERNEL: list[Callable[..., Any]] = []
 
 

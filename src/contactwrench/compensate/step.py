@@ -5,43 +5,15 @@ from __future__ import annotations
 from math import nan, sqrt
 
 from .bias_tracking import learn
-from .contact_detection import (
-    NOISE_LEARNED,
-    RATE_FOUND,
-    detect,
-    end_contact,
-    far,
-    readings_held,
-    renew_covariance,
-    statistic_of,
-    stays_the_same,
-)
-from .contact_wrenches import FREE, NOT_JUDGED, TOUCHING
-from .faults import (
-    BACK,
-    FINE,
-    FROZEN,
-    GAP,
-    LEARNED,
-    LEARNING,
-    NO_PAST,
-    OVERLOAD,
-    SAME,
-    STUCK,
-    standing_still,
-    turned,
-    unreadable,
-)
+from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
+from .contact_wrenches import NOT_JUDGED
+from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
-from .state import INTERVALS, OCTAVES, Matrix, Sample, State, kernel
+from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
-LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
-"""s of free samples, and samples, from which the noise is learned; anew with twice as many, up to the last."""
 RENEW_SECONDS = 5.0
 """After which the covariance counts again what the bias may have moved."""
-SAME_SECONDS = 10.0
-"""For which a contact does not change at all before it may be a bias that moved."""
 WRENCH_ALONE, WHOLLY = 1, 2
 """What starts anew with the next good sample."""
 ASK = 2
@@ -109,23 +81,6 @@ def follow(s: State, sample: Sample, ring: Matrix) -> tuple[int, float, int]:
 
 
 @kernel
-def judge(s: State, sample: Sample, recovers: bool) -> tuple[int, float]:
-    """Whether something touches, once the noise is known; what is to be said of the sample, with a figure."""
-    said, detail = FINE, 0.0
-    if s.learn_next <= LEARN_LAST and not s.touching and s.run == 0:
-        said, detail = learn_noise(s, sample)
-    if not s.knows_noise:
-        s.spoiled, sample.statistic = True, nan
-        return said, detail
-    if not recovers:
-        detect(s, sample)
-    sample.contact = TOUCHING if s.touching else FREE
-    if s.touching and s.time - s.same_since >= SAME_SECONDS:
-        return SAME, s.time - s.same_since
-    return said, detail
-
-
-@kernel
 def arrive(s: State, sample: Sample, restart: bool) -> None:
     """The sample is taken: count the time since the last, or begin anew, so that nothing of before is compared with
     what comes.
@@ -172,30 +127,6 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
         total[k] += left
     s.block_rows += 1.0
     low_pass(s.lowpass, s.lowpass_memory, wrench, 6, fresh)
-
-
-@kernel
-def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
-    """The sample's part in the Allan variances: whenever two means over as many samples have come, how far they differ,
-    and their mean, which is one over twice as many. What is to be said of the sample, with a figure.
-    """
-    mean = s.column
-    for octave in range(OCTAVES):
-        s.means[octave] += 1.0
-        first, squares = s.first_mean[octave], s.squares[octave]
-        if s.means[octave] % 2.0 == 1.0:
-            for k in range(6):
-                first[k] = mean[k]
-            break
-        for k in range(6):
-            squares[k] += (mean[k] - first[k]) ** 2
-            mean[k] = 0.5 * (mean[k] + first[k])
-    seconds = s.means[0] * s.interval
-    if s.means[0] < LEARN_SAMPLES or seconds < s.learn_next:
-        return FINE if s.knows_noise else LEARNING, seconds
-    s.learn_next = 2.0 * seconds
-    sample.events |= NOISE_LEARNED
-    return LEARNED, seconds
 
 
 @kernel
