@@ -79,7 +79,6 @@ def _turns(problem: Problem, table: Table, member: int) -> Array:
     drift, strength = table.kernel_of(member)
     variance, relative = m.variance[member], problem.relative[kept]
     D = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
-    n, _, q = D.shape
     weighted = np.stack(
         [precision_times(drift.columns[kept], strength, relative, D[:, axis]) / variance[axis] for axis in AXES], axis=1
     )

@@ -19,7 +19,7 @@ from .hypotheses import Hypothesis, priors_at
 from .moments import precision_times
 from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying
-from .tables import FAR, Problem, Table, errors_of, near_kernels, settled, table_at
+from .tables import FAR, Problem, Table, explained, near_kernels, settled, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
@@ -102,8 +102,8 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
         flipped[worst] = False
         sets.append(flipped)
     if not kept.all():
-        errors = errors_of(problem, table, member)
-        squared = np.sum(errors**2 / m.variance[member], axis=1)
+        left, known = explained(problem, table, member)
+        squared = np.sum((left - known) ** 2 / m.variance[member], axis=1)
         nearest = int(np.argmin(np.where(kept, np.inf, squared)))
         flipped = kept.copy()
         flipped[nearest] = True

@@ -14,6 +14,7 @@ from ..model import (
     wrench_jacobian,
     wrench_matrix,
 )
+from .bias_drift import Drift
 from .estimate import Beliefs, RigidEstimate
 from .least_squares import gram
 from .moments import moments_of, precision_times
@@ -21,7 +22,7 @@ from .noise import MOST_DOF, PoseReadings
 from .orientation_covariance import of_orientation
 from .posterior import deleted_errors
 from .priors import rows_of
-from .tables import Problem, Table, errors_of
+from .tables import Problem, Table, explained
 
 DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
 """Errors that a new orientation has anew."""
@@ -66,7 +67,8 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     variance = variance + _of_levels(problem, tables, weight)
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
-    errors = errors_of(problem, first, best)
+    left_by, known_of_bias = explained(problem, first, best)
+    errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in BIAS_MOVED else left_by
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
     known = rows_of(problem.question.knowledge, moved, names)
     whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
@@ -87,7 +89,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         held_out=deleted_errors(problem, first),
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
-        singular_values=np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False),
+        singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         beliefs=_beliefs(problem, tables, weight, errors),
     )
 
@@ -118,7 +120,7 @@ def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
             if drift.kind in DIFFER_ANEW:
                 share = float(np.mean(np.sum((drift.columns - drift.columns.mean(axis=0)) ** 2, axis=1)))
                 if drift.kind is Kind.TWO_LEVELS:
-                    added += weight[k] * np.mean(_change(problem, table, member) ** 2, axis=0)
+                    added += weight[k] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
                 else:
                     added += weight[k] * share * strength**2 * table.members.variance[member]
             k += 1
@@ -188,19 +190,20 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
     moved: dict[Kind, float] = {}
     of_kind: dict[Kind, float] = {}
     of_drift: dict[int, float] = {}
-    for drift, share in zip(drifts, weight, strict=True):
-        if drift.kind in BIAS_MOVED:
-            moved[drift.kind] = moved.get(drift.kind, 0.0) + float(share)
-            of_drift[id(drift)] = of_drift.get(id(drift), 0.0) + float(share)
-        elif drift.kind is not None:
-            of_kind[drift.kind] = of_kind.get(drift.kind, 0.0) + float(share)
+    for one, share in zip(drifts, weight, strict=True):
+        if one.kind is not None:
+            of = moved if one.kind in BIAS_MOVED else of_kind
+            of[one.kind] = of.get(one.kind, 0.0) + float(share)
+        if one.kind in BIAS_MOVED:
+            of_drift[id(one)] = of_drift.get(id(one), 0.0) + float(share)
     likeliest = max(of_drift, key=lambda drift: of_drift[drift], default=None)
-    drift, change = None, np.zeros_like(problem.wrench)
+    drift: Drift | None = None
+    change = np.zeros_like(problem.wrench)
     for k in np.argsort(-weight):
         if id(drifts[k]) == likeliest:
             drift = drifts[k]
             before = int(np.sum(of_table < of_table[k]))
-            change = _change(problem, tables[of_table[k]], int(k) - before)
+            change = explained(problem, tables[of_table[k]], int(k) - before)[1]
             break
     return Beliefs(
         outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),
@@ -213,16 +216,3 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
         any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)),
         any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)),
     )
-
-
-def _change(problem: Problem, table: Table, member: int) -> Array:
-    """What a member says each pose's bias was off the last one, (n, 6)."""
-    drift, strength = table.kernel_of(member)
-    J = response_jacobian(table.tool, problem.names)
-    moved = np.einsum("p,paj->aj", table.members.step[member], J)
-    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
-    L, variance = drift.columns[table.kept], problem.relative[table.kept]
-    both = precision_times(L, strength, variance, np.column_stack([np.ones(len(L)), errors[table.kept]]))
-    left = both[:, 1:] - both[:, :1] * both[:, 1:].sum(axis=0) / both[:, 0].sum()
-    change: Array = strength**2 * drift.columns @ (L.T @ left)
-    return change

@@ -47,13 +47,13 @@ LARGEST_TURN = 0.5
 """rad in one step."""
 
 BEYOND_WALL = 0.2
-"""Cosine of the angle to the stated direction: a negative weight there is a positive one, with gravity the other way."""
+"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned round."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of how the bias may have moved, the parameters
-    `names`, the question and what is known of the noise.
+    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`, the
+    question and what is known of the noise.
     """
 
     R_base_flange: Array
@@ -140,8 +140,8 @@ def table_at(
         pairs = np.full(len(hypotheses), likeliest), all_hypotheses
         of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
     together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
-    pairs = np.nonzero(together > -NEAR)
-    members = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise)
+    k, h = np.nonzero(together > -NEAR)
+    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
     members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
     table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
     return replace(
@@ -155,28 +155,24 @@ def _of_the_rest(problem: Problem, table: Table) -> float:
     rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
     if not out.any():
         return float(rest)
-    errors, variance = errors_of(problem, table, table.best)[out], table.members.variance[table.best]
+    left, known = explained(problem, table, table.best)
+    errors, variance = (left - known)[out], table.members.variance[table.best]
     density = log_density_outlying(errors / np.sqrt(variance))
     return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
 
 
-def errors_of(problem: Problem, table: Table, member: int) -> Array:
-    """What a member leaves in all readings (n, 6), its bias and what it knows of the bias' change taken out."""
-    m = table.members
-    J = response_jacobian(table.tool, problem.names)
-    n = len(problem.wrench)
-    moved = np.einsum("p,paj->aj", m.step[member], J)
-    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(n, 9) @ moved.T
+def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array]:
+    """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that its kernel knows:
+    the change of the bias, the pull of a cable.
+    """
+    moved = np.einsum("p,paj->aj", table.members.step[member], response_jacobian(table.tool, problem.names))
+    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
     drift, strength = table.kernel_of(member)
     L, variance = drift.columns[table.kept], problem.relative[table.kept]
-    one = np.ones((len(L), 1))
-    of_one = precision_times(L, strength, variance, one)
-    bias = of_one[:, 0] @ errors[table.kept] / float(of_one.sum())
-    left = errors - bias
-    if not drift.columns.shape[1]:
-        return left
-    weighted = precision_times(L, strength, variance, left[table.kept])
-    return np.asarray(left - strength**2 * drift.columns @ (L.T @ weighted))
+    both = precision_times(L, strength, variance, np.column_stack([np.ones(len(L)), errors[table.kept]]))
+    bias = both[:, 1:].sum(axis=0) / both[:, 0].sum()
+    known = strength**2 * drift.columns @ (L.T @ (both[:, 1:] - both[:, :1] * bias))
+    return errors - bias, known
 
 
 def settled(
