@@ -80,7 +80,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         tool=moved,
         gravity_direction=moved.gravity_direction,
         B=wrench_matrix(moved),
-        B_covariance=from_parameters @ covariance @ from_parameters.T + of_B,
+        B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
         dof=_dof(problem, first, covariance),
@@ -90,6 +90,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
+        gain_covariance=of_B if of_B.any() else None,
         beliefs=_beliefs(problem, tables, weight, errors),
     )
 
