@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
 from .moments import Moments
-from .noise_model import NoiseModel
+from .noise import NoiseModel
 
 MOST_PASSES = 12
 SETTLED = 5e-3

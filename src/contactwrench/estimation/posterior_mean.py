@@ -19,7 +19,7 @@ from .estimate import Beliefs, RigidEstimate
 from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
-from .orientation_covariance import of_orientation
+from .orientation_errors import of_orientation
 from .posterior import deleted_errors
 from .priors import rows_of
 from .tables import Problem, Table, explained

@@ -19,8 +19,7 @@ from .hypotheses import Hypothesis, hypotheses_of, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .least_squares import gram
 from .moments import moments_of
-from .noise import PoseReadings, relative_variances
-from .noise_model import NoiseModel
+from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import PROBABILITY, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of

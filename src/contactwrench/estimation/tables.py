@@ -25,7 +25,7 @@ from .bias_drift import Drift, Kernels
 from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, gram, solved
 from .moments import moments_of, precision_times
-from .noise_model import NoiseModel
+from .noise import NoiseModel
 from .outliers import log_density_outlying, log_prior_outlying
 from .priors import Question
 
