@@ -35,19 +35,23 @@ MOST_POSES = 100
 """With more, poses taken on the way most often, only the sensor's gain is looked for."""
 
 
-def orientation_errors(R_base_flange: Array, gravity_direction: Array) -> tuple[Drift, ...]:
+def orientation_errors(R_base_flange: Array, gravity_direction: Array) -> dict[Kind, Drift]:
     """Columns (n, q) of unit strength: of gain and cross-talk, of a cable, of the robot's orientation."""
     n = len(R_base_flange)
     r = gravity_in_flange(R_base_flange, gravity_direction)
     gain = Drift(Kind.GAIN, r)
     if n > MOST_POSES:
-        return (gain,)
+        return {Kind.GAIN: gain}
     flat = R_base_flange.reshape(n, 9)
     chord = np.maximum(6.0 - 2.0 * flat @ flat.T, 0.0)  # ||R_i - R_j||^2, about twice the squared angle
     cable = np.exp(-chord / (4.0 * FIELD_LENGTH**2))
     apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     robot = CORRELATION**apart * (r @ r.T)
-    return gain, Drift(Kind.CABLE, _root(cable)), Drift(Kind.ROBOT, _root(robot))
+    return {
+        Kind.GAIN: gain,
+        Kind.CABLE: Drift(Kind.CABLE, _root(cable)),
+        Kind.ROBOT: Drift(Kind.ROBOT, _root(robot)),
+    }
 
 
 def _root(covariance: Array) -> Array:
@@ -143,6 +147,6 @@ def _turns(problem: Problem, table: Table, member: int) -> Array:
 
 
 def _inverse(information: Array) -> Array:
-    unit = np.sqrt(np.diag(information)) + 1e-100
+    unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100
     scaled = information / np.outer(unit, unit) + 1e-13 * np.eye(len(unit))
     return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))

@@ -47,13 +47,13 @@ LARGEST_TURN = 0.5
 """rad in one step."""
 
 BEYOND_WALL = 0.2
-"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned round."""
+"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`, the
-    question and what is known of the noise.
+    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`,
+    the question and what is known of the noise.
     """
 
     R_base_flange: Array
