@@ -35,7 +35,7 @@ ALIKE = 0.5
 """rad: orientations this far apart share 1/e of what poses differ by."""
 LEAST_PIVOT = 1e-14
 """Of a covariance, over its diagonal: less is rounding."""
-AGE = 300.0
+AGE = 100.0
 """s: a calibration is at least as old when the first sample comes, as to 1/f noise."""
 LEVEL_KNOWN = 20.0
 """s: over which 1/f noise counts as noise of the samples; by how much more it wanders in longer times, as drift."""

@@ -1,6 +1,4 @@
-"""What stands around the step of step.py, the only class with state: settings, what the rate decides, a new zero, and
-results.
-"""
+"""Around the step of step.py, the only class with state: settings, what the rate decides, a new zero, results."""
 
 from __future__ import annotations
 
