@@ -63,9 +63,10 @@ def test_slow_samples_take_longer_to_learn_from() -> None:
 
 
 def test_a_new_zero_before_the_noise_is_learned_stays() -> None:
+    """Also where the poses are means, with less noise than a sample."""
     calibration, rig, rng = calibrated(3)
     R = still(rng, 1500)
-    wrench = free(rig, R, rng) + 2.0 * np.ones(6)
+    wrench = free(rig, R, rng, noise=10.0) + 2.0 * np.ones(6)
     compensator = _compensator(calibration)
     compensator.run(wrench[:100], R[:100], times(100))
     compensator.zero(cw.Samples(wrench[:100], R[:100]))
