@@ -187,7 +187,7 @@ MOST_MOVED = 5.0
 
 def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise | None) -> tuple[Array, Array, Array]:
     """What the calibration leaves of the samples on average (6,), the variance (6,) of that, and their orientation
-    (3, 3). Where no noise is known it is taken from the samples. Raises `InputError` where they turn, scatter or move by
+    (3, 3). Where no noise is known it is that of the samples. Raises `InputError` where they turn, scatter or move by
     more than noise does, or are too few.
     """
     n = len(samples)
