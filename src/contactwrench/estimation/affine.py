@@ -12,10 +12,11 @@ from ..calibration.observability import require_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, free_wrench, gravity_in_flange
 from .estimate import Estimate
-from .least_squares import NoiseModel, variances
 from .noise import PoseReadings, relative_variances
+from .noise_model import NoiseModel
 from .priors import Question
 
+PASSES = 20
 COLUMNS = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
 MIRRORED = Finding(
     Kind.MIRRORED_AXIS,
@@ -35,7 +36,10 @@ def fit_affine(readings: PoseReadings, question: Question) -> Estimate:
     residuals = readings.wrench - free_wrench(B, r)
     left = np.full((1, 6), n - 4.0)
     noise = NoiseModel(readings.least_variance, question.noise, relative_variances(question.noise))
-    variance = variances(np.sum(residuals**2, axis=0)[None], np.maximum(left, 1e-3), noise)[0][0]
+    log_variance = np.log(noise.start)[None]
+    for k in range(PASSES):
+        log_variance = noise.improved(log_variance, np.sum(residuals**2, axis=0)[None], left, first=k == 0)
+    variance = np.exp(log_variance[0])
     covariance = np.kron(np.diag(variance), (Vt.T / s**2) @ Vt)
     leverage = 1.0 - np.sum(U**2, axis=1)
     stated = question.noise

@@ -27,7 +27,7 @@ ANY_MOUNTING, ANY_BASE = 0.03, 0.02
 """That a mounting, or a base, points anywhere."""
 
 COM_SD = 0.15
-"""m: a tool's size, which keeps what poor poses cannot tell from going further."""
+"""m: a tool's size, which keeps what poor poses cannot tell from going further; what is surely further off goes free."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,8 @@ def priors_at(
         return J.T @ J, J.T @ known.residuals, float(known.residuals @ known.residuals)
 
     auto = question.model == "auto" and question.earlier is None
-    pieces = (*question.knowledge, *((known_com(np.zeros(3), np.full(3, COM_SD)),) if auto else ()))
+    within = np.full(3, np.hypot(COM_SD, np.linalg.norm(tool.com)))
+    pieces = (*question.knowledge, *((known_com(np.zeros(3), within),) if auto else ()))
     p = len(columns)
     common = [rows(piece) for piece in pieces]
     information = sum((part[0] for part in common), np.zeros((p, p)))

@@ -9,6 +9,7 @@ evidence beside everything else (posterior.py).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -28,8 +29,8 @@ SUBSETS, OF_SUBSET = 120, 4
 FEW = 8
 CONCENTRATIONS, FINALISTS = 2, 12
 MOST_CONCENTRATIONS = 20
-DOUBTED = 1e-3
-"""Probability of a distance this large, beyond which the search doubts a pose."""
+VARIANCE_PASSES = 3
+FEWEST_POSES = 5
 
 
 def log_prior_outlying(n: int, k: int) -> float:
@@ -37,6 +38,8 @@ def log_prior_outlying(n: int, k: int) -> float:
     if k == 0:
         return float(np.log1p(-PROBABILITY))
     most = max(int(MOST_SHARE * n), 1)
+    if k > most:
+        return -np.inf
     share = 1.0 / (k * np.sum(1.0 / np.arange(1, most + 1)))
     sets = math.lgamma(n + 1.0) - math.lgamma(k + 1.0) - math.lgamma(n - k + 1.0)
     return float(np.log(PROBABILITY * share) - sets)
@@ -59,28 +62,24 @@ def log_density_outlying(errors: Array) -> float:
 def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever: float) -> NDArray[np.bool_]:
     """The poses (n,) that belong together: `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which
     `information` (q, q) and `pull` (q,) are known; `lever` m compares a torque with a force.
-    """
-    from scipy.special import chdtri
 
+    In the order in which the poses are off the best trimmed fit, those are left out that the evidence of a steady bias
+    would leave out.
+    """
     n = len(errors)
-    h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, 5))
-    if n < 5:
+    if n < FEWEST_POSES:
         return np.ones(n, dtype=bool)
+    h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, FEWEST_POSES))
     problem = _Trimmed(J, errors, information, pull, lever, h)
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
-    score = problem.score(kept)
-    best = kept[np.argsort(score)[:FINALISTS]]
+    best = kept[np.argsort(problem.fit(kept).score)[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
-    last = best[int(np.argmin(problem.score(best)))][None]
-    limit = float(chdtri(6.0, DOUBTED))
+    clean = np.asarray(best[int(np.argmin(problem.fit(best).score))], dtype=bool)
     for _ in range(MOST_CONCENTRATIONS):
-        distance = problem.distance(last)[0]
-        typical = np.partition(distance, h - 1)[h - 1] / float(chdtri(6.0, max(1.0 - (h - 0.5) / n, 1.0 / (4.0 * n))))
-        clean = distance <= limit * max(float(typical), 1e-300)
-        if int(clean.sum()) < h or (clean == last[0]).all():
+        before, clean = clean, problem.likeliest(problem.fit(clean[None]).distance[0])
+        if (clean == before).all():
             break
-        last = clean[None]
-    return np.asarray(last[0], dtype=bool)
+    return clean
 
 
 def _subsets(n: int) -> NDArray[np.bool_]:
@@ -108,46 +107,70 @@ class _Trimmed:
         n, _, q = J.shape
         columns = np.concatenate([J, errors[..., None]], axis=2)
         groups = columns.reshape(n, 2, 3, q + 1)
+        squared = np.sum((errors / self.unit) ** 2, axis=1)
+        self.rough = max(float(np.median(squared)) / 6.0, 1e-20)
         self.products = np.einsum("ngap,ngaq->gnpq", groups, groups).reshape(2, n, -1)
 
-    def distance(self, kept: NDArray[np.bool_]) -> Array:
-        """Squared distances (k, n) from the fits to the poses kept (k, n), in units of what is left in those."""
+    def fit(self, kept: NDArray[np.bool_]) -> _Fits:
+        """The fits to the poses kept (k, n), forces and torques with variances of their own."""
         k, n = kept.shape
         q = self.J.shape[2]
         products = (kept.astype(np.float64) @ self.products).reshape(2, k, q + 1, q + 1)
-        variance = np.ones((2, k)) * np.array([1.0, self.unit[3] ** 2])[:, None] * self._rough()
-        for _ in range(3):
+        variance = np.array([1.0, self.unit[3] ** 2])[:, None] * self.rough * np.ones((2, k))
+        count = kept.sum(axis=1)
+        freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
+        for _ in range(VARIANCE_PASSES):
             total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
-            information = total[:, :q, :q] + self.information
-            unit = np.sqrt(np.einsum("kpp->kp", information)) + 1e-300
-            units = unit[:, :, None] * unit[:, None, :]
-            scaled = information / units + 1e-10 * np.eye(q)
+            normal = total[:, :q, :q] + self.information
+            unit = np.sqrt(np.einsum("kpp->kp", normal)) + 1e-100
+            scaled = normal / (unit[:, :, None] * unit[:, None, :]) + 1e-10 * np.eye(q)
             step = np.linalg.solve(scaled, ((total[:, :q, q] + self.pull) / unit)[..., None])[..., 0] / unit
-            left = self.errors - np.einsum("nap,kp->kna", self.J, step, optimize=True)
+            left = self.errors - (step @ self.J.reshape(6 * n, q).T).reshape(k, n, 6)
             squares = (left**2).reshape(k, n, 2, 3).sum(axis=3)
-            count = kept.sum(axis=1)
-            freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
             variance = np.maximum(np.einsum("kng,kn->gk", squares, kept) / freedom, 1e-24)
-        result: Array = np.einsum("kng,gk->kn", squares, 1.0 / variance)
-        self.variance = variance
-        return result
-
-    def _rough(self) -> float:
-        return max(float(np.median(np.sum((self.errors / self.unit) ** 2, axis=1))) / 6.0, 1e-20)
+        log_det = np.linalg.slogdet(scaled)[1] + 2.0 * np.log(unit).sum(axis=1)
+        return _Fits(np.einsum("kng,gk->kn", squares, 1.0 / variance), left, variance, log_det)
 
     def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
         """Each set replaced by the `h` poses nearest to its own fit, so many times."""
         for _ in range(times):
-            distance = self.distance(kept)
-            before, nearest = kept, np.argpartition(distance, self.h - 1, axis=1)[:, : self.h]
+            before, nearest = kept, np.argpartition(self.fit(kept).distance, self.h - 1, axis=1)[:, : self.h]
             kept = np.zeros_like(before)
             np.put_along_axis(kept, nearest, True, axis=1)
             if (kept == before).all():
                 break
         return kept
 
-    def score(self, kept: NDArray[np.bool_]) -> Array:
+    def likeliest(self, distance: Array) -> NDArray[np.bool_]:
+        """Of the sets that leave out the poses furthest off, by `distance` (n,), the one of the largest evidence."""
+        n = len(distance)
+        order, most = np.argsort(-distance), int(MOST_SHARE * n)
+        masks = np.ones((most + 1, n), dtype=bool)
+        for k, mask in enumerate(masks):
+            mask[order[:k]] = False
+        fits = self.fit(masks)
+        log_variance = np.log(fits.variance)
+        evidence = -0.5 * fits.log_det - 1.5 * n * log_variance.sum(axis=0)
+        for k, mask in enumerate(masks):
+            z = fits.left[k, ~mask] / np.sqrt(np.repeat(fits.variance[:, k], 3))
+            density = log_density_outlying(z) if k else 0.0
+            evidence[k] += log_prior_outlying(n, k) + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
+        return np.asarray(masks[int(np.argmax(evidence))], dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """Of a stack of fits: squared distances (k, n) of all poses in units of what is left in those kept, errors `left`
+    (k, n, 6), `variance` (2, k) of forces and of torques, and the logarithm of the information's determinant (k,).
+    """
+
+    distance: Array
+    left: Array
+    variance: Array
+    log_det: Array
+
+    @property
+    def score(self) -> Array:
         """What is left of forces and of torques in sets of equal size, the least the best."""
-        self.distance(kept)
         score: Array = np.log(self.variance).sum(axis=0)
         return score

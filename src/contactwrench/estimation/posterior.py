@@ -24,20 +24,30 @@ from ..model import (
 )
 from .bias_drift import Kernels
 from .hypotheses import Hypothesis, priors_at
-from .least_squares import Members, NoiseModel, gram, solved
-from .moments import Moments, moments_of, precision_times
+from .least_squares import Members, gram, solved
+from .moments import moments_of, precision_times
+from .noise_model import NoiseModel
 from .outliers import likely_clean, log_density_outlying, log_prior_outlying
 from .priors import Question
 
-FAR = 12.0
+FAR = 9.0
 """Natural logarithm of the odds at which a rival is no longer looked at."""
+
+NEAR = 11.0
+"""The same after a rough look, kernels and hypotheses apart."""
+
+LOOK = 4
+"""Passes of a rough look."""
+
+LONG_WAY = 3.0
+"""Standard deviations: after a longer step all kernels are looked at again."""
 
 CENTRINGS = 10
 CENTRED = 0.05
 LARGEST_TURN = 0.5
 """rad in one step."""
 
-DOUBTED = 22.0
+DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
 
 BEYOND_WALL = 0.2
@@ -89,7 +99,6 @@ class Table:
     tool: RigidTool
     hypotheses: tuple[Hypothesis, ...]
     kept: NDArray[np.bool_]
-    moments: Moments
     members: Members
 
     @property
@@ -103,30 +112,47 @@ class Table:
         return int(np.argmax(self.members.log_evidence))
 
 
-def table_at(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]) -> Table:
-    """All members that count, linearised at `tool`."""
+def table_at(
+    problem: Problem,
+    tool: RigidTool,
+    kept: NDArray[np.bool_],
+    hypotheses: tuple[Hypothesis, ...],
+    among: NDArray[np.intp] | None = None,
+) -> Table:
+    """All members that count, linearised at `tool`: every kernel, or those `among` which to look, under the widest
+    hypothesis, every hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    """
     n = len(problem.wrench)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
-    moments = moments_of(X, problem.relative[kept], problem.kernels.of_poses(kept))
-    log_prior = problem.kernels.log_prior
+    among = np.arange(len(problem.kernels.drift)) if among is None else among
+    kernels = problem.kernels.select(among)
+    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
     G = gram(tool, problem.names, moments.S)
     priors = priors_at(tool, problem.names, hypotheses, problem.question)
-    kernels = np.arange(len(moments.S))
-    widest = np.full(len(kernels), len(hypotheses) - 1)
-    members = solved(G, moments, log_prior, priors, (kernels, widest), problem.noise)
+    all_kernels, all_hypotheses = np.arange(len(among)), np.arange(len(hypotheses))
+    rough = np.zeros(len(among))
+    if len(among) > 1:
+        pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
+        rough = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
+    likeliest = int(np.argmax(rough))
+    of_hypotheses = np.zeros(len(hypotheses))
     if len(hypotheses) > 1:
-        near = kernels[members.log_evidence > members.log_evidence.max() - FAR]
-        pairs = np.repeat(near, len(hypotheses)), np.tile(np.arange(len(hypotheses)), len(near))
-        members = solved(G, moments, log_prior, priors, pairs, problem.noise)
+        pairs = np.full(len(hypotheses), likeliest), all_hypotheses
+        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
+    together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
+    pairs = np.nonzero(together > -NEAR)
+    members = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise)
     members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
-    table = Table(tool, hypotheses, kept, moments, members)
-    return replace(table, members=replace(members, log_evidence=members.log_evidence + _of_the_rest(problem, table)))
+    table = Table(tool, hypotheses, kept, replace(members, kernel=among[members.kernel]))
+    return replace(
+        table, members=replace(table.members, log_evidence=members.log_evidence + _of_the_rest(problem, table))
+    )
 
 
 def _of_the_rest(problem: Problem, table: Table) -> float:
     """Logarithm of the probability of those left out, and that the others are none."""
     out = ~table.kept
-    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * table.moments.n
+    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
     if not out.any():
         return float(rest)
     errors, variance = errors_of(problem, table, table.best)[out], table.members.variance[table.best]
@@ -153,17 +179,32 @@ def errors_of(problem: Problem, table: Table, member: int) -> Array:
     return np.asarray(left - strength**2 * drift.columns @ (L.T @ weighted))
 
 
-def settled(problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], hypotheses: tuple[Hypothesis, ...]) -> Table:
-    """The table at the mean of its own members."""
-    table = table_at(problem, tool, kept, hypotheses)
+def settled(
+    problem: Problem,
+    tool: RigidTool,
+    kept: NDArray[np.bool_],
+    hypotheses: tuple[Hypothesis, ...],
+    among: NDArray[np.intp] | None = None,
+) -> Table:
+    """The table at the mean of its own members. After a short step, kernels that come nowhere near are not looked at
+    again.
+    """
+    table = table_at(problem, tool, kept, hypotheses, among)
     for _ in range(CENTRINGS):
         weight = np.exp(table.members.log_evidence - table.log_evidence)
         step = weight @ table.members.step
         std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
-        if float(np.max(np.abs(step) / std)) < CENTRED:
+        size = float(np.max(np.abs(step) / std))
+        if size < CENTRED:
             break
-        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses)
+        near = among if size > LONG_WAY else near_kernels([table])
+        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near)
     return table
+
+
+def near_kernels(tables: list[Table]) -> NDArray[np.intp]:
+    """The kernels that count in a table, and a steady bias."""
+    return np.unique(np.concatenate([[0], *(table.members.kernel for table in tables)]))
 
 
 def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> list[Table]:
@@ -174,10 +215,10 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         return [best]
     tables = {best.kept.tobytes(): best}
 
-    def tried(kept: NDArray[np.bool_], start: RigidTool) -> Table:
+    def tried(kept: NDArray[np.bool_], start: RigidTool, among: NDArray[np.intp] | None = None) -> Table:
         key = kept.tobytes()
         if key not in tables:
-            tables[key] = settled(problem, start, kept, hypotheses)
+            tables[key] = settled(problem, start, kept, hypotheses, among)
         return tables[key]
 
     clean = _clean_poses(problem, best)
@@ -190,10 +231,11 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         if (again == clean).all():
             break
         clean = again
+    near = near_kernels(list(tables.values()))
     for start in sorted(tables.values(), key=lambda table: -table.log_evidence)[:2]:
         now = start
         for _ in range(len(everything)):
-            flips = [tried(kept, now.tool) for kept in _flips(problem, now)]
+            flips = [tried(kept, now.tool, near) for kept in _flips(problem, now)]
             better = max(flips, key=lambda table: table.log_evidence, default=now)
             if better.log_evidence <= now.log_evidence:
                 break

@@ -27,15 +27,19 @@ from .bias_drift import possible_drifts
 from .estimate import Beliefs, RigidEstimate
 from .hypotheses import Hypothesis, hypotheses_of, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
-from .least_squares import NoiseModel, axis_precision, gram
+from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings, relative_variances
-from .posterior import FAR, Problem, Table, deleted_errors, errors_of, explored, settled
+from .noise_model import NoiseModel
+from .posterior import Problem, Table, deleted_errors, errors_of, explored, settled
 from .priors import Question, rows_of
 
 MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""
+
+SURELY_WORSE = 12.0
+"""Odds at which mounting and base anywhere are worse than nominal: then neither of the two is tried alone."""
 
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
@@ -107,7 +111,7 @@ def _tables(problem: Problem, plain: bool) -> list[Table]:
             tables = look(problem, rival.tool, hypotheses)
             if tables[0].log_evidence > found[0].log_evidence:
                 found = tables
-        elif k == 0 and rival.log_evidence < best[0].log_evidence - FAR:
+        elif k == 0 and rival.log_evidence < best[0].log_evidence - SURELY_WORSE:
             break
     return found
 
@@ -237,10 +241,7 @@ def _dof(problem: Problem, table: Table, covariance: Array) -> Array:
     the axes, of which it is a weighted sum, are uncertain together.
     """
     m, best, names = table.members, table.best, problem.names
-    stated = problem.noise.stated
-    if stated is not None:
-        return np.full(len(names), min(float(m.dof[best].sum()) + stated.dof, MOST_DOF))
-    spread = np.linalg.inv(axis_precision(np.log(m.variance[best]), m.dof[best]))
+    spread = problem.noise.log_spread(np.log(m.variance[best]), m.dof[best])
     of_step = m.covariance[best]
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
     kernel = problem.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
