@@ -265,7 +265,8 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     sets = []
     kept = table.kept
     worst = int(np.argmax(np.where(kept, distance, -np.inf)))
-    if distance[worst] > DOUBTED and kept.sum() > FEWEST_POSES:
+    one_more = log_prior_outlying(len(kept), int(np.sum(~kept)) + 1)
+    if distance[worst] > DOUBTED and kept.sum() > FEWEST_POSES and one_more > -np.inf:
         flipped = kept.copy()
         flipped[worst] = False
         sets.append(flipped)
