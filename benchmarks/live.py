@@ -26,6 +26,7 @@ from contactwrench.compensate.contact_wrenches import Contact
 from contactwrench.compensate.filters import LowPass
 from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
+from . import live_noise
 from .table import Row
 
 RATE = 1000.0
@@ -371,6 +372,7 @@ def tables(quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
         "Live: contacts of 1 N at 0.05 N noise and 1 kHz",
         (row for lowpass in (None, 100.0) for row in pushes(lowpass, 2000 // less)),
     )
+    yield from live_noise.tables(quick)
     numba = find_spec("numba") is not None
     yield "Live: a shift with warm-up, walk and contacts", shift(8.0 / less, RATE if numba else RATE / 10.0)
     yield (

@@ -1,8 +1,10 @@
-"""Still stretches in runs of the virtual rig: stops found, stretches invented, the coverage of the means, and speed."""
+"""Still stretches in runs of the virtual rig: stops found, stretches invented, the coverage of the means, sensors that
+creep or wander, slow motions without stops, and speed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +15,7 @@ from contactwrench.samples.recorded_poses import is_stream
 from contactwrench.samples.still_segments import still_segments
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import Settings, changed
-from contactwrench.simulate.trajectory import exciting
+from contactwrench.simulate.trajectory import exciting, sweeping
 from tests.support.runs import TOOL, Run, run
 
 from .clock import median_seconds
@@ -101,6 +103,82 @@ def invented_in_motion(runs: int) -> Iterator[Row]:
         yield Row(f"an exciting motion of {seconds:g} s: taken for a stream", 100.0 * streams / runs, "%", least=100.0)
 
 
+QUIET = np.array([1e-3, 1e-3, 1e-3, 2e-5, 2e-5, 2e-5])
+"""Noise of a sample of a sensor that creeps or wanders, N and N m."""
+MOVE = 1.5
+SEEDS_OF_CREEP, SEEDS_OF_SWEEPS = 91_000, 92_000
+WEIGHT = 9.80665
+SHAPES: dict[str, Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]] = {
+    "even": lambda way: way,
+    "slowing": lambda way: np.log1p(20.0 * way) / np.log(21.0),
+    "decaying": lambda way: np.exp(-4.0 * way),
+}
+
+
+def creeping(seed: int, stop: float, shape: str, flicker: float) -> Callable[..., np.ndarray[Any, Any]]:
+    """What a sensor adds: in each stop and on each axis 5 to 60 times a sample's noise, and 1/f noise whose means
+    scatter by `flicker` of a sample's whatever their length.
+    """
+    rng = np.random.default_rng(seed)
+
+    def disturb(t: np.ndarray[Any, Any], wrench: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        number = (t // (stop + MOVE)).astype(int)
+        by = QUIET * np.exp(rng.uniform(np.log(5.0), np.log(60.0), (number.max() + 1, 6)))
+        by *= rng.choice([-1.0, 1.0], size=by.shape)
+        frequency = np.maximum(np.fft.rfftfreq(len(t)), 1.0 / len(t))
+        white = np.fft.rfft(rng.normal(size=wrench.shape), axis=0)
+        wander = np.fft.irfft(white / np.sqrt(frequency)[:, None], len(t), axis=0)
+        means = wander[: len(t) // 200 * 200].reshape(-1, 200, 6).mean(axis=1)
+        wander *= flicker * QUIET / np.sqrt(0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0))
+        way = SHAPES[shape](np.minimum((t % (stop + MOVE)) / stop, 1.0))
+        disturbed: np.ndarray[Any, Any] = wrench + wander + by[number] * way[:, None]
+        return disturbed
+
+    return disturb
+
+
+def sensors_that_creep(runs: int) -> Iterator[Row]:
+    """Stops used of 2 s and more, and the weight in std, over rates, lengths of stops and delays."""
+    used, stops, off = 0, 0, []
+    settings = [f"sensor.noise.force={QUIET[0]}", f"sensor.noise.torque={QUIET[3]}", "sensor.quantum=0.00001"]
+    seed = SEEDS_OF_CREEP
+    for rate in (10.0, 100.0, 1000.0):
+        for stop in (2.0, 5.0, 20.0):
+            for delay in (0.0, 0.3, 0.6):
+                for shape in SHAPES:
+                    for _ in range(max(1, runs // 5)):
+                        seed += 1
+                        late = (*settings, f"sensor.delay={delay}")
+                        disturb = creeping(seed, stop, shape, float(seed % 3))
+                        made = run(stops=8, stop=stop, move=MOVE, rate=rate, seed=seed, settings=late, disturb=disturb)
+                        found = cw.calibrate(made.samples, "mount")
+                        count = counted([made])
+                        used, stops = used + count.found, stops + count.stops
+                        off.append(((found.weight or 0.0) - WEIGHT) / found.std["weight"])
+    remark = f"{len(off)} runs of 8 stops"
+    yield Row("creep of 5 to 60 samples' noise, 1/f: stops used", 100.0 * used / stops, "%", least=99.5, remark=remark)
+    share = 100.0 * float(np.mean(np.abs(off) < 3.0))
+    yield Row("creep of 5 to 60 samples' noise, 1/f: weight within 3 std", share, "%", least=99.0, remark=remark)
+
+
+def slow_sweeps(runs: int) -> Iterator[Row]:
+    """Sweeps at 5 deg/s in the mean, all the rig's dynamics, 0.05 N of noise, 0.1 s late."""
+    settings = changed(Settings(), [*TOOL, "recording.rate=100", "sensor.delay=0.1"])
+    motion = sweeping(160.0, 100.0)
+    off, std = [], []
+    for seed in range(SEEDS_OF_SWEEPS, SEEDS_OF_SWEEPS + 2 * runs):
+        samples = record_motion(settings, motion, rng=np.random.default_rng(seed)).samples
+        begin = 2000 * (seed % 5)
+        found = cw.calibrate(samples.select(slice(begin, begin + 6000)), "mount")
+        off.append((found.weight or 0.0) - WEIGHT)
+        std.append(found.std["weight"])
+    remark = f"{len(off)} minutes"
+    worst = 100.0 * float(np.abs(off).max()) / WEIGHT
+    yield Row("a minute of a slow sweep: largest error of the weight", worst, "%", most=1.0, remark=remark)
+    covered = 100.0 * float(np.mean(np.abs(off) < 1.96 * np.array(std)))
+    yield Row("a minute of a slow sweep: weight covered", covered, "%", least=90.0, remark=remark)
+
+
 def seconds_taken() -> Iterator[Row]:
     """The clock: 10 minutes at 1 kHz, and 20,000 rows."""
     one = run(stops=120, stop=3.0, move=2.0, seed=1).samples
@@ -117,4 +195,6 @@ def tables(quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     runs = RUNS // 5 if quick else RUNS
     yield "Still stretches: stops found, means covered", found_and_covered(runs)
     yield "Still stretches: invented in motion", invented_in_motion(runs)
+    yield "Still stretches: sensors that creep", sensors_that_creep(runs)
+    yield "Still stretches: slow motion", slow_sweeps(runs)
     yield "Still stretches: seconds", seconds_taken()

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.calibration.calibration import Calibration
 from contactwrench.compensate.contact_wrenches import ContactWrenches
+from contactwrench.compensate.faults import Reason
 from contactwrench.compensate.filters import LowPass
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
@@ -244,6 +245,15 @@ def test_the_page_tells_every_contact_and_what_is_wrong(tmp_path: Path, calibrat
     assert page.count("<tr><th>1</th>") == 1
     assert "after the last orientation</th><td>29</td>" in page
     assert (tmp_path / "r.html").stat().st_size < 600_000
+
+
+def test_samples_with_something_wrong_are_counted_by_kind_whatever_the_words() -> None:
+    reasons = (Reason("stuck: fx for 3 s", "stuck"), None, Reason("at a loss", "stuck"), Reason("stuck: or not", "gap"))
+    valid = np.array([reason is None for reason in reasons])
+    batch = ContactWrenches(np.zeros((4, 6)), np.zeros((4, 6)), np.arange(4.0), True, valid, reasons)
+    log = ContactLog()
+    list(log.noted([batch]))
+    assert (log.faults, log.reasons) == (3, {"stuck": (2, 0.0), "gap": (1, 3.0)})
 
 
 def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:

@@ -152,6 +152,63 @@ def test_a_shaking_stop_is_left_out() -> None:
     assert "contact" in str(found.rejected[0].rejected)
 
 
+QUIET = ("sensor.noise.force=0.001", "sensor.noise.torque=0.00002")
+
+
+def creeping(seed: int, stop: float, shape: Callable[[Array], Array]) -> Callable[[Array, Array], Array]:
+    """In each stop and on each axis by 5 to 60 times the noise of a sample."""
+    rng = np.random.default_rng(seed)
+    std = np.array([1e-3, 1e-3, 1e-3, 2e-5, 2e-5, 2e-5])
+
+    def creep(t: Array, wrench: Array) -> Array:
+        number = (t // (stop + 1.5)).astype(int)
+        by = std * np.exp(rng.uniform(np.log(5.0), np.log(60.0), (number.max() + 1, 6)))
+        way = shape(np.minimum((t % (stop + 1.5)) / stop, 1.0))
+        crept: Array = wrench + by[number] * rng.choice([-1.0, 1.0], size=by.shape)[number] * way[:, None]
+        return crept
+
+    return creep
+
+
+@pytest.mark.parametrize("rate", [10.0, 200.0])
+@pytest.mark.parametrize(
+    "shape", [np.array, np.sqrt, lambda way: np.exp(-4.0 * way)], ids=["even", "slowing", "decaying"]
+)
+@pytest.mark.parametrize("stop", [2.0, 5.0])
+def test_a_sensor_that_creeps_is_weighed_and_not_refused(
+    rate: float, shape: Callable[[Array], Array], stop: float
+) -> None:
+    made = run(stops=8, stop=stop, seed=13, rate=rate, settings=QUIET, disturb=creeping(14, stop, shape))
+    found = still_segments(made.samples)
+    assert [stop_of(made, one.t_start, one.t_end) for one in found.accepted] == list(range(8))
+    std = np.sqrt([np.diag(one.wrench_cov) for one in found.accepted])
+    assert (std[:, :3].mean(axis=0) > 0.001).all()  # that of one sample
+    assert (std[:, :3] < 0.05).all()
+
+
+def test_a_push_shows_beside_creep() -> None:
+    creep = creeping(15, 2.0, np.array)
+
+    def push(t: Array, wrench: Array) -> Array:
+        return pushed(THIRD_STOP + 0.9, THIRD_STOP + 2.0, 0.3)(t, creep(t, wrench))
+
+    made = run(stops=8, seed=16, rate=200.0, settings=QUIET, disturb=push)
+    found = still_segments(made.samples)
+    assert [stop_of(made, one.t_start, one.t_end) for one in found.accepted] == [0, 1, 2, 4, 5, 6, 7]
+    assert "the reading moves by" in str(found.rejected[0].rejected)
+
+
+def test_a_filter_that_is_slower_than_the_stops_is_named() -> None:
+    made = run(stops=10, seed=17, rate=200.0, settings=(*QUIET, "sensor.low_pass=0.27"))
+    found = still_segments(made.samples)
+    assert any(
+        str(one.rejected).startswith("the force still follows the move before, by ")
+        and str(one.rejected).endswith(" N: a filter is slower than the stops")
+        for one in found.rejected
+    )
+    assert len(found.accepted) <= 2
+
+
 def test_the_swing_after_a_stop_is_cut_off() -> None:
     def swing(t: Array, wrench: Array) -> Array:
         since = t % 3.5

@@ -153,6 +153,22 @@ def test_readings_are_the_nearest_steps(quantum: float, seed: int) -> None:
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
 
 
+def test_one_over_f_noise_has_its_std_in_a_minute_and_as_much_in_each_octave() -> None:
+    std = np.array([0.1, 0.05, 0.02, 0.002, 0.001, 0.0])
+    sensor = _perfect(noise=Noise((0.0,) * 3, (0.0,) * 3, tuple(std.tolist())))
+    minutes = []
+    for seed in range(8):
+        stream = SensorStream(sensor, 1000.0, np.random.default_rng(seed))
+        parts = [stream.read(np.zeros((n, 6))).wrench for n in (1, 30_000, 29_999)]
+        minutes.append(np.concatenate(parts))
+    assert np.mean(np.var(minutes, axis=1), axis=0) == pytest.approx(std**2, rel=0.3)
+    octaves = []
+    for rows in 4 ** np.arange(1, 6):
+        means = np.array(minutes)[:, : 60_000 // rows * rows].reshape(8, -1, rows, 6).mean(axis=2)
+        octaves.append(np.mean(0.5 * np.diff(means, axis=1) ** 2, axis=(0, 1))[:5] / std[:5] ** 2)
+    assert np.array(octaves) == pytest.approx(np.full((5, 5), np.log(4.0) / np.log(30_000.0)), rel=0.35)
+
+
 def test_noise_has_its_std_in_each_axis_and_no_memory() -> None:
     noise = Noise((0.035, 0.1, 2.0), (0.0015, 0.0005, 0.01))
     readings = _read(_perfect(noise=noise), np.zeros((40_000, 6))).wrench / [*noise.force, *noise.torque]

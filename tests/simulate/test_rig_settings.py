@@ -29,6 +29,7 @@ DEFAULTS = {
     "sensor.bias": (3.769, -6.903, 57.657, 2.228, 0.963, -0.002),
     "sensor.noise.force": (0.035, 0.035, 0.035),
     "sensor.noise.torque": (0.0015, 0.0005, 0.0005),
+    "sensor.noise.one_over_f": (0.0,) * 6,
     "sensor.quantum": 0.001,
     "sensor.gain": (1.0,) * 6,
     "sensor.crosstalk": ((0.0,) * 6,) * 6,
@@ -61,11 +62,13 @@ MESSAGES = {
         "there is no setting sensor.nois.force, expected sensor with one of: ranges, overload, bias, noise, quantum, "
         "gain, crosstalk, low_pass, delay, drift"
     ),
-    "sensor.noise.forc=1": "there is no setting sensor.noise.forc, expected sensor.noise with one of: force, torque",
+    "sensor.noise.forc=1": (
+        "there is no setting sensor.noise.forc, expected sensor.noise with one of: force, torque, one_over_f"
+    ),
     "gravity.z=9.8": "there is no setting gravity.z, expected gravity: there is nothing below it",
     "tool.mass.x.y=1": "there is no setting tool.mass.x.y, expected tool.mass: there is nothing below it",
     "=1": "there is no setting , expected one of: gravity, tool, mounting, base, sensor, joint_torque, recording",
-    "sensor.noise=0.1": "sensor.noise is a group, expected one of its settings: force, torque",
+    "sensor.noise=0.1": "sensor.noise is a group, expected one of its settings: force, torque, one_over_f",
     "gravity=much": "gravity is much, expected something like 9.80665: write numbers and lists as in JSON",
     "gravity=": "gravity is , expected something like 9.80665: write numbers and lists as in JSON",
     "gravity=NaN": "gravity is NaN, expected something like 9.80665: write numbers and lists as in JSON",

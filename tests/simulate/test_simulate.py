@@ -366,6 +366,20 @@ def test_settings_are_in_the_truth(tmp_path: Path, capsys: Capture) -> None:
     assert changed(Settings(), []) == Settings()
 
 
+@pytest.mark.parametrize(("text", "force"), [("1/f", 0.035), ("1/f:0.1", 0.1)])
+def test_one_over_f_noise_is_a_setting(tmp_path: Path, capsys: Capture, text: str, force: float) -> None:
+    _, truth, _ = simulated(capsys, tmp_path, "--noise", text)
+    settings: Any = truth["settings"]
+    assert settings["sensor"]["noise"]["one_over_f"] == pytest.approx([force] * 3 + [0.02 * force] * 3)
+
+
+@pytest.mark.parametrize("text", ["white", "1/f:0", "1/f:x", "1/f:-1", "1/f:inf"])
+def test_another_noise_is_refused(tmp_path: Path, capsys: Capture, text: str) -> None:
+    done = run(capsys, "simulate", "-o", tmp_path / "out.csv", "--noise", text)
+    assert done.status == 2
+    assert f"--noise is {text}, expected 1/f or 1/f:N with N above 0, as in 1/f:0.05" in done.err
+
+
 def test_the_page_on_the_rig_has_every_setting_with_its_default() -> None:
     page = (Path(__file__).parents[2] / "docs" / "simulating.md").read_text(encoding="utf-8")
     stated = dict(re.findall(r"^\| `([a-z_.]+)` \| ([^|]*) \|", page, flags=re.MULTILINE))

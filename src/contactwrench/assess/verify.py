@@ -74,8 +74,9 @@ class BiasShift(Frozen):
         elif self.rest_probability < SIGNIFICANCE:
             remedy = "more than the bias changed: calibrate anew"
         force, torque = (float(np.linalg.norm(part)) for part in (self.shift[:3], self.shift[3:]))
+        far = f"moved by {force:.2g} N and {1e3 * torque:.2g} mN m"
         text = (
-            f"the bias moved by {force:.2g} N and {1e3 * torque:.2g} mN m, which explains {self.chi2:.3g} of the "
+            f"{f'the bias {far}, which' if self.alone else f'a bias that {far}'} explains {self.chi2:.3g} of the "
             f"chi-square of {self.chi2 + self.rest_chi2:.3g}; the rest has a probability of "
             f"{percent(self.rest_probability)}; {remedy}"
         )

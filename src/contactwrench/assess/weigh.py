@@ -226,37 +226,33 @@ def _doubts(mass: float, surely: float, com: Array | None, one_direction: bool, 
     """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
     distance = 0.0 if com is None else float(np.linalg.norm(com))
     if mass < -surely:
-        yield Finding(
-            Kind.NEGATIVE_MASS,
-            Severity.REFUSED,
+        text = (
             "the mass is below zero: the tool is lighter than when it was calibrated, the sign of the readings differs "
-            "(--sign), or the calibration is another tool's",
+            "(--sign), or the calibration is another tool's"
         )
+        yield Finding(Kind.NEGATIVE_MASS, Severity.REFUSED, text)
     elif mass <= surely:
-        yield Finding(
-            Kind.UNCERTAIN_PARAMETER,
-            Severity.WARNING,
+        text = (
             "the mass is not above zero by three standard deviations: nothing is held, or too little for this "
-            "calibration; no centre of mass",
+            "calibration; no centre of mass"
         )
+        yield Finding(Kind.UNCERTAIN_PARAMETER, Severity.WARNING, text)
     elif distance > FURTHEST_COM:
-        yield Finding(
-            Kind.FAR_CENTRE_OF_MASS,
-            Severity.REFUSED,
+        text = (
             f"the centre of mass comes out {distance:.2g} m from the sensor, outside anything that an arm holds: the "
-            "calibration is another tool's, its bias moved, or the torques are in N mm; contactwrench verify tells",
+            "calibration is another tool's, its bias moved, or the torques are in N mm; contactwrench verify tells"
         )
+        yield Finding(Kind.FAR_CENTRE_OF_MASS, Severity.REFUSED, text)
     elif one_direction:
-        yield Finding(
-            Kind.ADVICE,
-            Severity.NOTE,
+        text = (
             "gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the tool to "
-            "another pose for the rest",
+            "another pose for the rest"
         )
+        yield Finding(Kind.ADVICE, Severity.NOTE, text)
     if test.probability < SIGNIFICANCE:
-        yield Finding.doubtful(
-            Kind.POOR_FIT,
+        text = (
             f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
             f"freedom, probability {percent(test.probability)}): it or the tool touched something, it moved between "
-            "the poses, or the calibration no longer holds",
+            "the poses, or the calibration no longer holds"
         )
+        yield Finding.doubtful(Kind.POOR_FIT, text)

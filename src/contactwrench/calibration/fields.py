@@ -21,6 +21,7 @@ from ..model import (
     affine_jacobian,
     free_wrench,
     gravity_in_flange,
+    matrix_jacobian,
     wrench_jacobian,
     yaw_of_mounting,
 )
@@ -58,6 +59,10 @@ class Kind(StrEnum):
     BIAS_STEPPED = "bias_stepped"
     BIAS_DRIFTED = "bias_drifted"
     BIAS_WANDERED = "bias_wandered"
+    TWO_LEVELS = "two_levels"
+    GAIN = "gain"
+    CABLE = "cable"
+    ROBOT = "robot"
     SIGN_NOT_CONFIRMED = "sign_not_confirmed"
     MIRRORED_AXIS = "mirrored_axis"
     UNCERTAIN_PARAMETER = "uncertain_parameter"
@@ -257,8 +262,23 @@ class CalibrationFields(Frozen):
         for start in range(0, len(R), ROWS_AT_ONCE):
             J = self.free_wrench_jacobian(R[start : start + ROWS_AT_ONCE])
             variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.covariance) * J, axis=2)
+            if self.weight is not None:
+                r = gravity_in_flange(R[start : start + ROWS_AT_ONCE], self.gravity_direction)
+                columns = np.column_stack([r, np.ones(len(r))])
+                variance[start : start + ROWS_AT_ONCE] += np.einsum("ni,aij,nj->na", columns, self._of_gain, columns)
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
+
+    @cached_property
+    def _of_gain(self) -> Array:
+        """Covariance (6, 4, 4) of each row of B beyond that of the parameters: gain and cross-talk."""
+        beyond = np.zeros((24, 24))
+        if self.weight is not None and self.com is not None and self.R_flange_sensor is not None:
+            tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
+            J = matrix_jacobian(tool, self.parameter_names)
+            beyond = self.B_covariance - J @ self.covariance @ J.T
+        blocks: Array = np.einsum("aiaj->aij", beyond.reshape(6, 4, 6, 4))
+        return blocks
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""

@@ -64,10 +64,14 @@ def describe(calibration: CalibrationFields, missed: str = "") -> str:
         f"  {name:<{width[0]}}  {value:>{width[1]}}  {'+- ' + std if std else '':<{width[2] + 3}}  {unit}".rstrip()
         for name, value, std, unit in rows
     ]
-    lines += ["", *fit_lines(calibration), ""]
+    of_axes = [["", *AXES], *fit_rows(calibration)]
+    table = [f"  {name:<15}{''.join(f'{cell:>9}' for cell in cells)}" for name, *cells in of_axes]
+    lines += ["", f"{table[0]}  N, mN m", *table[1:], *(f"  {fact}" for fact in fit_facts(calibration)), ""]
     lines += [f"Assumed  {assumption}" for assumption in calibration.assumptions]
     if calibration.alternatives:
-        lines += ["", *alternative_lines(calibration), ""]
+        lines += ["", "  other models  weight N             left N     mN m   force changes by up to"]
+        others = alternative_rows(calibration)
+        lines += [*(f"  {a:<12}  {b:<18}  {c:>7}  {d:>7}   {e} N" for a, b, c, d, e in others), ""]
     head, *reasons = verdict_sentences(calibration, missed)
     lines += [f"Verdict  {head}: {'; '.join(reasons)}", *(f"Warning  {warning}" for warning in calibration.warnings)]
     return "\n".join(lines)
@@ -134,8 +138,7 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
 
 
 def _block(c: CalibrationFields, names: tuple[str, ...]) -> Array:
-    index = [c.parameter_names.index(name) for name in names]
-    return c.covariance[np.ix_(index, index)]
+    return c.covariance[np.ix_(*2 * [[c.parameter_names.index(name) for name in names]])]
 
 
 def _angle_to_axis(v: Array, axis: int, covariance: Array) -> tuple[float, float]:
@@ -148,35 +151,34 @@ def _angle_to_axis(v: Array, axis: int, covariance: Array) -> tuple[float, float
     return 0.0 if least_certain else float(np.rad2deg(np.arctan2(sine, abs(v[axis])))), float(np.rad2deg(std))
 
 
-def fit_lines(c: CalibrationFields) -> list[str]:
-    """How well the model explains its poses: noise, residual and held-out error, an axis a column."""
-    table = [("noise of a pose", c.noise), ("residual rms", c.residual_rms), ("held-out rms", c.held_out_rms)]
-    low, high = np.rad2deg(c.observability.tilt_range)
+def fit_rows(c: CalibrationFields) -> list[list[str]]:
+    """Of noise, residual and held-out error their name, and the figures of each axis, N and mN m."""
+    named = {"noise of a pose": c.noise, "residual rms": c.residual_rms, "held-out rms": c.held_out_rms}
     return [
-        f"  {'':<15}" + "".join(f"{axis:>9}" for axis in AXES) + "  N, mN m",
-        *(f"  {name:<15}{_six_columns(values)}" for name, values in table),
-        f"  reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom",
-        f"  condition number {c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z",
+        [name, *(["-"] * 6 if wrench is None else [f"{v:.3g}" for v in (*wrench[:3], *(1e3 * wrench[3:]))])]
+        for name, wrench in named.items()
     ]
 
 
-def _six_columns(wrench: Array | None) -> str:
-    if wrench is None:
-        return f"{'-':>9}" * 6
-    return "".join(f"{value:9.3g}" for value in (*wrench[:3], *(1e3 * wrench[3:])))
+def fit_facts(c: CalibrationFields) -> list[str]:
+    """How well the noise is known, and how well the poses are spread."""
+    low, high = np.rad2deg(c.observability.tilt_range)
+    return [
+        f"reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom",
+        f"condition number {c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z",
+    ]
 
 
-def alternative_lines(calibration: CalibrationFields) -> list[str]:
-    """What other models make of the same poses, a line each."""
-    lines = ["  other models  weight N             left N     mN m   force changes by up to"]
-    for other in calibration.alternatives:
-        weight = "-"
-        if other.weight is not None and other.weight_std is not None:
-            weight = " +- ".join(meaningful_digits(other.weight, other.weight_std))
-        change = other.largest_force_change(calibration.B, calibration.gravity_direction)
-        left = f"{other.force_left:7.3g}  {1e3 * other.torque_left:7.3g}"
-        lines.append(f"  {other.model:<12}  {weight:<18}  {left}   {change:.2g} N")
-    return lines
+def alternative_rows(c: CalibrationFields) -> list[tuple[str, str, str, str, str]]:
+    """Of each other model its name, weight (N), what it leaves (N, mN m) and by how much the force changes (N)."""
+    rows = []
+    for other in c.alternatives:
+        known = other.weight is not None and other.weight_std is not None
+        weight = " +- ".join(meaningful_digits(other.weight or 0.0, other.weight_std or 0.0)) if known else "-"
+        change = other.largest_force_change(c.B, c.gravity_direction)
+        left = f"{other.force_left:.3g}", f"{1e3 * other.torque_left:.3g}"
+        rows.append((other.model, weight, *left, f"{change:.2g}"))
+    return rows
 
 
 def _row(name: str, value: float, std: float, unit: str) -> Row:

@@ -35,6 +35,8 @@ ALIKE = 0.5
 """rad: orientations this far apart share 1/e of what poses differ by."""
 LEAST_PIVOT = 1e-14
 """Of a covariance, over its diagonal: less is rounding."""
+AGE = 300.0
+"""s: a calibration is at least as old when the first sample comes, as to 1/f noise."""
 LEVEL_KNOWN = 20.0
 """s: over which 1/f noise counts as noise of the samples; by how much more it wanders in longer times, as drift."""
 REMNANT = 0.003
@@ -58,13 +60,14 @@ def track(s: State, calibration: Calibration, between: Array) -> None:
     for into, values in zip(s.H_slope, np.moveaxis(slopes @ turn, 0, -1).tolist(), strict=True):
         into[: len(values)] = values
     start(s, np.zeros(6), H[10] @ H[10].T + np.diag(between), H[10] @ turn, between, np.eye(3), nan)
+    s.age = AGE
 
 
 def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_base_flange: Array, now: float) -> None:
     """An offset where nothing of before counts: its `mean` (6,), the `covariance` (6, 6) of its error, and that error's
     covariances `H` (6, q) with eta and `between` (6,) with u.
     """
-    s.offset_time, s.stale, s.clean_blocks = now, True, 0
+    s.offset_time, s.age, s.stale, s.clean_blocks = now, 0.0, True, 0
     s.offset[:], s.offset_R[:], s.with_pose[:] = mean.tolist(), R_base_flange.ravel().tolist(), between.tolist()
     for into, values in ((s.offset_covariance, covariance - H @ H.T), (s.with_calibration, H)):
         for row, numbers in zip(into, values.tolist(), strict=True):
@@ -108,7 +111,8 @@ def predict(s: State, R: Row, now: float) -> float:
     g, h, i = R[6] - there[6], R[7] - there[7], R[8] - there[8]
     squared = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
-    wandered, crept_on = log(1.0 + (passed / LEVEL_KNOWN) ** 2), max(crept(s, now) - crept(s, s.offset_time), 0.0)
+    wandered = log(1.0 + ((passed + s.age) / LEVEL_KNOWN) ** 2)
+    crept_on = max(crept(s, now) - crept(s, s.offset_time), 0.0)
     for row in range(6):
         moved, slopes, before = s.moved[row], s.H_slope[row], s.with_calibration[row]
         for k in range(n):
@@ -129,7 +133,7 @@ def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
     (6,), one axis after the other. The error's covariances with eta and u shrink with it; those two stay as they were.
     """
     lost, n, C, moved = predict(s, R, now), s.parameters, s.systematic, s.moved
-    s.offset_time = now
+    s.offset_time, s.age = now, 0.0
     for k in range(9):
         s.offset_R[k] = R[k]
     for i in range(6):

@@ -5,7 +5,6 @@ results.
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import replace
 from importlib.util import find_spec
 from math import ceil, inf, nan
 
@@ -18,14 +17,14 @@ from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
-from .contact_detection import COVARIANCE, ENDED, NOISE_LEARNED, RATE_FOUND, readings_held, thresholds
+from .contact_detection import LEARN_FIRST, SAME_SECONDS, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, Reason, reason_of
 from .filters import LowPass, delay_of
-from .noise import SampleNoise, between_poses, of_pairs, of_still_segments, of_variances, stated_noise, with_torques
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import Compiled, Plain
-from .state import INTERVALS, SAMPLE, State
-from .step import ASK, BLOCK_SECONDS, SAME_SECONDS, WHOLLY, WRENCH_ALONE
+from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, SAMPLE, State
+from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
@@ -35,8 +34,6 @@ LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
 DENSEST = 10_000.0
 """Hz: the ring of past orientations has room for this many a second."""
-USUAL_RATE = 1000.0
-"""Hz: counts as the rate of samples until that is known."""
 
 
 class Compensator:
@@ -99,29 +96,29 @@ class Compensator:
             raise InputError(f"delay is {s.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
         s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
         s.minimum_duration = _positive(minimum_duration, "minimum duration", "s") - 1e-9
-        s.ranges = _six(ranges, "range", inf, least=np.finfo(float).tiny)
-        s.per_kelvin = _six(temperature_coefficient, "temperature coefficient", 0.0)
+        s.ranges = six_numbers(ranges, "range", inf, least=np.finfo(float).tiny)
+        s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", 0.0)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         s.dof = calibration.dof
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
+        s.learn_next = inf if s.knows_noise else LEARN_FIRST
         s.follows_bias = drift is not None
-        of_an_hour = _six(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
+        of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
         s.walk = [std * std / HOUR for std in of_an_hour]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the settings: filters, contact, what was learned of the bias and a new zero."""
-        self._noise = self._expected(self._rate or USUAL_RATE)
-        of_row = self._noise.of_sample if self._settings.knows_noise else np.zeros(6)
-        track(self._settings, self._calibration, between_poses(self._calibration, of_row))
-        self._settings.noise_variance, self._settings.block_noise = (self._noise.of_sample.tolist() for _ in range(2))
         s = deepcopy(self._settings)
+        self._noise = known_noise(self._calibration, self._stated, self._rate)
+        track(s, self._calibration, between_poses(self._calibration, self._noise.of_sample * s.knows_noise))
         room = 2 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
-        self._runner = self._steps(s, np.zeros((room, 4)), self._noise.of_sample[None].copy())
+        self._runner = self._steps(s, np.zeros((room, 4)))
         self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
+        self._use_noise(None)
         if self._rate is not None:
             self._use_rate(self._rate)
 
@@ -147,14 +144,12 @@ class Compensator:
         said, result = self._runner.step(reading, turn, t, nan if temperature is None else temperature)
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
-        sample = self._runner.sample
-        if sample.events:
-            self._attend(int(sample.events))
-        fault, contact = int(sample.fault), None if sample.contact == NOT_JUDGED else bool(sample.contact)
+        events, fault, detail, channel, judged = self._runner.told()
+        if events:
+            self._attend(events)
+        contact = None if judged == NOT_JUDGED else bool(judged)
         std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
-        return ContactWrench(
-            result, std, float(t), fault <= SAME, reason_of(fault, float(sample.detail), int(sample.channel)), contact
-        )
+        return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
 
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
@@ -266,15 +261,7 @@ class Compensator:
         if events & NOISE_LEARNED:
             s.knows_noise, self._noise = True, of_pairs(np.array(s.means) // 2.0, np.array(s.squares))
             poses_differ_by(s, between_poses(self._calibration, self._noise.of_sample))
-            self._use_rate(1.0 / s.interval)
-
-    def _expected(self, rate: float) -> SampleNoise:
-        """The noise as far as it is known: that of a pose, which is more, until it is learned."""
-        if self._stated is not None:
-            return self._stated
-        if (still := self._calibration.still_noise) is not None:
-            return of_still_segments(still, rate)
-        return of_variances(np.ones(1), self._calibration.noise[None] ** 2)
+            self._use_noise(1.0 / s.interval)
 
     def _use_rate(self, rate: float) -> None:
         s = self._runner.state
@@ -282,14 +269,20 @@ class Compensator:
             sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
             for row, section in zip(into, sections, strict=False):
                 row[:] = section
-        if self._stated is None and self._calibration.still_noise is not None:
-            self._noise = self._expected(rate)
-        noise = self._noise = replace(self._noise, horizon=max(LEVEL_KNOWN * rate, 2.0))
-        self._runner.use_settling(noise.behind(self._lowpass, rate))
-        s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()
-        s.block_noise[:] = noise.of_mean(max(BLOCK_SECONDS * rate, 1.0)).tolist()
-        s.stale = True
         s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
+        if s.knows_noise:
+            self._noise = known_noise(self._calibration, self._stated, rate)
+        self._use_noise(rate)
+
+    def _use_noise(self, rate: float | None) -> None:
+        """The noise is another; None: the rate is not known, and nothing is filtered."""
+        s, low_pass = self._runner.state, None if rate is None else self._lowpass
+        noise = self._noise = self._noise.over(LEVEL_KNOWN, rate)
+        s.settled = 0 if low_pass is None or rate is None else low_pass.settles_in(rate)
+        s.noise_filtered[:] = noise.behind(low_pass, rate or USUAL_RATE).tolist()
+        s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()
+        s.block_noise[:] = noise.of_mean(1.0 if rate is None else max(BLOCK_SECONDS * rate, 1.0)).tolist()
+        s.stale = True
 
     def _contact(self, release: float | None) -> Contact:
         """The contact so far, or the one that ended with the last sample."""
@@ -299,19 +292,6 @@ class Compensator:
         covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
         mean = np.array(s.contact_sum) / rows
         return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
-
-
-def _six(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:
-    """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
-    if values is None:
-        return [default] * 6
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
-        raise InputError(
-            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
-        )
-    numbers: list[float] = array.tolist()
-    return numbers
 
 
 def _positive(value: float, what: str, unit: str) -> float:

@@ -12,7 +12,9 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
-from .state import THRESHOLDS, Matrix, Row, Sample, State, kernel
+from .contact_wrenches import FREE, TOUCHING
+from .faults import FINE, LEARNED, LEARNING, SAME
+from .state import COVARIANCE, ENDED, NOISE_LEARNED, OCTAVES, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
 """A contact is over when the statistic falls to what this share of free samples exceeds."""
@@ -20,10 +22,12 @@ ONSET_RATE = 0.01
 """Of the false-alarm rate: a run of samples is a contact where one of them is as rare as that."""
 TURNED_FAR = 0.0152
 """Squared distance |R - R'|^2 at which covariances are computed anew: 2 angle^2 for 5 degrees."""
+LEARN_FIRST, LEARN_LAST, LEARN_SAMPLES = 1.0, 32.0, 50.0
+"""s of free samples, and samples, from which the noise is learned; anew with twice as many, up to the last."""
+SAME_SECONDS = 10.0
+"""For which a contact does not change at all before it may be a bias that moved."""
 SAME_POSE = 2.0 * SAME_POSE_ANGLE**2
 FIRST_LOG_DOF, LAST_LOG_DOF = log(0.5), log(1e6)
-ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
-"""Events of a sample: a contact ended, the rate is known, the covariance is another, the noise is learned."""
 
 
 def thresholds(false_alarm_rate: float) -> tuple[Array, Array, Array]:
@@ -85,7 +89,7 @@ def far(s: State) -> bool:
 
 
 @kernel
-def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) -> None:
+def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
     """The covariance of the contact wrench at the orientation and time of the sample that comes."""
     if restart:
         s.since_fresh = 0
@@ -94,9 +98,9 @@ def renew_covariance(s: State, sample: Sample, settling: Matrix, restart: bool) 
     if s.offset_time != s.offset_time:
         s.offset_time = sample.time
     predict(s, s.R, sample.time)
-    held, filtered = readings_held(s), settling[min(s.since_fresh, len(settling) - 1)]
+    held, settled = readings_held(s), s.since_fresh >= s.settled
     for k in range(6):
-        s.noise_left[k] = min(filtered[k] * held, s.noise_variance[k])
+        s.noise_left[k] = min(s.noise_filtered[k] * held, s.noise_variance[k]) if settled else s.noise_variance[k]
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k])
     whiten(s.systematic, s.noise_left, s.whitening)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)
@@ -119,6 +123,47 @@ def statistic_of(f: Row, W: Matrix) -> float:
     y = e[0] * fx + e[1] * fy + e[2] * fz + e[3] * tx + e[4] * ty
     z = g[0] * fx + g[1] * fy + g[2] * fz + g[3] * tx + g[4] * ty + g[5] * tz
     return u * u + v * v + w * w + x * x + y * y + z * z
+
+
+@kernel
+def judge(s: State, sample: Sample, recovers: bool) -> tuple[int, float]:
+    """Whether something touches, once the noise is known; what is to be said of the sample, with a figure."""
+    said, detail = FINE, 0.0
+    if s.learn_next <= LEARN_LAST and not s.touching and s.run == 0:
+        said, detail = learn_noise(s, sample)
+    if not s.knows_noise:
+        s.spoiled, sample.statistic = True, nan
+        return said, detail
+    if not recovers:
+        detect(s, sample)
+    sample.contact = TOUCHING if s.touching else FREE
+    if s.touching and s.time - s.same_since >= SAME_SECONDS:
+        return SAME, s.time - s.same_since
+    return said, detail
+
+
+@kernel
+def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
+    """The sample's part in the Allan variances: whenever two means over as many samples have come, how far they differ,
+    and their mean, which is one over twice as many. What is to be said of the sample, with a figure.
+    """
+    mean = s.column
+    for octave in range(OCTAVES):
+        s.means[octave] += 1.0
+        first, squares = s.first_mean[octave], s.squares[octave]
+        if s.means[octave] % 2.0 == 1.0:
+            for k in range(6):
+                first[k] = mean[k]
+            break
+        for k in range(6):
+            squares[k] += (mean[k] - first[k]) ** 2
+            mean[k] = 0.5 * (mean[k] + first[k])
+    seconds = s.means[0] * s.interval
+    if s.means[0] < LEARN_SAMPLES or seconds < s.learn_next:
+        return FINE if s.knows_noise else LEARNING, seconds
+    s.learn_next = 2.0 * seconds
+    sample.events |= NOISE_LEARNED
+    return LEARNED, seconds
 
 
 @kernel

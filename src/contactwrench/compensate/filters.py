@@ -20,7 +20,7 @@ from .state import SECTIONS, Matrix, Row, State, kernel
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
 """Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
 SETTLED = 4.0
-"""Periods of the cut-off, times the order, after which nothing is left of how a filter was started."""
+"""Times as long as it takes to settle, nothing is left of an impulse."""
 
 
 @dataclass(frozen=True)
@@ -64,18 +64,17 @@ class LowPass:
         sections: Array = butter(self.order, self.cutoff, fs=rate, output="sos")
         return sections
 
-    def noise_gain(self, rate: float) -> Array:
-        """What is left of the variance of white noise k = 0, 1, ... samples after a start at the steady state of the
-        first sample: 1 there; the last is what stays.
-        """
+    def noise_gain(self, rate: float) -> float:
+        """What is left of the variance of white noise."""
         from scipy.signal import sosfilt
 
-        impulse = np.zeros(2 + ceil(SETTLED * max(self.order, 1) * rate / self.cutoff))
+        impulse = np.zeros(ceil(SETTLED * self.settles_in(rate)))
         impulse[0] = 1.0
-        response = sosfilt(self.sections(rate), impulse)
-        before = np.r_[0.0, response[:-1]]
-        gain: Array = np.cumsum(before**2) + (1.0 - np.cumsum(before)) ** 2
-        return gain
+        return float(np.sum(sosfilt(self.sections(rate), impulse) ** 2))
+
+    def settles_in(self, rate: float) -> int:
+        """Samples, after which 1 % is left of how it was started: a period of the cut-off for each order."""
+        return 2 + ceil(max(self.order, 1) * rate / self.cutoff)
 
 
 def least_rows(sections: Array) -> int:

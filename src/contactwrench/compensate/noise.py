@@ -4,7 +4,8 @@ and behind a filter. Noise that is not white falls more slowly than with their n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,10 +23,12 @@ LEAST_STD = np.array([1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7])
 PER_NEWTON = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """A noise or a drift of one number, N, stands for as many N m at a lever of 5 cm, as in `TYPICAL_DRIFT`."""
 LEAST_ROWS = 10
-LEAST_PAIRS = 16
+LEAST_PAIRS = 8
 """Of means, whose differences tell an Allan variance."""
-FAR = 1e6
-"""Samples: over which a noise counts as noise where no rate is known."""
+MEANS = 2.0
+"""Times the variance between rows: a sample that scatters more is not what they are."""
+USUAL_RATE, FAR = 1000.0, 1e6
+"""Hz, of samples, until their rate is known; samples, over which a noise counts as noise unless said."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,10 @@ class SampleNoise:
         allan = self.allan_of(octaves)
         return np.asarray(0.5 * (allan.sum(axis=0) + allan[-1]))
 
+    def over(self, seconds: float, rate: float | None) -> SampleNoise:
+        """The same where what is slower than that is drift."""
+        return replace(self, horizon=max(seconds * (rate or USUAL_RATE), 2.0))
+
     @property
     def of_sample(self) -> Array:
         """The variance (6,) of a sample."""
@@ -67,14 +74,12 @@ class SampleNoise:
         return np.asarray(self.allan_of(np.array([self.horizon]))[0] / np.log(4.0))
 
     def behind(self, low_pass: LowPass | None, rate: float) -> Array:
-        """Variances (k, 6) behind a filter, 0, 1, ... samples after its start; the last is what stays. A filter stands
-        for the mean over so many samples as leaves as much of white noise.
+        """The variance (6,) behind a filter, which stands for the mean over as many samples as leaves as much of white
+        noise.
         """
-        if low_pass is None:
-            return self.of_sample[None]
-        gain = low_pass.noise_gain(rate)
-        variances: Array = np.maximum(gain[:, None] * self.allan_of(np.ones(1)), self.of_mean(1.0 / gain[-1]))
-        return variances
+        gain = 1.0 if low_pass is None else low_pass.noise_gain(rate)
+        variance: Array = np.maximum(gain * self.allan_of(np.ones(1))[0], self.of_mean(1.0 / gain))
+        return variance
 
 
 def stated_noise(noise: ArrayLike) -> SampleNoise:
@@ -94,7 +99,8 @@ def stated_noise(noise: ArrayLike) -> SampleNoise:
         raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
     if not is_recording:
         return of_variances(np.ones(1), np.square(values)[None])
-    pairs, squares = [], []
+    pairs: list[float] = []
+    squares: list[Array] = []
     while len(values) >= 2:
         first, second = values[: len(values) // 2 * 2].reshape(-1, 2, 6).swapaxes(0, 1)
         pairs.append(len(first))
@@ -103,16 +109,24 @@ def stated_noise(noise: ArrayLike) -> SampleNoise:
     return of_pairs(np.array(pairs), np.array(squares))
 
 
+def known_noise(calibration: Calibration, stated: SampleNoise | None, rate: float | None) -> SampleNoise:
+    """What was `stated`, or what the calibration's recording showed at rest; else, until it is learned, the noise of a
+    pose.
+    """
+    if stated is not None:
+        return stated
+    if calibration.still_noise is not None:
+        return of_still_segments(calibration.still_noise, rate or USUAL_RATE)
+    return of_variances(np.ones(1), calibration.noise[None] ** 2)
+
+
 def of_pairs(pairs: Array, squares: Array) -> SampleNoise:
     """From sums of the squared differences (k, 6) within pairs of means over 1, 2, 4, ... samples, so many `pairs`
-    (k,). A floor counts only where chance does not explain it.
+    (k,). Longer means are taken to be no better than the longest that are known.
     """
     enough = max(int(np.sum(pairs >= LEAST_PAIRS)), 1)
     pairs, allan = pairs[:enough], 0.5 * squares[:enough] / pairs[:enough, None]
-    white, chance = 0.5 * allan[-2:-1], 2.0 * np.sqrt(3.0 / pairs[-1])
-    above = allan[-1] - np.max(white, axis=0, initial=0.0)
-    floor = np.where(2.0 * above > chance * allan[-1], 2.0 * above, 0.0) if enough > 1 else np.zeros(6)
-    return of_variances(2.0 ** np.arange(enough), allan, floor)
+    return of_variances(2.0 ** np.arange(enough, dtype=np.float64), allan, allan[-1])
 
 
 def of_still_segments(still: StillNoise, rate: float) -> SampleNoise:
@@ -132,11 +146,14 @@ def of_variances(rows: Array, allan: Array, floor: Array | float = 0.0) -> Sampl
 
 def between_poses(calibration: Calibration, of_row: Array) -> Array:
     """The variance (6,) of what the calibration's poses differ by beyond the noise of their means, as these themselves
-    show it, or, where they are single rows, have that `of_row` (6,).
+    show it. Single rows are samples, with the variance `of_row` (6,), unless they differ by so little that they are
+    means of more.
     """
+    all_of_it = calibration.noise**2
+    of_row = np.where(of_row < MEANS * all_of_it, of_row, 0.0)
     known = [pose.wrench_cov.diagonal() if pose.n > 1 else of_row for pose in calibration.fitted_poses]
     of_mean = np.mean(known, axis=0) if known else of_row
-    return np.maximum(calibration.noise**2 - of_mean, 0.0)
+    return np.maximum(all_of_it - of_mean, 0.0)
 
 
 def with_torques(values: ArrayLike) -> Array:
@@ -148,6 +165,19 @@ def with_torques(values: ArrayLike) -> Array:
             f"found {values!r}, expected numbers: one in N, or six, N of forces and N m of torques"
         ) from None
     return array * PER_NEWTON if array.ndim == 0 else array
+
+
+def six_numbers(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:
+    """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
+    if values is None:
+        return [default] * 6
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
+        raise InputError(
+            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
+        )
+    numbers: list[float] = array.tolist()
+    return numbers
 
 
 def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:

@@ -23,6 +23,7 @@ from .step import take
 MOMENT = 1.0
 """s: what takes longer is said."""
 ROWS_AT_ONCE = 128
+TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
@@ -30,22 +31,22 @@ MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 class Plain:
     """In plain Python, on attributes and lists: an item of a list costs a tenth of one of an array."""
 
-    def __init__(self, state: State, ring: Array, settling: Array) -> None:
+    def __init__(self, state: State, ring: Array) -> None:
         self.state: Any = state
         self.sample: Any = Sample()
         self._ring = ring.tolist()
-        self.use_settling(settling)
 
-    def use_settling(self, settling: Array) -> None:
-        """Another variance of the noise behind the low-pass."""
-        self.settling: Any = settling.tolist()
+    def told(self) -> tuple[Any, ...]:
+        """`TOLD` of the last sample."""
+        sample = self.sample
+        return sample.events, sample.fault, sample.detail, sample.channel, sample.contact
 
     def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
-        take(self.state, sample, self._ring, self.settling, turn.size)
+        take(self.state, sample, self._ring, turn.size)
         return sample.said, read_only(sample.wrench)
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
@@ -53,7 +54,7 @@ class Plain:
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature = given
-            take(self.state, sample, self._ring, self.settling, width)
+            take(self.state, sample, self._ring, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break
@@ -65,25 +66,25 @@ class Plain:
 class Compiled:
     """By numba, on records; else as `Plain`."""
 
-    def __init__(self, state: State, ring: Array, settling: Array) -> None:
-        self.__setstate__((np.array([astuple(state)], STATE), np.zeros(1, SAMPLE), ring, settling))
+    def __init__(self, state: State, ring: Array) -> None:
+        self.__setstate__((np.array([astuple(state)], STATE), np.zeros(1, SAMPLE), ring))
 
     def __getstate__(self) -> tuple[NDArray[Any], ...]:
-        return self._record, self._samples, self._ring, self.settling
+        return self._record, self._samples, self._ring
 
     def __setstate__(self, arrays: tuple[NDArray[Any], ...]) -> None:
-        self._record, self._samples, self._ring, settling = arrays
-        self.settling: Any = settling
+        self._record, self._samples, self._ring = arrays
         self._advance = compiled()
         self.state: Any = self._record.view(np.recarray)[0]
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
+        self._told = [self._samples[name] for name in TOLD]
         self._time, self._temperature, self._said = (self._samples[name] for name in ("time", "temperature", "said"))
 
-    def use_settling(self, settling: Array) -> None:
-        """Another variance of the noise behind the low-pass."""
-        self.settling = np.array(settling)
+    def told(self) -> tuple[Any, ...]:
+        """`TOLD` of the last sample."""
+        return tuple(column.item() for column in self._told)
 
     def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
@@ -91,12 +92,12 @@ class Compiled:
         self._reading[...] = reading
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
-        self._advance(self._record, self._samples, self._ring, self.settling, width, 0)
+        self._advance(self._record, self._samples, self._ring, width, 0)
         return self._said.item(), np.frombuffer(self._wrench.tobytes())
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""
-        return self._advance(self._record, samples, self._ring, self.settling, width, begin)
+        return self._advance(self._record, samples, self._ring, width, begin)
 
 
 @cache
@@ -113,7 +114,7 @@ def compiled() -> Callable[..., int]:
     for function in KERNEL:
         register_jitable(error_model="numpy")(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
-    signature = types.int64(state[::1], sample[::1], rows, rows, types.int64, types.int64)
+    signature = types.int64(state[::1], sample[::1], rows, types.int64, types.int64)
     sources = [getsource(sys.modules[name]) for name in sorted({function.__module__ for function in KERNEL})]
     digest = sha256("".join(sources).encode()).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
@@ -126,10 +127,10 @@ def _keyed(digest: str) -> Callable[..., int]:
     compiled, in its closure: by itself numba's cache would not see that another file than this one has changed.
     """
 
-    def advance(state, samples, ring, settling, width, begin):  # type: ignore[no-untyped-def]
+    def advance(state, samples, ring, width, begin):  # type: ignore[no-untyped-def]
         digest  # noqa: B018
         for i in range(begin, len(samples)):
-            take(state[0], samples[i], ring, settling, width)
+            take(state[0], samples[i], ring, width)
             if samples[i].events != 0:
                 return i + 1
         return len(samples)

@@ -30,6 +30,9 @@ SECTIONS = 2
 LOG_SAME_UNSEEN = -0.0207
 """Of a channel that never moved: it may repeat 10,000 times."""
 
+ENDED, RATE_FOUND, COVARIANCE, NOISE_LEARNED = 1, 2, 4, 8
+"""Events of a sample: a contact ended, the rate is known, the covariance is another, the noise is learned."""
+
 KERNEL: list[Callable[..., Any]] = []
 
 
@@ -82,6 +85,8 @@ class State:
     interval: float = inf
     longest_gap: float = 1.0
     block_noise: Row = numbers(6, fill=inf)
+    noise_filtered: Row = numbers(6, fill=inf)
+    settled: int = 0
     lowpass: Matrix = numbers(SECTIONS, 5)
     sensor: Matrix = numbers(SECTIONS, 5)
 
@@ -96,7 +101,7 @@ class State:
 
     # The noise, where it is learned: means over 1, 2, 4, ... samples, and their differences in pairs.
     knows_noise: bool = True
-    learns_from: float = nan
+    learn_next: float = inf
     means: Row = numbers(OCTAVES)
     first_mean: Matrix = numbers(OCTAVES, 6)
     squares: Matrix = numbers(OCTAVES, 6)
@@ -136,6 +141,7 @@ class State:
     H_slope: list[Matrix] = numbers(6, PARAMETERS, 9)
     offset: Row = numbers(6)
     offset_time: float = nan
+    age: float = 0.0
     offset_R: Row = numbers(9)
     offset_covariance: Matrix = numbers(6, 6)
     with_calibration: Matrix = numbers(6, PARAMETERS)

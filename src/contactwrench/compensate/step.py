@@ -5,43 +5,15 @@ from __future__ import annotations
 from math import nan, sqrt
 
 from .bias_tracking import learn
-from .contact_detection import (
-    NOISE_LEARNED,
-    RATE_FOUND,
-    detect,
-    end_contact,
-    far,
-    readings_held,
-    renew_covariance,
-    statistic_of,
-    stays_the_same,
-)
-from .contact_wrenches import FREE, NOT_JUDGED, TOUCHING
-from .faults import (
-    BACK,
-    FINE,
-    FROZEN,
-    GAP,
-    LEARNED,
-    LEARNING,
-    NO_PAST,
-    OVERLOAD,
-    SAME,
-    STUCK,
-    standing_still,
-    turned,
-    unreadable,
-)
+from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
+from .contact_wrenches import NOT_JUDGED
+from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
-from .state import INTERVALS, OCTAVES, Matrix, Sample, State, kernel
+from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
-LEARN_SECONDS, LEARN_SAMPLES = 1.0, 50.0
-"""Of free samples, from which the noise is learned: both."""
 RENEW_SECONDS = 5.0
 """After which the covariance counts again what the bias may have moved."""
-SAME_SECONDS = 10.0
-"""For which a contact does not change at all before it may be a bias that moved."""
 WRENCH_ALONE, WHOLLY = 1, 2
 """What starts anew with the next good sample."""
 ASK = 2
@@ -49,16 +21,15 @@ ASK = 2
 
 
 @kernel
-def take(s: State, sample: Sample, ring: Matrix, settling: Matrix, width: int) -> None:
+def take(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take one sample, with an orientation of `width` 4 or 9 numbers.
 
-    `ring` (k, 4): times and directions of down, for a delay. `settling` (k, 6): variance of the noise behind the
-    low-pass, as many samples after its start.
+    `ring` (k, 4): times and directions of down, for a delay.
     """
     sample.events, sample.contact = 0, NOT_JUDGED
     fault, detail, channel = unreadable(s, sample, width)
     if fault == FINE:
-        fault, detail, channel = follow(s, sample, ring, settling)
+        fault, detail, channel = follow(s, sample, ring)
     else:
         s.spoiled, sample.statistic = True, nan
         for k in range(6):
@@ -68,7 +39,7 @@ def take(s: State, sample: Sample, ring: Matrix, settling: Matrix, width: int) -
 
 
 @kernel
-def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[int, float, int]:
+def follow(s: State, sample: Sample, ring: Matrix) -> tuple[int, float, int]:
     """A sample that can be computed; what is wrong with it, with a figure and the channel."""
     passed = sample.time - s.time
     interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
@@ -77,7 +48,7 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
     if restart and s.touching:
         end_contact(s, sample, s.time)
     if restart or s.stale or (changed and far(s)):
-        renew_covariance(s, sample, settling, restart)
+        renew_covariance(s, sample, restart)
     arrive(s, sample, restart)
     fault, detail, channel = standing_still(s, sample, changed)
     if interruption != FINE:
@@ -98,20 +69,14 @@ def follow(s: State, sample: Sample, ring: Matrix, settling: Matrix) -> tuple[in
         s.run = s.quiet = 0
     s.since_fresh += 1
     s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
-    if not s.knows_noise:
-        s.spoiled, sample.statistic = True, nan
-        if fault == FINE:
-            fault, detail = learn_noise(s, sample)
-    elif fault in (FINE, OVERLOAD):
-        if not recovers:
-            detect(s, sample)
-        sample.contact = TOUCHING if s.touching else FREE
-        if fault == FINE and s.touching and s.time - s.same_since >= SAME_SECONDS:
-            fault, detail = SAME, s.time - s.same_since
+    if fault == FINE:
+        fault, detail = judge(s, sample, recovers)
+    elif fault == OVERLOAD and s.knows_noise:
+        judge(s, sample, recovers)
     else:
         s.spoiled = True
     if s.time - s.block_time >= BLOCK_SECONDS:
-        end_block(s, len(settling))
+        end_block(s)
     return fault, detail, channel
 
 
@@ -165,31 +130,6 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
 
 
 @kernel
-def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
-    """The sample's part in the Allan variances: whenever two means over as many samples have come, how far they differ,
-    and their mean, which is one over twice as many. What is to be said of the sample, with a figure.
-    """
-    mean = s.column
-    for octave in range(OCTAVES):
-        s.means[octave] += 1.0
-        first, squares = s.first_mean[octave], s.squares[octave]
-        if s.means[octave] % 2.0 == 1.0:
-            for k in range(6):
-                first[k] = mean[k]
-            break
-        for k in range(6):
-            squares[k] += (mean[k] - first[k]) ** 2
-            mean[k] = 0.5 * (mean[k] + first[k])
-    if s.learns_from != s.learns_from:
-        s.learns_from = sample.time
-    seconds = sample.time - s.learns_from
-    if s.means[0] < LEARN_SAMPLES or seconds < LEARN_SECONDS:
-        return LEARNING, seconds
-    sample.events |= NOISE_LEARNED
-    return LEARNED, seconds
-
-
-@kernel
 def down_in_flange(s: State) -> tuple[float, float, float]:
     """`R_base_flange^T d`, of length 1 also where the matrix was rounded."""
     d, R = s.gravity_direction, s.R
@@ -212,7 +152,7 @@ def warmed_by(s: State, temperature: float) -> float:
 
 
 @kernel
-def end_block(s: State, settled: int) -> None:
+def end_block(s: State) -> None:
     """Learn from the block of samples before this one, where it, this one and the one before it were all free: so a
     contact that was too weak at first, or fades, is not taken for drift.
     """
@@ -230,7 +170,7 @@ def end_block(s: State, settled: int) -> None:
         s.block_variance[k] = min(s.block_noise[k] * held, s.noise_variance[k])
     for k in range(9):
         s.block_R[k] = s.last_R[k]
-    if follows or s.since_fresh < settled + 2.0 * rows or s.time - s.covariance_time > RENEW_SECONDS:
+    if follows or s.since_fresh < s.settled + 2.0 * rows or s.time - s.covariance_time > RENEW_SECONDS:
         s.stale = True
     s.block_time = s.time
     s.block_rows = 0.0

@@ -20,7 +20,7 @@ STRENGTHS = np.geomspace(1.0, 1000.0, 7)
 """Standard deviation of the change over the whole recording, in units of a pose's noise: from what does not show to
 what nobody would use."""
 
-PROBABILITY = {None: 0.84, Kind.BIAS_DRIFTED: 0.06, Kind.BIAS_WANDERED: 0.06, Kind.BIAS_STEPPED: 0.04}
+PROBABILITY = {Kind.BIAS_DRIFTED: 0.06, Kind.BIAS_WANDERED: 0.06, Kind.BIAS_STEPPED: 0.04}
 """Before the readings; of a step, that it happened anywhere."""
 
 TIME_CONSTANTS = (np.inf, 1.0, 1.0 / 3.0, 0.1)
@@ -28,6 +28,9 @@ TIME_CONSTANTS = (np.inf, 1.0, 1.0 / 3.0, 0.1)
 
 MOST_POSES = 400
 """With more, a bias that moves is not looked for in each pose, but in so many groups of neighbours."""
+
+SMOOTH = 32
+"""Columns of a walk: what is left out has a thousandth of its variance."""
 
 FEWEST_POSES = 3
 
@@ -64,26 +67,34 @@ class Kernels:
         return Kernels(drifts, self.drift, self.strength, self.log_prior)
 
 
-def possible_drifts(time: Array | None, n: int) -> Kernels:
-    """How the bias of n poses may have moved; `time` (n,) s, None where the order of the poses says nothing."""
-    drifts, log_prior = [Drift(None, np.zeros((n, 0)))], [np.log(PROBABILITY[None])]
-    if time is not None and n > FEWEST_POSES:
-        before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
-        drifts += [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)[:, None]) for tau in TIME_CONSTANTS]
-        log_prior += [np.log(PROBABILITY[Kind.BIAS_DRIFTED] / len(TIME_CONSTANTS))] * len(TIME_CONSTANTS)
-        drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
-        log_prior.append(np.log(PROBABILITY[Kind.BIAS_WANDERED]))
-        places = _places(n)
-        drifts += [Drift(Kind.BIAS_STEPPED, (np.arange(n) < k)[:, None].astype(np.float64), int(k)) for k in places]
-        log_prior += [np.log(PROBABILITY[Kind.BIAS_STEPPED] / len(places))] * len(places)
-    moving = np.arange(1, len(drifts))
-    each = np.array(log_prior)
-    return Kernels(
-        tuple(drifts),
-        np.r_[0, np.repeat(moving, len(STRENGTHS))],
+def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float]]:
+    """How the bias of n poses may have moved, and the logarithm of the probability of each; `time` (n,) s, None where
+    the order of the poses says nothing.
+    """
+    if time is None or n <= FEWEST_POSES:
+        return [], []
+    before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
+    drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)[:, None]) for tau in TIME_CONSTANTS]
+    each = [float(np.log(PROBABILITY[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
+    places = _places(n)
+    drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
+    drifts += [Drift(Kind.BIAS_STEPPED, (np.arange(n) < k)[:, None].astype(np.float64), int(k)) for k in places]
+    each.append(float(np.log(PROBABILITY[Kind.BIAS_WANDERED])))
+    each += [float(np.log(PROBABILITY[Kind.BIAS_STEPPED] / len(places)))] * len(places)
+    return drifts, each
+
+
+def kernels_of(n: int, drifts: list[Drift], log_prior: list[float], steady: bool = True) -> Kernels:
+    """Every drift of n poses at every strength; first a `steady` bias, with what is left of the probability."""
+    rest = np.log1p(-min(float(np.sum(np.exp(log_prior))), 0.9)) if log_prior else 0.0
+    moving = np.arange(1, len(drifts) + 1)
+    kernels = Kernels(
+        (Drift(None, np.zeros((n, 0))), *drifts),
+        np.r_[0, np.repeat(moving, len(STRENGTHS))].astype(np.intp),
         np.r_[0.0, np.tile(STRENGTHS, len(moving))],
-        np.r_[each[0], np.repeat(each[1:], len(STRENGTHS)) - np.log(len(STRENGTHS))],
+        np.r_[rest, np.repeat(np.array(log_prior, dtype=np.float64), len(STRENGTHS)) - np.log(len(STRENGTHS))],
     )
+    return kernels if steady else kernels.select(np.arange(1, len(kernels.drift)))
 
 
 def _places(n: int) -> Array:
@@ -107,8 +118,8 @@ def _wandering(before: Array) -> Array:
     edges = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(int))
     length = before[edges[:-1]] - before[edges[1:]]
     after = np.arange(n)[:, None] <= edges[:-1]
-    columns: Array = after * np.sqrt(np.maximum(length, 0.0))
-    return columns
+    U, s, _ = np.linalg.svd(after * np.sqrt(np.maximum(length, 0.0)), full_matrices=False)
+    return np.asarray(U[:, :SMOOTH] * s[:SMOOTH])
 
 
 def in_words(

@@ -74,7 +74,8 @@ class Estimate:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,
-    `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; that mounting and base
+    `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; of each kind of
+    error that goes `with_orientation`; that mounting and base
     are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and `any_base`.
     """
 
@@ -82,6 +83,7 @@ class Beliefs:
     moved: dict[Kind, float]
     drift: Drift | None
     change: Array
+    with_orientation: dict[Kind, float]
     mounting_exact: float
     base_exact: float
     any_mounting: float

@@ -22,11 +22,12 @@ from ..model import (
     wrench_jacobian,
     wrench_matrix,
 )
-from .bias_drift import Kernels
+from .bias_drift import Drift, Kernels, kernels_of
 from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, gram, solved
 from .moments import moments_of, precision_times
 from .noise_model import NoiseModel
+from .orientation_errors import two_levels
 from .outliers import likely_clean, log_density_outlying, log_prior_outlying
 from .priors import Question
 
@@ -53,6 +54,10 @@ DOUBTED = 28.0
 BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction: a negative weight there is a positive one, with gravity the other way."""
 
+TWO_LEVELS = 0.3
+"""Probability of a bias that comes back in two levels; each pose is on either alike."""
+
+MOST_AS_LEVELS = 3
 FEWEST_POSES = 4
 
 
@@ -94,12 +99,18 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out."""
+    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out; their `kernels`."""
 
     tool: RigidTool
     hypotheses: tuple[Hypothesis, ...]
     kept: NDArray[np.bool_]
+    kernels: Kernels
     members: Members
+
+    def kernel_of(self, member: int) -> tuple[Drift, float]:
+        """The drift of a member, and its strength."""
+        k = self.members.kernel[member]
+        return self.kernels.drifts[self.kernels.drift[k]], float(self.kernels.strength[k])
 
     @property
     def log_evidence(self) -> float:
@@ -143,7 +154,7 @@ def table_at(
     pairs = np.nonzero(together > -NEAR)
     members = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise)
     members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
-    table = Table(tool, hypotheses, kept, replace(members, kernel=among[members.kernel]))
+    table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
     return replace(
         table, members=replace(table.members, log_evidence=members.log_evidence + _of_the_rest(problem, table))
     )
@@ -162,12 +173,12 @@ def _of_the_rest(problem: Problem, table: Table) -> float:
 
 def errors_of(problem: Problem, table: Table, member: int) -> Array:
     """What a member leaves in all readings (n, 6), its bias and what it knows of the bias' change taken out."""
-    m, k = table.members, int(table.members.kernel[member])
+    m = table.members
     J = response_jacobian(table.tool, problem.names)
     n = len(problem.wrench)
     moved = np.einsum("p,paj->aj", m.step[member], J)
     errors = problem.errors(table.tool) - problem.R_base_flange.reshape(n, 9) @ moved.T
-    drift, strength = problem.kernels.drifts[problem.kernels.drift[k]], float(problem.kernels.strength[k])
+    drift, strength = table.kernel_of(member)
     L, variance = drift.columns[table.kept], problem.relative[table.kept]
     one = np.ones((len(L), 1))
     of_one = precision_times(L, strength, variance, one)
@@ -241,9 +252,20 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             now = better
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
-    first = found[0]
-    others = [t for t in found[1:] if t.log_evidence > first.log_evidence - FAR]
-    return [first, *(table_at(problem, first.tool, other.kept, hypotheses) for other in others)]
+    levels = {t.kept.tobytes(): _as_two_levels(problem, t.kept) for t in found[:MOST_AS_LEVELS] if not t.kept.all()}
+    of_levels = [
+        settled(levels[t.kept.tobytes()], t.tool, everything, hypotheses) for t in found if t.kept.tobytes() in levels
+    ]
+    whole = sorted([*found, *of_levels], key=lambda table: -table.log_evidence)
+    first = whole[0]
+    others = [t for t in whole[1:] if t.log_evidence > first.log_evidence - FAR]
+    return [first, *(table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses) for t in others)]
+
+
+def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
+    """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them."""
+    log_prior = np.log(TWO_LEVELS) - (len(kept) - 1.0) * np.log(2.0)
+    return replace(problem, kernels=kernels_of(len(kept), [two_levels(~kept)], [float(log_prior)], steady=False))
 
 
 def _clean_poses(problem: Problem, table: Table) -> NDArray[np.bool_]:
@@ -265,8 +287,7 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     sets = []
     kept = table.kept
     worst = int(np.argmax(np.where(kept, distance, -np.inf)))
-    one_more = log_prior_outlying(len(kept), int(np.sum(~kept)) + 1)
-    if distance[worst] > DOUBTED and kept.sum() > FEWEST_POSES and one_more > -np.inf:
+    if distance[worst] > DOUBTED and np.isfinite(log_prior_outlying(len(kept), int(np.sum(~kept)) + 1)):
         flipped = kept.copy()
         flipped[worst] = False
         sets.append(flipped)
@@ -302,9 +323,9 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
     pose is off what the others predict.
     """
     m, best = table.members, table.best
-    k = int(m.kernel[best])
     kept = table.kept
-    L, strength = problem.kernels.drifts[problem.kernels.drift[k]].columns[kept], float(problem.kernels.strength[k])
+    drift, strength = table.kernel_of(best)
+    L = drift.columns[kept]
     variance = problem.relative[kept]
     n = int(kept.sum())
     J = response_jacobian(table.tool, problem.names)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.fields import Kind
+from ..calibration.fields import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
 from ..model import (
     PARAMETERS,
@@ -23,7 +23,7 @@ from ..model import (
     wrench_jacobian,
     wrench_matrix,
 )
-from .bias_drift import possible_drifts
+from .bias_drift import kernels_of, possible_drifts
 from .estimate import Beliefs, RigidEstimate
 from .hypotheses import Hypothesis, hypotheses_of, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
@@ -31,6 +31,7 @@ from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings, relative_variances
 from .noise_model import NoiseModel
+from .orientation_errors import PROBABILITY, orientation_errors
 from .posterior import Problem, Table, deleted_errors, errors_of, explored, settled
 from .priors import Question, rows_of
 
@@ -43,6 +44,7 @@ SURELY_WORSE = 25.0
 is tried alone: more than an exactly level base is worth, which a mounting that points anywhere may stand on.
 """
 
+DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
 
@@ -74,6 +76,9 @@ def estimated(readings: PoseReadings, question: Question, plain: bool = False) -
     return _mean(problem, tables, readings)
 
 
+FEWEST_FOR_ORIENTATION = 5
+
+
 def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem:
     n = len(readings)
     relative = np.ones(n)
@@ -81,11 +86,18 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     start = relative_variances(question.noise) * max(float(np.mean(spread[:, :3] ** 2)), 1e-20)
     if question.noise is not None:
         start = relative_variances(question.noise)
+    drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
+    if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
+        of_orientation = orientation_errors(readings.R_base_flange, question.gravity_direction)
+        drifts, log_prior = (
+            [*drifts, *of_orientation],
+            [*log_prior, *(np.log(PROBABILITY[d.kind]) for d in of_orientation)],
+        )
     return Problem(
         readings.R_base_flange,
         readings.wrench,
         relative,
-        possible_drifts(None if plain else readings.time, n),
+        kernels_of(n, drifts, log_prior),
         PARAMETERS[model_fitted(question.model)],
         question,
         NoiseModel(readings.least_variance, question.noise, start),
@@ -191,6 +203,7 @@ def _mean(problem: Problem, tables: list[Table], readings: PoseReadings) -> Rigi
         (np.exp(t.members.log_evidence - np.logaddexp.reduce(log_all)) @ t.members.variance for t in tables),
         np.zeros(6),
     )
+    variance = variance + _of_levels(problem, tables, weight)
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
     errors = errors_of(problem, first, best)
@@ -205,7 +218,7 @@ def _mean(problem: Problem, tables: list[Table], readings: PoseReadings) -> Rigi
         tool=moved,
         gravity_direction=moved.gravity_direction,
         B=wrench_matrix(moved),
-        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        B_covariance=from_parameters @ covariance @ from_parameters.T + _of_gain(problem, tables, weight),
         covariance=covariance,
         noise=np.sqrt(variance),
         dof=_dof(problem, first, covariance),
@@ -219,11 +232,74 @@ def _mean(problem: Problem, tables: list[Table], readings: PoseReadings) -> Rigi
     )
 
 
+def _of_gain(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """By how much the covariance (24, 24) of B grows because gain and cross-talk are part of what the sensor reads at
+    any orientation: that of B with a slope of its own for each axis, less that of the rigid B, and the slopes found.
+    """
+    added, k, names = np.zeros((24, 24)), 0, problem.names
+    for table in tables:
+        members = table.members
+        of_gain = [j for j in range(len(members.kernel)) if table.kernel_of(j)[0].kind is Kind.GAIN]
+        if of_gain:
+            share = float(sum(weight[k + j] for j in of_gain))
+            best = max(of_gain, key=lambda j: float(members.log_evidence[j]))
+            added += share * _slopes(problem, table, best)
+        k += len(members.kernel)
+    return added
+
+
+def _slopes(problem: Problem, table: Table, member: int) -> Array:
+    """The same for one member."""
+    names, m, kept = problem.names, table.members, table.kept
+    drift, strength = table.kernel_of(member)
+    variance, q = m.variance[member], len(names)
+    D = np.zeros((int(kept.sum()), 6, q + 18))
+    D[:, :, :q] = wrench_jacobian(table.tool, problem.R_base_flange[kept], names)
+    for axis in range(6):
+        D[:, axis, q + 3 * axis : q + 3 * axis + 3] = drift.columns[kept]
+    whitened = (D / np.sqrt(problem.relative[kept, None] * variance)[:, :, None]).reshape(-1, q + 18)
+    errors = (problem.errors(table.tool)[kept] / np.sqrt(problem.relative[kept, None] * variance)).ravel()
+    prior = priors_at(table.tool, names, table.hypotheses, problem.question)
+    known, pull = prior.information[m.hypothesis[member]], prior.pull[m.hypothesis[member]]
+    information, right = whitened.T @ whitened, whitened.T @ errors
+    information[np.ix_(problem.columns, problem.columns)] += known
+    right[problem.columns] += pull
+    information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)
+    unit = np.sqrt(np.diag(information)) + 1e-100
+    covariance = np.linalg.inv(information / np.outer(unit, unit) + 1e-13 * np.eye(q + 18)) / np.outer(unit, unit)
+    to_B = np.zeros((24, q + 18))
+    to_B[:, :q] = matrix_jacobian(table.tool, names)
+    for axis in range(6):
+        to_B[4 * axis : 4 * axis + 3, q + 3 * axis : q + 3 * axis + 3] = np.eye(3)
+    found = to_B[:, q:] @ (covariance @ right)[q:]
+    rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
+    extra: Array = to_B @ covariance @ to_B.T - rigid + np.outer(found, found)
+    return extra
+
+
+def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """What a field over orientations, or two levels of the bias, adds to the variance (6,) of a pose's reading: at a
+    new orientation it is there anew.
+    """
+    added, k = np.zeros(6), 0
+    for table in tables:
+        for member in range(len(table.members.kernel)):
+            drift, strength = table.kernel_of(member)
+            if drift.kind in DIFFER_ANEW:
+                share = float(np.mean(np.sum((drift.columns - drift.columns.mean(axis=0)) ** 2, axis=1)))
+                if drift.kind is Kind.TWO_LEVELS:
+                    added += weight[k] * np.mean(_change(problem, table, member) ** 2, axis=0)
+                else:
+                    added += weight[k] * share * strength**2 * table.members.variance[member]
+            k += 1
+    return added
+
+
 def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
     """Of each member: the weighted mean (m, 15) of orientation and error that the last bias is read off, and its
     variance (m,) in units of a reading's.
     """
-    kernels, kept = problem.kernels, table.kept
+    kernels, kept = table.kernels, table.kept
     n = int(kept.sum())
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[kept]
     mean, own = {}, {}
@@ -246,7 +322,7 @@ def _dof(problem: Problem, table: Table, covariance: Array) -> Array:
     spread = problem.noise.log_spread(np.log(m.variance[best]), m.dof[best])
     of_step = m.covariance[best]
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
-    kernel = problem.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
+    kernel = table.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
     G = gram(table.tool, names, moments_of(X, problem.relative[table.kept], kernel).S)[0, :, :-1, :-1]
     of_axis = np.einsum("pi,aij,jq->apq", of_step, G / m.variance[best][:, None, None], of_step)
     mean, own = _last_bias(problem, table)
@@ -276,30 +352,32 @@ def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, le
 
 def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Beliefs:
     """Probabilities, read off the members."""
-    kernels = problem.kernels
-    kernel = np.concatenate([table.members.kernel for table in tables])
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
     of_table = np.repeat(np.arange(len(tables)), [len(table.members.kernel) for table in tables])
-    kinds = [kernels.drifts[k].kind for k in kernels.drift[kernel]]
+    drifts = [table.kernel_of(k)[0] for table in tables for k in range(len(table.members.kernel))]
     moved: dict[Kind, float] = {}
-    for kind, share in zip(kinds, weight, strict=True):
-        if kind is not None:
-            moved[kind] = moved.get(kind, 0.0) + float(share)
-    of_drift = np.bincount(kernels.drift[kernel], weight, len(kernels.drifts))
-    of_drift[0] = 0.0
-    likeliest = int(np.argmax(of_drift))
-    change = np.zeros_like(problem.wrench)
-    if moved:
-        first = tables[0]
-        best = int(
-            np.argmax(np.where(kernels.drift[first.members.kernel] == likeliest, first.members.log_evidence, -np.inf))
-        )
-        change = _change(problem, first, best)
+    of_kind: dict[Kind, float] = {}
+    of_drift: dict[int, float] = {}
+    for drift, share in zip(drifts, weight, strict=True):
+        if drift.kind in BIAS_MOVED:
+            moved[drift.kind] = moved.get(drift.kind, 0.0) + float(share)
+            of_drift[id(drift)] = of_drift.get(id(drift), 0.0) + float(share)
+        elif drift.kind is not None:
+            of_kind[drift.kind] = of_kind.get(drift.kind, 0.0) + float(share)
+    likeliest = max(of_drift, key=lambda drift: of_drift[drift], default=None)
+    drift, change = None, np.zeros_like(problem.wrench)
+    for k in np.argsort(-weight):
+        if id(drifts[k]) == likeliest:
+            drift = drifts[k]
+            before = int(np.sum(of_table < of_table[k]))
+            change = _change(problem, tables[of_table[k]], int(k) - before)
+            break
     return Beliefs(
         outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),
         moved=moved,
-        drift=kernels.drifts[likeliest] if moved else None,
+        drift=drift,
         change=change,
+        with_orientation=of_kind,
         mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
         base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
         any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)),
@@ -309,8 +387,7 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
 
 def _change(problem: Problem, table: Table, member: int) -> Array:
     """What a member says each pose's bias was off the last one, (n, 6)."""
-    k = table.members.kernel[member]
-    drift, strength = problem.kernels.drifts[problem.kernels.drift[k]], float(problem.kernels.strength[k])
+    drift, strength = table.kernel_of(member)
     J = response_jacobian(table.tool, problem.names)
     moved = np.einsum("p,paj->aj", table.members.step[member], J)
     errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T

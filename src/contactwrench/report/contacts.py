@@ -16,7 +16,7 @@ from ..recording.options import Options
 from ..recording.tables.columns import Advance
 from ..statistics import counted, meaningful_digits
 from .figures import AXIS_COLOURS, WIDTH, drawing, svg_text
-from .html import figure_html, head_html, page, paragraphs_html, row_html, table_html
+from .html import figure_html, page, paragraphs_html, plain_table
 from .signals import Envelope, envelope, outline
 
 SHADE, FAULT = "#f3d9a4", "#b3541e"
@@ -154,6 +154,7 @@ def _contacts(log: ContactLog) -> str:
         along = float(np.sqrt(f @ contact.covariance[:3, :3] @ f)) if force > 0.0 else float(std.max())
         lasts = "lasts" if contact.release is None else f"{contact.release - contact.onset:.3f}"
         cells = [
+            str(number),
             f"{contact.onset - log.start:.3f}",
             lasts,
             " ± ".join(meaningful_digits(float(force), along)),
@@ -161,15 +162,15 @@ def _contacts(log: ContactLog) -> str:
             " ".join(f"{round(part, 2) + 0.0:.2f}" for part in line.direction) if line.reason is None else "-",
             line.reason or _place(line.point, line.point_covariance),
         ]
-        rows.append(row_html(str(number), cells, "said"))
+        rows.append(cells)
     point = "nearest point of its line to the sensor's origin, mm"
-    head = head_html(["", "onset, s", "length, s", "mean force, N", "peak, N", "direction", point], "said")
+    table = plain_table(["", "onset, s", "length, s", "mean force, N", "peak, N", "direction", point], rows, "said")
     cut = f"<p>And {len(log.contacts) - MOST_LISTED} more.</p>" if len(log.contacts) > MOST_LISTED else ""
     said = (
         "Means over the whole contact in the sensor's axes, which turn with the arm. The line of action is that of one "
         "force; ± is one std of the mean, what the arm turned meanwhile left out."
     )
-    return f"<h3>Contacts</h3>{table_html(head + ''.join(rows))}{cut}<p class='unit'>{said}</p>"
+    return f"<h3>Contacts</h3>{table}{cut}<p class='unit'>{said}</p>"
 
 
 def _place(point: Array, covariance: Array) -> str:
@@ -180,8 +181,6 @@ def _place(point: Array, covariance: Array) -> str:
 def _faults(log: ContactLog) -> str:
     if not log.reasons:
         return ""
-    rows = "".join(
-        row_html(kind, [str(count), f"{first - log.start:.3f}"])
-        for kind, (count, first) in sorted(log.reasons.items(), key=lambda item: item[1][1])
-    )
-    return f"<h3>Samples with something wrong</h3>{table_html(head_html(['', 'samples', 'first at, s']) + rows)}"
+    in_time = sorted(log.reasons.items(), key=lambda item: item[1][1])
+    rows = ([kind, str(count), f"{first - log.start:.3f}"] for kind, (count, first) in in_time)
+    return f"<h3>Samples with something wrong</h3>{plain_table(['', 'samples', 'first at, s'], rows)}"

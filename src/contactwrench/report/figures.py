@@ -17,7 +17,8 @@ from ..calibration.fields import WEAK_SHARE
 from ..calibration.observability import LEVER
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array
-from ..model import gravity_in_flange
+from ..geometry.rotations import spread_directions, spread_rotations
+from ..model import gravity_in_flange, horizontal_axes
 from ..statistics import counted, three_digits, two_digits
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 WIDTH = 10.0
 """Inches, of a figure as wide as the text."""
 SIDES = (1.0, -1.0)
+DIRECTIONS = 600
+"""Of gravity, over which a map is drawn."""
 AXIS_COLOURS = ("#c1443c", "#3a7d44", "#2f5fa8")
 METHODS = {
     "full": ("#1b6e9c", "o", "this calibration: bias and the turning weight subtracted"),
@@ -142,9 +145,10 @@ def std_over_orientations(calibration: Calibration) -> str:
     c = calibration
     r = gravity_in_flange(np.array([pose.R_base_flange for pose in c.poses]), c.gravity_direction)
     fitted = np.array([pose.rejected is None for pose in c.poses])
-    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-1.0, 1.0, 41))
-    within = 1.0 / np.maximum(np.hypot(x, y), 1.0)
-    halves = [_std(c, _from_equal_area((x * within).ravel(), (y * within).ravel(), side)) for side in SIDES]
+    seen, turned = spread_directions(DIRECTIONS), spread_rotations(DIRECTIONS, 4).transpose(0, 2, 1)
+    upright = np.stack([*horizontal_axes(c.gravity_direction), c.gravity_direction], axis=1)
+    variances = c.wrench_std(upright @ turned).reshape(DIRECTIONS, 4, 2, 3) ** 2  # four turns about the vertical
+    stds = np.sqrt(variances.sum(axis=3).mean(axis=1))
     weak = WEAK_SHARE * float(np.linalg.norm(c.B[:3, :3], 2))
     with drawing(4, (WIDTH, 3.5)) as (figure, axes):
         from matplotlib.patches import Circle
@@ -152,18 +156,20 @@ def std_over_orientations(calibration: Calibration) -> str:
         limits = (("force, N", 1.0, weak), ("torque, mN m", 1e3, 1e3 * LEVER * weak))
         for part, (name, scale, most) in enumerate(limits):
             pair = axes[2 * part : 2 * part + 2]
-            for ax, half, side in zip(pair, halves, SIDES, strict=True):
-                std = scale * half[:, part]
-                shown = ax.pcolormesh(
-                    x, y, std.reshape(x.shape), vmin=0.0, vmax=most, cmap="YlGnBu", shading="gouraud", rasterized=True,
-                    clip_path=Circle((0.0, 0.0), 1.0, transform=ax.transData),
+            std = scale * stds[:, part]
+            for ax, side in zip(pair, SIDES, strict=True):
+                near = side * seen[:, 2] > -0.3  # beyond the rim, so that the colour reaches it
+                shown = ax.tripcolor(
+                    *_equal_area(seen[near], side), std[near], vmin=0.0, vmax=most, cmap="YlGnBu", shading="gouraud",
+                    rasterized=True, clip_path=Circle((0.0, 0.0), 1.0, transform=ax.transData),
                 )  # fmt: skip
                 _globe(ax, side)
                 here = side * r[:, 2] >= 0.0
                 ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=7, mfc="none", mec=LEFT_OUT, mew=1.2)
                 ax.plot(*_equal_area(r[here & fitted], side), "o", ms=4, mfc="white", mec="#2a3036", mew=0.7)
                 said = f"{_side(side)}: {counted(int((here & fitted).sum()), 'pose')}"
-                ends = " to ".join(map(two_digits, (std.min(), std.max())))
+                half = std[side * seen[:, 2] > 0.0]
+                ends = " to ".join(map(two_digits, (half.min(), half.max())))
                 ax.set_title(f"{said}\n{ends} {name.partition(', ')[2]}", fontsize=9, color="#2a3036")
             bar = figure.colorbar(shown, ax=pair, location="bottom", shrink=0.8, aspect=30, pad=0.02, extend="max")
             bar.set_label(f"std of the contact {name}")
@@ -171,39 +177,10 @@ def std_over_orientations(calibration: Calibration) -> str:
         return svg_text(figure)
 
 
-def _std(calibration: Calibration, r: Array) -> Array:
-    """Standard deviation (n, 2) of force and torque, roots of the summed variances of three axes, for gravity along
-    r (n, 3), the mean over turns about it.
-    """
-    from scipy.spatial.transform import Rotation
-
-    d = calibration.gravity_direction
-    R = np.array([_half_turn(direction, d) for direction in r])
-    turns = Rotation.from_rotvec(np.outer(np.linspace(0.0, 2.0 * np.pi, 6, endpoint=False), d)).as_matrix()
-    variances = [np.sum(calibration.wrench_std(turn @ R).reshape(-1, 2, 3) ** 2, axis=2) for turn in turns]
-    std: Array = np.sqrt(np.mean(variances, axis=0))
-    return std
-
-
-def _half_turn(start: Array, end: Array) -> Array:
-    """The half turn R about the axis midway between two unit vectors: `R @ start = end`."""
-    axis = start + end
-    if axis @ axis < 1e-12:
-        axis = np.cross(start, np.eye(3)[int(np.argmin(np.abs(start)))])
-    R: Array = 2.0 * np.outer(axis, axis) / (axis @ axis) - np.eye(3)
-    return R
-
-
 def _equal_area(r: Array, side: float) -> tuple[Array, Array]:
     """Lambert's azimuthal projection of directions (n, 3) of one half, onto the unit disc."""
     scale = 1.0 / np.sqrt(1.0 + side * r[:, 2])
     return r[:, 0] * scale, r[:, 1] * scale
-
-
-def _from_equal_area(x: Array, y: Array, side: float) -> Array:
-    square = np.minimum(x**2 + y**2, 1.0)
-    scale = np.sqrt(2.0 - square)
-    return np.stack([x * scale, y * scale, side * (1.0 - square)], axis=1)
 
 
 def _globe(ax: Axes, side: float) -> None:

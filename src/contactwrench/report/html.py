@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
@@ -14,14 +14,14 @@ from ..assess.verify import LeftOver, compare
 from ..calibration.calibration import Calibration
 from ..calibration.fields import BIAS_MOVED
 from ..calibration.observability import LEVER
-from ..calibration.text import headline, parameter_rows, verdict_sentences
+from ..calibration.text import alternative_rows, fit_facts, fit_rows, headline, parameter_rows, verdict_sentences
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
 from ..samples.still_segments import still_segments
-from ..statistics import meaningful_digits, three_digits
+from ..statistics import three_digits
 from ..version import __version__
 from . import figures, signals
 
@@ -129,10 +129,10 @@ def _sentence(text: str) -> str:
 
 def _bias_moved(c: Calibration) -> list[str]:
     """How the left-overs are to be read where the bias moved."""
-    moved = [finding.text.partition(": ")[0] for finding in c.findings if finding.kind in BIAS_MOVED]
+    moved = [finding.kind.value.replace("_", " ") for finding in c.findings if finding.kind in BIAS_MOVED]
     return [
-        f"But {how}. The calibration holds the last bias; the poses before are drawn against it, so their residuals "
-        "show by how much theirs was another."
+        f"But the {how}. The calibration holds the last bias; the poses before are drawn against it, and their "
+        "residuals show by how much theirs was another."
         for how in moved
     ]
 
@@ -151,20 +151,12 @@ def _alternatives(c: Calibration) -> str:
     """What other models make of the same poses."""
     if not c.alternatives:
         return ""
-    rows = []
-    for other in c.alternatives:
-        weight, std = "-", ""
-        if other.weight is not None and other.weight_std is not None:
-            weight, std = meaningful_digits(other.weight, other.weight_std)
-        change = other.largest_force_change(c.B, c.gravity_direction)
-        numbers = (other.force_left, 1e3 * other.torque_left, change)
-        rows.append(row_html(other.model, [weight, _plus_minus(std), *map(three_digits, numbers)]))
-    head = head_html(["", "weight, N", "std", "left, N", "left, mN m", "change, N"])
+    head = ("", "weight, N", "left, N", "left, mN m", "change, N")
     said = (
         "Left: root mean square norm of what the model leaves in a pose, its parameters counted. Change: by how much "
         "the contact force would be another one, at the worst orientation."
     )
-    table = table_html(head + "".join(rows))
+    table = plain_table(head, alternative_rows(c))
     return f"<h3>What other models make of the same poses</h3>{table}<p class='unit'>{said}</p>"
 
 
@@ -195,94 +187,70 @@ def _left_out(c: Calibration) -> str:
         left = c.compensate(pose.wrench, pose.R_base_flange)
         at = [] if not timed else [""] if pose.t_start is None else [f"{pose.t_start - c.first_time:.6g}"]
         norms = [three_digits(float(np.linalg.norm(part))) for part in (left[:3], 1e3 * left[3:])]
-        rows.append(row_html(str(number), [*at, *norms, pose.rejected or ""], "said"))
-    head = head_html(["pose", *(["time, s"] if timed else []), "left, N", "left, mN m", "why"], "said")
-    table = table_html(head + "".join(rows))
+        rows.append([str(number), *at, *norms, pose.rejected or ""])
+    table = plain_table(["pose", *(["time, s"] if timed else []), "left, N", "left, mN m", "why"], rows, "said")
     last = ", with the last bias" if _bias_moved(c) else ""
     said = f"{len(poses)} of {len(c.poses)} poses did not take part in the fit. Left: what compensation leaves{last}."
     return f"<h3>Poses that were left out</h3><p>{said}</p>{table}"
 
 
 def _parameters(c: Calibration) -> str:
-    rows = (row_html(name, [value, _plus_minus(std), unit], "unit") for name, value, std, unit in parameter_rows(c))
-    return table_html(head_html(["", "value", "std", "unit"], "unit") + "".join(rows))
+    rows = ([name, value, f"+- {std}" if std else "", unit] for name, value, std, unit in parameter_rows(c))
+    return plain_table(["", "value", "std", "unit"], rows, "unit")
 
 
 def _fit(c: Calibration) -> str:
-    rows = {"noise of a pose": c.noise, "residual rms": c.residual_rms, "held-out rms": c.held_out_rms}
-    body = "".join(row_html(name, ["-"] * 6 if values is None else _in_units(values)) for name, values in rows.items())
-    low, high = np.rad2deg(c.observability.tilt_range)
-    facts = {
-        "reduced chi-square": f"{c.reduced_chi2:.3g}",
-        "degrees of freedom": f"{c.dof:.3g}",
-        "condition number": f"{c.observability.condition:.3g}",
-        "gravity to the flange's z": f"{low:.0f} to {high:.0f} deg",
-    }
-    listed = "".join(f"<tr><th>{name}</th><td colspan=6 class='fact'>{fact}</td></tr>" for name, fact in facts.items())
-    trade_offs = c.observability.trade_offs[:4]
-    trading = f"<p>Trading off against each other:</p>{_list(trade_offs)}" if trade_offs else ""
-    return f"{table_html(head_html(['', *AXES]) + body + listed)}<p class='unit'>N and mN m</p>{trading}"
+    trade_offs = [f"trading off: {pair}" for pair in c.observability.trade_offs[:4]]
+    return f"{plain_table(['N and mN m', *AXES], fit_rows(c))}{_list([*fit_facts(c), *trade_offs])}"
 
 
 def _methods(methods: tuple[LeftOver, ...]) -> str:
-    rows = "".join(
-        row_html(method.name, [kind, *_in_units(values)])
+    rows = (
+        [method.name, kind, *_in_units(values)]
         for method in methods
         for kind, values in (("mean", method.mean_abs), ("largest", method.max_abs))
     )
     said = "Absolute values over the poses, N and mN m, as in the paper's Tables VII and VIII."
-    return f"{table_html(head_html(['', '', *AXES]) + rows)}<p class='unit'>{said}</p>"
+    return f"{plain_table(['', '', *AXES], rows)}<p class='unit'>{said}</p>"
 
 
 def _pose_table(c: Calibration, methods: tuple[LeftOver, ...]) -> str:
-    n, head = len(methods), "".join(f"<th>{escape(method.name)}</th>" for method in methods)
     parts = [scale * method.wrench[:, k : k + 3] for k, _, scale in figures.PARTS for method in methods]
     norms = iter(np.linalg.norm(parts, axis=2).T)
-    left_out = f"<td colspan={2 * n} class='fact'>left out</td>"
     rows = [
-        left_out if pose.rejected is not None else "".join(f"<td>{three_digits(norm)}</td>" for norm in next(norms))
-        for pose in c.poses
+        [str(k), *(["left out"] if pose.rejected is not None else map(three_digits, next(norms)))]
+        for k, pose in enumerate(c.poses, start=1)
     ]
-    body = "".join(f"<tr><th>{k + 1}</th>{rows[k]}</tr>" for k in figures.in_order_of_time(c))
-    table = table_html(
-        f"<thead><tr><th></th><th colspan={n}>force, N</th><th colspan={n}>torque, mN m</th></tr>"
-        f"<tr><th>pose</th>{head}{head}</tr></thead>{body}"
-    )
+    head = ["pose", *(f"{method.name}, {unit}" for unit in ("N", "mN m") for method in methods)]
+    table = plain_table(head, [rows[k] for k in figures.in_order_of_time(c)])
     return f"<details><summary>Every pose in numbers</summary>{table}</details>"
 
 
 def _provenance(c: Calibration) -> str:
-    rows = "".join(row_html(name, [str(value)]) for name, value in c.provenance.items())
-    return f"<details><summary>Where this comes from</summary>{table_html(rows, 'facts')}</details>"
+    rows = ([name, str(value)] for name, value in c.provenance.items())
+    return f"<details><summary>Where this comes from</summary>{plain_table((), rows, 'said')}</details>"
 
 
-def table_html(rows: str, kind: str = "") -> str:
-    """A table in a box of its own, which scrolls where the page is narrower than the table."""
-    return f"<div class='scroll'><table{f' class={kind}' if kind else ''}>{rows}</table></div>"
+def plain_table(head: Sequence[str], rows: Iterable[Sequence[str]], last: str = "") -> str:
+    """A table of plain text, the first cell of a row its name; `last` is the last column's class in the style sheet."""
+    body = "".join(_row(row, "td", last) for row in rows)
+    return table_html(f"<thead>{_row(head, 'th', last)}</thead>{body}" if head else body)
 
 
-def head_html(titles: Iterable[str], last: str = "") -> str:
-    """The head of a table: plain text; `last` is the last column's class in the style sheet."""
-    return f"<thead>{_line('', [f'<th>{escape(title)}</th>' for title in titles], last)}</thead>"
+def _row(cells: Sequence[str], kind: str, last: str) -> str:
+    classes = [""] * (len(cells) - 1) + [f" class='{last}'" if last else ""]
+    kinds = ["th", *[kind] * (len(cells) - 1)]
+    each = (f"<{kind}{of}>{typeset(cell)}</{kind}>" for cell, kind, of in zip(cells, kinds, classes, strict=True))
+    return f"<tr>{''.join(each)}</tr>"
 
 
-def row_html(name: str, values: Iterable[str], last: str = "") -> str:
-    """A row of a table: plain text; `last` is the last column's class in the style sheet."""
-    return _line(f"<th>{escape(name)}</th>", [f"<td>{escape(value)}</td>" for value in values], last)
-
-
-def _line(name: str, cells: list[str], last: str) -> str:
-    if last:
-        cells[-1] = f"{cells[-1][:3]} class='{last}'{cells[-1][3:]}"
-    return f"<tr>{name}{''.join(cells)}</tr>"
+def table_html(rows: str) -> str:
+    """Rows of HTML in a box of their own, which scrolls where the page is narrower than the table."""
+    return f"<div class='scroll'><table>{rows}</table></div>"
 
 
 def _in_units(values: Array) -> list[str]:
     return [three_digits(value) for value in (*values[:3], *(1e3 * values[3:]))]
-
-
-def _plus_minus(std: str) -> str:
-    return f"± {std}" if std else ""
 
 
 def figure_html(svg: str, caption: str) -> str:

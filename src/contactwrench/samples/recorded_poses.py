@@ -18,7 +18,7 @@ from ..geometry.rotations import rotation_log
 from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import Samples
 from .slow_motion import poses_on_the_way
-from .still_noise import StillNoise
+from .still_noise import StillNoise, still_noise_of
 from .still_segments import StillSegment, StillSegments, still_segments
 
 SLOWEST = 0.25
@@ -112,7 +112,8 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         poses, visit = averaged(samples, label), visits(label, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0)
+        noise = None if samples.t is None else _noise_of_rows(samples.wrench, samples.t, label)
+        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0, still_noise=noise)
     still = still_segments(samples)
     stood = still.accepted + still.rejected
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
@@ -130,6 +131,14 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         len(moving),
         still.noise,
     )
+
+
+def _noise_of_rows(wrench: Array, t: Array, label: NDArray[np.intp]) -> StillNoise | None:
+    """The noise within the rows of a table that follow each other at one orientation, where they come evenly."""
+    step = np.diff(t)
+    usual = float(np.median(step[label[1:] == label[:-1]])) if (label[1:] == label[:-1]).any() else 0.0
+    ends = np.flatnonzero((label[1:] != label[:-1]) | (np.abs(step - usual) > 0.5 * usual)) + 1
+    return still_noise_of(np.split(wrench, ends), usual)
 
 
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:

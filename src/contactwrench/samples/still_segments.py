@@ -41,6 +41,12 @@ ACCEPTED_TURN = float(0.5 * SAME_POSE_ANGLE)
 MOST_CREEP = 0.01
 """Of the weight: means that differ by more in most stops are no creep of the sensor."""
 
+FOLLOWS, FEWEST_TO_FOLLOW = 8.0, 4
+"""Standard deviations by which stops go on with the change from the one before, and stops that tell."""
+
+STEPS = 1.5
+"""Of coarse readings, that are no change: a level between two."""
+
 MOST_ROWS_FOR_STEP = 100_000
 ROUNDING = 1e-9
 
@@ -109,8 +115,8 @@ def still_segments(samples: Samples) -> StillSegments:
     step = _resolution(samples, [blocks.rows_of(segment.first, segment.last) for blocks, segment in arm.segments])
     noise = _noise_of_readings(arm, step)
     candidates = [
-        candidate
-        for blocks, segment in arm.segments
+        replace(candidate, reason=follows or candidate.reason)
+        for (blocks, segment), follows in zip(arm.segments, _following(arm), strict=True)
         for candidate in _where_the_reading_stays(blocks, segment, noise, period, arm.duration)
     ]
     return _judged(samples, candidates, between_gaps[0].rows * arm.window, step, period)
@@ -118,12 +124,12 @@ def still_segments(samples: Samples) -> StillSegments:
 
 def _noise_of_readings(arm: StationaryArm, step: Array) -> NoiseOfMeans:
     """The noise of means where the arm stands. No change is what a turn that is accepted does to the reading, the
-    differences between stops standing in for the weight; and one `step` (6,) of coarse readings.
+    differences between stops standing in for the weight; and a `step` (6,) of coarse readings.
     """
     stops = [blocks.wrench[segment.blocks] for blocks, segment in arm.segments]
     levels = np.array([np.median(stop, axis=0) for stop in stops])
     weight = np.repeat(np.sqrt(levels.var(axis=0).reshape(2, 3).sum(axis=1)), 3)
-    least, floor = np.maximum(ACCEPTED_TURN * weight, step), step**2 / (12.0 * arm.segments[0][0].rows)
+    least, floor = np.maximum(ACCEPTED_TURN * weight, STEPS * step), step**2 / (12.0 * arm.segments[0][0].rows)
     most = np.where(weight > 0.0, (MOST_CREEP * weight) ** 2, np.inf)
     return noise_at_all_lengths(stops, arm.window, least, floor, most)
 
@@ -135,6 +141,23 @@ def _resolution(samples: Samples, ends: list[tuple[int, int]]) -> Array:
     least = np.min(step, axis=0, initial=np.inf, where=step > 0.0)
     rounding = max(ROUNDING * float(np.abs(samples.wrench).max()), 1e-100)
     return np.maximum(np.where(np.isfinite(least), least, 0.0), rounding)
+
+
+def _following(arm: StationaryArm) -> list[str | None]:
+    """For each stop whose force goes on with the change from the one before, where most do, the reason: no creep
+    depends on where the arm came from, but a filter's tail that is slower than the stops.
+    """
+    later = [np.array_split(blocks.wrench[segment.blocks, :3], 4)[2:] for blocks, segment in arm.segments]
+    quarters = np.array([[quarter.mean(axis=0) for quarter in each] for each in later])
+    change, drift = quarters[:-1, 1] - quarters[1:].mean(axis=1), quarters[1:, 0] - quarters[1:, 1]
+    share = np.r_[0.0, np.sum(change * drift, axis=1) / np.maximum(np.sum(change**2, axis=1), 1e-300)]
+    usual = float(np.median(share[1:])) if len(share) > FEWEST_TO_FOLLOW else 0.0
+    chance = float(np.median(np.abs(share - usual))) / np.sqrt(len(share))
+    if usual < max(FOLLOWS * chance, MOST_CREEP):
+        return [None] * len(share)
+    by = np.r_[0.0, np.linalg.norm(drift, axis=1)]
+    text = "the force still follows the move before, by {} N: a filter is slower than the stops"
+    return [text.format(two_digits(by[k])) if share[k] > 0.5 * usual else None for k in range(len(share))]
 
 
 def _where_the_reading_stays(
@@ -154,9 +177,10 @@ def _where_the_reading_stays(
     for segment in segments_between_changes(wrench, noise):
         begin = segment.first + int(np.ceil(SETTLING_MARGIN * (segment.first - before)))
         before = segment.last
-        if segment.steady and begin < segment.last:
+        if not segment.steady:
+            begin += _crept_after(wrench[begin : segment.last], noise)
+        if begin < segment.last:
             settled.append(Segment(begin, segment.last, True))
-    settled = settled or _later_half(wrench, noise)
     block = blocks.rows * period
     usable = [segment for segment in settled if len(segment) * block >= duration]
     if not usable:
@@ -180,17 +204,19 @@ def _where_the_reading_stays(
             add(end, segment.first, _moves(wrench[end : segment.first], wrench[segment.blocks]))
         add(segment.first, segment.last, None)
         end = segment.last
-    if len(stationary) - end >= 2 * noise.window:
+    if (len(stationary) - end) * block >= duration:  # less is the beginning of the next move
         add(end, len(stationary), _moves(wrench[end:], wrench[usable[-1].first : end]))
     return candidates
 
 
-def _later_half(wrench: Array, noise: NoiseOfMeans) -> list[Segment]:
-    """The later half of a stop in which all moves slowly, no further than a sensor creeps, and that half less."""
-    half = Segment(len(wrench) // 2, len(wrench), True)
-    creep = np.abs(wrench[half.blocks].mean(axis=0) - wrench[: half.first].mean(axis=0))
-    creeps = bool((creep <= MOST_CREEP / ACCEPTED_TURN * noise.least).all())
-    return [half] if creeps and is_steady(wrench[half.blocks], noise) else []
+def _crept_after(wrench: Array, noise: NoiseOfMeans) -> int:
+    """How many blocks of a segment (n, 6) to leave where it moves: the earlier half where it moves slowly, no further
+    than a sensor creeps, and the later half less; else all.
+    """
+    earlier, later = np.array_split(wrench, 2)
+    moved = np.abs(later.mean(axis=0) - earlier.mean(axis=0)) if len(later) else np.inf
+    creeps = bool(np.all(moved <= MOST_CREEP / ACCEPTED_TURN * noise.least)) and is_steady(later, noise)
+    return len(earlier) if creeps else len(wrench)
 
 
 def _agree(wrench: Array, segments: list[Segment], noise: NoiseOfMeans) -> bool:
@@ -227,12 +253,9 @@ def _judged(samples: Samples, candidates: list[_Candidate], window: int, step: A
         each.reason or _saturated(samples, each) or _shakes(own, usual)
         for own, each in zip(scatter, candidates, strict=True)
     ]
-    accepted, rejected = (
-        _segments(
-            samples, [(each, why) for each, why in zip(candidates, reasons, strict=True) if (why is None) == good]
-        )
-        for good in (True, False)
-    )
+    judged = list(zip(candidates, reasons, strict=True))
+    accepted = _segments(samples, [one for one in judged if one[1] is None])
+    rejected = _segments(samples, [one for one in judged if one[1] is not None])
     return StillSegments(accepted, rejected, still_noise_of([samples.wrench[each.rows] for each in accepted], period))
 
 

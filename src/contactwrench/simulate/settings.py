@@ -95,8 +95,7 @@ class Noise:
     torque: Three = field(default=(0.0015, 0.0005, 0.0005), metadata=between(0.0, 1e6))
     """N m."""
     one_over_f: Six = field(default=NONE, metadata=between(0.0, 1e6))
-    """Of 1/f noise beside it, within a minute at 1 kHz, N and N m; within ten times as long its variance is a fifth
-    larger."""
+    """Of 1/f noise beside it, within a minute at 1 kHz, N and N m."""
 
 
 @dataclass(frozen=True)
