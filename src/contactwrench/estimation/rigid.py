@@ -58,16 +58,19 @@ def model_fitted(model: str) -> str:
     return MODEL_OF_AUTO if model == "auto" else model
 
 
-def estimated(readings: PoseReadings, question: Question, plain: bool = False) -> RigidEstimate:
+def estimated(
+    readings: PoseReadings, question: Question, plain: bool = False, begin: RigidTool | None = None
+) -> RigidEstimate:
     """The posterior mean of tool, mounting, base and last bias. Singular problems are returned as they come.
 
     Args:
         readings: of the poses, in the order of time where that tells.
         question: `yaw`, `mount`, `mount+base` or `auto`.
         plain: all poses belong, and the bias is steady.
+        begin: where to, of a model other than `auto`; None: everywhere is looked at.
     """
     problem = _problem(readings, question, plain or len(readings) > MOST_JUDGED)
-    tables = _tables(problem, plain or len(readings) > MOST_JUDGED)
+    tables = _tables(problem, plain or len(readings) > MOST_JUDGED, begin)
     relative = readings.relative_variance
     if question.noise is None and float(relative.max()) > EVEN * float(relative.min()):
         of_stops = float(np.mean(readings.least_variance / _mean_variance(tables)))
@@ -104,13 +107,14 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     )
 
 
-def _tables(problem: Problem, plain: bool) -> list[Table]:
+def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Table]:
     question = problem.question
     look = _settled_only if plain else explored
     if question.earlier is not None:
         return look(problem, question.earlier, hypotheses_of(question, False, False))
     if question.model != "auto":
-        return look(problem, _start(problem, SEARCH_OF_MODEL[question.model]), hypotheses_of(question, False, False))
+        begin = _start(problem, SEARCH_OF_MODEL[question.model]) if begin is None else begin
+        return look(problem, begin, hypotheses_of(question, False, False))
     mounting, base = question.priors.mount is None, question.priors.base is None
     nominal = hypotheses_of(question, False, False)
     best = look(problem, _start(problem, Search(mounting, base)), nominal)
