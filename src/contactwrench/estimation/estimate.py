@@ -101,8 +101,10 @@ class RigidEstimate(Estimate):
 
     @property
     def bias_moved(self) -> bool:
+        """Whether the bias is likelier than not to have moved."""
         return self.beliefs is not None and sum(self.beliefs.moved.values()) > 0.5
 
     @property
     def change(self) -> Array:
+        """What each pose's bias was off the last one (n, 6)."""
         return np.zeros_like(self.errors) if self.beliefs is None or not self.bias_moved else self.beliefs.change
