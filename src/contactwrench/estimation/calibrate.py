@@ -289,6 +289,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,
         still_noise=recorded.found.still_noise,
+        gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
     )
 
 

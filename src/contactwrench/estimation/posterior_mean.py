@@ -19,7 +19,7 @@ from .estimate import Beliefs, RigidEstimate
 from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
-from .orientation_covariance import of_orientation
+from .orientation_errors import of_orientation
 from .posterior import deleted_errors
 from .priors import rows_of
 from .tables import Problem, Table, explained
@@ -80,7 +80,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         tool=moved,
         gravity_direction=moved.gravity_direction,
         B=wrench_matrix(moved),
-        B_covariance=from_parameters @ covariance @ from_parameters.T + of_B,
+        B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
         dof=_dof(problem, first, covariance),
@@ -90,6 +90,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
+        gain_covariance=of_B if of_B.any() else None,
         beliefs=_beliefs(problem, tables, weight, errors),
     )
 
