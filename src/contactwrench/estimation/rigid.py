@@ -29,8 +29,10 @@ MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""
 
-SURELY_WORSE = 12.0
-"""Odds at which mounting and base anywhere are worse than nominal: then neither of the two is tried alone."""
+SURELY_WORSE = 25.0
+"""Natural logarithm of the odds, from which on mounting and base anywhere are so much worse than nominal that neither
+is tried alone: more than an exactly level base is worth, which a mounting that points anywhere may stand on.
+"""
 
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
