@@ -110,7 +110,7 @@ def _only(columns: Array, strength: float) -> Kernels:
 def test_the_covariance_of_a_bias_that_moved_is_that_of_generalised_least_squares(
     strength: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The whole of it, the last bias included, from all readings in one, where only one motion is possible and no pose is outlying."""
+    """The whole of it, the last bias included, where only one motion is possible and no pose is outlying."""
     rig, R, rng = example(7, poses=12)
     time = np.cumsum(rng.uniform(1.0, 9.0, 12))
     columns = next(d.columns for d in possible_drifts(time, 12)[0] if d.kind is Kind.BIAS_WANDERED)

@@ -136,7 +136,8 @@ def test_held_out_errors_are_off_what_the_other_poses_predict(kind: Kind | None)
     """A refit to the others (dense), and under a moving bias the regression on what is left in them."""
     rig, R, rng = example(5, poses=9)
     wrench, every = noisy_readings(rig, R, NOISE, rng), _kernels(9, rng)
-    k = next(k for k, drift in enumerate(every.drift) if every.drifts[drift].kind is kind and every.strength[k] in (0, 10))
+    wanted = [every.drifts[drift].kind is kind for drift in every.drift]
+    k = int(np.flatnonzero(wanted & np.isin(every.strength, (0.0, 10.0)))[0])
     kernels = _alone(every, k)
     problem = Problem(R, wrench, np.ones(9), kernels, NAMES, Question("mount", rig.down), _noise())
     free = (Hypothesis(None, None, (False, False), 0.0),)
