@@ -286,8 +286,9 @@ class CalibrationFields(Frozen):
         to_errors[:24] = matrix_jacobian(self._rigid_tool, self.parameter_names)
         to_errors[range(24, len(to_errors)), gravity] = 1.0
         total: Array = to_errors @ self.covariance @ to_errors.T
+        unit = np.sqrt(np.diag(total) + 1e-30)
+        unit[:24] = np.hypot(unit[:24], np.sqrt(np.abs(np.diag(self.gain_covariance))))
         total[:24, :24] += self.gain_covariance
-        unit = np.sqrt(np.maximum(np.diag(total), 1e-300))
         values, vectors = np.linalg.eigh(total / np.outer(unit, unit))
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) * unit[:, None]  # a mean of several: not quite positive
         positive: Array = root @ root.T
