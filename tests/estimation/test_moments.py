@@ -90,7 +90,7 @@ def _in_one(rig: Rig, R: Array, wrench: Array, covariance: Array) -> tuple[Array
     D = np.concatenate([J[:, :, TOOL], np.tile(np.eye(6), (len(R), 1, 1))], axis=2).reshape(6 * len(R), -1)
     truth = Rig(rig.weight, rig.com, rig.bias, rig.R_flange_sensor, rig.down)
     errors = (wrench - noisy_readings(truth, R, np.zeros(6), np.random.default_rng(0))).ravel()
-    return D, errors, np.kron(covariance, np.diag(NOISE**2))
+    return D, errors, np.asarray(np.kron(covariance, np.diag(NOISE**2)), dtype=np.float64)
 
 
 def test_steps_and_covariances_are_those_of_generalised_least_squares_on_all_readings() -> None:
