@@ -226,7 +226,7 @@ def cross_talk(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
     added = AFFINE_PARAMETERS - RIGID_PARAMETERS
     if dof < 1.0 or float(fdtrc(added, dof, gain / added / (rest / dof))) > SIGNIFICANCE:
         return []
-    B = np.linalg.lstsq(A, readings.wrench, rcond=None)[0].T
+    B = np.asarray(np.linalg.lstsq(A, readings.wrench, rcond=None)[0].T, dtype=np.float64)
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
         f"{force_matrix(B)} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
