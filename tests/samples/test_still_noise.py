@@ -58,6 +58,13 @@ def test_rows_that_repeat_exactly_and_single_rows_have_no_scatter() -> None:
         assert not covariances_of_means([np.tile(np.arange(6.0) + 0.1, (rows, 1))])[0].any()
 
 
+def test_a_coarse_reading_that_happens_not_to_move_is_as_uncertain_as_the_others() -> None:
+    readings = np.random.default_rng(12).normal(size=(10, 100, 6))
+    readings[4, :, 2] = 0.5
+    variance = np.array([np.diag(covariance) for covariance in covariances_of_means(list(readings))])
+    assert 0.3 < variance[4, 2] / np.median(variance[:, 2]) < 1.5
+
+
 @pytest.mark.parametrize(
     ("rate", "durations"),
     [(1000.0, [0.01, 0.03, 0.1, 1.0]), (100.0, [0.01, 0.03, 0.1, 1.0]), (30.0, [0.03, 0.1, 1.0]), (10.0, [0.1, 1.0])],

@@ -237,10 +237,10 @@ def _explained(
 ) -> tuple[MisfitTest, BiasShift | None]:
     """The test of residuals (n, 6) with noise variances (6 n,), and what of their misfit a moved bias explains."""
     n, dof = len(residuals), noise_dof(calibration)
-    J = calibration.free_wrench_jacobian(R_base_flange).reshape(6 * n, -1)
-    of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.parameter_names]
+    J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
+    of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
     columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), J[:, np.logical_not(of_bias)]]
-    products = products_of_readings(np.hstack(columns), noise, J, calibration.covariance)
+    products = products_of_readings(np.hstack(columns), noise, J, calibration.error_covariance)
     whole = MisfitTest(float(products[0, 0]), 6 * n, dof)
     if n == 1:
         return whole, None
@@ -287,14 +287,14 @@ def _weigh(
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     each = np.einsum("ni,ni->n", contact[:, :3], down) / g
     noise = np.sum(down**2 * reading_variance(calibration, poses)[:, :3], axis=1) / g**2
-    J = np.einsum("ni,nip->np", down, calibration.free_wrench_jacobian(R)[:, :3]) / g
+    J = np.einsum("ni,nip->np", down, calibration.error_jacobian(R)[:, :3]) / g
     actual = np.repeat(masses, [len(held) for held in of_load])
     weighings = []
     for mass in masses:
         rows = actual == mass
         n = int(np.sum(rows))
         of_mean = J[rows].mean(axis=0)
-        variance = noise[rows].mean() / n + of_mean @ calibration.covariance @ of_mean
+        variance = noise[rows].mean() / n + of_mean @ calibration.error_covariance @ of_mean
         weighings.append(Weighing(float(mass), float(each[rows].mean()), float(np.sqrt(variance)), n))
-    misfit = float(products_of_readings((each - actual)[:, None], noise, J, calibration.covariance)[0, 0])
+    misfit = float(products_of_readings((each - actual)[:, None], noise, J, calibration.error_covariance)[0, 0])
     return tuple(weighings), MisfitTest(misfit, len(poses), noise_dof(calibration))

@@ -112,8 +112,8 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     gravity[:, :3, 0], gravity[:, 3:, 1:] = g * down, -g * cross_matrix(down) @ across
 
     std = np.sqrt(np.maximum(reading_variance(calibration, poses), 1e-300))
-    root = square_root(calibration.covariance)
-    of_tool = calibration.free_wrench_jacobian(R)
+    root = square_root(calibration.error_covariance)
+    of_tool = calibration.error_jacobian(R)
     x = np.zeros(gravity.shape[2])
     for _ in range(PASSES):
         of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
@@ -135,7 +135,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         if unknown_along is None and R_flange_sensor is not None:
             # Sensor-frame torques over sensor-frame forces give com whatever the mounting: the two errors add
             # (with two or three poses, to a std that is a few per cent too large).
-            turn = cross_matrix(com) @ mounting_turn(calibration.parameter_names) @ root
+            turn = cross_matrix(com) @ mounting_turn(calibration.error_names) @ root
             com_flange = R_flange_sensor @ com
             com_flange_std = np.sqrt(np.diag(R_flange_sensor @ (com_covariance + turn @ turn.T) @ R_flange_sensor.T))
     test = MisfitTest(misfit, contact.size - len(x), noise_dof(calibration))
@@ -190,8 +190,8 @@ def _down(calibration: Calibration, R_base_flange: Array) -> tuple[Array, Array]
     force = gravity_in_sensor(calibration, R_base_flange)
     size = np.linalg.norm(force, axis=1)[:, None]
     down = force / size
-    J = calibration.free_wrench_jacobian(R_base_flange)[:, :3].copy()
-    J[:, :, [name.startswith("bias_") or name.endswith("_1") for name in calibration.parameter_names]] = 0.0
+    J = calibration.error_jacobian(R_base_flange)[:, :3].copy()
+    J[:, :, [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]] = 0.0
     across = np.eye(3) - down[:, :, None] * down[:, None, :]
     return down, across @ J / size[..., None]
 

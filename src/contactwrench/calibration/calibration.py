@@ -57,6 +57,7 @@ class Calibration(CalibrationFields):
         alternatives: what other models make of the same poses.
         delay: s, of the wrench's stamps behind the orientation's; None where it was not estimated.
         delay_std: s.
+        gain_covariance: (24, 24), what gain and cross-talk add to that of B; None where nothing speaks for them.
         still_noise: of means over 10 ms to 1 s at rest; None where the poses came without.
     """
 

@@ -17,11 +17,11 @@ from ..model import (
     GRAVITY,
     LINEAR_PARAMETERS,
     MOUNT,
+    PARAMETERS,
     RigidTool,
     affine_jacobian,
     free_wrench,
     gravity_in_flange,
-    matrix_jacobian,
     wrench_jacobian,
     yaw_of_mounting,
 )
@@ -188,6 +188,7 @@ class CalibrationFields(Frozen):
     delay: float | None = None
     delay_std: float | None = None
     still_noise: StillNoise | None = None
+    gain_covariance: Matrix | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -260,25 +261,33 @@ class CalibrationFields(Frozen):
         R, single = rotation_matrices(orientation)
         variance = np.empty((len(R), 6))
         for start in range(0, len(R), ROWS_AT_ONCE):
-            J = self.free_wrench_jacobian(R[start : start + ROWS_AT_ONCE])
-            variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.covariance) * J, axis=2)
-            if self.weight is not None:
-                r = gravity_in_flange(R[start : start + ROWS_AT_ONCE], self.gravity_direction)
-                columns = np.column_stack([r, np.ones(len(r))])
-                variance[start : start + ROWS_AT_ONCE] += np.einsum("ni,aij,nj->na", columns, self._of_gain, columns)
+            J = self.error_jacobian(R[start : start + ROWS_AT_ONCE])
+            variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.error_covariance) * J, axis=2)
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
 
+    @property
+    def error_names(self) -> tuple[str, ...]:
+        """What the errors of the free wrench are made of: the parameters, and all of B where there is cross-talk."""
+        return self.parameter_names if self.gain_covariance is None else (*self.parameter_names, *PARAMETERS["affine"])
+
     @cached_property
-    def _of_gain(self) -> Array:
-        """Covariance (6, 4, 4) of each row of B beyond that of the parameters: gain and cross-talk."""
-        beyond = np.zeros((24, 24))
-        if self.weight is not None and self.com is not None and self.R_flange_sensor is not None:
-            tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
-            J = matrix_jacobian(tool, self.parameter_names)
-            beyond = self.B_covariance - J @ self.covariance @ J.T
-        blocks: Array = np.einsum("aiaj->aij", beyond.reshape(6, 4, 6, 4))
-        return blocks
+    def error_covariance(self) -> Array:
+        """Covariance of `error_names`."""
+        if self.gain_covariance is None:
+            return self.covariance
+        p = len(self.parameter_names)
+        both = np.zeros((p + 24, p + 24))
+        both[:p, :p], both[p:, p:] = self.covariance, self.gain_covariance
+        return both
+
+    def error_jacobian(self, R_base_flange: Array) -> Array:
+        """Derivative (n, 6, ...) of the free wrench with respect to `error_names`, for orientations (n, 3, 3)."""
+        J = self.free_wrench_jacobian(R_base_flange)
+        if self.gain_covariance is None:
+            return J
+        r = gravity_in_flange(R_base_flange, self.gravity_direction)
+        return np.concatenate([J, affine_jacobian(r)], axis=2)
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""

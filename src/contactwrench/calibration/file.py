@@ -164,6 +164,7 @@ def _shapes(c: CalibrationFields) -> Iterator[tuple[str, Array | None, tuple[int
         ("observability.tilt_range", c.observability.tilt_range, (2,)),
         ("parameter_dof", c.parameter_dof, (p,)),
         ("held_out_rms", c.held_out_rms, (6,)),
+        ("gain_covariance", c.gain_covariance, (24, 24)),
     ]
     for k, other in enumerate(c.alternatives):
         yield f"alternatives[{k}].B", other.B, (6, 4)

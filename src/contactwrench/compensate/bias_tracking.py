@@ -52,7 +52,7 @@ def track(s: State, calibration: Calibration, between: Array) -> None:
     by. eta is turned so that H depends on R in its first q columns only: what the others do looks like drift.
     """
     corners = np.vstack([np.zeros((1, 9)), np.eye(9), np.eye(3).reshape(1, 9)]).reshape(11, 3, 3)
-    H = calibration.free_wrench_jacobian(corners) @ square_root(calibration.covariance)
+    H = calibration.error_jacobian(corners) @ square_root(calibration.error_covariance)
     slopes = H[1:10] - H[0]
     _, size, turn = np.linalg.svd(slopes.reshape(54, -1))
     turn = turn[: np.sum(size > 1e-12 * size[0])].T

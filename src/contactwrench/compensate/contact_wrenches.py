@@ -141,8 +141,8 @@ def contact_wrenches(
     for start in range(0, len(samples), ROWS_AT_ONCE):
         rows = slice(start, start + ROWS_AT_ONCE)
         transform, wrench[rows], J_mounting = _turned(calibration, R[rows], wrench[rows], output_frame, point)
-        J = transform @ calibration.free_wrench_jacobian(R[rows]) + J_mounting
-        std[rows] = np.sqrt(np.maximum(np.sum((J @ calibration.covariance) * J, axis=2), 0.0))
+        J = transform @ calibration.error_jacobian(R[rows]) + J_mounting
+        std[rows] = np.sqrt(np.maximum(np.sum((J @ calibration.error_covariance) * J, axis=2), 0.0))
     return ContactWrenches(wrench, std, samples.t)
 
 
@@ -159,7 +159,9 @@ def in_axes(
     """
     require_frame(calibration, output_frame)
     transform, turned, J = _turned(calibration, R_base_flange, wrench, output_frame, point)
-    variance = np.sum((transform @ covariance) * transform, axis=2) + np.sum((J @ calibration.covariance) * J, axis=2)
+    variance = np.sum((transform @ covariance) * transform, axis=2) + np.sum(
+        (J @ calibration.error_covariance) * J, axis=2
+    )
     return turned, np.sqrt(np.maximum(variance, 0.0))
 
 
@@ -183,6 +185,6 @@ def _turned(
     axes = R_base_flange @ R_output_sensor if output_frame == "base" else np.tile(R_output_sensor, (len(wrench), 1, 1))
     transform = wrench_transform(axes, np.zeros(3) if point is None else point)
     turned = np.einsum("nij,nj->ni", transform, wrench)
-    turn = axes @ mounting_turn(calibration.parameter_names) * follows
+    turn = axes @ mounting_turn(calibration.error_names) * follows
     parts = [cross_matrix(turned[:, part]) @ turn for part in (slice(0, 3), slice(3, 6))]
     return transform, turned, np.concatenate(parts, axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.fields import Alternative, Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import InputError, UnobservableError
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
@@ -31,7 +31,7 @@ from .findings import assumptions_in_words, doubts, on_the_way, outliers_and_dri
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
-from .rigid import MOST_JUDGED, estimated, model_fitted
+from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
@@ -247,8 +247,10 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         if "yaw" in names:
             parameters[10] = yaw
     many = len(poses) > MOST_POSES_KEPT
-    compared = question.model == "auto" and question.earlier is None and len(poses) <= MOST_JUDGED
-    steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
+    alternatives: tuple[Alternative, ...] = ()
+    if isinstance(estimate, RigidEstimate) and question.model == "auto" and question.earlier is None:
+        steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
+        alternatives = alternatives_to(estimate.tool, steady, question)
     return Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),
@@ -283,10 +285,11 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         weight_z=weight_z,
         parameter_dof=estimate.dof,
         assumptions=assumptions_in_words(estimate, question) if isinstance(estimate, RigidEstimate) else (),
-        alternatives=alternatives_to(steady, question) if compared else (),
+        alternatives=alternatives,
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,
         still_noise=recorded.found.still_noise,
+        gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
     )
 
 

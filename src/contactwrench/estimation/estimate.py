@@ -92,17 +92,21 @@ class Beliefs:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidEstimate(Estimate):
-    """An estimate of a rigid tool; the paper's has its two weights, N, the others what is believed of the rest."""
+    """An estimate of a rigid tool; the paper's has its two weights, N, the others what is believed of the rest, and the
+    covariance (24, 24) that gain and cross-talk add to that of B."""
 
     tool: RigidTool
     beliefs: Beliefs | None = None
+    gain_covariance: Array | None = None
     weight_xy: float | None = None
     weight_z: float | None = None
 
     @property
     def bias_moved(self) -> bool:
+        """Whether the bias is likelier than not to have moved."""
         return self.beliefs is not None and sum(self.beliefs.moved.values()) > 0.5
 
     @property
     def change(self) -> Array:
+        """What each pose's bias was off the last one (n, 6)."""
         return np.zeros_like(self.errors) if self.beliefs is None or not self.bias_moved else self.beliefs.change

@@ -27,7 +27,7 @@ ANY_MOUNTING, ANY_BASE = 0.03, 0.02
 """That a mounting, or a base, points anywhere."""
 
 COM_SD = 0.15
-"""m: a tool's size, which keeps what poor poses cannot tell from going further; what is surely further off goes free."""
+"""m: a tool's size, which keeps what poor poses cannot tell within it; what is surely further off goes free."""
 
 
 @dataclass(frozen=True)
@@ -100,13 +100,13 @@ def priors_at(
         return result
     around = rows(known_gravity(tool.gravity_direction, 1.0))[0]
     for k, hypothesis in enumerate(hypotheses):
-        for sd, (I, f, m), volume in zip(
+        for sd, (known, pull, off), volume in zip(
             (hypothesis.mount, hypothesis.base), tilts, (tilts[0][0], around), strict=True
         ):
             if sd is None:
                 result.of_volume[k] += volume
             else:
-                result.information[k] += I / sd**2
-                result.pull[k] += f / sd**2
-                result.misfit[k] += m / sd**2
+                result.information[k] += known / sd**2
+                result.pull[k] += pull / sd**2
+                result.misfit[k] += off / sd**2
     return result

@@ -24,6 +24,9 @@ from ..model import FLIP, RigidTool, gravity_in_flange
 FEW_POSES = 5
 """Up to here an unknown base has local optima that score well, so that every direction of gravity goes on."""
 
+LEAST_INERTIA = 1e-9
+"""Of the poses' spread: a direction in which a centre of mass shows less does not show."""
+
 
 @dataclass(frozen=True)
 class Search:
@@ -44,92 +47,99 @@ SEARCH_OF_MODEL = {
 
 def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
     """The most promising tools, best first, from poses (n, 3, 3) and their readings (n, 6)."""
-    guesses = _scored_guesses(R_base_flange, wrench, search, gravity_direction)
-    return [linear_fit(R_base_flange, wrench, R, d) for _, R, d in guesses]
+    few = len(wrench) <= FEW_POSES
+    scores, mountings, directions = _scored(R_base_flange, wrench, search, gravity_direction)
+    of_each, most = (1, len(directions) if few else 4) if search.any_base else (2, 2)
+    best = np.argsort(-scores, axis=1)[:, :of_each]
+    d, k = np.repeat(np.arange(len(directions)), of_each), best.ravel()
+    order = np.argsort(-scores[d, k])[:most]
+    return [linear_fit(R_base_flange, wrench, mountings[d[i], k[i]], directions[d[i]]) for i in order]
 
 
 def explained_by_guess(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:
     """The part of the readings' sum of squares that the best guess explains with a positive weight."""
-    return _scored_guesses(R_base_flange, wrench, search, gravity_direction)[0][0]
+    return float(_scored(R_base_flange, wrench, search, gravity_direction)[0].max())
 
 
-def _scored_guesses(
+def _scored(
     R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array
-) -> list[tuple[float, Array, Array]]:
+) -> tuple[Array, Array, Array]:
+    """Scores (k, m) of mountings (k, m, 3, 3) under each direction of gravity (k, 3)."""
+    directions = gravity_direction[None]
     if search.any_base:
         sphere = spread_directions(48)
         directions = sphere[sphere @ gravity_direction >= 0.0]
-        of_each, most = 1, len(directions) if len(wrench) <= FEW_POSES else 4
-    else:
-        directions, of_each, most = gravity_direction[None], 2, 2
-    guesses: list[tuple[float, Array, Array]] = []
-    for d in directions:
-        moments = _Moments(gravity_in_flange(R_base_flange, d), wrench)
-        candidates = _mount_candidates(moments.force) if search.any_mounting else _yaw_candidates(moments.force)
-        scores = moments.score(candidates)
-        guesses += [(float(scores[k]), candidates[k], d) for k in np.argsort(-scores)[:of_each]]
-    guesses.sort(key=lambda guess: -guess[0])
-    return guesses[:most]
+    moments = _Moments(np.einsum("kj,njl->knl", directions, R_base_flange), wrench)
+    mountings = _any_mounting(moments.force) if search.any_mounting else _turned_mounting(moments.force)
+    return moments.score(mountings), mountings, directions
 
 
 class _Moments:
-    """Second moments of the centred poses, all that the score of a mounting needs."""
+    """Second moments of the centred poses for directions `r` (k, n, 3), all that the score of a mounting needs."""
 
     def __init__(self, r: Array, wrench: Array) -> None:
-        r = r - r.mean(axis=0)
+        r = r - r.mean(axis=1, keepdims=True)
         wrench = wrench - wrench.mean(axis=0)
-        self.spread = float(np.sum(r * r))
-        self.force = r.T @ wrench[:, :3]
-        self.torque = r.T @ wrench[:, 3:]
-        self.inverse_inertia = np.linalg.pinv(self.spread * np.eye(3) - r.T @ r, rcond=1e-9, hermitian=True)
+        self.spread = np.sum(r * r, axis=(1, 2))
+        both = r.transpose(0, 2, 1) @ wrench
+        self.force, self.torque = both[:, :, :3], both[:, :, 3:]
+        inertia = self.spread[:, None, None] * np.eye(3) - r.transpose(0, 2, 1) @ r
+        values, vectors = np.linalg.eigh(inertia)
+        seen = values > LEAST_INERTIA * np.maximum(values[:, 2:], 1e-300)
+        inverse = np.divide(1.0, values, out=np.zeros_like(values), where=seen)
+        self.inverse_inertia = (vectors * inverse[:, None, :]) @ vectors.transpose(0, 2, 1)
 
     def weight(self, R: Array) -> Array:
-        """The least-squares weight (m,) for mountings (m, 3, 3), no less than zero."""
-        force = np.maximum(np.einsum("mjk,jk->m", R, self.force), 0.0)
-        weight: Array = force / self.spread if self.spread > 0.0 else np.zeros(len(R))
+        """The least-squares weight (k, m) for mountings (k, m, 3, 3), no less than zero."""
+        k, m = R.shape[:2]
+        along = (R.reshape(k, m, 9) @ self.force.reshape(k, 9, 1))[..., 0]
+        weight: Array = np.maximum(along, 0.0) / np.maximum(self.spread, 1e-300)[:, None]
         return weight
 
     def moment(self, R: Array) -> Array:
-        """`sum u x T` (m, 3) in flange axes: `inverse_inertia @ moment` is weight * com of least squares there."""
-        P = R.transpose(0, 2, 1) @ self.torque
-        in_sensor = np.stack([P[:, 1, 2] - P[:, 2, 1], P[:, 2, 0] - P[:, 0, 2], P[:, 0, 1] - P[:, 1, 0]], axis=1)
-        moment: Array = np.einsum("mjk,mk->mj", R, in_sensor)
+        """`sum u x T` (k, m, 3) in flange axes: `inverse_inertia @ moment` is weight * com of least squares there."""
+        P = R.transpose(0, 1, 3, 2) @ self.torque[:, None]
+        in_sensor = np.stack(
+            [P[..., 1, 2] - P[..., 2, 1], P[..., 2, 0] - P[..., 0, 2], P[..., 0, 1] - P[..., 1, 0]], axis=-1
+        )
+        moment: Array = (R @ in_sensor[..., None])[..., 0]
         return moment
 
     def score(self, R: Array) -> Array:
-        """The part of the readings' sum of squares that each mounting (m, 3, 3) explains with a positive weight."""
+        """The part (k, m) of the readings' sum of squares that each mounting explains with a positive weight."""
         moment = self.moment(R)
-        explained_torque = np.einsum("mj,jk,mk->m", moment, self.inverse_inertia, moment)
-        score: Array = self.spread * self.weight(R) ** 2 + explained_torque / LEVER**2
+        explained_torque = np.sum((moment @ self.inverse_inertia) * moment, axis=2)
+        score: Array = self.spread[:, None] * self.weight(R) ** 2 + explained_torque / LEVER**2
         return score
 
 
-def _procrustes(M: Array) -> Array:
-    """The proper rotation R with the largest `tr(R^T M)`."""
-    U, _, Vt = np.linalg.svd(M)
-    R: Array = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return R
+def _any_mounting(force_moments: Array) -> Array:
+    """Of each direction: the proper rotation with the largest `tr(R^T M)`, and rotations all over (k, m, 3, 3)."""
+    U, _, Vt = np.linalg.svd(force_moments)
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+    everywhere = spread_rotations(24, 12)
+    spread = np.broadcast_to(everywhere, (len(U), *everywhere.shape))
+    return np.concatenate([(U @ Vt)[:, None], spread], axis=1)
 
 
-def _mount_candidates(force_moments: Array) -> Array:
-    return np.concatenate([_procrustes(force_moments)[None], spread_rotations(24, 12)])
-
-
-def _yaw_candidates(force_moments: Array) -> Array:
-    """`Rz(yaw)` and `FLIP @ Rz(yaw)`: the closed form for each, and a turn in steps of 10 degrees."""
-    yaw = [np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1]) for M in (force_moments, FLIP @ force_moments)]
-    turn = np.deg2rad(np.arange(0.0, 360.0, 10.0))
-    upright = rotations_about_z(np.r_[yaw[0], turn])
-    flipped = FLIP @ rotations_about_z(np.r_[yaw[1], turn])
-    return np.concatenate([upright, flipped])
+def _turned_mounting(force_moments: Array) -> Array:
+    """Of each direction: `Rz(yaw)` and `FLIP @ Rz(yaw)`, the closed form of each, and a turn in steps of 10 degrees."""
+    turn = rotations_about_z(np.deg2rad(np.arange(0.0, 360.0, 10.0)))
+    spread = np.concatenate([turn, FLIP @ turn])
+    closed = [
+        flip @ rotations_about_z(np.arctan2(M[:, 1, 0] - M[:, 0, 1], M[:, 0, 0] + M[:, 1, 1]))
+        for flip, M in ((np.eye(3), force_moments), (FLIP, FLIP @ force_moments))
+    ]
+    everywhere = np.broadcast_to(spread, (len(force_moments), *spread.shape))
+    return np.concatenate([np.stack(closed, axis=1), everywhere], axis=1)
 
 
 def linear_fit(R_base_flange: Array, wrench: Array, R_flange_sensor: Array, gravity_direction: Array) -> RigidTool:
     """Weight, com and bias of least squares with both rotations held; the weight kept above zero."""
     r = gravity_in_flange(R_base_flange, gravity_direction)
-    moments = _Moments(r, wrench)
-    weight = float(moments.weight(R_flange_sensor[None])[0])
-    weight_com = R_flange_sensor.T @ moments.inverse_inertia @ moments.moment(R_flange_sensor[None])[0]
+    moments, R = _Moments(r[None], wrench), R_flange_sensor[None, None]
+    weight = float(moments.weight(R)[0, 0])
+    weight_com = R_flange_sensor.T @ moments.inverse_inertia[0] @ moments.moment(R)[0, 0]
     weight = max(weight, 1e-3 * float(np.abs(wrench[:, :3]).max()), 1e-9)
     u_mean = r.mean(axis=0) @ R_flange_sensor
     bias = wrench.mean(axis=0) - np.r_[weight * u_mean, np.cross(weight_com, u_mean)]

@@ -30,7 +30,7 @@ class Moments:
 
 
 def moments_of(X: Array, variance: Array, kernels: Kernels) -> Moments:
-    """The moments of rows X (n, 15) with relative variances (n,) under each kernel, their columns on the same n poses."""
+    """The moments of rows X (n, 15) with relative variances (n,) under each kernel, with columns for the same poses."""
     root = np.sqrt(variance)
     rows, one = X / root[:, None], 1.0 / root
     count = float(one @ one)

@@ -15,7 +15,7 @@ from ..geometry.arrays import Array
 from .noise import StatedNoise
 
 AXIS_SCALE = 0.2
-"""Of the logarithm of an axis' variance about that of its group: up to that, chance is believed rather than the axis."""
+"""Of the logarithm of an axis' variance about that of its group: up to there chance is believed, not the axis."""
 
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
@@ -37,12 +37,12 @@ class NoiseModel:
             given = self.stated.std**2
             total = np.maximum(dof.sum(axis=1) + self.stated.dof, LEAST_DOF)
             scale = np.maximum((squares / given).sum(axis=1) + self.stated.dof, 1e-300) / total
-            return np.log(np.maximum(scale[:, None] * given, self.least))
+            return np.asarray(np.log(np.maximum(scale[:, None] * given, self.least)))
         grouped, left = squares.reshape(-1, 2, 3), np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3)
         least = np.log(self.least)
         if first:
             level = np.log(np.maximum(grouped.sum(axis=2), 1e-300) / left.sum(axis=2))
-            return np.maximum(np.repeat(level, 3, axis=1), least)
+            return np.asarray(np.maximum(np.repeat(level, 3, axis=1), least))
         own = log_variance.reshape(-1, 2, 3)
         off, pull = _off_group(own)
         chi2 = grouped * np.exp(-own)
@@ -57,7 +57,7 @@ class NoiseModel:
     def log_volume(self, log_variance: Array, dof: Array) -> Array:
         """-2 log of the volume that Laplace's method gives the variances, less that of their prior (m,)."""
         if self.stated is not None:
-            return np.log(np.maximum(dof.sum(axis=1) + self.stated.dof, LEAST_DOF))
+            return np.asarray(np.log(np.maximum(dof.sum(axis=1) + self.stated.dof, LEAST_DOF)))
         off, pull = _off_group(log_variance.reshape(-1, 2, 3))
         stiff = 0.5 * np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3) + pull[:, :, None]
         volume = np.log(stiff).sum(axis=2) + np.log1p(-pull / 3.0 * (1.0 / stiff).sum(axis=2))
@@ -73,7 +73,7 @@ class NoiseModel:
         precision = np.diag(0.5 * np.maximum(dof, LEAST_DOF))
         for group, strength in zip((slice(0, 3), slice(3, 6)), pull, strict=True):
             precision[group, group] += strength * (np.eye(3) - 1.0 / 3.0)
-        return np.linalg.inv(precision)
+        return np.asarray(np.linalg.inv(precision))
 
 
 def _off_group(log_variance: Array) -> tuple[Array, Array]:

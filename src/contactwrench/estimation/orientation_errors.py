@@ -8,6 +8,7 @@ units of the noise, beside those of a bias that moves (bias_drift.py): none is c
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.fields import Kind
 from ..geometry.arrays import Array
@@ -47,7 +48,7 @@ def _root(covariance: Array) -> Array:
     return np.asarray(vectors[:, seen] * np.sqrt(values[seen]))
 
 
-def two_levels(low: Array) -> Drift:
+def two_levels(low: NDArray[np.bool_]) -> Drift:
     """A bias that comes back in two levels, as backlash has: poses of the lower one (n,) and the others, the constant
     halfway between.
     """

@@ -1,221 +1,34 @@
-"""The posterior over drifts of the bias, hypotheses on mounting and base, and poses left out; and its mean.
+"""The posterior over sets of poses that belong: the tables of those that may, the likeliest first.
 
-A `Table` has every member that counts, linearised at one tool, for one set of poses. Several tables, for several sets
-of poses, make the posterior: the answer is their mean by evidence, its covariance is within members plus between.
+The search starts from clean subsets (outliers.py) and from all poses, and goes on pose by pose; what it looked at and
+comes near the likeliest stays in the mean.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
-from ..model import (
-    GRAVITY,
-    RigidTool,
-    free_wrench,
-    gravity_in_flange,
-    response_jacobian,
-    stepped,
-    wrench_jacobian,
-    wrench_matrix,
-)
-from .bias_drift import Drift, Kernels, kernels_of
+from ..model import RigidTool, response_jacobian, wrench_jacobian
+from .bias_drift import kernels_of
 from .hypotheses import Hypothesis, priors_at
-from .least_squares import Members, gram, solved
-from .moments import moments_of, precision_times
-from .noise_model import NoiseModel
+from .moments import precision_times
 from .orientation_errors import two_levels
-from .outliers import likely_clean, log_density_outlying, log_prior_outlying
-from .priors import Question
-
-FAR = 9.0
-"""Natural logarithm of the odds at which a rival is no longer looked at."""
-
-NEAR = 11.0
-"""The same after a rough look, kernels and hypotheses apart."""
-
-LOOK = 4
-"""Passes of a rough look."""
-
-LONG_WAY = 3.0
-"""Standard deviations: after a longer step all kernels are looked at again."""
-
-CENTRINGS = 10
-CENTRED = 0.05
-LARGEST_TURN = 0.5
-"""rad in one step."""
+from .outliers import likely_clean, log_prior_outlying
+from .tables import FAR, Problem, Table, explained, near_kernels, settled, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
-
-BEYOND_WALL = 0.2
-"""Cosine of the angle to the stated direction: a negative weight there is a positive one, with gravity the other way."""
 
 TWO_LEVELS = 0.3
 """Probability of a bias that comes back in two levels; each pose is on either alike."""
 
 MOST_AS_LEVELS = 3
 FEWEST_POSES = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of how the bias may have moved, the parameters
-    `names`, the question and what is known of the noise.
-    """
-
-    R_base_flange: Array
-    wrench: Array
-    relative: Array
-    kernels: Kernels
-    names: tuple[str, ...]
-    question: Question
-    noise: NoiseModel
-
-    @property
-    def columns(self) -> list[int]:
-        """Of the parameters: those that are not the bias."""
-        return [k for k, name in enumerate(self.names) if not name.startswith("bias")]
-
-    def errors(self, tool: RigidTool) -> Array:
-        """What `tool` leaves in the readings, (n, 6)."""
-        r = gravity_in_flange(self.R_base_flange, tool.gravity_direction)
-        return self.wrench - free_wrench(wrench_matrix(tool), r)
-
-    def stepped(self, tool: RigidTool, step: Array) -> RigidTool:
-        """The tool after a step (p,) in all but the bias, no rotation too far."""
-        full = np.zeros(len(self.names))
-        full[self.columns] = step
-        turn = float(np.abs(step[4:]).max(initial=0.0))
-        moved = stepped(tool, full * min(1.0, LARGEST_TURN / max(turn, LARGEST_TURN)), self.names)
-        d = moved.gravity_direction
-        if moved.weight < 0.0 and GRAVITY[0] in self.names and d @ self.question.gravity_direction < BEYOND_WALL:
-            return replace(moved, weight=-moved.weight, gravity_direction=-d)
-        return moved
-
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out; their `kernels`."""
-
-    tool: RigidTool
-    hypotheses: tuple[Hypothesis, ...]
-    kept: NDArray[np.bool_]
-    kernels: Kernels
-    members: Members
-
-    def kernel_of(self, member: int) -> tuple[Drift, float]:
-        """The drift of a member, and its strength."""
-        k = self.members.kernel[member]
-        return self.kernels.drifts[self.kernels.drift[k]], float(self.kernels.strength[k])
-
-    @property
-    def log_evidence(self) -> float:
-        """Of all members together."""
-        return float(np.logaddexp.reduce(self.members.log_evidence))
-
-    @property
-    def best(self) -> int:
-        """The likeliest member."""
-        return int(np.argmax(self.members.log_evidence))
-
-
-def table_at(
-    problem: Problem,
-    tool: RigidTool,
-    kept: NDArray[np.bool_],
-    hypotheses: tuple[Hypothesis, ...],
-    among: NDArray[np.intp] | None = None,
-) -> Table:
-    """All members that count, linearised at `tool`: every kernel, or those `among` which to look, under the widest
-    hypothesis, every hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
-    """
-    n = len(problem.wrench)
-    X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
-    among = np.arange(len(problem.kernels.drift)) if among is None else among
-    kernels = problem.kernels.select(among)
-    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
-    G = gram(tool, problem.names, moments.S)
-    priors = priors_at(tool, problem.names, hypotheses, problem.question)
-    all_kernels, all_hypotheses = np.arange(len(among)), np.arange(len(hypotheses))
-    rough = np.zeros(len(among))
-    if len(among) > 1:
-        pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
-        rough = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
-    likeliest = int(np.argmax(rough))
-    of_hypotheses = np.zeros(len(hypotheses))
-    if len(hypotheses) > 1:
-        pairs = np.full(len(hypotheses), likeliest), all_hypotheses
-        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
-    together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
-    pairs = np.nonzero(together > -NEAR)
-    members = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise)
-    members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
-    table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
-    return replace(
-        table, members=replace(table.members, log_evidence=members.log_evidence + _of_the_rest(problem, table))
-    )
-
-
-def _of_the_rest(problem: Problem, table: Table) -> float:
-    """Logarithm of the probability of those left out, and that the others are none."""
-    out = ~table.kept
-    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
-    if not out.any():
-        return float(rest)
-    errors, variance = errors_of(problem, table, table.best)[out], table.members.variance[table.best]
-    density = log_density_outlying(errors / np.sqrt(variance))
-    return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
-
-
-def errors_of(problem: Problem, table: Table, member: int) -> Array:
-    """What a member leaves in all readings (n, 6), its bias and what it knows of the bias' change taken out."""
-    m = table.members
-    J = response_jacobian(table.tool, problem.names)
-    n = len(problem.wrench)
-    moved = np.einsum("p,paj->aj", m.step[member], J)
-    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(n, 9) @ moved.T
-    drift, strength = table.kernel_of(member)
-    L, variance = drift.columns[table.kept], problem.relative[table.kept]
-    one = np.ones((len(L), 1))
-    of_one = precision_times(L, strength, variance, one)
-    bias = of_one[:, 0] @ errors[table.kept] / float(of_one.sum())
-    left = errors - bias
-    if not drift.columns.shape[1]:
-        return left
-    weighted = precision_times(L, strength, variance, left[table.kept])
-    return np.asarray(left - strength**2 * drift.columns @ (L.T @ weighted))
-
-
-def settled(
-    problem: Problem,
-    tool: RigidTool,
-    kept: NDArray[np.bool_],
-    hypotheses: tuple[Hypothesis, ...],
-    among: NDArray[np.intp] | None = None,
-) -> Table:
-    """The table at the mean of its own members. After a short step, kernels that come nowhere near are not looked at
-    again.
-    """
-    table = table_at(problem, tool, kept, hypotheses, among)
-    for _ in range(CENTRINGS):
-        weight = np.exp(table.members.log_evidence - table.log_evidence)
-        step = weight @ table.members.step
-        std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
-        size = float(np.max(np.abs(step) / std))
-        if size < CENTRED:
-            break
-        near = among if size > LONG_WAY else near_kernels([table])
-        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near)
-    return table
-
-
-def near_kernels(tables: list[Table]) -> NDArray[np.intp]:
-    """The kernels that count in a table, and a steady bias."""
-    return np.unique(np.concatenate([[0], *(table.members.kernel for table in tables)]))
 
 
 def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> list[Table]:
@@ -277,9 +90,6 @@ def _clean_poses(problem: Problem, table: Table) -> NDArray[np.bool_]:
     return likely_clean(J, problem.errors(table.tool), information, pull, LEVER)
 
 
-LEVER = 0.05
-
-
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest."""
     member, m = table.best, table.members
@@ -292,8 +102,8 @@ def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
         flipped[worst] = False
         sets.append(flipped)
     if not kept.all():
-        errors = errors_of(problem, table, member)
-        squared = np.sum(errors**2 / m.variance[member], axis=1)
+        left, known = explained(problem, table, member)
+        squared = np.sum((left - known) ** 2 / m.variance[member], axis=1)
         nearest = int(np.argmin(np.where(kept, np.inf, squared)))
         flipped = kept.copy()
         flipped[nearest] = True

@@ -1,4 +1,4 @@
-"""What must hold before an estimate is handed on: parameters that the poses separate, a noise, a sign that can be right.
+"""What must hold before an estimate is handed on: parameters that the poses separate, a noise, a possible sign.
 
 Free air cannot tell everything (method, section 4b). Negating force and torque of an upright robot gives exactly the
 data of a robot that hangs from the ceiling; a mirrored axis looks the same, with another mounting. So such readings are

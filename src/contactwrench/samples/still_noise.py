@@ -81,7 +81,8 @@ def covariances_of_means(readings: Sequence[Array]) -> list[Array]:
         for k, variance in zip(longer, _variances(np.array(parts), rows), strict=True):
             of_rows = np.diag(covariances[k])
             scale = np.sqrt(np.divide(variance, of_rows, out=np.zeros(6), where=of_rows > 0.0))
-            covariances[k] = scale[:, None] * covariances[k] * scale
+            constant = np.diag(np.where(of_rows > 0.0, 0.0, variance))  # coarse readings that happened not to move
+            covariances[k] = scale[:, None] * covariances[k] * scale + constant
     return covariances
 
 
@@ -108,7 +109,7 @@ def _variances(parts: Array, rows: Array) -> Array:
     spread = _of_axes((squares + WHITE_COUNT * CHANCE) / (count - 1 + WHITE_COUNT))
     believed = 1.0 - CHANCE / np.maximum(spread, CHANCE)
     weighed = (1.0 - believed) * np.exp(usual - LOG_OF_CHANCE) + believed * of_row
-    variance: Array = np.where(moved, of_half * np.minimum(growth, 1.0) * weighed * with_length, 0.0)
+    variance: Array = moved.any(axis=0) * of_half * np.minimum(growth, 1.0) * weighed * with_length
     return variance
 
 

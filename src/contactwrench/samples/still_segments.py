@@ -204,7 +204,7 @@ def _where_the_reading_stays(
             add(end, segment.first, _moves(wrench[end : segment.first], wrench[segment.blocks]))
         add(segment.first, segment.last, None)
         end = segment.last
-    if (len(stationary) - end) * block >= duration:  # less is the beginning of the next move
+    if len(stationary) - end >= 2 * noise.window:
         add(end, len(stationary), _moves(wrench[end:], wrench[usable[-1].first : end]))
     return candidates
 

@@ -1,0 +1,219 @@
+"""The mean over all members of the tables, its covariance within and between, and what can be read off them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.fields import BIAS_MOVED, Kind
+from ..geometry.arrays import Array
+from ..model import (
+    matrix_jacobian,
+    response_jacobian,
+    small_change_about,
+    stepped,
+    wrench_jacobian,
+    wrench_matrix,
+)
+from .bias_drift import Drift
+from .estimate import Beliefs, RigidEstimate
+from .least_squares import gram
+from .moments import moments_of, precision_times
+from .noise import MOST_DOF, PoseReadings
+from .orientation_covariance import of_orientation
+from .posterior import deleted_errors
+from .priors import rows_of
+from .tables import Problem, Table, explained
+
+DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
+"""Errors that a new orientation has anew."""
+
+
+def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> RigidEstimate:
+    """The mean of all members of the tables, which are linearised at one tool."""
+    names, columns, first = problem.names, problem.columns, tables[0]
+    tool, bias = first.tool, slice(4, 10)
+    J = response_jacobian(tool, names)
+    log_all = np.concatenate([table.members.log_evidence for table in tables])
+    weight = np.exp(log_all - np.logaddexp.reduce(log_all))
+    steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
+    offset = 0
+    for table in tables:
+        m = table.members
+        mean, own = _last_bias(problem, table)
+        here = slice(offset, offset + len(m.kernel))
+        share = weight[here]
+        steps[here, columns] = m.step
+        of_mean = np.einsum("paj,kj->kap", J, mean[:, :9])
+        steps[here, bias] = mean[:, 9:] - np.einsum("kap,kp->ka", of_mean, m.step)
+        to_bias = -of_mean @ m.covariance
+        C = np.zeros((len(share), len(names), len(names)))
+        C[np.ix_(range(len(share)), columns, columns)] = m.covariance
+        C[:, bias, columns] = to_bias
+        C[:, columns, bias] = to_bias.transpose(0, 2, 1)
+        C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + (own[:, None] * m.variance)[:, :, None] * np.eye(6)
+        within += np.einsum("k,kpq->pq", share, C)
+        offset += len(share)
+    step = weight @ steps
+    moved = stepped(tool, step, names)
+    axes = small_change_about(tool, moved, names)
+    off = steps - step
+    covariance = axes @ (within + np.einsum("k,kp,kq->pq", weight, off, off)) @ axes.T
+    of_parameters, of_B = of_orientation(problem, tables, weight)
+    covariance = _nearest_positive(0.5 * (covariance + covariance.T), of_parameters)
+    variance = sum(
+        (np.exp(t.members.log_evidence - np.logaddexp.reduce(log_all)) @ t.members.variance for t in tables),
+        np.zeros(6),
+    )
+    variance = variance + _of_levels(problem, tables, weight)
+    from_parameters = matrix_jacobian(moved, names)
+    best = first.best
+    left_by, known_of_bias = explained(problem, first, best)
+    errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in BIAS_MOVED else left_by
+    left = first.members.dof[best].reshape(2, 3).sum(axis=1)
+    known = rows_of(problem.question.knowledge, moved, names)
+    whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
+    rows = whitened.reshape(-1, len(names))
+    rows = rows if known is None else np.vstack([rows, known.jacobian])
+    length = np.linalg.norm(rows, axis=0)
+    return RigidEstimate(
+        names=names,
+        tool=moved,
+        gravity_direction=moved.gravity_direction,
+        B=wrench_matrix(moved),
+        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        covariance=covariance,
+        noise=np.sqrt(variance),
+        dof=_dof(problem, first, covariance),
+        kept=first.kept,
+        errors=errors,
+        held_out=deleted_errors(problem, first),
+        reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
+        readings_left=left,
+        singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
+        gain_covariance=of_B if of_B.any() else None,
+        beliefs=_beliefs(problem, tables, weight, errors),
+    )
+
+
+def _nearest_positive(covariance: Array, added: Array) -> Array:
+    """The sum of a covariance and what may lessen it in places, no less than half of itself in any direction."""
+    if not added.any():
+        return covariance
+    unit = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+    root = vectors * np.sqrt(np.maximum(values, 1e-15))
+    inverse = np.linalg.inv(root)
+    relative = np.eye(len(unit)) + inverse @ (added / np.outer(unit, unit)) @ inverse.T
+    values, vectors = np.linalg.eigh(0.5 * (relative + relative.T))
+    root = (root @ vectors) * np.sqrt(np.maximum(values, 0.5))
+    total: Array = (root @ root.T) * np.outer(unit, unit)
+    return total
+
+
+def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """What a field over orientations, or two levels of the bias, adds to the variance (6,) of a pose's reading: at a
+    new orientation it is there anew.
+    """
+    added, k = np.zeros(6), 0
+    for table in tables:
+        for member in range(len(table.members.kernel)):
+            drift, strength = table.kernel_of(member)
+            if drift.kind in DIFFER_ANEW:
+                share = float(np.mean(np.sum((drift.columns - drift.columns.mean(axis=0)) ** 2, axis=1)))
+                if drift.kind is Kind.TWO_LEVELS:
+                    added += weight[k] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
+                else:
+                    added += weight[k] * share * strength**2 * table.members.variance[member]
+            k += 1
+    return added
+
+
+def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
+    """Of each member: the weighted mean (m, 15) of orientation and error that the last bias is read off, and its
+    variance (m,) in units of a reading's.
+    """
+    kernels, kept = table.kernels, table.kept
+    n = int(kept.sum())
+    X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[kept]
+    mean, own = {}, {}
+    for k in np.unique(table.members.kernel):
+        of_one = precision_times(
+            kernels.drifts[kernels.drift[k]].columns[kept],
+            float(kernels.strength[k]),
+            problem.relative[kept],
+            np.ones((n, 1)),
+        )[:, 0]
+        mean[k], own[k] = of_one @ X / of_one.sum(), 1.0 / of_one.sum()
+    return np.array([mean[k] for k in table.members.kernel]), np.array([own[k] for k in table.members.kernel])
+
+
+def _dof(problem: Problem, table: Table, covariance: Array) -> Array:
+    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
+    the axes, of which it is a weighted sum, are uncertain together.
+    """
+    m, best, names = table.members, table.best, problem.names
+    spread = problem.noise.log_spread(np.log(m.variance[best]), m.dof[best])
+    of_step = m.covariance[best]
+    X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
+    kernel = table.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
+    G = gram(table.tool, names, moments_of(X, problem.relative[table.kept], kernel).S)[0, :, :-1, :-1]
+    of_axis = np.einsum("pi,aij,jq->apq", of_step, G / m.variance[best][:, None, None], of_step)
+    mean, own = _last_bias(problem, table)
+    to_bias = np.einsum("paj,j->ap", response_jacobian(table.tool, names), mean[best, :9])
+    share = np.zeros((len(names), 6))
+    share[problem.columns] = np.einsum("app->pa", of_axis)
+    share[4:10] = np.einsum("bp,apq,bq->ba", to_bias, of_axis, to_bias) + np.diag(own[best] * m.variance[best])
+    total = np.maximum(np.diag(covariance), 1e-300)
+    share = share / np.maximum(total, share.sum(axis=1))[:, None]
+    uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
+    dof: Array = np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF)
+    return dof
+
+
+def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, left: float) -> float:
+    """Sum of squares over what is known of the noise, stated or shown by the stops; 1 where nothing is."""
+    if left < 0.5:
+        return 1.0
+    stated = problem.noise.stated
+    if stated is not None:
+        return float(np.sum((residuals / stated.std) ** 2)) / left
+    known = readings.variance > 0.0
+    if not known.any():
+        return 1.0
+    return float(np.sum(residuals[known] ** 2 / readings.variance[known])) / left
+
+
+def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Beliefs:
+    """Probabilities, read off the members."""
+    hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
+    of_table = np.repeat(np.arange(len(tables)), [len(table.members.kernel) for table in tables])
+    drifts = [table.kernel_of(k)[0] for table in tables for k in range(len(table.members.kernel))]
+    moved: dict[Kind, float] = {}
+    of_kind: dict[Kind, float] = {}
+    of_drift: dict[int, float] = {}
+    for one, share in zip(drifts, weight, strict=True):
+        if one.kind is not None:
+            of = moved if one.kind in BIAS_MOVED else of_kind
+            of[one.kind] = of.get(one.kind, 0.0) + float(share)
+        if one.kind in BIAS_MOVED:
+            of_drift[id(one)] = of_drift.get(id(one), 0.0) + float(share)
+    likeliest = max(of_drift, key=lambda drift: of_drift[drift], default=None)
+    drift: Drift | None = None
+    change = np.zeros_like(problem.wrench)
+    for k in np.argsort(-weight):
+        if id(drifts[k]) == likeliest:
+            drift = drifts[k]
+            before = int(np.sum(of_table < of_table[k]))
+            change = explained(problem, tables[of_table[k]], int(k) - before)[1]
+            break
+    return Beliefs(
+        outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),
+        moved=moved,
+        drift=drift,
+        change=change,
+        with_orientation=of_kind,
+        mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
+        base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
+        any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)),
+        any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)),
+    )

@@ -1,0 +1,203 @@
+"""Tables of everything that the readings may mean, linearised at one tool: kernels of errors, hypotheses, evidence.
+
+A `Table` has every member that counts for one set of poses: a kernel (how the bias moves, errors that go with the
+orientation, each at a strength) with a hypothesis (on mounting and base), its solution and its evidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.arrays import Array
+from ..model import (
+    GRAVITY,
+    RigidTool,
+    free_wrench,
+    gravity_in_flange,
+    response_jacobian,
+    stepped,
+    wrench_matrix,
+)
+from .bias_drift import Drift, Kernels
+from .hypotheses import Hypothesis, priors_at
+from .least_squares import Members, gram, solved
+from .moments import moments_of, precision_times
+from .noise_model import NoiseModel
+from .outliers import log_density_outlying, log_prior_outlying
+from .priors import Question
+
+FAR = 9.0
+"""Natural logarithm of the odds at which a rival is no longer looked at."""
+
+NEAR = 11.0
+"""The same after a rough look, kernels and hypotheses apart."""
+
+LOOK = 4
+"""Passes of a rough look."""
+
+LONG_WAY = 3.0
+"""Standard deviations: after a longer step all kernels are looked at again."""
+
+CENTRINGS = 10
+CENTRED = 0.05
+LARGEST_TURN = 0.5
+"""rad in one step."""
+
+BEYOND_WALL = 0.2
+"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned round."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`, the
+    question and what is known of the noise.
+    """
+
+    R_base_flange: Array
+    wrench: Array
+    relative: Array
+    kernels: Kernels
+    names: tuple[str, ...]
+    question: Question
+    noise: NoiseModel
+
+    @property
+    def columns(self) -> list[int]:
+        """Of the parameters: those that are not the bias."""
+        return [k for k, name in enumerate(self.names) if not name.startswith("bias")]
+
+    def errors(self, tool: RigidTool) -> Array:
+        """What `tool` leaves in the readings, (n, 6)."""
+        r = gravity_in_flange(self.R_base_flange, tool.gravity_direction)
+        return self.wrench - free_wrench(wrench_matrix(tool), r)
+
+    def stepped(self, tool: RigidTool, step: Array) -> RigidTool:
+        """The tool after a step (p,) in all but the bias, no rotation too far."""
+        full = np.zeros(len(self.names))
+        full[self.columns] = step
+        turn = float(np.abs(step[4:]).max(initial=0.0))
+        moved = stepped(tool, full * min(1.0, LARGEST_TURN / max(turn, LARGEST_TURN)), self.names)
+        d = moved.gravity_direction
+        if moved.weight < 0.0 and GRAVITY[0] in self.names and d @ self.question.gravity_direction < BEYOND_WALL:
+            return replace(moved, weight=-moved.weight, gravity_direction=-d)
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out; their `kernels`."""
+
+    tool: RigidTool
+    hypotheses: tuple[Hypothesis, ...]
+    kept: NDArray[np.bool_]
+    kernels: Kernels
+    members: Members
+
+    def kernel_of(self, member: int) -> tuple[Drift, float]:
+        """The drift of a member, and its strength."""
+        k = self.members.kernel[member]
+        return self.kernels.drifts[self.kernels.drift[k]], float(self.kernels.strength[k])
+
+    @property
+    def log_evidence(self) -> float:
+        """Of all members together."""
+        return float(np.logaddexp.reduce(self.members.log_evidence))
+
+    @property
+    def best(self) -> int:
+        """The likeliest member."""
+        return int(np.argmax(self.members.log_evidence))
+
+
+def table_at(
+    problem: Problem,
+    tool: RigidTool,
+    kept: NDArray[np.bool_],
+    hypotheses: tuple[Hypothesis, ...],
+    among: NDArray[np.intp] | None = None,
+) -> Table:
+    """All members that count, linearised at `tool`: every kernel, or those `among` which to look, under the widest
+    hypothesis, every hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    """
+    n = len(problem.wrench)
+    X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
+    among = np.arange(len(problem.kernels.drift)) if among is None else among
+    kernels = problem.kernels.select(among)
+    moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
+    G = gram(tool, problem.names, moments.S)
+    priors = priors_at(tool, problem.names, hypotheses, problem.question)
+    all_kernels, all_hypotheses = np.arange(len(among)), np.arange(len(hypotheses))
+    rough = np.zeros(len(among))
+    if len(among) > 1:
+        pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
+        rough = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
+    likeliest = int(np.argmax(rough))
+    of_hypotheses = np.zeros(len(hypotheses))
+    if len(hypotheses) > 1:
+        pairs = np.full(len(hypotheses), likeliest), all_hypotheses
+        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
+    together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
+    k, h = np.nonzero(together > -NEAR)
+    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
+    members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
+    table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
+    return replace(
+        table, members=replace(table.members, log_evidence=members.log_evidence + _of_the_rest(problem, table))
+    )
+
+
+def _of_the_rest(problem: Problem, table: Table) -> float:
+    """Logarithm of the probability of those left out, and that the others are none."""
+    out = ~table.kept
+    rest = log_prior_outlying(len(out), int(out.sum())) - 3.0 * np.log(2.0 * np.pi) * float(table.kept.sum())
+    if not out.any():
+        return float(rest)
+    left, known = explained(problem, table, table.best)
+    errors, variance = (left - known)[out], table.members.variance[table.best]
+    density = log_density_outlying(errors / np.sqrt(variance))
+    return float(rest + density - 0.5 * float(np.sum(np.log(variance))) * len(errors))
+
+
+def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array]:
+    """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that its kernel knows:
+    the change of the bias, the pull of a cable.
+    """
+    moved = np.einsum("p,paj->aj", table.members.step[member], response_jacobian(table.tool, problem.names))
+    errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
+    drift, strength = table.kernel_of(member)
+    L, variance = drift.columns[table.kept], problem.relative[table.kept]
+    both = precision_times(L, strength, variance, np.column_stack([np.ones(len(L)), errors[table.kept]]))
+    bias = both[:, 1:].sum(axis=0) / both[:, 0].sum()
+    known = strength**2 * drift.columns @ (L.T @ (both[:, 1:] - both[:, :1] * bias))
+    return errors - bias, known
+
+
+def settled(
+    problem: Problem,
+    tool: RigidTool,
+    kept: NDArray[np.bool_],
+    hypotheses: tuple[Hypothesis, ...],
+    among: NDArray[np.intp] | None = None,
+) -> Table:
+    """The table at the mean of its own members. After a short step, kernels that come nowhere near are not looked at
+    again.
+    """
+    table = table_at(problem, tool, kept, hypotheses, among)
+    for _ in range(CENTRINGS):
+        weight = np.exp(table.members.log_evidence - table.log_evidence)
+        step = weight @ table.members.step
+        std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
+        size = float(np.max(np.abs(step) / std))
+        if size < CENTRED:
+            break
+        near = among if size > LONG_WAY else near_kernels([table])
+        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near)
+    return table
+
+
+def near_kernels(tables: list[Table]) -> NDArray[np.intp]:
+    """The kernels that count in a table, and a steady bias."""
+    return np.unique(np.concatenate([[0], *(table.members.kernel for table in tables)]))
