@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.calibration.fields import Kind
 from contactwrench.errors import AmbiguityError, InputError, UnobservableError
 from tests.support.poses import POSE_SETS
 from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle, seeds
@@ -82,9 +83,9 @@ def test_a_sensor_at_45_deg_on_a_wall_leaves_both_priors_and_says_why() -> None:
     calibration = cw.calibrate(noisy(_tilted(replace(rig, weight=10.0), 45.0, 80.0, rng), R, rng))
     of_mounting, of_base = calibration.assumptions
     assert of_mounting.startswith("mounting: sensor's z is 45")
-    assert of_mounting.endswith(": 1 over a tilt of 1.41 deg an axis")
+    assert of_mounting.endswith(" deg off the flange's, not within 1.41 deg an axis (probability 99.9 %)")
     assert of_base.startswith(("base: gravity is 80", "base: gravity is 79.9"))
-    assert of_base.endswith(": 1 over a tilt of 0.71 deg an axis")
+    assert of_base.endswith(" deg off the stated direction, not within 0.71 deg an axis (probability 99.9 %)")
 
 
 def test_near_nominal_it_keeps_both_priors_and_says_so() -> None:
@@ -101,20 +102,24 @@ def test_near_nominal_it_keeps_both_priors_and_says_so() -> None:
 def test_only_the_prior_that_the_readings_contradict_is_left() -> None:
     rig, R, rng = example(14)
     calibration = cw.calibrate(noisy(_tilted(replace(rig, weight=20.0), 30.0, 0.0, rng), R, rng))
-    assert "favour" in calibration.assumptions[0]
+    assert "mounting: sensor's z is 30.0 deg off the flange's, not within 1.41" in calibration.assumptions[0]
     assert "stated direction, +- 0.71" in calibration.assumptions[1]
 
 
 def test_the_std_counts_tilts_within_their_priors() -> None:
-    """Six poses near the vertical cannot tell a tilt: the prior does, and a wider one leaves a larger std."""
-    rig, _, rng = example(15)
-    samples = noisy(_tilted(replace(rig, weight=2.0), 0.0, 0.0, rng), POSE_SETS["paper's 6"], rng)
-    narrow, usual = (
-        cw.calibrate(samples, mount_tilt_sd=np.deg2rad(sd), base_tilt_sd=np.deg2rad(0.5 * sd)) for sd in (0.1, 3.0)
-    )
-    assert usual.largest_std[0] > 1.2 * narrow.largest_std[0]
-    told = cw.calibrate(samples, "yaw")
-    assert narrow.largest_std[0] == pytest.approx(told.largest_std[0], rel=0.15)
+    """Six poses near the vertical cannot tell a tilt: the prior does, and a wider one leaves a larger std, though never
+    that of whoever knows nothing of it.
+    """
+    for seed in range(15, 20):
+        rig, _, rng = example(seed)
+        samples = noisy(_tilted(replace(rig, weight=2.0), 0.0, 0.0, rng), POSE_SETS["paper's 6"], rng)
+        narrow, usual, wide = (
+            cw.calibrate(samples, mount_tilt_sd=np.deg2rad(sd), base_tilt_sd=np.deg2rad(0.5 * sd)).largest_std[0]
+            for sd in (0.1, 1.41, 3.0)
+        )
+        told, free = (cw.calibrate(samples, model).largest_std[0] for model in ("yaw", "mount+base"))
+        assert narrow == pytest.approx(told, rel=0.02)
+        assert 1.05 * narrow < usual < wide < free
 
 
 @pytest.mark.slow
@@ -193,13 +198,26 @@ def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["auto", "mount+base"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(model: str, sign: float) -> None:
+def test_torques_that_any_tool_fits_leave_no_noise_and_are_refused(sign: float) -> None:
     """Of three poses they may be fitted exactly: what is left of them is rounding."""
     rig, R, rng = example(1, poses=3)
-    with pytest.raises(UnobservableError, match=r"nothing is left to estimate the noise from|expected 4 or more"):
-        cw.calibrate(cw.Samples(sign * noisy(rig, R, rng).wrench, R), model)
+    with pytest.raises(UnobservableError, match="expected 4 or more"):
+        cw.calibrate(cw.Samples(sign * noisy(rig, R, rng).wrench, R), "mount+base")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_three_poses_at_any_mounting_are_refused_or_right_and_their_sign_is_not_confirmed(seed: int) -> None:
+    """A base that is likely level leaves `auto` a noise, yet three directions of gravity lie in one plane."""
+    rig, R, rng = example(seed, poses=3)
+    try:
+        calibration = cw.calibrate(noisy(rig, R, rng))
+    except UnobservableError:
+        return
+    assert float(np.sqrt(np.mean(np.sum(_off(calibration, rig) ** 2, axis=1)))) < 3.0 * calibration.expected_error[0]
+    kinds = [finding.kind for finding in calibration.findings]
+    assert calibration.verdict == "weak" or Kind.SIGN_NOT_CONFIRMED in kinds
 
 
 @pytest.mark.slow

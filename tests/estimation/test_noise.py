@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from tests.support.rigs import NOISE, example, noisy
@@ -40,12 +41,19 @@ def test_errors_have_the_stated_size_on_repeated_rows() -> None:
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_without_pose_errors_rows_average_out() -> None:
-    rig, R, rng = example(3)
-    few, many = (cw.calibrate(_repeated(rig, R, 0.0 * NOISE, NOISE, n, rng), "mount") for n in (4, 400))
-    assert few.std["weight"] / many.std["weight"] == pytest.approx(10.0, rel=0.4)
-    assert few.reduced_chi2 == pytest.approx(1.0, abs=0.4)
-    assert many.reduced_chi2 == pytest.approx(1.0, abs=0.4)
+    """The variance of a mean is known to a quarter or so: of many recordings chi-square is one."""
+    chi2: dict[int, list[float]] = {4: [], 400: []}
+    for seed in range(12):
+        rig, R, rng = example(seed)
+        few, many = (cw.calibrate(_repeated(rig, R, 0.0 * NOISE, NOISE, n, rng), "mount") for n in chi2)
+        assert few.std["weight"] / many.std["weight"] == pytest.approx(10.0, rel=0.4)
+        chi2[4].append(few.reduced_chi2)
+        chi2[400].append(many.reduced_chi2)
+    assert np.mean(chi2[4]) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(chi2[400]) == pytest.approx(1.0, abs=0.15)
+    assert max(*chi2[4], *chi2[400]) < 2.0
 
 
 @pytest.mark.slow
@@ -79,15 +87,16 @@ def test_covariance_is_not_below_what_the_residuals_support() -> None:
     wrench = readings(rig, R) @ (np.eye(6) + 0.02 * rng.normal(size=(6, 6))).T
     calibration = cw.calibrate(cw.Samples(wrench, R), "mount", noise=1e-4 * NOISE)
     assert calibration.reduced_chi2 > 1e4
-    assert calibration.noise == pytest.approx(1e-4 * NOISE * np.sqrt(calibration.reduced_chi2))
+    assert calibration.noise == pytest.approx(1e-4 * NOISE * np.sqrt(calibration.reduced_chi2), rel=0.01)
     assert calibration.std["weight"] > 1e-3 * rig.weight
 
 
 def test_degrees_of_freedom() -> None:
     rig, R, rng = example(8)
+    rig = replace(rig, R_flange_sensor=Rotation.from_euler("z", 0.7).as_matrix())
     samples = noisy(rig, R, rng)
-    assert cw.calibrate(samples, "mount", noise=NOISE).dof == 6 * 24 - 13
-    assert cw.calibrate(samples, "yaw", noise=NOISE).dof == 6 * 24 - 11
+    assert cw.calibrate(samples, "mount", noise=NOISE).dof == pytest.approx(6 * 24 - 13)
+    assert cw.calibrate(samples, "yaw", noise=NOISE).dof == pytest.approx(6 * 24 - 11)
     assert 10.0 < cw.calibrate(samples, "mount").dof < 6 * 24 - 13
     six = cw.calibrate(noisy(rig, R[:6], rng), "mount")
     assert six.dof < 23.0

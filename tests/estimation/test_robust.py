@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
+from contactwrench.calibration.fields import Finding, Kind, Severity
+from contactwrench.errors import AmbiguityError
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
 
 BAD = [3, 8, 9, 20]
 RIGID = ("auto", "yaw", "mount", "mount+base")
+OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
+EVERY_10_S = 10.0 * np.arange(24.0)
 
 
 def _rig(seed: int) -> tuple[Rig, Array, np.random.Generator]:
@@ -26,8 +30,8 @@ def _left_out(calibration: cw.Calibration) -> list[int]:
     return [k for k, pose in enumerate(calibration.poses) if pose.rejected is not None]
 
 
-def _of_bias(calibration: cw.Calibration) -> list[str]:
-    return [text for text in calibration.warnings if text.startswith("the bias")]
+def _of_bias(calibration: cw.Calibration) -> list[Finding]:
+    return [finding for finding in calibration.findings if finding.kind in OF_BIAS]
 
 
 def _off(calibration: cw.Calibration, rig: Rig) -> float:
@@ -93,37 +97,50 @@ def test_clean_recordings_lose_hardly_a_pose_and_no_bias_moves(poses: int) -> No
     assert moved <= 2
 
 
-def test_most_poses_bad_is_nobody_s_outlier() -> None:
-    rig, R, rng = _rig(4)
+@pytest.mark.parametrize("seed", range(4, 10))
+def test_where_half_of_the_poses_are_bad_no_answer_is_sure(seed: int) -> None:
+    """No more than two of five are anybody's outliers: the rest is refused, or weak and wide enough."""
+    rig, R, rng = _rig(seed)
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[::2] += 3.0 * rng.normal(size=(12, 6))
-    calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
-    assert _left_out(calibration) == []
+    try:
+        calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
+    except AmbiguityError:
+        return
+    assert len(_left_out(calibration)) <= 0.4 * 24
+    assert calibration.verdict == "weak"
+    assert calibration.weight == pytest.approx(rig.weight, abs=4.0 * calibration.std["weight"])
 
 
 @pytest.mark.slow
-def test_a_file_that_is_read_wrongly_is_not_cleaned_until_it_fits() -> None:
-    """The inverse orientation fits no tool: the poses are not to blame, and diagnose is named."""
-    rig, R, rng = _rig(5)
+@pytest.mark.parametrize("seed", range(5, 9))
+def test_a_file_that_is_read_wrongly_is_not_cleaned_until_it_fits(seed: int) -> None:
+    """The inverse orientation fits no tool: whatever is left out, it stays a poor fit, and diagnose is named."""
+    rig, R, rng = _rig(seed)
     rig = replace(rig, R_flange_sensor=random_rotations(1, rng)[0])
     wrench = noisy_readings(rig, R, NOISE, rng)
     calibration = cw.calibrate(cw.Samples(wrench, R.transpose(0, 2, 1)), "mount+base")
-    assert _left_out(calibration) == []
-    assert any("contactwrench diagnose" in text for text in calibration.warnings)
+    (finding,) = (finding for finding in calibration.findings if finding.kind is Kind.POOR_FIT)
+    assert finding.severity is Severity.WEAK
+    assert "contactwrench diagnose" in finding.text
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["auto", "mount"])
-@pytest.mark.parametrize("after", [6, 12, 19])
+@pytest.mark.parametrize("after", [6, 12, 16, 19])
 def test_a_step_of_the_bias_is_located_and_the_last_bias_kept(model: str, after: int) -> None:
+    """With five poses after it, it could be five in contact alike, which the finding says."""
     rig, R, rng = _rig(6)
     step = np.array([0.8, -0.5, 1.5, 0.02, 0.0, -0.03])
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:after] += step
-    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(24.0)), model)
-    (warning,) = _of_bias(calibration)
-    assert warning.startswith("the bias stepped by (")
-    assert f"between pose {after} (t = {10 * (after - 1)} s) and pose {after + 1} (t = {10 * after} s)" in warning
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=EVERY_10_S), model)
+    (finding,) = _of_bias(calibration)
+    assert finding.kind is Kind.BIAS_STEPPED
+    assert f"the bias stepped before pose {after + 1} (t = {10 * after} s) by up to 1." in finding.text
+    assert finding.severity is (Severity.DOUBTFUL if after == 19 else Severity.WARNING)
+    assert ("record more after it" in finding.text) == (after == 19)
+    assert _left_out(calibration) == []
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
     assert calibration.weight == pytest.approx(rig.weight, abs=5.0 * calibration.std["weight"])
 
@@ -133,36 +150,45 @@ def test_a_step_among_bumped_poses() -> None:
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:11] += np.array([1.0, 1.0, -2.0, 0.0, 0.05, 0.0])
     wrench[[4, 17]] += np.array([3.0, 0.0, 2.0, 0.1, 0.0, 0.2])
-    calibration = cw.calibrate(cw.Samples(wrench, R))
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=EVERY_10_S))
     assert _left_out(calibration) == [4, 17]
-    assert "between pose 11 and pose 12" in _of_bias(calibration)[0]
+    (finding,) = _of_bias(calibration)
+    assert finding.text.startswith("the bias stepped before pose 12 (t = 110 s) by up to 2 N and ")
+
+
+def test_poses_of_which_nobody_knows_the_order_tell_of_no_step() -> None:
+    """The same step in a table without times: it is noise, or those of one side are left out, and is not called sure."""
+    rig, R, rng = _rig(7)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    wrench[:11] += np.array([1.0, 1.0, -2.0, 0.0, 0.05, 0.0])
+    calibration = cw.calibrate(cw.Samples(wrench, R))
+    assert _of_bias(calibration) == []
+    assert calibration.verdict != "good"
 
 
 @pytest.mark.slow
-def test_a_steady_drift_is_reported_by_the_hour_where_time_is_known() -> None:
+def test_a_steady_drift_is_told_from_a_step_and_its_end_is_the_bias() -> None:
     rig, R, rng = _rig(8)
     t = 60.0 * np.arange(24.0)
     rate = np.array([1.2, -2.4, 4.8, 0.0, 0.0, 0.0]) / 3600.0
     wrench = noisy_readings(rig, R, NOISE, rng) + np.outer(t - t[-1], rate)
-    timed = cw.calibrate(cw.Samples(wrench, R, t=t))
-    (warning,) = _of_bias(timed)
-    assert warning.startswith("the bias drifted by (")
-    assert " an hour, steadily: " in warning
-    said = [float(number) for number in warning.partition("(")[2].partition(")")[0].split(",")]
-    assert said == pytest.approx([1.2, -2.4, 4.8], abs=0.35)
-    assert np.abs((timed.bias - rig.bias) / timed.std["bias"]).max() < 4.5
-    (warning,) = _of_bias(cw.calibrate(cw.Samples(wrench, R)))
-    assert " a pose, steadily: " in warning
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=t))
+    (finding,) = _of_bias(calibration)
+    assert finding.kind is Kind.BIAS_DRIFTED
+    assert finding.text.startswith("the bias drifted by up to 1.8 N and ")
+    assert finding.text.endswith(" over 1400 s: the last bias is given")
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
 
 
 def test_a_random_walk_is_followed_to_its_end() -> None:
     rig, R, rng = _rig(9)
     walk = np.cumsum(6.0 * NOISE * rng.normal(size=(24, 6)), axis=0)
     wrench = noisy_readings(rig, R, NOISE, rng) + walk - walk[-1]
-    calibration = cw.calibrate(cw.Samples(wrench, R))
-    (warning,) = _of_bias(calibration)
-    assert warning.startswith("the bias wandered by up to ")
-    assert "as a random walk of (" in warning
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=EVERY_10_S))
+    (finding,) = _of_bias(calibration)
+    assert finding.kind is Kind.BIAS_WANDERED
+    assert finding.text.startswith("the bias wandered by up to ")
+    assert finding.text.endswith("the last bias is given, with the std that this leaves it")
     assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.5
 
 
@@ -177,12 +203,13 @@ def test_the_same_push_in_four_poses() -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_poses_take_no_walk() -> None:
-    """A drift in a long recording is followed without a covariance between all of its poses."""
+def test_a_drift_in_a_long_recording_is_no_walk() -> None:
+    """Nor does it need a covariance between all of its poses."""
     rig, _, rng = _rig(25)
     R = random_rotations(400, rng)
     wrench = noisy_readings(rig, R, NOISE, rng) + np.outer(np.linspace(-1.0, 0.0, 400), 10.0 * NOISE)
-    assert _of_bias(cw.calibrate(cw.Samples(wrench, R), "mount"))[0].startswith("the bias drifted by (")
+    (finding,) = _of_bias(cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(400.0)), "mount"))
+    assert finding.kind is Kind.BIAS_DRIFTED
 
 
 @pytest.mark.slow
@@ -193,7 +220,8 @@ def test_visits_to_the_same_pose_tell_a_drift() -> None:
     wrench = noisy_readings(rig, again, NOISE, rng)
     wrench[:12] += np.array([1.0, 0.0, -1.0, 0.03, 0.0, 0.0])
     calibration = cw.calibrate(cw.Samples(wrench, again))
-    assert "between pose 12 and pose 13" in _of_bias(calibration)[0]
+    (finding,) = _of_bias(calibration)
+    assert finding.text.startswith("the bias stepped before pose 13 by up to 1 N and ")
     assert len(calibration.poses) == 24
     assert len(cw.calibrate(cw.Samples(noisy_readings(rig, again, NOISE, rng), again)).poses) == 12
 
@@ -201,7 +229,7 @@ def test_visits_to_the_same_pose_tell_a_drift() -> None:
 @pytest.mark.slow
 def test_order_in_the_file_does_not_matter_where_time_is_known() -> None:
     rig, R, rng = _rig(11)
-    t = 10.0 * np.arange(24.0)
+    t = EVERY_10_S
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:9] += np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.05])
     shuffled = rng.permutation(24)

@@ -14,7 +14,7 @@ import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
 from contactwrench.calibration.fields import Severity
-from contactwrench.estimation.robust import segments_left_out
+from contactwrench.estimation.findings import segments_left_out
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose

@@ -25,7 +25,7 @@ from ..model import AXES
 from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.samples import Samples
 from ..statistics import square_root
-from .noise import SampleNoise
+from .noise import SampleNoise, stated_noise
 from .state import Matrix, Row, State, kernel
 
 TYPICAL_DRIFT = np.array([0.05, 0.05, 0.05, 0.0025, 0.0025, 0.0025])
@@ -185,11 +185,10 @@ MOST_MOVED = 5.0
 """Standard deviations between the means of the two halves."""
 
 
-def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise) -> tuple[Array, Array]:
-    """What the calibration leaves of the samples on average (6,), and their orientation (3, 3).
-
-    Raises `InputError` where they turn, scatter or move by more than noise does, or
-    are too few.
+def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise | None) -> tuple[Array, Array, Array]:
+    """What the calibration leaves of the samples on average (6,), the variance (6,) of that, and their orientation
+    (3, 3). Where no noise is known it is that of the samples. Raises `InputError` where they turn, scatter or move by
+    more than noise does, or are too few.
     """
     n = len(samples)
     if n < LEAST_SAMPLES:
@@ -202,6 +201,7 @@ def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise) ->
             f"{np.degrees(SAME_POSE_ANGLE):.2g}; hold it still"
         )
     left = calibration.compensate(samples.wrench, R)
+    noise = noise or stated_noise(left)
     scatter = left.std(axis=0, ddof=1) / np.sqrt(noise.of_sample)
     most = MOST_SCATTER * (1.0 + 2.0 / np.sqrt(n))
     if scatter.max() > most:
@@ -219,4 +219,4 @@ def free_mean(calibration: Calibration, samples: Samples, noise: SampleNoise) ->
             f"no new zero: {AXES[axis]} moves by {moved[axis]:.3g} standard deviations between the halves of these "
             f"samples, expected at most {MOST_MOVED:g}; wait until nothing touches the tool"
         )
-    return left.mean(axis=0), R[half]
+    return left.mean(axis=0), noise.of_mean(n), R[half]

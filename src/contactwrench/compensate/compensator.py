@@ -1,6 +1,4 @@
-"""What stands around the step of step.py, the only class with state: settings, what the rate decides, a new zero, and
-results.
-"""
+"""Around the step of step.py, the only class with state: settings, what the rate decides, a new zero, results."""
 
 from __future__ import annotations
 
@@ -220,8 +218,7 @@ class Compensator:
                 f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
                 "nothing touches it, reset() first"
             )
-        mean, R = free_mean(self._calibration, samples, self._noise)
-        variance = self._noise.of_mean(len(samples))
+        mean, variance, R = free_mean(self._calibration, samples, self._noise if s.knows_noise else None)
         start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R, float(s.time))
         if s.first_temperature == s.first_temperature:
             s.first_temperature = s.temperature

@@ -101,7 +101,7 @@ def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
     held, settled = readings_held(s), s.since_fresh >= s.settled
     for k in range(6):
         s.noise_left[k] = min(s.noise_filtered[k] * held, s.noise_variance[k]) if settled else s.noise_variance[k]
-        s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k])
+        s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k]) if s.knows_noise else nan
     whiten(s.systematic, s.noise_left, s.whitening)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)
     s.fire, s.end, s.begin = threshold_at(s.fires, dof), threshold_at(s.ends, dof), threshold_at(s.begins, dof)

@@ -34,7 +34,8 @@ class ContactWrench:
     """The contact wrench of one sample: `wrench` (6,), N and N m, sensor axes, and its `std` (6,), at `t` s.
 
     `valid` is False where something is wrong with the sample, and `reason` says what, a short word first. Where nothing
-    can be computed the wrench is NaN. `contact`: whether something touches; None where that cannot be judged.
+    can be computed the wrench is NaN, and the std until the noise is known. `contact`: whether something touches; None
+    where that cannot be judged.
     """
 
     wrench: Array

@@ -12,8 +12,7 @@ from ..calibration.observability import require_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, free_wrench, gravity_in_flange
 from .estimate import Estimate
-from .noise import PoseReadings, relative_variances
-from .noise_model import NoiseModel
+from .noise import NoiseModel, PoseReadings, relative_variances
 from .priors import Question
 
 PASSES = 20

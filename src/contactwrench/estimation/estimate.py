@@ -93,7 +93,8 @@ class Beliefs:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidEstimate(Estimate):
     """An estimate of a rigid tool; the paper's has its two weights, N, the others what is believed of the rest, and the
-    covariance (24, 24) that gain and cross-talk add to that of B."""
+    covariance (24, 24) that gain and cross-talk add to that of B.
+    """
 
     tool: RigidTool
     beliefs: Beliefs | None = None

@@ -2,10 +2,8 @@
 
 Everything is linearised at one tool. For each kernel K (moments.py) and each axis a, the Gram matrix of the parameters'
 derivatives and of what is left of the readings, under Q, is (p + 1, p + 1); weighted with the variances of the axes and
-summed it gives the normal equations. The variances are those of restricted maximum likelihood (Patterson and Thompson, 1971):
-one for the forces and one for the torques, each axis free to differ by a factor whose logarithm has a prior, so that a
-handful of poses cannot make one axis exact. The evidence is Laplace's (MacKay, 1992), in the parameters and in the
-logarithms of the variances.
+summed it gives the normal equations. The variances are those of restricted maximum likelihood (noise.py; Patterson and
+Thompson, 1971). The evidence is Laplace's (MacKay, 1992), in the parameters and in the logarithms of the variances.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
 from .moments import Moments
-from .noise_model import NoiseModel
+from .noise import NoiseModel
 
 MOST_PASSES = 12
 SETTLED = 5e-3

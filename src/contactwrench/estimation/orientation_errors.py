@@ -3,6 +3,10 @@
 Taken for independent from pose to pose they would make a calibration far too sure: in a cone the same error comes with
 every pose, and what is learned there does not hold elsewhere. Each is a covariance across poses with a strength in
 units of the noise, beside those of a bias that moves (bias_drift.py): none is chosen, all are in the mean.
+
+A kernel treats all axes of a group alike. Gain and cross-talk are part of what the sensor reads at any orientation, and
+a robot's error in orientation turns the weight, which moves nothing along gravity: what that adds to the covariances is
+worked out here, too.
 """
 
 from __future__ import annotations
@@ -12,8 +16,12 @@ from numpy.typing import NDArray
 
 from ..calibration.fields import Kind
 from ..geometry.arrays import Array
-from ..model import gravity_in_flange
+from ..geometry.wrench import cross_matrix
+from ..model import gravity_in_flange, matrix_jacobian, wrench_jacobian, wrench_matrix
 from .bias_drift import Drift
+from .hypotheses import priors_at
+from .moments import precision_times
+from .tables import Problem, Table
 
 PROBABILITY = {Kind.GAIN: 0.2, Kind.CABLE: 0.1, Kind.ROBOT: 0.1}
 FIELD_LENGTH = 0.5
@@ -22,23 +30,28 @@ FIELD_LENGTH = 0.5
 CORRELATION = 0.85
 """Of the robot's error in orientation from one pose to the next."""
 
+AXES = range(6)
 MOST_POSES = 100
 """With more, poses taken on the way most often, only the sensor's gain is looked for."""
 
 
-def orientation_errors(R_base_flange: Array, gravity_direction: Array) -> tuple[Drift, ...]:
+def orientation_errors(R_base_flange: Array, gravity_direction: Array) -> dict[Kind, Drift]:
     """Columns (n, q) of unit strength: of gain and cross-talk, of a cable, of the robot's orientation."""
     n = len(R_base_flange)
     r = gravity_in_flange(R_base_flange, gravity_direction)
     gain = Drift(Kind.GAIN, r)
     if n > MOST_POSES:
-        return (gain,)
+        return {Kind.GAIN: gain}
     flat = R_base_flange.reshape(n, 9)
     chord = np.maximum(6.0 - 2.0 * flat @ flat.T, 0.0)  # ||R_i - R_j||^2, about twice the squared angle
     cable = np.exp(-chord / (4.0 * FIELD_LENGTH**2))
     apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     robot = CORRELATION**apart * (r @ r.T)
-    return gain, Drift(Kind.CABLE, _root(cable)), Drift(Kind.ROBOT, _root(robot))
+    return {
+        Kind.GAIN: gain,
+        Kind.CABLE: Drift(Kind.CABLE, _root(cable)),
+        Kind.ROBOT: Drift(Kind.ROBOT, _root(robot)),
+    }
 
 
 def _root(covariance: Array) -> Array:
@@ -53,3 +66,87 @@ def two_levels(low: NDArray[np.bool_]) -> Drift:
     halfway between.
     """
     return Drift(Kind.TWO_LEVELS, np.where(low, -0.5, 0.5)[:, None])
+
+
+def of_orientation(problem: Problem, tables: list[Table], weight: Array) -> tuple[Array, Array]:
+    """What joins the covariance (p, p) of the parameters, and that of B (24, 24), by the probabilities `weight` of all
+    members of the tables.
+    """
+    of_parameters, of_B, k = np.zeros((len(problem.names),) * 2), np.zeros((24, 24)), 0
+    for table in tables:
+        kinds = [table.kernel_of(j)[0].kind for j in range(len(table.members.kernel))]
+        for kind in (Kind.GAIN, Kind.ROBOT):
+            own = [j for j, of in enumerate(kinds) if of is kind]
+            if not own:
+                continue
+            share = float(sum(weight[k + j] for j in own))
+            best = max(own, key=lambda j: float(table.members.log_evidence[j]))
+            if kind is Kind.GAIN:
+                of_B += share * _slopes(problem, table, best)
+            else:
+                of_parameters += share * _turns(problem, table, best)
+        k += len(kinds)
+    return of_parameters, of_B
+
+
+def _slopes(problem: Problem, table: Table, member: int) -> Array:
+    """Of a sensor with gain and cross-talk: the covariance of B with a slope of its own for each axis, less that of the
+    rigid B, and the slopes that were found.
+    """
+    m, kept, q = table.members, table.kept, len(problem.names)
+    drift, strength = table.kernel_of(member)
+    variance = m.variance[member]
+    D = np.zeros((int(kept.sum()), 6, q + 18))
+    D[:, :, :q] = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
+    for axis in AXES:
+        D[:, axis, q + 3 * axis : q + 3 * axis + 3] = drift.columns[kept]
+    unit = np.sqrt(problem.relative[kept, None] * variance)
+    whitened = (D / unit[:, :, None]).reshape(-1, q + 18)
+    information = whitened.T @ whitened
+    right = whitened.T @ (problem.errors(table.tool)[kept] / unit).ravel()
+    prior = priors_at(table.tool, problem.names, table.hypotheses, problem.question)
+    information[np.ix_(problem.columns, problem.columns)] += prior.information[m.hypothesis[member]]
+    right[problem.columns] += prior.pull[m.hypothesis[member]]
+    information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)
+    covariance = _inverse(information)
+    to_B = np.zeros((24, q + 18))
+    to_B[:, :q] = matrix_jacobian(table.tool, problem.names)
+    for axis in AXES:
+        to_B[4 * axis : 4 * axis + 3, q + 3 * axis : q + 3 * axis + 3] = np.eye(3)
+    found = to_B[:, q:] @ (covariance @ right)[q:]
+    rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
+    beyond: Array = to_B @ covariance @ to_B.T - rigid + np.outer(found, found)
+    return beyond
+
+
+def _turns(problem: Problem, table: Table, member: int) -> Array:
+    """Of a robot whose orientation is off from pose to pose: the covariance of the parameters by errors that turn the
+    weight, less that by the kernel's, which has them alike on all axes.
+    """
+    m, kept = table.members, table.kept
+    drift, strength = table.kernel_of(member)
+    variance, relative = m.variance[member], problem.relative[kept]
+    D = wrench_jacobian(table.tool, problem.R_base_flange[kept], problem.names)
+    weighted = np.stack(
+        [precision_times(drift.columns[kept], strength, relative, D[:, axis]) / variance[axis] for axis in AXES], axis=1
+    )
+    information = np.einsum("naq,nar->qr", D, weighted)
+    prior = priors_at(table.tool, problem.names, table.hypotheses, problem.question)
+    information[np.ix_(problem.columns, problem.columns)] += prior.information[m.hypothesis[member]]
+    gain = np.einsum("qr,nar->nqa", _inverse(information), weighted)
+    r = gravity_in_flange(problem.R_base_flange[kept], table.tool.gravity_direction)
+    place = np.flatnonzero(kept)
+    alike = CORRELATION ** np.abs(np.subtract.outer(place, place))
+    of_axis = gain * np.sqrt(variance)
+    by_kernel = strength**2 * np.einsum("nqa,nm,mra->qr", of_axis, alike * (r @ r.T), of_axis, optimize=True)
+    turn = 1.5 * strength**2 * float(np.mean(variance[:3])) / max(table.tool.weight**2, 1e-12)  # rad^2
+    turned = gain @ (wrench_matrix(table.tool)[:, :3] @ cross_matrix(r))
+    by_turns = turn * np.einsum("nqc,nm,mrc->qr", turned, alike, turned, optimize=True)
+    beyond: Array = by_turns - by_kernel
+    return beyond
+
+
+def _inverse(information: Array) -> Array:
+    unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100
+    scaled = information / np.outer(unit, unit) + 1e-13 * np.eye(len(unit))
+    return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))

@@ -19,10 +19,13 @@ from .estimate import Beliefs, RigidEstimate
 from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
-from .orientation_covariance import of_orientation
+from .orientation_errors import of_orientation
 from .posterior import deleted_errors
 from .priors import rows_of
 from .tables import Problem, Table, explained
+
+FEWEST_DOF = 2.0
+"""With fewer an axis alone says next to nothing."""
 
 DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
 """Errors that a new orientation has anew."""
@@ -58,13 +61,15 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     axes = small_change_about(tool, moved, names)
     off = steps - step
     covariance = axes @ (within + np.einsum("k,kp,kq->pq", weight, off, off)) @ axes.T
+    of_axes = axes @ _of_axes(problem, first) @ axes.T
+    covariance = covariance + np.einsum("a,apq->pq", _noisier_alone(problem, first) - 1.0, of_axes)
     of_parameters, of_B = of_orientation(problem, tables, weight)
     covariance = _nearest_positive(0.5 * (covariance + covariance.T), of_parameters)
     variance = sum(
         (np.exp(t.members.log_evidence - np.logaddexp.reduce(log_all)) @ t.members.variance for t in tables),
         np.zeros(6),
     )
-    variance = variance + _of_levels(problem, tables, weight)
+    variance = variance * _noisier_alone(problem, first) + _of_levels(problem, tables, weight)
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
     left_by, known_of_bias = explained(problem, first, best)
@@ -83,7 +88,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         B_covariance=from_parameters @ covariance @ from_parameters.T,
         covariance=covariance,
         noise=np.sqrt(variance),
-        dof=_dof(problem, first, covariance),
+        dof=_dof(problem, first, of_axes, covariance),
         kept=first.kept,
         errors=errors,
         held_out=deleted_errors(problem, first),
@@ -147,24 +152,47 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
     return np.array([mean[k] for k in table.members.kernel]), np.array([own[k] for k in table.members.kernel])
 
 
-def _dof(problem: Problem, table: Table, covariance: Array) -> Array:
-    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
-    the axes, of which it is a weighted sum, are uncertain together.
-    """
+def _of_axes(problem: Problem, table: Table) -> Array:
+    """What each axis' noise contributes to the covariance of the parameters (6, p, p), of the likeliest member."""
     m, best, names = table.members, table.best, problem.names
-    spread = problem.noise.log_spread(np.log(m.variance[best]), m.dof[best])
     of_step = m.covariance[best]
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
     kernel = table.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
     G = gram(table.tool, names, moments_of(X, problem.relative[table.kept], kernel).S)[0, :, :-1, :-1]
-    of_axis = np.einsum("pi,aij,jq->apq", of_step, G / m.variance[best][:, None, None], of_step)
+    of_axis = of_step @ (G / m.variance[best][:, None, None]) @ of_step
     mean, own = _last_bias(problem, table)
-    to_bias = np.einsum("paj,j->ap", response_jacobian(table.tool, names), mean[best, :9])
-    share = np.zeros((len(names), 6))
-    share[problem.columns] = np.einsum("app->pa", of_axis)
-    share[4:10] = np.einsum("bp,apq,bq->ba", to_bias, of_axis, to_bias) + np.diag(own[best] * m.variance[best])
-    total = np.maximum(np.diag(covariance), 1e-300)
-    share = share / np.maximum(total, share.sum(axis=1))[:, None]
+    to_all = np.zeros((len(names), len(of_step)))
+    to_all[problem.columns] = np.eye(len(of_step))
+    to_all[4:10] = -np.einsum("paj,j->ap", response_jacobian(table.tool, names), mean[best, :9])
+    contribution: Array = to_all @ of_axis @ to_all.T
+    axes = np.arange(6)
+    contribution[axes, 4 + axes, 4 + axes] += own[best] * m.variance[best]
+    return contribution
+
+
+def _noisier_alone(problem: Problem, table: Table) -> Array:
+    """By how much (6,) an axis alone has more variance than its group lends it, at least 1: so that no noisy axis hides
+    in its group.
+    """
+    m, best = table.members, table.best
+    if problem.noise.stated is not None:
+        return np.ones(6)
+    alone = np.where(m.dof[best] > FEWEST_DOF, m.misfit[best] / np.maximum(m.dof[best], FEWEST_DOF), 1.0)
+    return np.maximum(alone, 1.0)
+
+
+def _dof(problem: Problem, table: Table, of_axes: Array, covariance: Array) -> Array:
+    """Degrees of freedom (p,) behind the variance of each parameter (Satterthwaite, 1946): by how much the variances of
+    the axes, of which it is a weighted sum, are uncertain together.
+    """
+    m, best = table.members, table.best
+    spread = problem.noise.log_spread(np.log(m.variance[best]), m.dof[best])
+    alone = _noisier_alone(problem, table)
+    for axis in np.flatnonzero(alone > 1.0):
+        spread[axis, :] = spread[:, axis] = 0.0
+        spread[axis, axis] = 2.0 / max(float(m.dof[best, axis]), FEWEST_DOF)
+    share = np.einsum("app->pa", of_axes) * alone
+    share = share / np.maximum(np.diag(covariance), share.sum(axis=1) + 1e-300)[:, None]
     uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
     dof: Array = np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF)
     return dof

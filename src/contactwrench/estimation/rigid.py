@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
@@ -19,8 +18,7 @@ from .hypotheses import Hypothesis, hypotheses_of, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .least_squares import gram
 from .moments import moments_of
-from .noise import PoseReadings, relative_variances
-from .noise_model import NoiseModel
+from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import PROBABILITY, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
@@ -31,13 +29,21 @@ MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""
 
-SURELY_WORSE = 12.0
-"""Odds at which mounting and base anywhere are worse than nominal: then neither of the two is tried alone."""
+SURELY_WORSE = 25.0
+"""Natural logarithm of the odds, from which on mounting and base anywhere are so much worse than nominal that neither
+is tried alone: more than an exactly level base is worth, which a mounting that points anywhere may stand on.
+"""
 
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
 
 SETTLE_ITERATIONS = 15
+CLOSE = 0.3
+"""Standard deviations."""
+
+WIDE = 0.1
+"""rad, of the tilt of a mounting or a base that is looked for near nominal."""
+
 EVEN = 1.5
 """Ratio of the poses' own variances up to which they count alike."""
 
@@ -62,7 +68,9 @@ def estimated(
     tables = _tables(problem, plain or len(readings) > MOST_JUDGED, begin)
     relative = readings.relative_variance
     if question.noise is None and float(relative.max()) > EVEN * float(relative.min()):
-        of_stops = float(np.mean(readings.least_variance / _mean_variance(tables)))
+        members = tables[0].members
+        found = np.exp(members.log_evidence - tables[0].log_evidence) @ members.variance
+        of_stops = float(np.mean(readings.least_variance / found))
         problem = replace(problem, relative=1.0 + min(of_stops, 1.0) * (relative - 1.0))
         tables = [settled(problem, tables[0].tool, table.kept, table.hypotheses) for table in tables[:1]] + tables[1:]
     return mean_of(problem, tables, readings)
@@ -80,11 +88,9 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         start = relative_variances(question.noise)
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
-        of_orientation = orientation_errors(readings.R_base_flange, question.gravity_direction)
-        drifts, log_prior = (
-            [*drifts, *of_orientation],
-            [*log_prior, *(np.log(PROBABILITY[d.kind]) for d in of_orientation)],
-        )
+        for kind, drift in orientation_errors(readings.R_base_flange, question.gravity_direction).items():
+            drifts.append(drift)
+            log_prior.append(float(np.log(PROBABILITY[kind])))
     return Problem(
         readings.R_base_flange,
         readings.wrench,
@@ -130,32 +136,31 @@ def _settled_only(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesi
 def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = None) -> RigidTool:
     """The most promising guess, brought close to its optimum under a steady bias."""
     kept = np.ones(len(problem.wrench), dtype=bool) if kept is None else kept
-    R, wrench = problem.R_base_flange[kept], problem.wrench[kept]
+    guesses = initial_guesses(
+        problem.R_base_flange[kept], problem.wrench[kept], search, problem.question.gravity_direction
+    )
+    wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
+    return min((_approached(problem, guess, kept, wide) for guess in guesses), key=lambda reached: reached[0])[1]
+
+
+def _approached(
+    problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], wide: Hypothesis
+) -> tuple[float, RigidTool]:
+    """The misfit that is reached from a guess, and the tool there."""
+    R = problem.R_base_flange[kept].reshape(-1, 9)
     steady = problem.kernels.select(np.zeros(1, dtype=np.intp)).of_poses(kept)
-    guesses = initial_guesses(R, wrench, search, problem.question.gravity_direction)
-    wide = (Hypothesis(None if search.any_mounting else 0.1, None if search.any_base else 0.05, (False, False), 0.0),)
     weight = 1.0 / relative_variances(problem.question.noise)
-    found = []
-    for tool in guesses:
-        for _ in range(SETTLE_ITERATIONS):
-            X = np.concatenate([R.reshape(-1, 9), problem.errors(tool)[kept]], axis=1)
-            G = gram(tool, problem.names, moments_of(X, problem.relative[kept], steady).S)[0]
-            total = np.einsum("a,aij->ij", weight / (weight @ G[:, -1, -1] / (6.0 * len(R)) + 1e-30), G)
-            known = priors_at(tool, problem.names, wide, problem.question)
-            information = total[:-1, :-1] + known.information[0]
-            unit = np.sqrt(np.diag(information)) + 1e-100
-            scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
-            step = np.linalg.solve(scaled, (total[:-1, -1] + known.pull[0]) / unit) / unit
-            misfit = float(weight @ G[:, -1, -1])
-            if float(np.max(np.abs(step) * unit)) < 0.3:
-                break
-            tool = problem.stepped(tool, step)
-        found.append((misfit, tool))
-    return min(found, key=lambda pair: pair[0])[1]
-
-
-def _mean_variance(tables: list[Table]) -> Array:
-    members = tables[0].members
-    weight = np.exp(members.log_evidence - tables[0].log_evidence)
-    mean: Array = weight @ members.variance
-    return mean
+    for _ in range(SETTLE_ITERATIONS):
+        X = np.concatenate([R, problem.errors(tool)[kept]], axis=1)
+        G = gram(tool, problem.names, moments_of(X, problem.relative[kept], steady).S)[0]
+        misfit = float(weight @ G[:, -1, -1])
+        total = np.einsum("a,aij->ij", weight / max(misfit / (6.0 * len(R)), 1e-30), G)
+        known = priors_at(tool, problem.names, (wide,), problem.question)
+        information = total[:-1, :-1] + known.information[0]
+        unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100
+        scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
+        step = np.linalg.solve(scaled, (total[:-1, -1] + known.pull[0]) / unit) / unit
+        if float(np.max(np.abs(step) * unit)) < CLOSE:
+            break
+        tool = problem.stepped(tool, step)
+    return misfit, tool

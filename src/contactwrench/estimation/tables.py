@@ -25,7 +25,7 @@ from .bias_drift import Drift, Kernels
 from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, gram, solved
 from .moments import moments_of, precision_times
-from .noise_model import NoiseModel
+from .noise import NoiseModel
 from .outliers import log_density_outlying, log_prior_outlying
 from .priors import Question
 
@@ -47,13 +47,13 @@ LARGEST_TURN = 0.5
 """rad in one step."""
 
 BEYOND_WALL = 0.2
-"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned round."""
+"""Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`, the
-    question and what is known of the noise.
+    """Poses (n, 3, 3), readings (n, 6) with relative variances (n,), kernels of their errors, the parameters `names`,
+    the question and what is known of the noise.
     """
 
     R_base_flange: Array

@@ -1,0 +1,142 @@
+"""A bias that moves: what may have happened beforehand, and what is found of it, down to the last pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.calibration.fields import Kind, Severity
+from contactwrench.estimation import outliers, rigid
+from contactwrench.estimation.bias_drift import STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
+from tests.support.rigs import NOISE, example, noisy
+from tests.support.world import Array, Rig, derivatives, noisy_readings
+
+OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
+
+
+def _covariances(time: Array) -> dict[tuple[Kind | None, int | None], Array]:
+    """Of each motion, covariance (n, n) at unit strength; where a kind has several, the last."""
+    drifts, _ = possible_drifts(time, len(time))
+    return {(drift.kind, drift.first_after): drift.columns @ drift.columns.T for drift in drifts}
+
+
+def test_every_motion_ends_in_the_last_bias_and_begins_one_strength_off_it() -> None:
+    time = np.cumsum(np.random.default_rng(1).uniform(1.0, 9.0, 12))
+    for covariance in _covariances(time).values():
+        assert np.abs(covariance[-1]).max() < 1e-12
+        assert covariance[0, 0] == pytest.approx(1.0)
+
+
+def test_a_walk_has_the_covariance_of_brownian_motion_run_backwards() -> None:
+    """Of the changes until the end, the less time left of two, over the whole: in many poses too."""
+    for n in (12, 900):
+        time = np.cumsum(np.random.default_rng(n).uniform(1.0, 9.0, n))
+        left = (time[-1] - time) / (time[-1] - time[0])
+        walk = _covariances(time)[Kind.BIAS_WANDERED, None]
+        assert walk == pytest.approx(np.minimum.outer(left, left), abs=0.01)
+
+
+def test_a_step_may_have_been_before_any_pose_and_all_probabilities_are_one() -> None:
+    drifts, log_prior = possible_drifts(np.arange(12.0), 12)
+    kernels = kernels_of(12, drifts, log_prior)
+    places = {drift.first_after: p for drift, p in zip(drifts, log_prior, strict=True) if drift.first_after}
+    assert sorted(places) == list(range(1, 12))
+    assert len(set(places.values())) == 1
+    assert np.exp(kernels.log_prior).sum() == pytest.approx(1.0)
+    assert kernels.drifts[kernels.drift[0]].kind is None
+    assert np.exp(kernels.log_prior[0]) > 0.5
+
+
+def test_where_the_order_says_nothing_or_poses_are_few_nothing_moves() -> None:
+    assert possible_drifts(None, 24) == ([], [])
+    assert possible_drifts(np.arange(3.0), 3) == ([], [])
+    steady = kernels_of(24, [], [])
+    assert (len(steady.drift), steady.log_prior.tolist()) == (1, [0.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("before", range(1, 12))
+def test_a_step_before_any_pose_leaves_the_last_bias_within_its_std(before: int) -> None:
+    """Twelve poses, 20 noise std: found with two poses on either side, and not sure where three or fewer are after."""
+    rig, R, rng = example(before, poses=12)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    wrench[:before] += 20.0 * NOISE * rng.choice([-1.0, 1.0], 6)
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(12.0)), "mount")
+    assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0
+    steps = [finding for finding in calibration.findings if finding.kind in OF_BIAS]
+    if 2 <= before <= 10:
+        assert len(steps) == 1
+        assert f"the bias stepped before pose {before + 1} (t = {10 * before} s) by up to " in steps[0].text
+    if before >= 9:
+        assert calibration.verdict != "good"
+    if before == 11:
+        assert any("pose 12 (t = 110 s), the last one, was left out: " in text for text in calibration.warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("poses", [12, 24])
+@pytest.mark.parametrize("last", [1, 2])
+def test_a_step_before_the_last_poses_is_in_the_std_of_the_bias_and_never_good(last: int, poses: int) -> None:
+    """Whether the bias stepped or those poses are in contact nobody can know: both are in the mean, and it is said."""
+    for seed in range(6):
+        rig, R, rng = example(seed, poses=poses)
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        wrench[:-last] += np.array([0.5, -0.5, 0.7, 0.0, 0.01, 0.0])
+        calibration = cw.calibrate(cw.Samples(wrench, R, t=10.0 * np.arange(float(poses))), "mount")
+        assert np.abs((calibration.bias - rig.bias) / calibration.std["bias"]).max() < 4.0, seed
+        assert calibration.verdict != "good", seed
+        doubted = {finding.kind for finding in calibration.findings if finding.severity is Severity.DOUBTFUL}
+        assert (Kind.POSE_IN_DOUBT if last == 1 else Kind.BIAS_STEPPED) in doubted, seed
+
+
+@pytest.mark.slow
+def test_a_bias_that_stays_is_hardly_ever_said_to_move() -> None:
+    moved = 0
+    for seed in range(40):
+        rig, R, rng = example(500 + seed, poses=12)
+        samples = cw.Samples(noisy_readings(rig, R, NOISE, rng), R, t=10.0 * np.arange(12.0))
+        moved += any(finding.kind in OF_BIAS for finding in cw.calibrate(samples, "mount").findings)
+    assert moved <= 2
+
+
+def _only(columns: Array, strength: float) -> Kernels:
+    """One motion and nothing else, whatever was asked for."""
+    drifts = (Drift(None, np.zeros((len(columns), 0))), Drift(Kind.BIAS_WANDERED, columns))
+    return Kernels(drifts, np.array([1]), np.array([strength]), np.zeros(1))
+
+
+@pytest.mark.parametrize("strength", [float(STRENGTHS[1]), float(STRENGTHS[3])])
+def test_the_covariance_of_a_bias_that_moved_is_that_of_generalised_least_squares(
+    strength: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole of it, the last bias included, from all readings in one, where only one motion is possible and no pose is outlying."""
+    rig, R, rng = example(7, poses=12)
+    time = np.cumsum(rng.uniform(1.0, 9.0, 12))
+    columns = next(d.columns for d in possible_drifts(time, 12)[0] if d.kind is Kind.BIAS_WANDERED)
+    tiny = 1e-4 * NOISE
+    walk = columns @ rng.normal(size=(columns.shape[1], 6)) * strength * tiny
+    wrench = noisy_readings(rig, R, tiny, rng) + walk
+    monkeypatch.setattr(outliers, "PROBABILITY", 1e-12)
+    monkeypatch.setattr(rigid, "kernels_of", lambda *_: _only(columns, strength))
+    calibration = cw.calibrate(cw.Samples(wrench, R, t=time), "mount", noise=tiny)
+    assert len(calibration.fitted_poses) == 12
+    covariance = _generalised(rig, R, np.kron(np.eye(12) + strength**2 * columns @ columns.T, np.diag(tiny**2)))
+    scale = float(calibration.noise[0] / tiny[0]) ** 2
+    unit = np.sqrt(scale * np.diag(covariance))
+    assert np.abs((calibration.covariance - scale * covariance) / np.outer(unit, unit)).max() < 5e-3
+
+
+def _generalised(rig: Rig, R: Array, N: Array) -> Array:
+    D = derivatives(rig, "mount", R).reshape(6 * len(R), -1)
+    covariance: Array = np.linalg.inv(D.T @ np.linalg.solve(N, D))
+    return covariance
+
+
+def test_rows_in_any_order_tell_the_same_where_no_time_is_known() -> None:
+    rig, R, rng = example(8)
+    samples = noisy(rig, R, rng)
+    ordered = samples.select(np.argsort(samples.wrench[:, 2]))
+    plain, other = cw.calibrate(samples, "mount"), cw.calibrate(ordered, "mount")
+    assert other.parameters == pytest.approx(plain.parameters, abs=1e-6)
+    assert not [finding for finding in other.findings if finding.kind in OF_BIAS]

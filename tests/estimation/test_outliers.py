@@ -1,0 +1,126 @@
+"""Poses that do not belong: the prior and the density are proper, and contacts that mask each other are found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import comb, pi
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.estimation.outliers import MOST_SHARE, likely_clean, log_density_outlying, log_prior_outlying
+from tests.support.rigs import NOISE, example
+from tests.support.world import Array, Rig, derivatives, noisy_readings, random_rotations, readings
+
+IN_CONTACT = [2, 9, 13, 21]
+
+
+def _left_out(calibration: cw.Calibration) -> list[int]:
+    return [k for k, pose in enumerate(calibration.poses) if pose.rejected is not None]
+
+
+@pytest.mark.parametrize("n", [3, 6, 24])
+def test_all_sets_of_outlying_poses_together_have_probability_one(n: int) -> None:
+    total = sum(comb(n, k) * np.exp(log_prior_outlying(n, k)) for k in range(n + 1))
+    assert total == pytest.approx(1.0)
+    assert log_prior_outlying(n, int(MOST_SHARE * n) + 1) == -np.inf
+    assert np.exp(log_prior_outlying(n, 0)) > 0.5
+
+
+def test_the_density_of_an_outlying_pose_is_one_over_all_its_errors() -> None:
+    """In six dimensions it depends on the distance alone: shells of area pi^3 r^5."""
+    log_r = np.linspace(np.log(1e-3), np.log(1e6), 4001)
+    r = np.exp(log_r)
+    density = np.exp([log_density_outlying(np.array([[distance, 0.0, 0.0, 0.0, 0.0, 0.0]])) for distance in r])
+    assert float(np.trapezoid(density * pi**3 * r**6, log_r)) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_poses_that_are_off_by_the_same_are_likelier_contacts_than_poses_off_anyhow() -> None:
+    push = 60.0 * np.random.default_rng(1).normal(size=(4, 6))
+    alike = np.repeat(push[:1], 4, axis=0) * np.sqrt(np.sum(push**2) / np.sum(push[0] ** 2) / 4.0)
+    assert log_density_outlying(alike) > log_density_outlying(push) + 30.0
+
+
+def _problem(seed: int, n: int) -> tuple[Array, Array, np.random.Generator]:
+    """Derivatives (n, 6, 13) and noise (n, 6) of a tool that is linearised at the truth."""
+    rig, R, rng = example(seed, poses=n)
+    return derivatives(rig, "mount", R), NOISE * rng.normal(size=(n, 6)), rng
+
+
+@pytest.mark.parametrize("size", [20.0, 60.0, 1000.0])
+@pytest.mark.parametrize("alike", [True, False])
+def test_the_search_finds_a_sixth_of_the_poses_whatever_they_hide(size: float, alike: bool) -> None:
+    for seed in range(20):
+        J, errors, rng = _problem(seed, 24)
+        push = rng.normal(size=(1 if alike else 4, 6))
+        errors[IN_CONTACT] += size * NOISE * push / np.linalg.norm(push, axis=1, keepdims=True)
+        clean = likely_clean(J, errors, np.zeros((13, 13)), np.zeros(13), 0.05)
+        assert not clean[IN_CONTACT].any(), seed
+        assert clean.sum() >= 19, seed
+
+
+def test_the_search_leaves_clean_poses_alone() -> None:
+    lost = [24 - int(likely_clean(*_problem(seed, 24)[:2], np.zeros((13, 13)), np.zeros(13), 0.05).sum()) for seed in range(30)]  # fmt: skip
+    assert sum(n > 0 for n in lost) <= 2
+
+
+def _with_contacts(seed: int, count: int, alike: bool) -> tuple[Rig, set[int], cw.Calibration]:
+    """24 poses, some of them in contact by 60 noise std, all alike or each in its own way."""
+    rig, R, rng = example(seed)
+    rig = replace(rig, weight=10.0)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    bad = rng.choice(24, count, replace=False)
+    push = rng.normal(size=(1 if alike else count, 6))
+    wrench[bad] += 60.0 * NOISE * push / np.linalg.norm(push, axis=1, keepdims=True)
+    return rig, set(bad.tolist()), cw.calibrate(cw.Samples(wrench, R), "mount")
+
+
+def _off(calibration: cw.Calibration, rig: Rig) -> float:
+    """RMS error (N) of the predicted force at new orientations."""
+    unseen = random_rotations(40, np.random.default_rng(5))
+    off = (calibration.predict(unseen) - readings(rig, unseen))[:, :3]
+    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alike", [True, False])
+def test_four_of_24_in_contact_that_mask_each_other_are_left_out(alike: bool) -> None:
+    """Single deletions miss them in one of some hundred data sets. Four that are off by the same may be backlash."""
+    sure = 0
+    for seed in range(3000, 3030):
+        rig, bad, calibration = _with_contacts(seed, 4, alike)
+        assert bad <= set(_left_out(calibration)), seed
+        assert len(_left_out(calibration)) <= 5, seed
+        assert _off(calibration, rig) < calibration.expected_error[0], seed
+        sure += _off(calibration, rig) < 0.1
+    assert sure >= (25 if alike else 30)
+
+
+@pytest.mark.slow
+def test_a_third_of_the_poses_in_contact_is_what_the_search_bears() -> None:
+    """Eight of 24, each in its own way: left out, and so many are said to be doubtful; no error beyond what is said."""
+    all_found = 0
+    for seed in [4006, *range(5000, 5012)]:
+        rig, bad, calibration = _with_contacts(seed, 8, False)
+        assert _off(calibration, rig) < calibration.expected_error[0], seed
+        if set(_left_out(calibration)) == bad:
+            all_found += 1
+            assert "doubtful: 8 of 24 poses were left out: record more, free of contact" in calibration.warnings
+    assert all_found >= 12
+
+
+def test_a_pose_that_may_be_in_contact_is_in_doubt_and_counts_both_ways() -> None:
+    """Five to seven noise std of one axis: some offset is as likely chance as contact."""
+    rig, R, rng = example(6)
+    wrench = noisy_readings(rig, R, NOISE, rng)
+    found = []
+    for size in np.arange(3.0, 12.0, 0.5):
+        offset = np.zeros((24, 6))
+        offset[5, 0] = size * NOISE[0]
+        calibration = cw.calibrate(cw.Samples(wrench + offset, R), "mount")
+        doubted = [text for text in calibration.warnings if text.startswith("doubtful: pose 6 may be in contact, with")]
+        found.append((len(doubted), _left_out(calibration) == [5]))
+    assert found[0] == (0, False)
+    assert found[-1] == (0, True)
+    assert any(doubted for doubted, _ in found)
