@@ -82,7 +82,7 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class KnownTool:
-    """`whitener` (q, 9) times the `COORDINATES` that lead from `tool` to the truth is `value` (q,), of unit variance."""
+    """`whitener` (q, 9) times the `COORDINATES` that lead from `tool` to the truth is `value` (q,); unit variance."""
 
     tool: RigidTool
     whitener: Array

@@ -64,7 +64,8 @@ DIFFER = {"mount": "the mounting by {:.2g} +- {:.2g} deg", "gravity": "gravity b
 SHARING_MODELS = ("auto", "mount", "mount+base")
 
 LOOKS = 2
-"""Times that messages are read: about each recording's own estimate, and about that of the one that knows most."""
+"""Times that messages are read: about each recording's own estimate, and about that of the one that knows most. With
+one, half the recordings that turn about a single axis fail."""
 
 SAYS_NOTHING = 1.0
 """rad: the std of the vague guess; of a turn with a larger one, which may point anywhere, nothing is said."""
@@ -177,6 +178,10 @@ class _Sharing:
     def parameters(self) -> list[str]:
         return [parameter for name in self.names for parameter in SHAREABLE[name]]
 
+    @property
+    def turns(self) -> list[int]:
+        return [ROTATIONS.index(name) for name in self.parameters]
+
     def common(self, tool: RigidTool) -> dict[str, Any]:
         """The rotations of a tool that are common, by their fields."""
         return {OF_TOOL[name]: getattr(tool, OF_TOOL[name]) for name in self.names}
@@ -214,7 +219,7 @@ def _messages(recorded: list[Recorded], sharing: _Sharing) -> tuple[list[Message
 def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, sharing: _Sharing) -> Message:
     """What a recording says, looked at with a vague guess of the rotations near those of a tool."""
     R, d = near.R_flange_sensor, near.gravity_direction
-    vague = known_rotations(R, d, np.eye(len(ROTATIONS)) / SAYS_NOTHING, np.zeros(len(ROTATIONS)))
+    vague = known_rotations(R, d, np.eye(5) / SAYS_NOTHING, np.zeros(5))
     model = model_fitted(sharing.question.model)
     question = replace(sharing.question, model=model, knowledge=(*sharing.apart(alone), vague))
     found = estimated(readings, question, begin=linear_fit(readings.R_base_flange, readings.wrench, R, d))
@@ -225,8 +230,8 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     values, vectors = np.linalg.eigh(of_all - put_in.T @ put_in)
     heard = values > SAYS_NOTHING**-2
     root, axes = np.sqrt(values[heard]), vectors[:, heard].T
-    information = np.zeros((len(root), len(ROTATIONS)))
-    information[:, [ROTATIONS.index(name) for name in sharing.parameters]] = root[:, None] * axes
+    information = np.zeros((len(root), 5))
+    information[:, sharing.turns] = root[:, None] * axes
     turn = -axes @ (put_in.T @ guess.residuals) / root
     knowledge = known_rotations(found.tool.R_flange_sensor, found.tool.gravity_direction, information, turn)
     return Message(knowledge, float(found.dof.min()), found.tool, float(np.trace(np.linalg.inv(of_all))))
@@ -268,8 +273,8 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
 
 def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
     """The small turns of what is shared that lead from one tool to another, in the axes of the first."""
-    there = known_rotations(before.R_flange_sensor, before.gravity_direction, np.eye(len(ROTATIONS)), np.zeros(5))
-    turns: Array = -there(after, PARAMETERS["mount+base"]).residuals[[ROTATIONS.index(name) for name in sharing.parameters]]
+    about_first = known_rotations(before.R_flange_sensor, before.gravity_direction, np.eye(5), np.zeros(5))
+    turns: Array = -about_first(after, PARAMETERS["mount+base"]).residuals[sharing.turns]
     return turns
 
 
@@ -319,9 +324,8 @@ def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[
 
 
 def _covariance(said: list[PriorRows]) -> Array:
-    rows = np.vstack([each.jacobian for each in said])
-    covariance: Array = np.linalg.inv(np.eye(rows.shape[1]) / SAYS_NOTHING**2 + rows.T @ rows)
-    return covariance
+    rows: Array = np.vstack([each.jacobian for each in said])
+    return np.asarray(np.linalg.inv(np.eye(rows.shape[1]) / SAYS_NOTHING**2 + rows.T @ rows))
 
 
 @contextmanager
