@@ -10,10 +10,10 @@ from contactwrench.estimation.bias_drift import Drift, Kernels, kernels_of, poss
 from contactwrench.estimation.hypotheses import Hypothesis
 from contactwrench.estimation.least_squares import Members, Priors, gram, solved
 from contactwrench.estimation.moments import moments_of, precision_times
-from contactwrench.estimation.noise import StatedNoise
-from contactwrench.estimation.noise_model import NoiseModel
-from contactwrench.estimation.posterior import Problem, Table, deleted_errors, settled
+from contactwrench.estimation.noise import NoiseModel, StatedNoise
+from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import Question
+from contactwrench.estimation.tables import Problem, Table, settled
 from contactwrench.model import PARAMETERS, RigidTool
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, Rig, derivatives, noisy_readings

@@ -82,13 +82,19 @@ def test_a_quiet_axis_is_weighted_as_such() -> None:
 
 
 def test_covariance_is_not_below_what_the_residuals_support() -> None:
-    """A sensor with 2 % of cross-talk and a given noise of almost nothing: the std grows with the misfit."""
+    """Given a noise of almost nothing, the std grows with the misfit: that of noise, and of 2 % of cross-talk, which a
+    gain of each axis explains, and which is in the error to expect at any orientation.
+    """
     rig, R, rng = example(7)
+    noisy_only = cw.calibrate(noisy(rig, R, rng), "mount", noise=1e-4 * NOISE)
+    assert noisy_only.reduced_chi2 == pytest.approx(1e8, rel=0.5)
+    assert noisy_only.noise == pytest.approx(1e-4 * NOISE * np.sqrt(noisy_only.reduced_chi2), rel=0.02)
     wrench = readings(rig, R) @ (np.eye(6) + 0.02 * rng.normal(size=(6, 6))).T
     calibration = cw.calibrate(cw.Samples(wrench, R), "mount", noise=1e-4 * NOISE)
     assert calibration.reduced_chi2 > 1e4
-    assert calibration.noise == pytest.approx(1e-4 * NOISE * np.sqrt(calibration.reduced_chi2), rel=0.01)
+    assert calibration.weight == pytest.approx(rig.weight, abs=3.0 * calibration.std["weight"])
     assert calibration.std["weight"] > 1e-3 * rig.weight
+    assert calibration.expected_error[0] > np.linalg.norm(calibration.residual_rms[:3])
 
 
 def test_degrees_of_freedom() -> None:

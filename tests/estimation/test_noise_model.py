@@ -8,8 +8,7 @@ from scipy.optimize import minimize
 from scipy.special import gammaln
 
 import contactwrench as cw
-from contactwrench.estimation.noise import StatedNoise
-from contactwrench.estimation.noise_model import AXIS_SCALE, NoiseModel
+from contactwrench.estimation.noise import AXIS_SCALE, NoiseModel, StatedNoise
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array
 

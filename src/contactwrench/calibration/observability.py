@@ -161,9 +161,10 @@ def advice_on_poses(
         after[direction] = covariance[k, k] - known[:, k] @ gain
     best = min(after, key=lambda direction: after[direction])
     scale, unit = SPOKEN_UNITS[weakest.partition("_")[0]]
+    least = float(np.sqrt(max(after[best], 0.0)))
     return (
         f"{why}; one more pose, with gravity along the sensor's {best}: std of {weakest} from "
-        f"{scale * float(np.sqrt(covariance[k, k])):.2g} to {scale * float(np.sqrt(after[best])):.2g} {unit}; "
+        f"{scale * float(np.sqrt(covariance[k, k])):.2g} to {scale * least:.2g} {unit}; "
         "contactwrench plan --from FILE finds the best ones"
     )
 

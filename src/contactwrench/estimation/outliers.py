@@ -20,7 +20,13 @@ from ..geometry.arrays import Array
 PROBABILITY = 0.4
 """That a recording has such poses at all; that it has k of them goes as 1 / k, up to `MOST_SHARE` of all."""
 
-MOST_SHARE = 0.4
+MOST_SHARE = 0.34
+ON_A_LEVEL = 0.3
+"""Of the poses: more than so many that are all off by the same are on a level of their own, as backlash makes it."""
+
+TWO_LEVELS = 0.3
+"""Probability that there are two levels; each pose is on either alike."""
+
 WIDTHS = np.geomspace(3.5, 3500.0, 7)
 """Of the wide distribution, times the noise: one for all such poses, or one for each."""
 
@@ -43,6 +49,13 @@ def log_prior_outlying(n: int, k: int) -> float:
     share = 1.0 / (k * np.sum(1.0 / np.arange(1, most + 1)))
     sets = math.lgamma(n + 1.0) - math.lgamma(k + 1.0) - math.lgamma(n - k + 1.0)
     return float(np.log(PROBABILITY * share) - sets)
+
+
+def log_prior_two_levels(n: int, k: int) -> float:
+    """Logarithm of the probability that of n poses a given set of k, the smaller one, is on a level of its own."""
+    if k < 2 or k <= ON_A_LEVEL * n:
+        return -np.inf
+    return float(np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0))
 
 
 def log_density_outlying(errors: Array) -> float:
@@ -144,7 +157,7 @@ class _Trimmed:
     def likeliest(self, distance: Array) -> NDArray[np.bool_]:
         """Of the sets that leave out the poses furthest off, by `distance` (n,), the one of the largest evidence."""
         n = len(distance)
-        order, most = np.argsort(-distance), int(MOST_SHARE * n)
+        order, most = np.argsort(-distance), n // 2
         masks = np.ones((most + 1, n), dtype=bool)
         for k, mask in enumerate(masks):
             mask[order[:k]] = False
@@ -154,7 +167,8 @@ class _Trimmed:
         for k, mask in enumerate(masks):
             z = fits.left[k, ~mask] / np.sqrt(np.repeat(fits.variance[:, k], 3))
             density = log_density_outlying(z) if k else 0.0
-            evidence[k] += log_prior_outlying(n, k) + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
+            prior = np.logaddexp(log_prior_outlying(n, k), log_prior_two_levels(n, k))
+            evidence[k] += prior + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
         return np.asarray(masks[int(np.argmax(evidence))], dtype=bool)
 
 

@@ -18,14 +18,11 @@ from .bias_drift import kernels_of
 from .hypotheses import Hypothesis, priors_at
 from .moments import precision_times
 from .orientation_errors import two_levels
-from .outliers import likely_clean, log_prior_outlying
+from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .tables import FAR, Problem, Table, explained, near_kernels, settled, table_at
 
 DOUBTED = 28.0
 """Squared distance from the other poses (6 numbers, 0.1 %) from which on leaving a pose out is tried."""
-
-TWO_LEVELS = 0.3
-"""Probability of a bias that comes back in two levels; each pose is on either alike."""
 
 MOST_AS_LEVELS = 3
 FEWEST_POSES = 4
@@ -47,7 +44,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
 
     clean = _clean_poses(problem, best)
     for _ in range(3):
-        if clean.all():
+        if clean.all() or not np.isfinite(log_prior_outlying(len(clean), int(np.sum(~clean)))):
             break
         rival = tried(clean, best.tool)
         again = _clean_poses(problem, rival)
@@ -65,9 +62,12 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
                 break
             now = better
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
-    levels = {t.kept.tobytes(): _as_two_levels(problem, t.kept) for t in found[:MOST_AS_LEVELS] if not t.kept.all()}
+    first = found[0]
+    proposed = {kept.tobytes(): kept for kept in (clean, *(table.kept for table in found[:MOST_AS_LEVELS]))}
     of_levels = [
-        settled(levels[t.kept.tobytes()], t.tool, everything, hypotheses) for t in found if t.kept.tobytes() in levels
+        settled(_as_two_levels(problem, kept), first.tool, everything, hypotheses)
+        for kept in proposed.values()
+        if np.isfinite(log_prior_two_levels(len(kept), int(np.sum(~kept))))
     ]
     whole = sorted([*found, *of_levels], key=lambda table: -table.log_evidence)
     first = whole[0]
@@ -77,8 +77,8 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
     """The problem in which the poses left out are no outliers, but on one of two levels, as backlash makes them."""
-    log_prior = np.log(TWO_LEVELS) - (len(kept) - 1.0) * np.log(2.0)
-    return replace(problem, kernels=kernels_of(len(kept), [two_levels(~kept)], [float(log_prior)], steady=False))
+    log_prior = log_prior_two_levels(len(kept), int(np.sum(~kept)))
+    return replace(problem, kernels=kernels_of(len(kept), [two_levels(~kept)], [log_prior], steady=False))
 
 
 def _clean_poses(problem: Problem, table: Table) -> NDArray[np.bool_]:

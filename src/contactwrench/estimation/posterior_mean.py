@@ -106,7 +106,7 @@ def _nearest_positive(covariance: Array, added: Array) -> Array:
     """The sum of a covariance and what may lessen it in places, no less than half of itself in any direction."""
     if not added.any():
         return covariance
-    unit = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    unit = np.sqrt(np.maximum(np.diag(covariance), 1e-60))
     values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
     root = vectors * np.sqrt(np.maximum(values, 1e-15))
     inverse = np.linalg.inv(root)
