@@ -31,8 +31,6 @@ from ..samples.still_noise import StillNoise
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
-WEAK_SHARE = 0.1
-"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
 
 
 class Severity(StrEnum):
@@ -337,11 +335,6 @@ class CalibrationFields(Frozen):
         return force, torque
 
     @property
-    def is_uncertain(self) -> bool:
-        """Whether the std of the contact force is a large share of the weight somewhere."""
-        return self.largest_std[0] > WEAK_SHARE * float(np.linalg.norm(self.B[:3, :3], 2))
-
-    @property
     def doubts(self) -> tuple[Doubt, ...]:
         """Why the verdict is doubtful: each reason once."""
         kinds = [finding.kind for finding in self.findings if finding.severity is Severity.DOUBTFUL]
@@ -349,7 +342,7 @@ class CalibrationFields(Frozen):
 
     @property
     def verdict(self) -> str:
-        """`good`, `doubtful` or `weak`, by the severities of the findings and by the largest std."""
-        if self.is_uncertain or any(finding.severity is Severity.WEAK for finding in self.findings):
+        """`good`, `doubtful` or `weak`, by the severities of the findings."""
+        if any(finding.severity is Severity.WEAK for finding in self.findings):
             return "weak"
         return "doubtful" if self.doubts else "good"

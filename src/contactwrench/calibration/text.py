@@ -81,11 +81,9 @@ def verdict_sentences(c: CalibrationFields, missed: str = "") -> list[str]:
     """The verdict, with what is `missed` of what was required; why it is doubtful; and the error to expect."""
     of_both = np.array([*c.expected_error, *c.largest_std]) * (1.0, 1e3, 1.0, 1e3)
     force, torque, own_force, own_torque = map(two_digits, of_both)
-    large = ["the std of the contact force is over 10 % of the weight somewhere"] * c.is_uncertain
     link = "but" if c.verdict == "good" else "and"
     return [
         f"{c.verdict}, {link} misses what is required, {missed}" if missed else c.verdict,
-        *large,
         *c.doubts,
         f"at a new orientation expect an error of {force} N and {torque} mN m (std), of which the calibration's own "
         f"uncertainty is up to {own_force} N and {own_torque} mN m",

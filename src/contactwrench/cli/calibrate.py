@@ -110,7 +110,7 @@ def _shared_names(
         if len(files) > 1:
             raise typer.BadParameter(f"found {len(files)} files, expected one, or --shared mount,gravity")
         return ()
-    from ..estimation.shared_rotations import require_shareable
+    from ..estimation.several_tools import require_shareable
 
     for option, value in of_one_file.items():
         if value is not None:

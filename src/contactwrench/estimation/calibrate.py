@@ -27,7 +27,8 @@ from ..version import __version__
 from .affine import MIRRORED, fit_affine
 from .alternatives import alternatives_to
 from .estimate import Estimate, RigidEstimate
-from .findings import assumptions_in_words, doubts, on_the_way, outliers_and_drift, reasons_left_out, segments_left_out
+from .findings import doubts, of_recording
+from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
@@ -181,7 +182,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     if stream:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
-    findings += (*segments_left_out(recorded, _first_time(free)), *on_the_way(recorded))
+    findings += (*of_recording(recorded, _first_time(free)),)
     ordered = stream or recorded.visits is not None
     if recorded.visits is not None:
         poses = in_time(recorded.visits)
@@ -274,7 +275,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         observability=observability,
         findings=(
             *recorded.findings,
-            *outliers_and_drift(estimate, poses, _first_time(recorded.samples)),
+            *of_beliefs(estimate, poses, _first_time(recorded.samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
         ),
@@ -284,7 +285,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         weight_xy=weight_xy,
         weight_z=weight_z,
         parameter_dof=estimate.dof,
-        assumptions=assumptions_in_words(estimate, question) if isinstance(estimate, RigidEstimate) else (),
+        assumptions=assumptions_in_words(estimate, question),
         alternatives=alternatives,
         delay=recorded.samples.delay,
         delay_std=recorded.samples.delay_std,

@@ -75,8 +75,9 @@ class Estimate:
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,
     `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; of each kind of
-    error that goes `with_orientation`; that mounting and base
-    are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and `any_base`.
+    error that goes `with_orientation`, a bias in two `levels` (n, 6) among them, by which it is off their middle; that
+    mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
+    `any_base`.
     """
 
     outlying: Array
@@ -84,6 +85,7 @@ class Beliefs:
     drift: Drift | None
     change: Array
     with_orientation: dict[Kind, float]
+    levels: Array
     mounting_exact: float
     base_exact: float
     any_mounting: float

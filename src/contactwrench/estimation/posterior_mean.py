@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 import numpy as np
 
 from ..calibration.fields import BIAS_MOVED, Kind
@@ -216,30 +218,32 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
     of_table = np.repeat(np.arange(len(tables)), [len(table.members.kernel) for table in tables])
     drifts = [table.kernel_of(k)[0] for table in tables for k in range(len(table.members.kernel))]
-    moved: dict[Kind, float] = {}
     of_kind: dict[Kind, float] = {}
-    of_drift: dict[int, float] = {}
     for one, share in zip(drifts, weight, strict=True):
         if one.kind is not None:
-            of = moved if one.kind in BIAS_MOVED else of_kind
-            of[one.kind] = of.get(one.kind, 0.0) + float(share)
-        if one.kind in BIAS_MOVED:
-            of_drift[id(one)] = of_drift.get(id(one), 0.0) + float(share)
-    likeliest = max(of_drift, key=lambda drift: of_drift[drift], default=None)
-    drift: Drift | None = None
-    change = np.zeros_like(problem.wrench)
-    for k in np.argsort(-weight):
-        if id(drifts[k]) == likeliest:
-            drift = drifts[k]
-            before = int(np.sum(of_table < of_table[k]))
-            change = explained(problem, tables[of_table[k]], int(k) - before)[1]
-            break
+            of_kind[one.kind] = of_kind.get(one.kind, 0.0) + float(share)
+
+    def likeliest(kinds: Set[Kind]) -> tuple[Drift | None, Array]:
+        """The likeliest drift of these kinds, and what each pose's bias was off by it, (n, 6)."""
+        of_drift: dict[int, float] = {}
+        for one, share in zip(drifts, weight, strict=True):
+            if one.kind in kinds:
+                of_drift[id(one)] = of_drift.get(id(one), 0.0) + float(share)
+        found = max(of_drift, key=lambda one: of_drift[one], default=None)
+        for k in np.argsort(-weight):
+            if id(drifts[k]) == found:
+                before = int(np.sum(of_table < of_table[k]))
+                return drifts[k], explained(problem, tables[of_table[k]], int(k) - before)[1]
+        return None, np.zeros_like(problem.wrench)
+
+    drift, change = likeliest(BIAS_MOVED)
     return Beliefs(
         outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),
-        moved=moved,
+        moved={kind: share for kind, share in of_kind.items() if kind in BIAS_MOVED},
         drift=drift,
         change=change,
-        with_orientation=of_kind,
+        with_orientation={kind: share for kind, share in of_kind.items() if kind not in BIAS_MOVED},
+        levels=likeliest({Kind.TWO_LEVELS})[1],
         mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
         base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
         any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)),

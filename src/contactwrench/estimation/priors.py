@@ -1,13 +1,14 @@
 """What is known before the readings, each with its standard deviation: tilts near nominal, a weighed tool, a drawing.
 
-Every piece of knowledge is a function of the tool and of the names of the parameters that are estimated; it gives the
-rows that join the readings in the least squares: what is known, less what the tool says, in standard deviations.
+Knowledge of a tool is a tool and a whitener of what another one is off it, in nine coordinates: weight, centre of mass
+(3), the small turn of the mounting (3), that of gravity (2). It gives the rows that join the readings in the least
+squares: what is known, less what a tool says, in standard deviations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,8 +20,23 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import nearest_rotations
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import cross_matrix, unit_direction
-from ..model import GRAVITY, MOUNT, RigidTool, horizontal_axes
+from ..model import GRAVITY, LINEAR_PARAMETERS, MOUNT, RigidTool, horizontal_axes, mounting_turn
 from .noise import MOST_DOF, StatedNoise, variance_of_means
+
+LEAST_SHARE = 1e-6
+"""Of the earlier covariance's variance: added to it, so that what the earlier model held is held here too."""
+
+MOUNT_TILT_SD = np.deg2rad(1.41)
+BASE_TILT_SD = np.deg2rad(0.71)
+EXACT_TILT_SD = np.deg2rad(0.005)
+"""What a machined face or a levelled base is off by: the readings cannot see it."""
+
+ON_THE_SPOT = 1e-4
+"""rad: below, an angle is its sine."""
+
+COORDINATES = (*LINEAR_PARAMETERS[:4], *MOUNT, *GRAVITY)
+WEIGHT, COM, MOUNTING, DOWN = slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 9)
+ANY_TOOL = RigidTool(1.0, np.zeros(3), np.zeros(6), np.eye(3), np.array([0.0, 0.0, -1.0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +52,6 @@ class PriorRows:
 
 
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
-
-KNOWABLE = ("weight", "com", "mount", "gravity")
-LEAST_SHARE = 1e-6
-"""Of the earlier covariance's variance: added to it, so that what the earlier model held is held here too."""
-
-MOUNT_TILT_SD = np.deg2rad(1.41)
-BASE_TILT_SD = np.deg2rad(0.71)
-EXACT_TILT_SD = np.deg2rad(0.005)
-"""What a machined face or a levelled base is off by: the readings cannot see it."""
-
-ON_THE_SPOT = 1e-4
-"""rad: below, an angle is its sine."""
 
 
 @dataclass(frozen=True)
@@ -76,51 +80,53 @@ class Question:
     earlier: RigidTool | None = None
 
 
-def known_weight(weight: float, std: float) -> Knowledge:
+@dataclass(frozen=True, eq=False)
+class KnownTool:
+    """`whitener` (q, 9) times the `COORDINATES` that lead from `tool` to the truth is `value` (q,); unit variance."""
+
+    tool: RigidTool
+    whitener: Array
+    value: Array | float = 0.0
+
+    def __call__(self, tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        """What a tool contradicts it by."""
+        back, jacobian = np.zeros(9), np.zeros((9, len(names)))
+        back[0], back[COM] = self.tool.weight - tool.weight, self.tool.com - tool.com
+        jacobian[:4, :4] = np.eye(4)
+        if self.whitener[:, MOUNTING].any():
+            back[MOUNTING] = rotation_log(tool.R_flange_sensor.T @ self.tool.R_flange_sensor)
+            jacobian[MOUNTING] = _log_derivative(back[MOUNTING]) @ mounting_turn(names)
+        if self.whitener[:, DOWN].any():
+            turn, derivative = _turn_of_gravity(self.tool.gravity_direction, tool.gravity_direction)
+            back[DOWN] = -turn
+            if GRAVITY[0] in names:
+                jacobian[DOWN, -2:] = derivative
+        return PriorRows(self.value + self.whitener @ back, self.whitener @ jacobian)
+
+
+def known_weight(weight: float, std: ArrayLike) -> Knowledge:
     """The weight (N), from a scale."""
-
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        jacobian = np.zeros((1, len(names)))
-        jacobian[0, 0] = 1.0 / std
-        return PriorRows(np.array([weight - tool.weight]) / std, jacobian)
-
-    return rows
+    return KnownTool(replace(ANY_TOOL, weight=float(weight)), _in_std(WEIGHT, std))
 
 
-def known_com(com: Array, std: Array) -> Knowledge:
-    """The centre of mass (3,) m, sensor frame, from a drawing; `std` (3,) m."""
-
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        jacobian = np.zeros((3, len(names)))
-        jacobian[:, 1:4] = np.diag(1.0 / std)
-        return PriorRows((com - tool.com) / std, jacobian)
-
-    return rows
+def known_com(com: Array, std: ArrayLike) -> Knowledge:
+    """The centre of mass (3,) m, sensor frame, from a drawing; `std` m, one or (3,)."""
+    return KnownTool(replace(ANY_TOOL, com=com), _in_std(COM, std))
 
 
-def known_mounting(R_flange_sensor: Array, std: Array) -> Knowledge:
-    """The mounting (3, 3); `std` (3,) rad of small rotations about the sensor's axes."""
-
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        off = rotation_log(tool.R_flange_sensor.T @ R_flange_sensor)
-        jacobian = _of_mounting(np.diag(1.0 / std) @ _log_derivative(off), names)
-        return PriorRows(off / std, jacobian)
-
-    return rows
+def known_mounting(R_flange_sensor: Array, std: ArrayLike) -> Knowledge:
+    """The mounting (3, 3); `std` rad, one or (3,), of small rotations about the sensor's axes."""
+    return KnownTool(replace(ANY_TOOL, R_flange_sensor=R_flange_sensor), _in_std(MOUNTING, std))
 
 
-def known_gravity(gravity_direction: Array, std: float) -> Knowledge:
+def known_gravity(gravity_direction: Array, std: ArrayLike) -> Knowledge:
     """The direction of gravity (3,) in base axes; `std` rad about either horizontal axis."""
-    sides = np.stack(horizontal_axes(gravity_direction))
+    return KnownTool(replace(ANY_TOOL, gravity_direction=gravity_direction), _in_std(DOWN, std))
 
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        jacobian = np.zeros((2, len(names)))
-        if GRAVITY[0] in names:
-            a, b = horizontal_axes(tool.gravity_direction)
-            jacobian[:, -2:] = sides @ np.stack([-b, a], axis=1) / std
-        return PriorRows(-sides @ tool.gravity_direction / std, jacobian)
 
-    return rows
+def _in_std(coordinates: slice, std: ArrayLike) -> Array:
+    rows: Array = np.eye(9)[coordinates]
+    return rows / np.broadcast_to(np.asarray(std, dtype=np.float64), len(rows))[:, None]
 
 
 def nominal_mounting(std: float) -> Knowledge:
@@ -130,26 +136,14 @@ def nominal_mounting(std: float) -> Knowledge:
 
     def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
         flange_z = tool.R_flange_sensor[2]
-        return PriorRows(-flange_z[:2] / std, _of_mounting(cross_matrix(flange_z)[:2] / std, names))
+        return PriorRows(-flange_z[:2] / std, cross_matrix(flange_z)[:2] @ mounting_turn(names) / std)
 
     return rows
 
 
 def earlier_calibration(tool: RigidTool, covariance: Array) -> Knowledge:
-    """An earlier calibration of the same tool, its bias forgotten: `covariance` (9, 9) of weight, com, the mounting's
-    small rotation and that of gravity, as in `Calibration`.
-    """
-    whitener = np.linalg.inv(np.linalg.cholesky(covariance))
-    weight, com = known_weight(tool.weight, 1.0), known_com(tool.com, np.ones(3))
-    rotations = _known_turns(tool.R_flange_sensor, tool.gravity_direction)
-
-    def rows(now: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        parts = [piece(now, names) for piece in (weight, com, rotations)]
-        off = np.concatenate([part.residuals for part in parts])
-        jacobian = np.concatenate([part.jacobian for part in parts])
-        return PriorRows(whitener @ off, whitener @ jacobian)
-
-    return rows
+    """An earlier calibration of the same tool, its bias forgotten: `covariance` (9, 9) of its `COORDINATES`."""
+    return KnownTool(tool, np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def known_rotations(R_flange_sensor: Array, gravity_direction: Array, information: Array, turn: Array) -> Knowledge:
@@ -157,48 +151,8 @@ def known_rotations(R_flange_sensor: Array, gravity_direction: Array, informatio
     `gravity_b`: `information` (q, 5), rows of unit variance, times the turns is `turn` (q,). What the rows leave open
     is not known.
     """
-    rotations = _known_turns(R_flange_sensor, gravity_direction)
-
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        back = rotations(tool, names)
-        return PriorRows(turn + information @ back.residuals, information @ back.jacobian)
-
-    return rows
-
-
-def _known_turns(R_flange_sensor: Array, gravity_direction: Array) -> Knowledge:
-    """Both rotations with a std of 1 rad, as five turns: of the mounting about the sensor's axes, of gravity about its
-    horizontal axes. Unlike the sine of `known_gravity`, the turn tells gravity from its opposite.
-    """
-    mounting = known_mounting(R_flange_sensor, np.ones(3))
-    axes = np.stack(horizontal_axes(gravity_direction))
-
-    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
-        of_mounting = mounting(tool, names)
-        d = tool.gravity_direction
-        # about a towards -b, about b towards a
-        sine, cosine = np.array([-axes[1] @ d, axes[0] @ d]), float(gravity_direction @ d)
-        per_sine, bend = _angle_per_sine(float(np.linalg.norm(sine)), cosine)
-        jacobian = np.zeros((2, len(names)))
-        if GRAVITY[0] in names:
-            a, b = horizontal_axes(d)
-            moves = np.stack([-b, a], axis=1)
-            jacobian[:, -2:] = per_sine * np.stack([-axes[1], axes[0]]) @ moves
-            jacobian[:, -2:] -= bend * np.outer(sine, gravity_direction @ moves)
-        return PriorRows(
-            np.concatenate([of_mounting.residuals, -per_sine * sine]), np.concatenate([of_mounting.jacobian, jacobian])
-        )
-
-    return rows
-
-
-def _angle_per_sine(sine: float, cosine: float) -> tuple[float, float]:
-    """The angle over its sine, and how that falls with the cosine."""
-    if sine < ON_THE_SPOT and cosine > 0.0:
-        return 1.0, 1.0 / 3.0
-    sine = max(sine, ON_THE_SPOT)
-    angle = float(np.arctan2(sine, cosine))
-    return angle / sine, (sine - angle * cosine) / sine**3
+    tool = replace(ANY_TOOL, R_flange_sensor=R_flange_sensor, gravity_direction=gravity_direction)
+    return KnownTool(tool, np.hstack([np.zeros((len(information), 4)), information]), turn)
 
 
 def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows | None:
@@ -209,15 +163,20 @@ def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str,
     return PriorRows(np.concatenate([r.residuals for r in rows]), np.concatenate([r.jacobian for r in rows]))
 
 
-def _of_mounting(derivative: Array, names: tuple[str, ...]) -> Array:
-    """A derivative (q, 3) with respect to small rotations of the mounting, in the columns of `names` (q, p)."""
-    jacobian = np.zeros((len(derivative), len(names)))
-    if MOUNT[0] in names:
-        first = names.index(MOUNT[0])
-        jacobian[:, first : first + 3] = derivative
-    elif "yaw" in names:
-        jacobian[:, names.index("yaw")] = derivative[:, 2]
-    return jacobian
+def _turn_of_gravity(before: Array, after: Array) -> tuple[Array, Array]:
+    """The small turn (2,) about the horizontal axes of one direction that leads to another, and its derivative (2, 2)
+    with respect to a turn of that other about its own axes. An angle, unlike its sine, tells down from up.
+    """
+    (a, b), (after_a, after_b) = horizontal_axes(before), horizontal_axes(after)
+    across, moves = np.stack([-b, a]), np.stack([-after_b, after_a], axis=1)
+    sine, cosine = across @ after, float(before @ after)
+    length = float(np.linalg.norm(sine))
+    per_sine, bend = 1.0, 1.0 / 3.0  # the angle over its sine, and how that falls with the cosine
+    if length >= ON_THE_SPOT or cosine <= 0.0:
+        length = max(length, ON_THE_SPOT)
+        angle = float(np.arctan2(length, cosine))
+        per_sine, bend = angle / length, (length - angle * cosine) / length**3
+    return per_sine * sine, per_sine * across @ moves - bend * np.outer(sine, before @ moves)
 
 
 def _log_derivative(vector: Array) -> Array:
@@ -247,23 +206,29 @@ def stated_knowledge(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, .
             value, std = pair
         except (TypeError, ValueError):
             raise InputError(f"known {name} is {pair!r}, expected a pair: the value and its std") from None
-        shapes: tuple[tuple[int, ...], ...] = ((), (3,)) if name in ("com", "mount") else ((),)
-        spread = np.broadcast_to(_finite(f"std of known {name}", std, shapes), (3,))
+        of_value, knowledge, of_std = KNOWABLE[name]
+        spread = _finite(f"std of known {name}", std, *of_std)
         if not (spread > 0.0).all():
-            raise InputError(f"std of known {name} is {_listed(spread)}, expected numbers above 0")
-        if name == "weight":
-            weight = float(_finite("known weight", value, ((),)))
-            if weight <= 0.0:
-                raise InputError(f"known weight is {weight:g}, expected N above 0")
-            pieces.append(known_weight(weight, float(spread[0])))
-        elif name == "com":
-            pieces.append(known_com(_finite("known com", value, ((3,),)), spread))
-        elif name == "mount":
-            R = _finite("known mount", value, ((3, 3),))
-            pieces.append(known_mounting(nearest_rotations(R[None])[0], spread))
-        else:
-            pieces.append(known_gravity(unit_direction(value, "known gravity"), float(spread[0])))
+            listed = ", ".join(f"{part:g}" for part in np.broadcast_to(spread, 3))
+            raise InputError(f"std of known {name} is {listed}, expected numbers above 0")
+        pieces.append(knowledge(of_value(value), spread))
     return tuple(pieces)
+
+
+def _weight(value: ArrayLike) -> float:
+    weight = float(_finite("known weight", value, ()))
+    if weight <= 0.0:
+        raise InputError(f"known weight is {weight:g}, expected N above 0")
+    return weight
+
+
+KNOWABLE: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Array], Knowledge], tuple[tuple[int, ...], ...]]] = {
+    "weight": (_weight, known_weight, ((),)),
+    "com": (lambda value: _finite("known com", value, (3,)), known_com, ((), (3,))),
+    "mount": (lambda R: nearest_rotations(_finite("known mount", R, (3, 3))[None])[0], known_mounting, ((), (3,))),
+    "gravity": (lambda value: unit_direction(value, "known gravity"), known_gravity, ((),)),
+}
+"""What may be known: how its value is read, the knowledge that it is, and the shapes of its std."""
 
 
 def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, StatedNoise]:
@@ -277,19 +242,17 @@ def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, S
             "the prior is a calibration of model affine, expected a rigid tool: calibrate with another model"
         )
     tool = RigidTool(prior.weight, prior.com, prior.bias, prior.R_flange_sensor, prior.gravity_direction)
-    names = ("weight", "com_x", "com_y", "com_z", *MOUNT, *GRAVITY)
-    of_prior = ["yaw" if n == MOUNT[2] and "yaw" in prior.parameter_names else n for n in names]
-    place = {name: k for k, name in enumerate(prior.parameter_names)}
-    there = [k for k, name in enumerate(of_prior) if name in place]
-    covariance = np.diag(np.full(len(names), EXACT_TILT_SD**2))
-    source = [place[of_prior[k]] for k in there]
+    place = {"mount_z" if name == "yaw" else name: k for k, name in enumerate(prior.parameter_names)}
+    there = [k for k, name in enumerate(COORDINATES) if name in place]
+    source = [place[COORDINATES[k]] for k in there]
+    covariance = EXACT_TILT_SD**2 * np.eye(9)
     covariance[np.ix_(there, there)] = prior.covariance[np.ix_(source, source)]
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
     return tool, earlier_calibration(tool, covariance), StatedNoise(noise, prior.dof or MOST_DOF)
 
 
-def _finite(what: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> Array:
+def _finite(what: str, value: ArrayLike, *shapes: tuple[int, ...]) -> Array:
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -298,7 +261,3 @@ def _finite(what: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) ->
         expected = " or ".join(str(shape) if shape else "a number" for shape in shapes)
         raise InputError(f"{what} is {value!r}, expected {expected}, finite")
     return array
-
-
-def _listed(values: Array) -> str:
-    return ", ".join(f"{value:g}" for value in values)

@@ -1,11 +1,10 @@
 """Several tools on one sensor: each recording has its tool, and the mounting, the base, or both, are common to all.
 
-Each recording is fitted robustly on its own. What it then says of the common rotations, its own tool eliminated, goes
-as a message (shared_rotations.py) to each of the others, where it joins the readings; a prior on the common tilts is
-counted once, as messages carry none. Messages are linearised at the estimate of the recording that knows most, again
-and again until that stays. Its estimate of the common rotations is then everybody's: with the tool given the
-rotations as that tool's readings have it, and the rotations as all readings together have them, each result is the
-marginal of the joint posterior, and the very same matrix stands in each.
+What the readings of one recording say of the common rotations, its own tool and bias left open, is a message: the
+posterior of a fit to which nothing is known of them but a vague guess, less that guess. It joins the readings of each
+of the others; so poses that do not fix a mounting still say what they do fix. A prior on the common tilts is counted
+once, as messages carry none. The rotations as the recording that knows most then has them are everybody's, with the
+very same covariance; the rest of each result follows them as its own covariance says.
 """
 
 from __future__ import annotations
@@ -20,42 +19,56 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.fields import Finding, Kind
-from ..errors import AmbiguityError, UnobservableError
+from ..errors import AmbiguityError, InputError, UnobservableError
 from ..geometry.arrays import Array
-from ..geometry.rotations import rotation_log
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import (
+    GRAVITY,
+    MOUNT,
+    PARAMETERS,
     RigidTool,
     free_wrench,
     gravity_in_flange,
-    horizontal_axes,
     matrix_jacobian,
     small_change_about,
     stepped,
     wrench_matrix,
 )
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, percent
+from ..statistics import SIGNIFICANCE, MisfitTest, percent
 from .calibrate import Recorded, assembled, from_recording, question_asked
-from .estimate import Beliefs, RigidEstimate
+from .estimate import RigidEstimate
 from .initial_guess import linear_fit
 from .noise import NoiseLike, PoseReadings
 from .priors import (
     BASE_TILT_SD,
     MOUNT_TILT_SD,
     Knowledge,
+    PriorRows,
     Question,
     TiltPriors,
     known_gravity,
+    known_rotations,
     nominal_mounting,
     stated_knowledge,
 )
-from .rigid import estimated
-from .shared_rotations import SHAREABLE, Message, disagreement, message_of, require_shareable
+from .rigid import estimated, model_fitted
 
-ROUNDS = 10
-SETTLED = 1e-3
-"""Standard deviations: messages are not linearised anew for less."""
+ROTATIONS = (*MOUNT, *GRAVITY)
+SHAREABLE = {"mount": MOUNT, "gravity": GRAVITY}
+"""What recordings may have in common, with its parameters."""
+
+OF_TOOL = {"mount": "R_flange_sensor", "gravity": "gravity_direction"}
+OF_BELIEFS = {"mount": ("mounting_exact", "any_mounting"), "gravity": ("base_exact", "any_base")}
+DIFFER = {"mount": "the mounting by {:.2g} +- {:.2g} deg", "gravity": "gravity by {:.2g} +- {:.2g} deg"}
+SHARING_MODELS = ("auto", "mount", "mount+base")
+
+LOOKS = 2
+"""Times that messages are read: about each recording's own estimate, and about that of the one that knows most. With
+one, half the recordings that turn about a single axis fail."""
+
+SAYS_NOTHING = 1.0
+"""rad: the std of the vague guess; of a turn with a larger one, which may point anywhere, nothing is said."""
 
 
 def calibrate_shared(
@@ -95,176 +108,199 @@ def calibrate_shared(
     """
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
+    sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), known or {})
     recorded = [from_recording(samples, question, g) for samples in recordings]
-    apart = stated_knowledge({name: pair for name, pair in (known or {}).items() if name not in shared})
-    sharing = _Sharing(question, tuple(name for name in SHAREABLE if name in shared), apart)
-    agreement = _agreement(recorded, sharing)
-    common = agreement.estimates[agreement.leader]
     sources = [recording.samples.source for recording in recorded]
-    contradictions = _contradictions(agreement, sources, sharing)
+    messages, leader = _messages(recorded, sharing)
+    asked = [sharing.asked([other for other in messages if other is not message]) for message in messages]
+    estimates = [
+        estimated(recording.readings, own, begin=message.tool)
+        for recording, own, message in zip(recorded, asked, messages, strict=True)
+    ]
+    contradictions = _contradictions(messages, leader, estimates[leader], sources, sharing)
     results = []
-    for recording, estimate, asked in zip(recorded, agreement.estimates, agreement.questions, strict=True):
+    for k, (recording, estimate) in enumerate(zip(recorded, estimates, strict=True)):
         agreed = replace(
             recording,
-            estimate=_agreeing(estimate, recording.readings, common, sharing),
+            estimate=_agreeing(estimate, recording.readings, estimates[leader], sharing),
             findings=(*recording.findings, *contradictions),
         )
-        others = ", ".join(other.samples.source for other in recorded if other is not recording)
-        origin = {"shared": ", ".join(sharing.names), "shared_with": others}
-        with _naming(recording.samples.source):
-            results.append(assembled(agreed, asked, origin))
+        others = ", ".join(source for j, source in enumerate(sources) if j != k)
+        with _naming(sources[k]):
+            results.append(assembled(agreed, asked[k], {"shared": ", ".join(sharing.names), "shared_with": others}))
     return tuple(results)
+
+
+def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
+    """Raise `InputError` for what recordings cannot have in common."""
+    expected = f"expected {' or '.join(SHAREABLE)}, or both"
+    for name in shared:
+        if name not in SHAREABLE:
+            raise InputError(f"found {name!r} to share, {expected}")
+    if not shared:
+        raise InputError(f"found nothing to share, {expected}")
+    if recordings < 2:
+        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
+    if model not in SHARING_MODELS:
+        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
+    if model == "mount" and "gravity" in shared:
+        raise InputError(
+            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
+        )
+    for name in known:
+        if name not in SHAREABLE:
+            raise InputError(
+                f"known {name} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Message:
+    """What one recording says of the common rotations: `knowledge`, with `dof` behind its variance, as found at `tool`;
+    `uncertainty` the summed variances (rad^2) of the turns.
+    """
+
+    knowledge: Knowledge
+    dof: float
+    tool: RigidTool
+    uncertainty: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Sharing:
-    """The question, the `names` of what is common, and what is known of that which each has `apart`."""
+    """The question, the `names` of what is common, and what is stated as `known`."""
 
     question: Question
     names: tuple[str, ...]
-    apart: tuple[Knowledge, ...]
+    known: Mapping[str, tuple[Any, Any]]
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        return tuple(parameter for name in self.names for parameter in SHAREABLE[name])
+    def parameters(self) -> list[str]:
+        return [parameter for name in self.names for parameter in SHAREABLE[name]]
 
-    def known_apart(self, estimate: RigidEstimate) -> tuple[Knowledge, ...]:
+    @property
+    def turns(self) -> list[int]:
+        return [ROTATIONS.index(name) for name in self.parameters]
+
+    def common(self, tool: RigidTool) -> dict[str, Any]:
+        """The rotations of a tool that are common, by their fields."""
+        return {OF_TOOL[name]: getattr(tool, OF_TOOL[name]) for name in self.names}
+
+    def asked(self, messages: list[Message]) -> Question:
+        """The question, once others have said what they know."""
+        return replace(self.question, knowledge=(*self.question.knowledge, *(one.knowledge for one in messages)))
+
+    def apart(self, estimate: RigidEstimate) -> tuple[Knowledge, ...]:
         """What is known of a recording's rotations that are its own: stated, or a prior that the readings keep."""
+        pieces = list(stated_knowledge({name: pair for name, pair in self.known.items() if name not in self.names}))
         beliefs, priors = estimate.beliefs, self.question.priors
-        pieces = list(self.apart)
-        if self.question.model != "auto" or beliefs is None:
-            return self.apart
-        if "mount" not in self.names and priors.mount is not None and beliefs.any_mounting < 0.5:
-            pieces.append(nominal_mounting(priors.mount))
-        if "gravity" not in self.names and priors.base is not None and beliefs.any_base < 0.5:
-            pieces.append(known_gravity(self.question.gravity_direction, priors.base))
+        if self.question.model == "auto" and beliefs is not None:
+            if "mount" not in self.names and priors.mount is not None and beliefs.any_mounting < 0.5:
+                pieces.append(nominal_mounting(priors.mount))
+            if "gravity" not in self.names and priors.base is not None and beliefs.any_base < 0.5:
+                pieces.append(known_gravity(self.question.gravity_direction, priors.base))
         return tuple(pieces)
 
 
-@dataclass(frozen=True, eq=False)
-class _Agreement:
-    """The `estimates` once all recordings know what the others say, the `questions` put to each, the `messages`, and
-    the `leader`, the recording that knows most of what is common.
-    """
-
-    estimates: list[RigidEstimate]
-    questions: list[Question]
-    messages: list[Message]
-    leader: int
-
-
-def _agreement(recorded: list[Recorded], sharing: _Sharing) -> _Agreement:
+def _messages(recorded: list[Recorded], sharing: _Sharing) -> tuple[list[Message], int]:
+    """What each recording says, and which of them knows most."""
     alone = [recording.estimate for recording in recorded if isinstance(recording.estimate, RigidEstimate)]
-    readings = [recording.readings for recording in recorded]
-
-    def say(estimates: list[RigidEstimate], point: RigidTool | None) -> list[Message]:
-        return [
-            _message(*of_recording, point, sharing) for of_recording in zip(readings, alone, estimates, strict=True)
+    points, messages, leader = [estimate.tool for estimate in alone], [], 0
+    for _ in range(LOOKS):
+        messages = [
+            _message(recording.readings, estimate, replace(estimate.tool, **sharing.common(point)), sharing)
+            for recording, estimate, point in zip(recorded, alone, points, strict=True)
         ]
-
-    leader = int(np.argmin([message.uncertainty for message in say(alone, None)]))
-    estimates, questions, messages = alone, [sharing.question] * len(alone), []
-    for _ in range(ROUNDS):
-        before = estimates[leader].tool
-        messages = say(estimates, before)
-        questions = [
-            replace(
-                sharing.question,
-                knowledge=(
-                    *sharing.question.knowledge,
-                    *(message.as_knowledge() for j, message in enumerate(messages) if j != k),
-                ),
-            )
-            for k in range(len(estimates))
-        ]
-        estimates = [estimated(of_tool, question) for of_tool, question in zip(readings, questions, strict=True)]
-        now, index = estimates[leader], _index(estimates[leader].names, sharing)
-        moved = _turns(before, now.tool, sharing)
-        if float(moved @ np.linalg.solve(now.covariance[np.ix_(index, index)], moved)) <= SETTLED**2:
-            break
-    return _Agreement(estimates, questions, messages, leader)
+        leader = int(np.argmin([message.uncertainty for message in messages]))
+        points = [messages[leader].tool] * len(messages)
+    return messages, leader
 
 
-def _message(
-    readings: PoseReadings, alone: RigidEstimate, now: RigidEstimate, point: RigidTool | None, sharing: _Sharing
-) -> Message:
-    """What a recording says at the common `point` (None: at its own), with the noise that it has `alone`."""
-    tool, kept = now.tool, readings.select(now.kept)
-    common = tool if point is None else point
-    R = common.R_flange_sensor if "mount" in sharing.names else tool.R_flange_sensor
-    d = common.gravity_direction if "gravity" in sharing.names else tool.gravity_direction
-    return message_of(
-        kept,
-        alone.noise,
-        linear_fit(kept.R_base_flange, kept.wrench, R, d),
-        now.names,
-        sharing.parameters,
-        sharing.known_apart(now),
-        float(alone.dof.min()),
-    )
+def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, sharing: _Sharing) -> Message:
+    """What a recording says, looked at with a vague guess of the rotations near those of a tool."""
+    R, d = near.R_flange_sensor, near.gravity_direction
+    vague = known_rotations(R, d, np.eye(5) / SAYS_NOTHING, np.zeros(5))
+    model = model_fitted(sharing.question.model)
+    question = replace(sharing.question, model=model, knowledge=(*sharing.apart(alone), vague))
+    found = estimated(readings, question, begin=linear_fit(readings.R_base_flange, readings.wrench, R, d))
+    index = [found.names.index(name) for name in sharing.parameters]
+    guess = vague(found.tool, found.names)
+    put_in = guess.jacobian[:, index]
+    of_all = np.linalg.inv(found.covariance[np.ix_(index, index)])
+    values, vectors = np.linalg.eigh(of_all - put_in.T @ put_in)
+    heard = values > SAYS_NOTHING**-2
+    root, axes = np.sqrt(values[heard]), vectors[:, heard].T
+    information = np.zeros((len(root), 5))
+    information[:, sharing.turns] = root[:, None] * axes
+    turn = -axes @ (put_in.T @ guess.residuals) / root
+    knowledge = known_rotations(found.tool.R_flange_sensor, found.tool.gravity_direction, information, turn)
+    return Message(knowledge, float(found.dof.min()), found.tool, float(np.trace(np.linalg.inv(of_all))))
 
 
 def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimate, sharing: _Sharing) -> RigidEstimate:
     """The estimate with the rotations, and their covariance, that all have in common; the rest follows them as its
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """
-    names, index, tool, agreed = found.names, _index(found.names, sharing), found.tool, common.tool
+    names, tool = found.names, found.tool
+    index = [names.index(name) for name in sharing.parameters]
     follow = np.linalg.solve(found.covariance[np.ix_(index, index)], found.covariance[index]).T
-    moved = stepped(tool, follow @ _turns(tool, agreed, sharing), names)
-    if "mount" in sharing.names:
-        moved = replace(moved, R_flange_sensor=agreed.R_flange_sensor)
-    if "gravity" in sharing.names:
-        moved = replace(moved, gravity_direction=agreed.gravity_direction)
+    exact = sharing.common(common.tool)
+    moved = replace(stepped(tool, follow @ _turns(tool, common.tool, sharing), names), **exact)
     axes = small_change_about(tool, moved, names)
     before, follow = axes @ found.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
     of_all = common.covariance[np.ix_(index, index)]
     covariance = before + follow @ (of_all - before[np.ix_(index, index)]) @ follow.T
     dof = found.dof.copy()
     dof[index] = common.dof[index]
-    r = gravity_in_flange(readings.R_base_flange, moved.gravity_direction)
-    was = gravity_in_flange(readings.R_base_flange, tool.gravity_direction)
-    from_parameters = matrix_jacobian(moved, names)
-    B = wrench_matrix(moved)
+    now, was = (gravity_in_flange(readings.R_base_flange, of.gravity_direction) for of in (moved, tool))
+    B, to_B = wrench_matrix(moved), matrix_jacobian(moved, names)
+    beliefs = found.beliefs
+    if beliefs is not None:
+        of_common = {field: getattr(common.beliefs, field) for name in sharing.names for field in OF_BELIEFS[name]}
+        beliefs = replace(beliefs, **of_common)
     return replace(
         found,
         tool=moved,
         gravity_direction=moved.gravity_direction,
         B=B,
         covariance=0.5 * (covariance + covariance.T),
-        B_covariance=from_parameters @ covariance @ from_parameters.T,
-        errors=found.errors + free_wrench(found.B, was) - free_wrench(B, r),
+        B_covariance=to_B @ covariance @ to_B.T,
+        errors=found.errors + free_wrench(found.B, was) - free_wrench(B, now),
         dof=dof,
-        beliefs=_beliefs_agreeing(found.beliefs, common.beliefs, sharing),
+        beliefs=beliefs,
     )
 
 
-def _beliefs_agreeing(own: Beliefs | None, common: Beliefs | None, sharing: _Sharing) -> Beliefs | None:
-    """What is believed, with the probabilities that all have in common."""
-    if own is None or common is None:
-        return None
-    if "mount" in sharing.names:
-        own = replace(own, mounting_exact=common.mounting_exact, any_mounting=common.any_mounting)
-    if "gravity" in sharing.names:
-        own = replace(own, base_exact=common.base_exact, any_base=common.any_base)
-    return own
+def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
+    """The small turns of what is shared that lead from one tool to another, in the axes of the first."""
+    about_first = known_rotations(before.R_flange_sensor, before.gravity_direction, np.eye(5), np.zeros(5))
+    turns: Array = -about_first(after, PARAMETERS["mount+base"]).residuals[sharing.turns]
+    return turns
 
 
-def _contradictions(agreement: _Agreement, sources: list[str], sharing: _Sharing) -> tuple[Finding, ...]:
+def _contradictions(
+    messages: list[Message], leader: int, common: RigidEstimate, sources: list[str], sharing: _Sharing
+) -> tuple[Finding, ...]:
     """A finding that names the recording whose rotations differ from those of the others by more than chance."""
-    messages = agreement.messages
-    judged = [disagreement(message, [other for other in messages if other is not message]) for message in messages]
+    index = [common.names.index(name) for name in sharing.parameters]
+    rows = [message.knowledge(common.tool, common.names) for message in messages]
+    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in rows]
+    dof = min(message.dof for message in messages)
+    judged = [_disagreement(each, [other for other in rows if other is not each], dof) for each in rows]
     two = len(messages) == 2
-    suspect = 1 - agreement.leader if two else int(np.argmin([rotations.test.probability for rotations in judged]))
-    odd = judged[suspect]
+    suspect = 1 - leader if two else int(np.argmin([test.probability for _, _, test in judged]))
+    turn, covariance, test = judged[suspect]
     # of two, either differs as much from the other: one test; of more, one test each
-    chance = min(1.0, odd.test.probability * (1 if two else len(messages)))
+    chance = min(1.0, test.probability * (1 if two else len(messages)))
     if chance >= SIGNIFICANCE:
         return ()
-    differ = {
-        "mount": "the mounting by {:.2g} +- {:.2g} deg",
-        "gravity": "gravity by {:.2g} +- {:.2g} deg",
-    }
-    parts = [differ[name].format(*odd.angle(SHAREABLE[name])) for name in sharing.names]
+    parts = []
+    for name in sharing.names:
+        part = [sharing.parameters.index(parameter) for parameter in SHAREABLE[name]]
+        angle = float(np.linalg.norm(turn[part]))
+        along = turn[part] / max(angle, 1e-300)
+        std = float(np.sqrt(along @ covariance[np.ix_(part, part)] @ along))
+        parts.append(DIFFER[name].format(np.rad2deg(angle), np.rad2deg(std)))
     text = (
         f"{sources[suspect]} contradicts the other recording{'' if two else 's'}, {' and '.join(parts)} (chance "
         f"{percent(chance)}): the sensor or the base moved in between, or the tool touched something: calibrate it "
@@ -273,19 +309,23 @@ def _contradictions(agreement: _Agreement, sources: list[str], sharing: _Sharing
     return (Finding.weak(Kind.CONTRADICTS_OTHERS, text),)
 
 
-def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
-    """The small turns of what is shared that lead from one tool to another, in the axes of the first."""
-    turns = []
-    if "mount" in sharing.names:
-        turns.append(rotation_log(before.R_flange_sensor.T @ after.R_flange_sensor))
-    if "gravity" in sharing.names:
-        axis = np.cross(before.gravity_direction, after.gravity_direction)
-        turns.append(np.stack(horizontal_axes(before.gravity_direction)) @ axis)
-    return np.concatenate(turns)
+def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[Array, Array, MisfitTest]:
+    """The turns by which what one says differs from what the others say, their covariance, and the test of it; no
+    prior but that of a turn under 1 rad.
+    """
+    of_others = _covariance(others)
+    expected = of_others @ np.sum([other.jacobian.T @ other.residuals for other in others], axis=0)
+    surprise = own.residuals - own.jacobian @ expected
+    spread = np.eye(len(surprise)) + own.jacobian @ of_others @ own.jacobian.T
+    misfit = float(surprise @ np.linalg.solve(spread, surprise))
+    of_own = _covariance([own])
+    turn = of_own @ own.jacobian.T @ surprise
+    return turn, of_own + of_others, MisfitTest(misfit, max(len(surprise), 1), dof)
 
 
-def _index(names: tuple[str, ...], sharing: _Sharing) -> list[int]:
-    return [names.index(parameter) for parameter in sharing.parameters]
+def _covariance(said: list[PriorRows]) -> Array:
+    rows: Array = np.vstack([each.jacobian for each in said])
+    return np.asarray(np.linalg.inv(np.eye(rows.shape[1]) / SAYS_NOTHING**2 + rows.T @ rows))
 
 
 @contextmanager

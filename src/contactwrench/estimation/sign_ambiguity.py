@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.fields import Finding, Kind
 from ..calibration.observability import require_full_rank
 from ..errors import AmbiguityError, UnobservableError
 from ..geometry.arrays import Array
@@ -38,9 +38,8 @@ SURE_WEIGHT = 3.0
 ANYWHERE = 0.5
 """Probability of a mounting, or a base, that points anywhere, from which on it is held to be free."""
 
-NOT_CONFIRMED = Finding(
+NOT_CONFIRMED = Finding.doubtful(
     Kind.SIGN_NOT_CONFIRMED,
-    Severity.WARNING,
     "the sign of the readings is taken as given: the negated readings fit as well, mostly because gravity's directions "
     "lie close to one plane of the sensor; confirm it by a push, or tilt the tool about another axis",
 )

@@ -1,0 +1,168 @@
+"""What the posterior says beside the numbers: poses left out, a bias that moved, errors that go with the orientation;
+and what `auto` took for granted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.fields import Finding, Kind
+from ..geometry.arrays import Array
+from ..samples.poses import Pose
+from ..statistics import counted, two_digits
+from .bias_drift import in_words
+from .estimate import Beliefs, Estimate, RigidEstimate
+from .findings import DOUBTFUL, REFUSED, WARNING
+from .priors import Question
+
+IN_DOUBT = 1.0 / 20.0
+"""Probability of a rival from which on a decision is in doubt."""
+
+LARGE_SHARE = 0.25
+"""Of the poses: where more are left out, the result hangs on which."""
+
+LIKE_CONTACTS = 0.3
+"""Of the poses: so few after a step may as well be in contact, all in the same way."""
+
+MOST_NAMED = 6
+COUNTED = "(probability {}): it is counted in every std"
+WITH_ORIENTATION = {
+    Kind.GAIN: f"gain or cross-talk of the sensor shows {COUNTED}; a calibrated sensor matrix would mend it",
+    Kind.CABLE: f"a pull that goes with the orientation shows, as of a cable {COUNTED}; fasten or free the cable",
+    Kind.ROBOT: f"errors of the robot's orientation show {COUNTED}; a calibrated robot, or more poses, would mend it",
+}
+
+
+def reasons_left_out(estimate: Estimate) -> tuple[str | None, ...]:
+    """Why each pose was left out, None where it was kept."""
+    return tuple(
+        None if kept else _reason(error, estimate.noise)
+        for error, kept in zip(estimate.errors, estimate.kept, strict=True)
+    )
+
+
+def _reason(error: Array, noise: Array) -> str:
+    return (
+        f"{_force_and_torque(error)} off what the other poses explain, "
+        f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
+    )
+
+
+def _force_and_torque(wrench: Array) -> str:
+    force, torque = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
+    return f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m"
+
+
+def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> list[Finding]:
+    """Poses left out, up to `MOST_NAMED` by name, those in doubt, how the bias moved, and what goes with the
+    orientation; times count from `since`.
+    """
+    beliefs = estimate.beliefs if isinstance(estimate, RigidEstimate) else None
+    if beliefs is None:
+        return []
+    names = [
+        f"pose {k + 1}" + ("" if pose.t_start is None else f" (t = {pose.t_start - since:.6g} s)")
+        for k, pose in enumerate(poses)
+    ]
+    return [
+        *_poses_left_out(estimate, names),
+        *_poses_in_doubt(estimate, beliefs, names),
+        *_bias_moved(beliefs, names, poses),
+        *_with_orientation(beliefs, names),
+    ]
+
+
+def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
+    reasons = zip(names, reasons_left_out(estimate), strict=True)
+    texts = [f"{name} was left out: {reason}" for name, reason in reasons if reason is not None]
+    out = len(texts)
+    if out > MOST_NAMED:
+        texts[MOST_NAMED:] = [f"{out - MOST_NAMED} more poses were left out for the same reason"]
+    found = [REFUSED(Kind.POSE_LEFT_OUT, text) for text in texts]
+    if out > LARGE_SHARE * len(names):
+        text = f"{out} of {len(names)} poses were left out: record more, free of contact"
+        found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
+    return found
+
+
+def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> list[Finding]:
+    """Poses that nearly were left out, or nearly were not, and a last one whose error may be a step of the bias."""
+    texts = [
+        f"{name} may be in contact, with a probability of {_percent(float(probability))}: the result counts both "
+        "cases; record that orientation again"
+        for name, probability in zip(names, beliefs.outlying, strict=True)
+        if IN_DOUBT < probability < 1.0 - IN_DOUBT
+    ]
+    if not estimate.kept[-1] and len(names) > 1:
+        texts.append(
+            f"{names[-1]}, the last one, was left out: if the bias stepped there instead, it is off by that; record "
+            "one more pose"
+        )
+    return [DOUBTFUL(Kind.POSE_IN_DOUBT, text) for text in texts]
+
+
+def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
+    moved, drift = sum(beliefs.moved.values()), beliefs.drift
+    if drift is None or drift.kind is None or moved < 0.5:
+        return []
+    text = in_words(drift, beliefs.change, moved, names, poses[0].t_start, poses[-1].t_end)
+    after = len(names) - (drift.first_after or 0)
+    if drift.kind is Kind.BIAS_STEPPED and after <= LIKE_CONTACTS * len(names):
+        alike = "poses that touch something alike would look the same: record more after it"
+        return [DOUBTFUL(drift.kind, f"{text}; {alike}")]
+    return [(WARNING if moved >= 1.0 - IN_DOUBT else DOUBTFUL)(drift.kind, text)]
+
+
+def _with_orientation(beliefs: Beliefs, names: list[str]) -> list[Finding]:
+    """Errors that come back with the orientation; of a bias in two levels, which poses are on the smaller side."""
+    found = []
+    for kind, probability in beliefs.with_orientation.items():
+        chance = _percent(min(probability, 0.999))
+        if probability > 0.5 and kind in WITH_ORIENTATION:
+            found.append(WARNING(kind, WITH_ORIENTATION[kind].format(chance)))
+        if probability > 0.5 and kind is Kind.TWO_LEVELS:
+            side = beliefs.levels @ beliefs.levels[0] > 0.0
+            few = side if 2 * side.sum() <= len(side) else ~side
+            named = [name for name, on_it in zip(names, few, strict=True) if on_it]
+            more = f" and {counted(len(named) - MOST_NAMED, 'more pose')}" if len(named) > MOST_NAMED else ""
+            text = (
+                f"the bias comes back in two levels, {_force_and_torque(2.0 * beliefs.levels[0])} apart, as backlash "
+                f"makes them {COUNTED.format(chance)}; on the smaller side: {', '.join(named[:MOST_NAMED])}{more}"
+            )
+            found.append(WARNING(kind, text))
+    return found
+
+
+def assumptions_in_words(estimate: Estimate, question: Question) -> tuple[str, ...]:
+    """One sentence on the mounting, one on the base."""
+    if not isinstance(estimate, RigidEstimate) or question.model != "auto" or question.earlier is not None:
+        return ()
+    if (beliefs := estimate.beliefs) is None:
+        return ()
+    z, down = float(estimate.tool.R_flange_sensor[2, 2]), float(estimate.gravity_direction @ question.gravity_direction)
+    nominal = f"sensor's z {'along' if z >= 0.0 else 'against'} the flange's"
+    of_mounting = ("sensor's z is", "the flange's", "the flange's", nominal, "parallel")
+    of_base = ("gravity is", "that direction", "the stated direction", "gravity in the stated direction", "level")
+    mount, base = question.priors.mount, question.priors.base
+    return (
+        f"mounting: {_assumed(mount, beliefs.any_mounting, beliefs.mounting_exact, abs(z), of_mounting)}",
+        f"base: {_assumed(base, beliefs.any_base, beliefs.base_exact, down, of_base)}",
+    )
+
+
+def _assumed(sd: float | None, anywhere: float, exact: float, cosine: float, words: tuple[str, ...]) -> str:
+    """What a prior of `sd` (rad) made of one tilt, in the `words` for that one."""
+    it_is, of_known, of_stated, nominal, exactly = words
+    angle = float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    if sd is None:
+        return f"as known; {it_is} found {angle:.2f} deg off {of_known}"
+    an_axis = f"{np.rad2deg(sd):.3g} deg an axis"
+    if anywhere > 0.5:
+        chance = _percent(min(anywhere, 0.999))
+        return f"{it_is} {angle:.1f} deg off {of_stated}, not within {an_axis} (probability {chance})"
+    found = f"found {angle:.2f} deg off, exactly {exactly} has a probability of {_percent(exact)}"
+    return f"{nominal}, +- {an_axis}; {found}"
+
+
+def _percent(probability: float) -> str:
+    return f"{100.0 * probability:.3g} %"
