@@ -38,6 +38,9 @@ from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
 MOST_POSES_KEPT = 10_000
+REVISITED = 1.2
+"""Visits to each pose of a table without times, from which on the order of its rows says something."""
+
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
 
@@ -183,7 +186,8 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         free = with_delay_of_rows(free)
     recorded = recorded_poses(free, MOST_VISITS, stream)
     findings += (*of_recording(recorded, _first_time(free)),)
-    ordered = stream or recorded.visits is not None
+    visits = recorded.visits or ()
+    ordered = stream or len(visits) > REVISITED * len(recorded.poses)
     if recorded.visits is not None:
         poses = in_time(recorded.visits)
         readings = readings_of(poses, ordered)

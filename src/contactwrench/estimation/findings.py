@@ -231,7 +231,8 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
     B = np.asarray(np.linalg.lstsq(A, readings.wrench, rcond=None)[0].T, dtype=np.float64)
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
-        f"{force_matrix(B)} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare --model affine"
+        f"{force_matrix(B)} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
+        "--model affine"
     )
     return shows, DOUBTFUL, Kind.CROSS_TALK, text
 
