@@ -267,23 +267,23 @@ class CalibrationFields(Frozen):
 
     @property
     def error_names(self) -> tuple[str, ...]:
-        """What the errors of the free wrench are made of: the parameters; where there is cross-talk, all of B, and the
-        direction of gravity where it was found.
-        """
-        if self.gain_covariance is None:
-            return self.parameter_names
-        return (*PARAMETERS["affine"], *(name for name in self.parameter_names if name in GRAVITY))
+        """What the errors of the free wrench are made of: the parameters; with gain and cross-talk B and rotations."""
+        return self.parameter_names if self.gain_covariance is None else (*PARAMETERS["affine"], *self._rotations)
+
+    @property
+    def _rotations(self) -> tuple[str, ...]:
+        return tuple(name for name in self.parameter_names if name not in LINEAR_PARAMETERS)
 
     @cached_property
     def error_covariance(self) -> Array:
         """Covariance of `error_names`."""
-        if self.gain_covariance is None:
+        if self.gain_covariance is None or self._rigid_tool is None:
             return self.covariance
-        gravity = self._gravity_columns
-        to_errors = np.zeros((24 + len(gravity), len(self.parameter_names)))
+        turns = self._rotations
+        to_errors = np.zeros((24 + len(turns), len(self.parameter_names)))
         to_errors[:24] = matrix_jacobian(self._rigid_tool, self.parameter_names)
-        to_errors[range(24, len(to_errors)), gravity] = 1.0
-        total: Array = to_errors @ self.covariance @ to_errors.T
+        to_errors[24:, [self.parameter_names.index(name) for name in turns]] = np.eye(len(turns))
+        total = to_errors @ self.covariance @ to_errors.T
         unit = np.sqrt(np.diag(total) + 1e-30)
         unit[:24] = np.hypot(unit[:24], np.sqrt(np.abs(np.diag(self.gain_covariance))))
         total[:24, :24] += self.gain_covariance
@@ -297,24 +297,21 @@ class CalibrationFields(Frozen):
         J = self.free_wrench_jacobian(R_base_flange)
         if self.gain_covariance is None:
             return J
-        r = gravity_in_flange(R_base_flange, self.gravity_direction)
-        return np.concatenate([affine_jacobian(r), J[:, :, self._gravity_columns]], axis=2)
-
-    @property
-    def _gravity_columns(self) -> list[int]:
-        return [k for k, name in enumerate(self.parameter_names) if name in GRAVITY]
+        of_turns = J[:, :, [self.parameter_names.index(name) for name in self._rotations]].copy()
+        of_turns[:, :, [name not in GRAVITY for name in self._rotations]] = 0.0  # the mounting's are in B
+        of_B = affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
+        return np.concatenate([of_B, of_turns], axis=2)
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""
-        if self.weight is None or self.com is None or self.R_flange_sensor is None:
+        if self._rigid_tool is None:
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
         return wrench_jacobian(self._rigid_tool, R_base_flange, self.parameter_names)
 
     @property
-    def _rigid_tool(self) -> RigidTool:
-        assert self.weight is not None
-        assert self.com is not None
-        assert self.R_flange_sensor is not None
+    def _rigid_tool(self) -> RigidTool | None:
+        if self.weight is None or self.com is None or self.R_flange_sensor is None:
+            return None
         return RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
 
     @cached_property
