@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Finding, Kind
+from ..calibration.findings import Finding, Kind
 from ..errors import AmbiguityError, InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
