@@ -9,8 +9,7 @@ very same covariance; the rest of each result follows them as its own covariance
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,13 +18,12 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.fields import Finding, Kind
-from ..errors import AmbiguityError, InputError, UnobservableError
+from ..errors import AmbiguityError, UnobservableError, refuse
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import (
     GRAVITY,
     MOUNT,
-    PARAMETERS,
     RigidTool,
     free_wrench,
     gravity_in_flange,
@@ -112,7 +110,10 @@ def calibrate_shared(
     recorded = [from_recording(samples, question, g) for samples in recordings]
     sources = [recording.samples.source for recording in recorded]
     messages, leader = _messages(recorded, sharing)
-    asked = [sharing.asked([other for other in messages if other is not message]) for message in messages]
+    asked = [
+        replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))
+        for own in messages
+    ]
     estimates = [
         estimated(recording.readings, own, begin=message.tool)
         for recording, own, message in zip(recorded, asked, messages, strict=True)
@@ -126,32 +127,27 @@ def calibrate_shared(
             findings=(*recording.findings, *contradictions),
         )
         others = ", ".join(source for j, source in enumerate(sources) if j != k)
-        with _naming(sources[k]):
+        try:
             results.append(assembled(agreed, asked[k], {"shared": ", ".join(sharing.names), "shared_with": others}))
+        except (UnobservableError, AmbiguityError) as error:
+            raise type(error)(f"{sources[k]}: {error}") from None
     return tuple(results)
 
 
 def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
     """Raise `InputError` for what recordings cannot have in common."""
     expected = f"expected {' or '.join(SHAREABLE)}, or both"
-    for name in shared:
-        if name not in SHAREABLE:
-            raise InputError(f"found {name!r} to share, {expected}")
-    if not shared:
-        raise InputError(f"found nothing to share, {expected}")
-    if recordings < 2:
-        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
-    if model not in SHARING_MODELS:
-        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
-    if model == "mount" and "gravity" in shared:
-        raise InputError(
-            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
-        )
-    for name in known:
-        if name not in SHAREABLE:
-            raise InputError(
-                f"known {name} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
-            )
+    one_of = f"expected one of {', '.join(SHARING_MODELS)}"
+    held = "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
+    apart = "each recording has its own: leave it out, or calibrate them apart"
+    refuse(
+        *((name not in SHAREABLE, f"found {name!r} to share, {expected}") for name in shared),
+        (not shared, f"found nothing to share, {expected}"),
+        (recordings < 2, f"found {recordings} recording to share {' and '.join(shared)}, expected two or more"),
+        (model not in SHARING_MODELS, f"model {model!r} shares nothing, {one_of}"),
+        (model == "mount" and "gravity" in shared, held),
+        *((name not in SHAREABLE, f"known {name} is of one tool, and {apart}") for name in known),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,10 +181,6 @@ class _Sharing:
     def common(self, tool: RigidTool) -> dict[str, Any]:
         """The rotations of a tool that are common, by their fields."""
         return {OF_TOOL[name]: getattr(tool, OF_TOOL[name]) for name in self.names}
-
-    def asked(self, messages: list[Message]) -> Question:
-        """The question, once others have said what they know."""
-        return replace(self.question, knowledge=(*self.question.knowledge, *(one.knowledge for one in messages)))
 
     def apart(self, estimate: RigidEstimate) -> tuple[Knowledge, ...]:
         """What is known of a recording's rotations that are its own: stated, or a prior that the readings keep."""
@@ -244,8 +236,9 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
     names, tool = found.names, found.tool
     index = [names.index(name) for name in sharing.parameters]
     follow = np.linalg.solve(found.covariance[np.ix_(index, index)], found.covariance[index]).T
-    exact = sharing.common(common.tool)
-    moved = replace(stepped(tool, follow @ _turns(tool, common.tool, sharing), names), **exact)
+    about = known_rotations(tool.R_flange_sensor, tool.gravity_direction, np.eye(5), np.zeros(5))
+    turn = -about(common.tool, names).residuals[sharing.turns]
+    moved = replace(stepped(tool, follow @ turn, names), **sharing.common(common.tool))
     axes = small_change_about(tool, moved, names)
     before, follow = axes @ found.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
     of_all = common.covariance[np.ix_(index, index)]
@@ -269,13 +262,6 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
         dof=dof,
         beliefs=beliefs,
     )
-
-
-def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
-    """The small turns of what is shared that lead from one tool to another, in the axes of the first."""
-    about_first = known_rotations(before.R_flange_sensor, before.gravity_direction, np.eye(5), np.zeros(5))
-    turns: Array = -about_first(after, PARAMETERS["mount+base"]).residuals[sharing.turns]
-    return turns
 
 
 def _contradictions(
@@ -326,12 +312,3 @@ def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[
 def _covariance(said: list[PriorRows]) -> Array:
     rows: Array = np.vstack([each.jacobian for each in said])
     return np.asarray(np.linalg.inv(np.eye(rows.shape[1]) / SAYS_NOTHING**2 + rows.T @ rows))
-
-
-@contextmanager
-def _naming(source: str) -> Iterator[None]:
-    """Errors that say of which recording they are."""
-    try:
-        yield
-    except (UnobservableError, AmbiguityError) as error:
-        raise type(error)(f"{source}: {error}") from None
