@@ -66,5 +66,5 @@ def test_side_by_side_on_the_poses_of_a_calibration() -> None:
     full, tare, gravity_only, raw = compare(calibration, calibration.poses)
     assert [left.name for left in (full, tare, gravity_only, raw)] == ["full", "tare", "gravity only", "raw"]
     assert raw.wrench == pytest.approx(samples.wrench)
-    assert np.sqrt(np.mean(full.wrench**2, axis=0)) == pytest.approx(calibration.residual_rms)
+    assert np.sqrt(np.mean(full.wrench**2, axis=0)) == pytest.approx(calibration.residual_rms, rel=0.02)
     assert full.rms[0] < 0.1 * min(tare.rms[0], gravity_only.rms[0], raw.rms[0])

@@ -112,8 +112,8 @@ def test_the_parts_of_chi_square_are_those_of_the_textbook() -> None:
     rig, R, rng = example(22)
     calibration, unseen = cw.calibrate(noisy(rig, R, rng), "mount"), random_rotations(7, rng)
     samples = noisy(replace(rig, bias=rig.bias + DRIFT), unseen, rng)
-    J = calibration.free_wrench_jacobian(unseen).reshape(42, -1)
-    weight = np.linalg.inv(np.diag(np.tile(calibration.noise**2, 7)) + J @ calibration.covariance @ J.T)
+    J = calibration.error_jacobian(unseen).reshape(42, -1)
+    weight = np.linalg.inv(np.diag(np.tile(calibration.noise**2, 7)) + J @ calibration.error_covariance @ J.T)
     e, A = (samples.wrench - calibration.predict(unseen)).ravel(), np.tile(np.eye(6), (7, 1))
     shift = np.linalg.solve(A.T @ weight @ A, A.T @ weight @ e)
     left = e - A @ shift

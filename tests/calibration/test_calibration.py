@@ -100,7 +100,9 @@ def test_standard_deviations_are_roots_of_the_covariance(model: str) -> None:
 
 @pytest.mark.parametrize("model", ["mount", "mount+base"])
 def test_std_of_the_wrench_is_the_bound_carried_through_the_physics(model: str) -> None:
-    """Where noise is tiny, so that the estimate is the truth: from numerical derivatives of world-frame physics."""
+    """Where noise is tiny, so that the estimate is the truth: from numerical derivatives of world-frame physics. That a
+    bias may have moved or a gain be off is in the mean too, and adds little.
+    """
     rig, R, rng = example(4)
     rig = dataclasses.replace(rig, down=tilted_down(0.5, rng) if model == "mount+base" else DOWN)
     noise, unseen = 1e-6 * NOISE, random_rotations(30, rng)
@@ -109,7 +111,7 @@ def test_std_of_the_wrench_is_the_bound_carried_through_the_physics(model: str) 
     scale = (calibration.noise[0] / noise[0]) ** 2
     expected = scale * J @ covariance @ J.transpose(0, 2, 1)
     found = calibration.wrench_covariance(unseen)
-    assert found == pytest.approx(expected, rel=1e-3, abs=1e-3 * float(np.abs(expected).max()))
+    assert found == pytest.approx(expected, rel=0.02, abs=0.02 * float(np.abs(expected).max()))
     assert calibration.wrench_std(unseen) == pytest.approx(np.sqrt(np.einsum("nii->ni", found)))
 
 
@@ -118,7 +120,9 @@ def test_covariance_of_b_gives_the_same_std_of_the_wrench(model: str) -> None:
     calibration, rng = _calibration(model), np.random.default_rng(5)
     for R in random_rotations(10, rng):
         D = np.kron(np.eye(6), np.r_[R.T @ calibration.gravity_direction, 1.0])
-        assert D @ calibration.B_covariance @ D.T == pytest.approx(calibration.wrench_covariance(R), abs=1e-12)
+        of_B = calibration.B_covariance
+        of_B = of_B if calibration.gain_covariance is None else of_B + calibration.gain_covariance
+        assert D @ of_B @ D.T == pytest.approx(calibration.wrench_covariance(R), rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -136,9 +140,10 @@ def test_intervals_are_students() -> None:
     calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
     for level in (0.5, 0.95, 0.99):
         reach = stats.t.ppf(0.5 + level / 2.0, 6 * 6 - 13)
-        assert calibration.t_quantile(level) == pytest.approx(reach)
+        assert calibration.t_quantile(level, 6 * 6 - 13) == pytest.approx(reach)
+        assert calibration.t_quantile(level) == pytest.approx(reach, rel=0.02)
         low, high = calibration.interval("com", level)
-        assert high - low == pytest.approx(2.0 * reach * calibration.std["com"])
+        assert high - low == pytest.approx(2.0 * reach * calibration.std["com"], rel=0.02)
         assert (high + low) / 2.0 == pytest.approx(calibration.com)
     low, high = calibration.interval("yaw")
     assert (low + high) / 2.0 == pytest.approx(calibration.yaw)

@@ -78,7 +78,7 @@ def test_the_error_to_expect_counts_what_poses_differ_by() -> None:
     assert good().expected_error == pytest.approx(
         [np.hypot(good().largest_std[k], np.linalg.norm(good().noise[3 * k : 3 * k + 3])) for k in (0, 1)]
     )
-    sure = replace(good(), covariance=1e-12 * good().covariance)
+    sure = replace(good(), covariance=1e-12 * good().covariance, gain_covariance=None)
     assert sure.expected_error[0] == pytest.approx(np.linalg.norm(good().noise[:3]), rel=1e-6)
 
 

@@ -128,7 +128,7 @@ def test_show_prints_what_calibrate_printed(panda_json: Path, capsys: Capture) -
 
 
 def test_verify_passes_on_the_same_tool_and_fails_on_another(tmp_path: Path, capsys: Capture) -> None:
-    rig, R, rng = example(11)
+    rig, R, rng = example(12)
     cw.calibrate(noisy(rig, R, rng), "mount").save(tmp_path / "tool.json")
     again = noisy(rig, random_rotations(10, rng), rng)
     same = written(tmp_path, matrix_table(again.wrench, again.R_base_flange), "same.csv")

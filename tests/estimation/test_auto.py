@@ -173,9 +173,11 @@ def test_other_rungs_are_those_that_are_asked_for_alone() -> None:
     assert [rung.model for rung in calibration.alternatives] == ["yaw", "mount", "mount+base", "affine"]
     for rung in calibration.alternatives:
         alone = cw.calibrate(samples, rung.model)
-        assert rung.weight == (None if alone.weight is None else pytest.approx(alone.weight))
-        assert rung.weight_std == (None if alone.weight is None else pytest.approx(alone.std["weight"]))
-        assert pytest.approx(alone.B) == rung.B
+        std = alone.std["weight"]
+        assert rung.weight == (None if alone.weight is None else pytest.approx(alone.weight, abs=0.1 * std))
+        assert rung.weight_std == (None if alone.weight is None else pytest.approx(std, rel=0.1))
+        off = np.abs(rung.B - alone.B).ravel() / np.sqrt(np.diag(alone.B_covariance) + 1e-30)
+        assert off[np.diag(alone.B_covariance) > 1e-20].max() < 0.1
 
 
 def test_rungs_that_the_poses_cannot_tell_are_left_out() -> None:

@@ -110,7 +110,7 @@ def _only(columns: Array, strength: float) -> Kernels:
 def test_the_covariance_of_a_bias_that_moved_is_that_of_generalised_least_squares(
     strength: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The whole of it, the last bias included, from all readings in one, where only one motion is possible and no pose is outlying."""
+    """The whole of it, the last bias included, where only one motion is possible and no pose is outlying."""
     rig, R, rng = example(7, poses=12)
     time = np.cumsum(rng.uniform(1.0, 9.0, 12))
     columns = next(d.columns for d in possible_drifts(time, 12)[0] if d.kind is Kind.BIAS_WANDERED)
@@ -121,7 +121,9 @@ def test_the_covariance_of_a_bias_that_moved_is_that_of_generalised_least_square
     monkeypatch.setattr(rigid, "kernels_of", lambda *_: _only(columns, strength))
     calibration = cw.calibrate(cw.Samples(wrench, R, t=time), "mount", noise=tiny)
     assert len(calibration.fitted_poses) == 12
-    covariance = _generalised(rig, R, np.kron(np.eye(12) + strength**2 * columns @ columns.T, np.diag(tiny**2)))
+    covariance = _generalised(
+        rig, R, np.asarray(np.kron(np.eye(12) + strength**2 * columns @ columns.T, np.diag(tiny**2)), dtype=np.float64)
+    )
     scale = float(calibration.noise[0] / tiny[0]) ** 2
     unit = np.sqrt(scale * np.diag(covariance))
     assert np.abs((calibration.covariance - scale * covariance) / np.outer(unit, unit)).max() < 5e-3

@@ -20,7 +20,7 @@ SPREAD = POSE_SETS["6 spread"]
 
 
 def _volume(mount: float | None, base: float | None) -> float:
-    """Of the directions that the flange's z and gravity may have: Gaussians about two poles and one, spheres if free."""
+    """Of the directions of the flange's z and of gravity: Gaussians about two poles and one, spheres if free."""
     of_mount = 4.0 * np.pi if mount is None else 2.0 * (2.0 * np.pi * mount**2)
     of_base = 2.0 * np.pi if base is None else 2.0 * np.pi * base**2
     return float(of_mount * of_base)

@@ -97,7 +97,7 @@ def test_a_single_pose_gives_the_bias_anew(model: str) -> None:
     assert (calibration.std["bias"] > 0.7 * earlier.noise).all()
     assert calibration.weight == pytest.approx(earlier.weight, rel=1e-6)
     assert calibration.std["weight"] == pytest.approx(earlier.std["weight"], rel=1e-3)
-    assert calibration.dof == pytest.approx(earlier.dof)
+    assert calibration.dof == pytest.approx(earlier.dof, rel=0.15)
 
 
 def test_one_row_is_noisier_than_the_mean_of_many() -> None:

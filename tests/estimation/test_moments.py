@@ -90,7 +90,7 @@ def _in_one(rig: Rig, R: Array, wrench: Array, covariance: Array) -> tuple[Array
     D = np.concatenate([J[:, :, TOOL], np.tile(np.eye(6), (len(R), 1, 1))], axis=2).reshape(6 * len(R), -1)
     truth = Rig(rig.weight, rig.com, rig.bias, rig.R_flange_sensor, rig.down)
     errors = (wrench - noisy_readings(truth, R, np.zeros(6), np.random.default_rng(0))).ravel()
-    return D, errors, np.kron(covariance, np.diag(NOISE**2))
+    return D, errors, np.asarray(np.kron(covariance, np.diag(NOISE**2)), dtype=np.float64)
 
 
 def test_steps_and_covariances_are_those_of_generalised_least_squares_on_all_readings() -> None:
@@ -136,7 +136,8 @@ def test_held_out_errors_are_off_what_the_other_poses_predict(kind: Kind | None)
     """A refit to the others (dense), and under a moving bias the regression on what is left in them."""
     rig, R, rng = example(5, poses=9)
     wrench, every = noisy_readings(rig, R, NOISE, rng), _kernels(9, rng)
-    k = next(k for k, drift in enumerate(every.drift) if every.drifts[drift].kind is kind and every.strength[k] in (0, 10))
+    wanted = [every.drifts[drift].kind is kind for drift in every.drift]
+    k = int(np.flatnonzero(wanted & np.isin(every.strength, (0.0, 10.0)))[0])
     kernels = _alone(every, k)
     problem = Problem(R, wrench, np.ones(9), kernels, NAMES, Question("mount", rig.down), _noise())
     free = (Hypothesis(None, None, (False, False), 0.0),)

@@ -28,7 +28,7 @@ def _improved(squares: Array, dof: Array, model: NoiseModel = FREE) -> Array:
     log_variance = np.log(model.start)[None]
     for k in range(60):
         log_variance = model.improved(log_variance, squares[None], dof[None], first=k == 0)
-    return log_variance[0]
+    return np.asarray(log_variance[0])
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.3, 3.0, 81.0])

@@ -157,7 +157,7 @@ def test_a_step_among_bumped_poses() -> None:
 
 
 def test_poses_of_which_nobody_knows_the_order_tell_of_no_step() -> None:
-    """The same step in a table without times: it is noise, or those of one side are left out, and is not called sure."""
+    """The same step in a table without times is noise, or poses are left out for it, and the answer is not sure."""
     rig, R, rng = _rig(7)
     wrench = noisy_readings(rig, R, NOISE, rng)
     wrench[:11] += np.array([1.0, 1.0, -2.0, 0.0, 0.05, 0.0])

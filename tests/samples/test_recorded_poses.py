@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
-from contactwrench.calibration.fields import Severity
+from contactwrench.calibration.fields import Kind, Severity
 from contactwrench.estimation.findings import segments_left_out
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
@@ -144,7 +144,8 @@ def test_visits_follow_a_bias_that_steps_half_way() -> None:
     samples = record_motion(there_and_back, motion, rng=np.random.default_rng(7)).samples
     stepped = samples.wrench + np.outer(np.arange(len(samples)) > len(samples) // 2, [1.0, 0, 0, 0, 0, 0])
     found = cw.calibrate(replace(samples, wrench=stepped), "mount")
-    assert any(warning.startswith("the bias stepped by (1, ") for warning in found.warnings)
+    (step,) = (finding.text for finding in found.findings if finding.kind is Kind.BIAS_STEPPED)
+    assert float(step.partition("up to ")[2].split()[0]) == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.slow

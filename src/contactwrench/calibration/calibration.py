@@ -162,8 +162,8 @@ class Calibration(CalibrationFields):
             (n, 6, 6) or (6, 6), in N and N m squared, sensor axes.
         """
         R, single = rotation_matrices(orientation)
-        J = self.free_wrench_jacobian(R)
-        covariance: Array = J @ self.covariance @ J.transpose(0, 2, 1)
+        J = self.error_jacobian(R)
+        covariance: Array = J @ self.error_covariance @ J.transpose(0, 2, 1)
         return covariance[0] if single else covariance
 
     def with_gravity(self, gravity: Array | None) -> Calibration:

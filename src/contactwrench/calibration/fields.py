@@ -22,6 +22,7 @@ from ..model import (
     affine_jacobian,
     free_wrench,
     gravity_in_flange,
+    matrix_jacobian,
     wrench_jacobian,
     yaw_of_mounting,
 )
@@ -266,18 +267,30 @@ class CalibrationFields(Frozen):
 
     @property
     def error_names(self) -> tuple[str, ...]:
-        """What the errors of the free wrench are made of: the parameters, and all of B where there is cross-talk."""
-        return self.parameter_names if self.gain_covariance is None else (*self.parameter_names, *PARAMETERS["affine"])
+        """What the errors of the free wrench are made of: the parameters; where there is cross-talk, all of B, and the
+        direction of gravity where it was found.
+        """
+        if self.gain_covariance is None:
+            return self.parameter_names
+        return (*PARAMETERS["affine"], *(name for name in self.parameter_names if name in GRAVITY))
 
     @cached_property
     def error_covariance(self) -> Array:
         """Covariance of `error_names`."""
         if self.gain_covariance is None:
             return self.covariance
-        p = len(self.parameter_names)
-        both = np.zeros((p + 24, p + 24))
-        both[:p, :p], both[p:, p:] = self.covariance, self.gain_covariance
-        return both
+        gravity = self._gravity_columns
+        to_errors = np.zeros((24 + len(gravity), len(self.parameter_names)))
+        to_errors[:24] = matrix_jacobian(self._rigid_tool, self.parameter_names)
+        to_errors[range(24, len(to_errors)), gravity] = 1.0
+        total: Array = to_errors @ self.covariance @ to_errors.T
+        unit = np.sqrt(np.diag(total) + 1e-30)
+        unit[:24] = np.hypot(unit[:24], np.sqrt(np.abs(np.diag(self.gain_covariance))))
+        total[:24, :24] += self.gain_covariance
+        values, vectors = np.linalg.eigh(total / np.outer(unit, unit))
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))) * unit[:, None]  # a mean of several: not quite positive
+        positive: Array = root @ root.T
+        return positive
 
     def error_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, ...) of the free wrench with respect to `error_names`, for orientations (n, 3, 3)."""
@@ -285,14 +298,24 @@ class CalibrationFields(Frozen):
         if self.gain_covariance is None:
             return J
         r = gravity_in_flange(R_base_flange, self.gravity_direction)
-        return np.concatenate([J, affine_jacobian(r)], axis=2)
+        return np.concatenate([affine_jacobian(r), J[:, :, self._gravity_columns]], axis=2)
+
+    @property
+    def _gravity_columns(self) -> list[int]:
+        return [k for k, name in enumerate(self.parameter_names) if name in GRAVITY]
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""
         if self.weight is None or self.com is None or self.R_flange_sensor is None:
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
-        tool = RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
-        return wrench_jacobian(tool, R_base_flange, self.parameter_names)
+        return wrench_jacobian(self._rigid_tool, R_base_flange, self.parameter_names)
+
+    @property
+    def _rigid_tool(self) -> RigidTool:
+        assert self.weight is not None
+        assert self.com is not None
+        assert self.R_flange_sensor is not None
+        return RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
 
     @cached_property
     def largest_std(self) -> tuple[float, float]:

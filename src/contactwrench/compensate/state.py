@@ -17,7 +17,7 @@ Row: TypeAlias = list[float]
 Matrix: TypeAlias = list[list[float]]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-PARAMETERS = 18
+PARAMETERS = 20
 """Of a calibration, that depend on the orientation, at most: those of `affine`."""
 OCTAVES = 20
 """Of numbers of samples, over which the noise is learned."""

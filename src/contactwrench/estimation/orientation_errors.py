@@ -113,9 +113,10 @@ def _slopes(problem: Problem, table: Table, member: int) -> Array:
     to_B[:, :q] = matrix_jacobian(table.tool, problem.names)
     for axis in AXES:
         to_B[4 * axis : 4 * axis + 3, q + 3 * axis : q + 3 * axis + 3] = np.eye(3)
-    found = to_B[:, q:] @ (covariance @ right)[q:]
+    found = (covariance @ right)[q:].reshape(2, 9)
     rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
-    beyond: Array = to_B @ covariance @ to_B.T - rigid + np.outer(found, found)
+    alike = np.diag(np.repeat(np.mean(found**2, axis=1), 9))  # as large as found, in no direction of its own
+    beyond: Array = to_B @ covariance @ to_B.T - rigid + to_B[:, q:] @ alike @ to_B[:, q:].T
     return beyond
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.fields import Kind
 from ..model import PARAMETERS, RigidTool
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
@@ -89,8 +90,9 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
         for kind, drift in orientation_errors(readings.R_base_flange, question.gravity_direction).items():
-            drifts.append(drift)
-            log_prior.append(float(np.log(PROBABILITY[kind])))
+            if kind is not Kind.ROBOT or readings.time is not None:  # what follows from pose to pose needs an order
+                drifts.append(drift)
+                log_prior.append(float(np.log(PROBABILITY[kind])))
     return Problem(
         readings.R_base_flange,
         readings.wrench,

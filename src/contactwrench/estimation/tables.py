@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.fields import Kind
 from ..geometry.arrays import Array
 from ..model import (
     GRAVITY,
@@ -48,6 +49,11 @@ LARGEST_TURN = 0.5
 
 BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
+
+
+SHARE_OF_WEIGHT: dict[Kind | None, float] = {Kind.GAIN: 0.02, Kind.ROBOT: 0.02, Kind.CABLE: 0.15}
+"""Standard deviation of the error: sensors have gains and cross-talk of a percent or two, robots orientations good to a
+degree, and no cable pulls as much as the tool weighs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +139,8 @@ def table_at(
     rough = np.zeros(len(among))
     if len(among) > 1:
         pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
-        rough = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
+        looked_at = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK)
+        rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
     likeliest = int(np.argmax(rough))
     of_hypotheses = np.zeros(len(hypotheses))
     if len(hypotheses) > 1:
@@ -142,11 +149,21 @@ def table_at(
     together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
     k, h = np.nonzero(together > -NEAR)
     members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
+    members = replace(members, log_evidence=members.log_evidence + _log_plausible(tool, kernels, members))
     members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
     table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
     return replace(
         table, members=replace(table.members, log_evidence=members.log_evidence + _of_the_rest(problem, table))
     )
+
+
+def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
+    """Logarithm of the prior of how large an error is that goes with the orientation, as a share of the weight (m,)."""
+    widest = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.inf) for drift in kernels.drifts])[kernels.drift]
+    noise = np.sqrt(members.variance[:, :3].mean(axis=1))
+    weight = np.maximum(np.abs(tool.weight + members.step[:, 0]), 1e-12)
+    share = kernels.strength[members.kernel] * noise / weight
+    return np.asarray(-0.5 * (share / widest[members.kernel]) ** 2)
 
 
 def _of_the_rest(problem: Problem, table: Table) -> float:
