@@ -14,7 +14,7 @@ import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
 from contactwrench.calibration.fields import Kind, Severity
-from contactwrench.estimation.findings import segments_left_out
+from contactwrench.estimation.findings import of_recording
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose
@@ -273,6 +273,6 @@ def test_a_recording_is_in_doubt_where_the_reading_moves_in_a_third_of_its_stret
     rejected = tuple(
         Pose(np.eye(3), np.zeros(6), np.zeros((6, 6)), 50, 3.0 * k, 3.0 * k + 1.0, reason) for k in range(moved)
     )
-    (finding,) = segments_left_out(RecordedPoses((), None, rejected, moved, 8 - moved), 0.0)
+    (finding,) = of_recording(RecordedPoses((), None, rejected, moved, 8 - moved), 0.0)
     assert (finding.severity is Severity.WEAK) == finding.text.startswith("weak: ") == weak
     assert ("do wrench and pose belong together in time" in finding.text) == weak

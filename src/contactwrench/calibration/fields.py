@@ -31,6 +31,8 @@ from ..samples.still_noise import StillNoise
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
+WEAK_SHARE = 0.1
+"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
 
 
 class Severity(StrEnum):

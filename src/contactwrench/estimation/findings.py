@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.fields import WEAK_SHARE, Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
@@ -23,9 +23,9 @@ from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .priors import Question, rows_of
 
-WEIGHT_SHARE, BIAS_SHARE, FORCE_SHARE, POOR_SHARE = 0.10, 0.10, 0.10, 0.10
-"""Of the weight: the largest std of the weight itself, of a force bias and of a contact force at any orientation that
-are no weakness; where more than the last is left in a pose, something is wrong."""
+WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
+"""Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
+last is left in a pose, something is wrong."""
 
 COM_STD = 0.010
 FEWEST_DOF = 3.0
@@ -105,7 +105,7 @@ def uncertain_parameters(fit: Estimate, readings: PoseReadings, trade_offs: tupl
     uncertain = [(name, text) for holds, name, text in (*of_tool, *of_bias) if holds]
     if of_tool and of_tool[0][0]:
         uncertain = uncertain[:1]
-    elif not uncertain and (largest := _largest_force_std(fit)) > FORCE_SHARE * weight:
+    elif not uncertain and (largest := _largest_force_std(fit)) > WEAK_SHARE * weight:
         text = f"the contact force has a std of {largest:.2g} N at some orientations, over 10 % of the weight"
         uncertain = [("contact force", text)]
     if not uncertain:
