@@ -24,8 +24,8 @@ SAID = {
     "sensor matrix would mend it",
     Kind.CABLE: "a pull that goes with the orientation shows, as of a cable (probability 80 %): it is counted in every "
     "std; fasten or free the cable",
-    Kind.ROBOT: "errors of the robot's orientation show (probability 80 %): they are counted in every std; a calibrated "
-    "robot, or more poses, would mend it",
+    Kind.ROBOT: "errors of the robot's orientation show (probability 80 %): they are counted in every std; a "
+    "calibrated robot, or more poses, would mend it",
     Kind.TWO_LEVELS: "the bias comes back in two levels, 0.3 N and 40 mN m apart, as backlash makes them (probability "
     "80 %): it is counted in every std; on the smaller side: pose 2, pose 5",
 }

@@ -1,10 +1,9 @@
 """Several tools on one sensor: each recording has its tool, and the mounting, the base, or both, are common to all.
 
-What the readings of one recording say of the common rotations, its own tool and bias left open, is a message: the
-posterior of a fit to which nothing is known of them but a vague guess, less that guess. It joins the readings of each
-of the others; so poses that do not fix a mounting still say what they do fix. A prior on the common tilts is counted
-once, as messages carry none. The rotations as the recording that knows most then has them are everybody's, with the
-very same covariance; the rest of each result follows them as its own covariance says.
+What the readings of one recording say of the common rotations is a message: the posterior of a fit that knows no more
+of them than a vague guess, less that guess. It joins the readings of each of the others; so poses that do not fix a
+mounting still say what they do fix, and a prior on the common tilts is counted once, as messages carry none. The
+rotations that the recording that knows most then has are everybody's, with the very same covariance; the rest follows.
 """
 
 from __future__ import annotations
@@ -62,8 +61,8 @@ DIFFER = {"mount": "the mounting by {:.2g} +- {:.2g} deg", "gravity": "gravity b
 SHARING_MODELS = ("auto", "mount", "mount+base")
 
 LOOKS = 2
-"""Times that messages are read: about each recording's own estimate, and about that of the one that knows most. With
-one, half the recordings that turn about a single axis fail."""
+"""Times that messages are read: about each recording's own estimate, then about that of the one that knows most, without
+which half the recordings that turn about a single axis fail."""
 
 SAYS_NOTHING = 1.0
 """rad: the std of the vague guess; of a turn with a larger one, which may point anywhere, nothing is said."""
@@ -89,11 +88,7 @@ def calibrate_shared(
         recordings: one of each tool.
         shared: `mount` (R_flange_sensor) and `gravity` (base axes): the same in all results, from all recordings.
         model: `auto`, `mount` or `mount+base`.
-        noise: as of `calibrate`.
-        gravity: as of `calibrate`.
-        g: as of `calibrate`.
-        mount_tilt_sd: as of `calibrate`.
-        base_tilt_sd: as of `calibrate`.
+        noise, gravity, g, mount_tilt_sd, base_tilt_sd: as of `calibrate`.
         known: may state `mount` and `gravity`.
 
     Returns:
@@ -101,8 +96,7 @@ def calibrate_shared(
 
     Raises:
         InputError: what cannot be shared, and as `calibrate`, naming the recording.
-        UnobservableError: as `calibrate`, naming the recording.
-        AmbiguityError: as `calibrate`, naming the recording.
+        UnobservableError, AmbiguityError: as `calibrate`, naming the recording.
     """
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
@@ -170,13 +164,9 @@ class _Sharing:
     names: tuple[str, ...]
     known: Mapping[str, tuple[Any, Any]]
 
-    @property
-    def parameters(self) -> list[str]:
-        return [parameter for name in self.names for parameter in SHAREABLE[name]]
-
-    @property
-    def turns(self) -> list[int]:
-        return [ROTATIONS.index(name) for name in self.parameters]
+    def index(self, parameters: tuple[str, ...]) -> list[int]:
+        """Where those that are common stand among `parameters`."""
+        return [parameters.index(parameter) for name in self.names for parameter in SHAREABLE[name]]
 
     def common(self, tool: RigidTool) -> dict[str, Any]:
         """The rotations of a tool that are common, by their fields."""
@@ -215,7 +205,7 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     model = model_fitted(sharing.question.model)
     question = replace(sharing.question, model=model, knowledge=(*sharing.apart(alone), vague))
     found = estimated(readings, question, begin=linear_fit(readings.R_base_flange, readings.wrench, R, d))
-    index = [found.names.index(name) for name in sharing.parameters]
+    index, turns = sharing.index(found.names), sharing.index(ROTATIONS)
     guess = vague(found.tool, found.names)
     put_in = guess.jacobian[:, index]
     of_all = np.linalg.inv(found.covariance[np.ix_(index, index)])
@@ -223,7 +213,7 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     heard = values > SAYS_NOTHING**-2
     root, axes = np.sqrt(values[heard]), vectors[:, heard].T
     information = np.zeros((len(root), 5))
-    information[:, sharing.turns] = root[:, None] * axes
+    information[:, turns] = root[:, None] * axes
     turn = -axes @ (put_in.T @ guess.residuals) / root
     knowledge = known_rotations(found.tool.R_flange_sensor, found.tool.gravity_direction, information, turn)
     return Message(knowledge, float(found.dof.min()), found.tool, float(np.trace(np.linalg.inv(of_all))))
@@ -233,11 +223,10 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
     """The estimate with the rotations, and their covariance, that all have in common; the rest follows them as its
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """
-    names, tool = found.names, found.tool
-    index = [names.index(name) for name in sharing.parameters]
+    names, tool, index = found.names, found.tool, sharing.index(found.names)
     follow = np.linalg.solve(found.covariance[np.ix_(index, index)], found.covariance[index]).T
     about = known_rotations(tool.R_flange_sensor, tool.gravity_direction, np.eye(5), np.zeros(5))
-    turn = -about(common.tool, names).residuals[sharing.turns]
+    turn = -about(common.tool, names).residuals[sharing.index(ROTATIONS)]
     moved = replace(stepped(tool, follow @ turn, names), **sharing.common(common.tool))
     axes = small_change_about(tool, moved, names)
     before, follow = axes @ found.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
@@ -268,21 +257,20 @@ def _contradictions(
     messages: list[Message], leader: int, common: RigidEstimate, sources: list[str], sharing: _Sharing
 ) -> tuple[Finding, ...]:
     """A finding that names the recording whose rotations differ from those of the others by more than chance."""
-    index = [common.names.index(name) for name in sharing.parameters]
-    rows = [message.knowledge(common.tool, common.names) for message in messages]
-    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in rows]
+    index = sharing.index(common.names)
+    of_each = [message.knowledge(common.tool, common.names) for message in messages]
+    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in of_each]
     dof = min(message.dof for message in messages)
     judged = [_disagreement(each, [other for other in rows if other is not each], dof) for each in rows]
     two = len(messages) == 2
     suspect = 1 - leader if two else int(np.argmin([test.probability for _, _, test in judged]))
     turn, covariance, test = judged[suspect]
-    # of two, either differs as much from the other: one test; of more, one test each
-    chance = min(1.0, test.probability * (1 if two else len(messages)))
+    chance = min(1.0, test.probability * (1 if two else len(messages)))  # of two, either differs as much: one test
     if chance >= SIGNIFICANCE:
         return ()
     parts = []
     for name in sharing.names:
-        part = [sharing.parameters.index(parameter) for parameter in SHAREABLE[name]]
+        part = [index.index(common.names.index(parameter)) for parameter in SHAREABLE[name]]
         angle = float(np.linalg.norm(turn[part]))
         along = turn[part] / max(angle, 1e-300)
         std = float(np.sqrt(along @ covariance[np.ix_(part, part)] @ along))
@@ -296,9 +284,7 @@ def _contradictions(
 
 
 def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[Array, Array, MisfitTest]:
-    """The turns by which what one says differs from what the others say, their covariance, and the test of it; no
-    prior but that of a turn under 1 rad.
-    """
+    """The turns by which what one says differs from what the others say, their covariance, and the test of it."""
     of_others = _covariance(others)
     expected = of_others @ np.sum([other.jacobian.T @ other.residuals for other in others], axis=0)
     surprise = own.residuals - own.jacobian @ expected
