@@ -41,6 +41,9 @@ OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weig
 """Fields that only a rigid tool has; None of the others."""
 
 MOST_POSES_KEPT = 10_000
+REVISITED = 1.2
+"""Visits to each pose of a table without times, from which on the order of its rows says something."""
+
 MOST_VISITS = 1_000
 """With more, rows alternate between orientations, and the order of the visits says little."""
 
@@ -176,9 +179,11 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     free = with_delay_of_rows(free) if stream else free
     recorded = recorded_poses(free, MOST_VISITS, stream)
     findings += tuple(of_recording(recorded, _first_time(free)))
+    visits = recorded.visits or ()
+    ordered = stream or len(visits) > REVISITED * len(recorded.poses)
     for each in [recorded.poses] if recorded.visits is None else [recorded.visits, recorded.poses]:
         poses = in_time(each)
-        readings = readings_of(poses, stream or recorded.visits is not None)
+        readings = readings_of(poses, ordered)
         estimate = fitted(readings, question)
         if estimate.bias_moved:
             break

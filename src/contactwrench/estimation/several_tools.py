@@ -61,7 +61,7 @@ DIFFER = {"mount": "the mounting by {:.2g} +- {:.2g} deg", "gravity": "gravity b
 SHARING_MODELS = ("auto", "mount", "mount+base")
 
 LOOKS = 2
-"""Times that messages are read: about each recording's own estimate, then about that of the one that knows most, without
+"""Times that messages are read: about each recording's own estimate, then that of the one that knows most, without
 which half the recordings that turn about a single axis fail."""
 
 SAYS_NOTHING = 1.0
