@@ -17,6 +17,13 @@ class InputError(ContactWrenchError, ValueError):
         self.row = row
 
 
+def refuse(*cases: tuple[object, str]) -> None:
+    """Raise `InputError` with the message of the first case that holds."""
+    for holds, message in cases:
+        if holds:
+            raise InputError(message)
+
+
 class FileFormatError(InputError):
     """A file that cannot be read; the message names the file, and the row and column where there is one."""
 

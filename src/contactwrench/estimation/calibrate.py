@@ -17,7 +17,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.fields import Alternative
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import describe
-from ..errors import InputError, UnobservableError
+from ..errors import UnobservableError, refuse
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
@@ -38,6 +38,9 @@ from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
 DOWN = (0.0, 0.0, -1.0)
+OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weight_z")
+"""Fields that only a rigid tool has; None of the others."""
+
 MOST_POSES_KEPT = 10_000
 REVISITED = 1.2
 """Visits to each pose of a table without times, from which on the order of its rows says something."""
@@ -124,42 +127,35 @@ def question_asked(
     known: Mapping[str, tuple[Any, Any]] | None,
 ) -> Question:
     """The question that the arguments of `calibrate` put. Raises `InputError`."""
-    if model not in MODELS:
-        raise InputError(f"model {model!r} is not known, expected one of {', '.join(MODELS)}")
+    refuse((model not in MODELS, f"model {model!r} is not known, expected one of {', '.join(MODELS)}"))
     stated = unit_direction(DOWN if gravity is None else gravity)
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
-        if sd is None or not 0.0 < sd < np.inf:
-            raise InputError(f"{name} is {sd!r}, expected rad above 0")
-    question = Question(model=model, gravity_direction=stated, noise=stated_noise(noise), priors=priors)
-    return _with_known(question, known, gravity is not None) if known else question
-
-
-def _with_known(question: Question, known: Mapping[str, tuple[Any, Any]], gravity_stated: bool) -> Question:
-    if question.model in ("paper", "affine"):
-        raise InputError(f"model {question.model} takes nothing as known: leave known out, or choose another model")
-    if "gravity" in known and question.model in HELD_GRAVITY:
-        raise InputError(
-            f"model {question.model} holds gravity, and gravity is given as known with a std: choose auto or mount+base"
-        )
-    if "gravity" in known and gravity_stated:
-        raise InputError("gravity is stated and given as known too: leave one of them out")
-    pieces = stated_knowledge(known)
-    stated = unit_direction(known["gravity"][0]) if "gravity" in known else question.gravity_direction
-    priors = TiltPriors(
-        None if "mount" in known else question.priors.mount, None if "gravity" in known else question.priors.base
+        refuse((sd is None or not 0.0 < sd < np.inf, f"{name} is {sd!r}, expected rad above 0"))
+    known = {} if known is None else known
+    nothing = f"model {model} takes nothing as known: leave known out, or choose another model"
+    held = f"model {model} holds gravity, and gravity is given as known with a std: choose auto or mount+base"
+    twice = "gravity is stated and given as known too: leave one of them out"
+    refuse(
+        (known and model in ("paper", "affine"), nothing),
+        ("gravity" in known and model in HELD_GRAVITY, held),
+        ("gravity" in known and gravity is not None, twice),
     )
-    return replace(question, knowledge=pieces, gravity_direction=stated, priors=priors)
+    knowledge = stated_knowledge(known)
+    if "gravity" in known:
+        stated, priors = unit_direction(known["gravity"][0]), replace(priors, base=None)
+    if "mount" in known:
+        priors = replace(priors, mount=None)
+    return Question(model, stated, stated_noise(noise), priors, knowledge)
 
 
 def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, samples: Samples) -> Question:
-    if not isinstance(prior, Calibration):
-        raise InputError(f"prior is {type(prior).__name__}, expected a Calibration: cw.Calibration.load(path)")
-    if question.model != "auto":
-        raise InputError(
-            f"an earlier calibration brings its model, and model {question.model} is asked for: leave one out"
-        )
-    if gravity_stated:
-        raise InputError("an earlier calibration brings its gravity, and gravity is stated too: leave one of them out")
+    other = f"prior is {type(prior).__name__}, expected a Calibration: cw.Calibration.load(path)"
+    brings, model = "an earlier calibration brings its", question.model
+    refuse(
+        (not isinstance(prior, Calibration), other),
+        (model != "auto", f"{brings} model, and model {model} is asked for: leave one out"),
+        (gravity_stated, f"{brings} gravity, and gravity is stated too: leave one of them out"),
+    )
     rows = min((pose.n for pose in resting_poses(samples)), default=1)
     tool, knowledge, noise = earlier_tool(prior, rows)
     return replace(
@@ -175,29 +171,24 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     """Poses and the estimate from them, robust and not yet checked; every visit to an orientation is a pose of its own
     where the bias moved. Raises `InputError`.
     """
-    if not isinstance(samples, Samples):
-        raise InputError(f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)")
-    if not (np.isfinite(g) and g > 0.0):
-        raise InputError(f"g is {g!r}, expected m/s^2 above 0")
+    other = f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)"
+    refuse((not isinstance(samples, Samples), other))
+    refuse((not (np.isfinite(g) and g > 0.0), f"g is {g!r}, expected m/s^2 above 0"))
     free, findings = _contact_free(samples)
-    if not len(free):
-        raise InputError(f"{free.source}: found no contact-free samples, expected poses without a load")
+    refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     stream = is_stream(samples)
-    if stream:
-        free = with_delay_of_rows(free)
+    free = with_delay_of_rows(free) if stream else free
     recorded = recorded_poses(free, MOST_VISITS, stream)
-    findings += (*of_recording(recorded, _first_time(free)),)
+    findings += tuple(of_recording(recorded, _first_time(free)))
     visits = recorded.visits or ()
     ordered = stream or len(visits) > REVISITED * len(recorded.poses)
-    if recorded.visits is not None:
-        poses = in_time(recorded.visits)
+    for each in [recorded.poses] if recorded.visits is None else [recorded.visits, recorded.poses]:
+        poses = in_time(each)
         readings = readings_of(poses, ordered)
         estimate = fitted(readings, question)
         if estimate.bias_moved:
-            return Recorded(free, poses, readings, estimate, findings, g, recorded)
-    poses = in_time(recorded.poses)
-    readings = readings_of(poses, ordered)
-    return Recorded(free, poses, readings, fitted(readings, question), findings, g, recorded)
+            break
+    return Recorded(free, poses, readings, estimate, findings, g, recorded)
 
 
 def fitted(readings: PoseReadings, question: Question) -> Estimate:
@@ -241,31 +232,25 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
     }
     names, R = estimate.names, kept.R_base_flange
     observability = describe(R, estimate.gravity_direction, estimate.singular_values, estimate.covariance, names)
-    weight = mass = com = R_flange_sensor = yaw = weight_xy = weight_z = None
-    parameters, bias = estimate.B.ravel(), estimate.B[:, 3]
-    if isinstance(estimate, RigidEstimate):
-        tool, weight_xy, weight_z = estimate.tool, estimate.weight_xy, estimate.weight_z
-        weight, com, bias, R_flange_sensor = tool.weight, tool.com, tool.bias, tool.R_flange_sensor
-        mass = weight / recorded.g
-        yaw = yaw_of_mounting(R_flange_sensor)[0]
-        parameters = np.zeros(len(names))
-        parameters[:10] = np.r_[weight, com, bias]
-        if "yaw" in names:
-            parameters[10] = yaw
-    many = len(poses) > MOST_POSES_KEPT
+    parameters, of_tool = estimate.B.ravel(), dict[str, Any].fromkeys(OF_TOOL)
     alternatives: tuple[Alternative, ...] = ()
-    if isinstance(estimate, RigidEstimate) and question.model == "auto" and question.earlier is None:
-        steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
-        alternatives = alternatives_to(estimate.tool, steady, question)
+    if isinstance(estimate, RigidEstimate):
+        tool = estimate.tool
+        yaw, mass = yaw_of_mounting(tool.R_flange_sensor)[0], tool.weight / recorded.g
+        values = (tool.weight, mass, tool.com, tool.R_flange_sensor, yaw, estimate.weight_xy, estimate.weight_z)
+        of_tool = dict(zip(OF_TOOL, values, strict=True))
+        parameters = np.zeros(len(names))
+        parameters[:10] = np.r_[tool.weight, tool.com, tool.bias]
+        parameters[10:11] = yaw if "yaw" in names else 0.0
+        if question.model == "auto" and question.earlier is None:
+            steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
+            alternatives = alternatives_to(tool, steady, question)
+    many = len(poses) > MOST_POSES_KEPT
     return Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),
-        weight=weight,
-        mass=mass,
-        com=com,
-        bias=bias,
-        R_flange_sensor=R_flange_sensor,
-        yaw=yaw,
+        **of_tool,
+        bias=estimate.B[:, 3],
         gravity_direction=estimate.gravity_direction,
         B=estimate.B,
         B_covariance=estimate.B_covariance,
@@ -287,8 +272,6 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         provenance=provenance,
         poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.found.rejected),
         moments=moments_of_poses(R, kept.wrench) if many else None,
-        weight_xy=weight_xy,
-        weight_z=weight_z,
         parameter_dof=estimate.dof,
         assumptions=assumptions_in_words(estimate, question),
         alternatives=alternatives,

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ..calibration.fields import WEAK_SHARE
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
@@ -23,9 +24,9 @@ from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .priors import Question, rows_of
 
-WEIGHT_SHARE, BIAS_SHARE, FORCE_SHARE, POOR_SHARE = 0.10, 0.10, 0.10, 0.10
-"""Of the weight: the largest std of the weight itself, of a force bias and of a contact force at any orientation that
-are no weakness; where more than the last is left in a pose, something is wrong."""
+WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
+"""Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
+last is left in a pose, something is wrong."""
 
 COM_STD = 0.010
 FEWEST_DOF = 3.0
@@ -67,10 +68,9 @@ def doubts(
     estimate: Estimate, readings: PoseReadings, question: Question, trade_offs: tuple[str, ...]
 ) -> list[Finding]:
     """What an estimate from `readings`, those kept, cannot be trusted with."""
-    estimated = question.noise is None or question.model == "paper"
-    rows = _uncertain_noise(estimate) if estimated else [_beyond_stated_noise(estimate)]
+    rows = _uncertain_noise(estimate, stated=question.noise is not None and question.model != "paper")
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
-        rows += [_poor_fit(estimate), _far_centre_of_mass(estimate), _cross_talk(estimate, readings)]
+        rows += [*_read_wrongly(estimate), _cross_talk(estimate, readings)]
     rows.append(_correlated_poses(estimate))
     if isinstance(estimate, RigidEstimate) and question.earlier is not None:
         rows.append(_contradicts_prior(estimate, question))
@@ -105,7 +105,7 @@ def uncertain_parameters(fit: Estimate, readings: PoseReadings, trade_offs: tupl
     uncertain = [(name, text) for holds, name, text in (*of_tool, *of_bias) if holds]
     if of_tool and of_tool[0][0]:
         uncertain = uncertain[:1]
-    elif not uncertain and (largest := _largest_force_std(fit)) > FORCE_SHARE * weight:
+    elif not uncertain and (largest := _largest_force_std(fit)) > WEAK_SHARE * weight:
         text = f"the contact force has a std of {largest:.2g} N at some orientations, over 10 % of the weight"
         uncertain = [("contact force", text)]
     if not uncertain:
@@ -148,56 +148,51 @@ def _advice(fit: Estimate, readings: PoseReadings, weakest: str) -> str:
     )
 
 
-def _beyond_stated_noise(fit: Estimate) -> Row:
-    """The poses differ far more than the noise that was stated for them."""
-    ratio = float(np.sqrt(fit.reduced_chi2))
-    text = (
-        f"the residuals are {ratio:.0f} times the given noise: check the noise, the model and each pose, every std was "
-        "enlarged by that factor"
-    )
-    return ratio > STATED_NOISE_RATIO, WEAK, Kind.BEYOND_STATED_NOISE, text
-
-
-def _uncertain_noise(fit: Estimate) -> list[Row]:
-    """Standard deviations that rest on too little: few degrees of freedom, or one axis that the model explains far
-    better than its neighbour.
+def _uncertain_noise(fit: Estimate, stated: bool) -> list[Row]:
+    """Poses that differ far more than the noise that was stated for them; or, where none was, standard deviations that
+    rest on few degrees of freedom, and an axis that the model explains far better than its neighbour.
     """
-    fewest = float(fit.dof.min())
-    text = (
+    ratio, fewest = float(np.sqrt(fit.reduced_chi2)), float(fit.dof.min())
+    if stated:
+        beyond = (
+            f"the residuals are {ratio:.0f} times the given noise: check the noise, the model and each pose, every std "
+            "was enlarged by that factor"
+        )
+        return [(ratio > STATED_NOISE_RATIO, WEAK, Kind.BEYOND_STATED_NOISE, beyond)]
+    few = (
         f"every std rests on {fewest:.2g} degrees of freedom, under {FEWEST_DOF:g}, and may be far off: record "
         "more poses"
     )
-    rows: list[Row] = [(0.0 < fewest < FEWEST_DOF, WEAK, Kind.FEW_DEGREES_OF_FREEDOM, text)]
+    rows: list[Row] = [(0.0 < fewest < FEWEST_DOF, WEAK, Kind.FEW_DEGREES_OF_FREEDOM, few)]
     for group in (slice(0, 3), slice(3, 6)):
         noise, axes = fit.noise[group], AXES[group]
         low, high = int(np.argmin(noise)), int(np.argmax(noise))
         ratio = float(noise[high] / noise[low]) if noise[low] > 0.0 else 0.0
-        text = (
+        unequal = (
             f"{axes[high]} is left {ratio:.0f} times noisier than {axes[low]}: either that axis is, or this model "
             "does not hold and every std is too small: compare the other models"
         )
-        rows.append((ratio > NOISE_RATIO, WEAK, Kind.UNEQUAL_NOISE, text))
+        rows.append((ratio > NOISE_RATIO, WEAK, Kind.UNEQUAL_NOISE, unequal))
     return rows
 
 
-def _poor_fit(fit: Estimate) -> Row:
-    """Far more is left than a sensor and an arm explain: most often the file is understood wrongly."""
-    share = fit.force_left / max(fit.weight_scale, 1e-300)
-    text = (
+def _read_wrongly(fit: RigidEstimate) -> list[Row]:
+    """Far more is left than a sensor and an arm explain, or the centre of mass lies further off than any tool's: most
+    often the file is understood wrongly.
+    """
+    share, distance = fit.force_left / max(fit.weight_scale, 1e-300), float(np.linalg.norm(fit.tool.com))
+    poor = (
         f"{fit.force_left:.2g} N are left in the poses, {100.0 * share:.0f} % of the weight: the file may be read "
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
     )
-    return share > POOR_SHARE, WEAK, Kind.POOR_FIT, text
-
-
-def _far_centre_of_mass(fit: RigidEstimate) -> Row:
-    """The centre of mass lies further off than any tool's: what a wrong unit of torque looks like."""
-    distance = float(np.linalg.norm(fit.tool.com))
-    text = (
+    far = (
         f"the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then rename their "
         "columns tx_nmm ty_nmm tz_nmm; contactwrench diagnose tries this and other ways to read the file"
     )
-    return distance > FURTHEST_COM, WEAK, Kind.FAR_CENTRE_OF_MASS, text
+    return [
+        (share > POOR_SHARE, WEAK, Kind.POOR_FIT, poor),
+        (distance > FURTHEST_COM, WEAK, Kind.FAR_CENTRE_OF_MASS, far),
+    ]
 
 
 def _correlated_poses(fit: Estimate) -> Row:
@@ -208,7 +203,7 @@ def _correlated_poses(fit: Estimate) -> Row:
     rms = np.maximum(np.sqrt(np.mean(fit.residuals**2, axis=0)), 1e-300)
     left = fit.residuals / rms
     alike = float(np.mean(left[1:] * left[:-1])) if n >= FEWEST_IN_A_ROW else 0.0
-    worth = (1.0 - alike) / (1.0 + alike)
+    worth = (1.0 - alike) / max(1.0 + alike, 1e-300)
     text = (
         f"what is left in one pose is left in the next too (correlation {alike:.2f}), as in rows taken while the arm "
         f"moves: these {n} poses tell as much as {max(worth * n, 1.0):.0f}, and every std is too small: stop at each "

@@ -29,7 +29,8 @@ COUNTED = "(probability {}): it is counted in every std"
 WITH_ORIENTATION = {
     Kind.GAIN: f"gain or cross-talk of the sensor shows {COUNTED}; a calibrated sensor matrix would mend it",
     Kind.CABLE: f"a pull that goes with the orientation shows, as of a cable {COUNTED}; fasten or free the cable",
-    Kind.ROBOT: f"errors of the robot's orientation show {COUNTED}; a calibrated robot, or more poses, would mend it",
+    Kind.ROBOT: "errors of the robot's orientation show (probability {}): they are counted in every std; a calibrated "
+    "robot, or more poses, would mend it",
 }
 
 

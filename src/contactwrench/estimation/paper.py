@@ -13,6 +13,9 @@ regression leaves, less the part that the force's noise has in its regressor.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from ..calibration.observability import require_separable
@@ -32,43 +35,63 @@ FORCE_NAMES = ("weight_xy", "yaw", "weight", "bias_fx", "bias_fy", "bias_fz")
 TORQUE_NAMES = ("com_x", "com_y", "com_z", "bias_tx", "bias_ty", "bias_tz")
 
 
+@dataclass(frozen=True)
+class _Regression:
+    """`A x = y` by ordinary least squares, for rows A (n, 3, 6) and values y (n, 3) (Eq. 7 and 15)."""
+
+    A: Array
+    y: Array
+
+    @cached_property
+    def solution(self) -> Array:
+        return np.asarray(np.linalg.lstsq(self.A.reshape(-1, 6), self.y.ravel(), rcond=None)[0], dtype=np.float64)
+
+    @cached_property
+    def left(self) -> Array:
+        return np.asarray(self.y - self.A @ self.solution)
+
+    @cached_property
+    def from_values(self) -> Array:
+        """How the solution changes with the values of each pose, (n, 6, 3)."""
+        inverse = np.asarray(np.linalg.pinv(self.A.reshape(-1, 6)), dtype=np.float64)
+        return inverse.reshape(6, -1, 3).transpose(1, 0, 2)
+
+    def without_each(self) -> Array | None:
+        """The solutions (n, 6) without each pose in turn, exactly; None where one is needed."""
+        remaining = np.eye(3) - self.A @ self.from_values
+        if float(np.linalg.eigvals(remaining).real.min()) < 1e-9:
+            return None
+        errors = np.linalg.solve(remaining, self.left[..., None])
+        return np.asarray(self.solution - (self.from_values @ errors)[..., 0])
+
+
 def fit_paper(readings: PoseReadings, gravity_direction: Array) -> RigidEstimate:
     """The paper's estimate from at least three poses. Raises `UnobservableError` where a regression is singular."""
-    n = len(readings)
+    n, names = len(readings), PARAMETERS["paper"]
     r = gravity_in_flange(readings.R_base_flange, gravity_direction)
     F, T = readings.wrench[:, :3], readings.wrench[:, 3:]
-    force, torque = _force_regressor(r), _torque_regressor(F)
-    _require_separable(force, torque, readings.R_base_flange, gravity_direction)
-    x, L = _least_squares(force, F), _least_squares(torque, T)
-    tool = _tool(x, L, gravity_direction)
-    B = wrench_matrix(tool)
-
-    e_F, e_T = F - force @ x, T - torque @ L
-    variance_xy = float(np.sum(e_F[:, :2] ** 2)) / (2 * n - 4)
-    variance_z = float(np.sum(e_F[:, 2] ** 2)) / (n - 2)
-    force_variance = np.array([variance_xy, variance_xy, variance_z])
-    com = cross_matrix(tool.com)
-    left = float(np.sum(e_T**2)) / (3 * n - 6)
-    through_force = float(np.trace(com * force_variance @ com.T)) / 3.0
-    torque_variance = max(left - through_force, LEAST_OWN_SHARE * left)
-    covariance = _covariance(force, torque, x, tool, force_variance, torque_variance)
-    from_parameters = matrix_jacobian(tool, PARAMETERS["paper"])
-    singular_values = np.asarray(np.linalg.svd(force.reshape(3 * n, 6), compute_uv=False))
+    force, torque = _Regression(_force_regressor(r), F), _Regression(_torque_regressor(F), T)
+    _require_separable(force.A, torque.A, readings.R_base_flange, gravity_direction)
+    x = force.solution
+    tool = _tool(x, torque.solution, gravity_direction)
+    B, to_B = wrench_matrix(tool), matrix_jacobian(tool, names)
+    variance = _variance(force, torque, tool)
+    covariance = _covariance(force, torque, tool, variance)
     return RigidEstimate(
-        names=PARAMETERS["paper"],
+        names=names,
         tool=tool,
         gravity_direction=gravity_direction,
         B=B,
-        B_covariance=from_parameters @ covariance @ from_parameters.T,
+        B_covariance=to_B @ covariance @ to_B.T,
         covariance=covariance,
-        noise=np.sqrt(np.r_[force_variance, np.full(3, torque_variance)]),
+        noise=np.sqrt(variance),
         kept=np.ones(n, dtype=bool),
         errors=readings.wrench - free_wrench(B, r),
-        held_out=_held_out(readings, force, torque, x, L, gravity_direction),
+        held_out=_held_out(readings.wrench, r, force, torque, gravity_direction),
         reduced_chi2=1.0,
         dof=np.full(11, float(n - 2)),
         readings_left=np.full(2, 3.0 * n - 6.0),
-        singular_values=singular_values,
+        singular_values=np.asarray(np.linalg.svd(force.A.reshape(3 * n, 6), compute_uv=False)),
         weight_xy=float(np.hypot(x[0], x[1])),
         weight_z=float(x[2]),
     )
@@ -108,11 +131,6 @@ def _require_separable(force: Array, torque: Array, R_base_flange: Array, gravit
     require_separable(scaled.reshape(3 * n, 6), TORQUE_NAMES, R_base_flange, gravity_direction)
 
 
-def _least_squares(A: Array, y: Array) -> Array:
-    """Eq. 7 and 15: unknowns (6,) of `A x = y` for rows (n, 3, 6) and values (n, 3)."""
-    return np.asarray(np.linalg.lstsq(A.reshape(-1, 6), y.ravel(), rcond=None)[0], dtype=np.float64)
-
-
 def _tool(x: Array, L: Array, gravity_direction: Array) -> RigidTool:
     """The parameters of Eq. 16 and Eq. 17 from the unknowns of the two regressions."""
     theta = np.arctan2(x[1], x[0])
@@ -121,56 +139,44 @@ def _tool(x: Array, L: Array, gravity_direction: Array) -> RigidTool:
     return RigidTool(float(x[2]), com, np.r_[F0, T0], rotations_about_z(np.array([theta]))[0], gravity_direction)
 
 
-def _covariance(
-    force: Array, torque: Array, x: Array, tool: RigidTool, force_variance: Array, torque_variance: float
-) -> Array:
+def _variance(force: _Regression, torque: _Regression, tool: RigidTool) -> Array:
+    """Of the noise of each axis (6,): fx and fy, fz, the torques less what the forces' noise has in them."""
+    n = len(force.y)
+    of_xy, of_z = float(np.sum(force.left[:, :2] ** 2)) / (2 * n - 4), float(np.sum(force.left[:, 2] ** 2)) / (n - 2)
+    of_force = np.array([of_xy, of_xy, of_z])
+    com = cross_matrix(tool.com)
+    left = float(np.sum(torque.left**2)) / (3 * n - 6)
+    own = left - float(np.trace(com * of_force @ com.T)) / 3.0
+    return np.array([*of_force, *[max(own, LEAST_OWN_SHARE * left)] * 3])
+
+
+def _covariance(force: _Regression, torque: _Regression, tool: RigidTool, variance: Array) -> Array:
     """Covariance (11, 11) of weight, com, bias and yaw, to first order in the noise of the readings.
 
     The torque regression's error is `n_T - com x n_F`: its regressor is measured, so the two share the force's noise.
     """
-    n = len(force)
-    of_x = np.linalg.pinv(force.reshape(3 * n, 6)).reshape(6, n, 3)
-    of_L = np.linalg.pinv(torque.reshape(3 * n, 6)).reshape(6, n, 3)
-    from_F = np.concatenate([of_x, -of_L @ cross_matrix(tool.com)])
-    from_T = np.concatenate([np.zeros_like(of_x), of_L])
-    joint = np.einsum("pni,qni,i->pq", from_F, from_F, force_variance)
-    joint += torque_variance * np.einsum("pni,qni->pq", from_T, from_T)
-
-    G2 = x[0] ** 2 + x[1] ** 2
+    of_x, of_L, x = force.from_values, torque.from_values, force.solution
+    from_F = np.concatenate([of_x, -of_L @ cross_matrix(tool.com)], axis=1)
+    from_T = np.concatenate([np.zeros_like(of_x), of_L], axis=1)
+    per_reading = np.concatenate([from_F, from_T], axis=2)
+    joint = np.einsum("npi,nqi,i->pq", per_reading, per_reading, variance)
     J = np.zeros((11, 12))
     J[0, 2] = 1.0
-    J[1:4, 6:9] = np.eye(3)
-    J[4:7, 3:6] = np.eye(3)
+    J[1:4, 6:9] = J[4:7, 3:6] = J[7:10, 9:12] = np.eye(3)
     J[7:10, 3:6] = cross_matrix(tool.com)
     J[7:10, 6:9] = -cross_matrix(tool.bias[:3])
-    J[7:10, 9:12] = np.eye(3)
-    J[10, :2] = [-x[1] / G2, x[0] / G2]
+    J[10, :2] = np.array([-x[1], x[0]]) / (x[0] ** 2 + x[1] ** 2)
     covariance: Array = J @ joint @ J.T
     return covariance
 
 
-def _held_out(
-    readings: PoseReadings, force: Array, torque: Array, x: Array, L: Array, gravity_direction: Array
-) -> Array | None:
+def _held_out(wrench: Array, r: Array, force: _Regression, torque: _Regression, down: Array) -> Array | None:
     """Residual (n, 6) of each pose against the paper's estimate from the other poses; None where they are too few."""
-    if len(readings) <= MIN_POSES:
+    if len(wrench) <= MIN_POSES:
         return None
-    r = gravity_in_flange(readings.R_base_flange, gravity_direction)
-    without_x = _leave_one_out(force, readings.wrench[:, :3], x)
-    without_L = _leave_one_out(torque, readings.wrench[:, 3:], L)
+    without_x, without_L = force.without_each(), torque.without_each()
     if without_x is None or without_L is None:
         return None
-    tools = [_tool(xi, Li, gravity_direction) for xi, Li in zip(without_x, without_L, strict=True)]
-    predicted = [free_wrench(wrench_matrix(tool), ri) for tool, ri in zip(tools, r, strict=True)]
-    return readings.wrench - np.array(predicted)
-
-
-def _leave_one_out(A: Array, y: Array, solution: Array) -> Array | None:
-    """The least-squares unknowns (n, 6) without each pose in turn, exactly; None where one is needed."""
-    inverse = np.linalg.inv(np.einsum("nij,nik->jk", A, A))
-    remaining = np.eye(3) - A @ inverse @ A.transpose(0, 2, 1)
-    if float(np.linalg.eigvalsh(remaining)[:, 0].min()) < 1e-9:
-        return None
-    errors = np.linalg.solve(remaining, (y - A @ solution)[..., None])
-    without: Array = solution - (inverse @ A.transpose(0, 2, 1) @ errors)[..., 0]
-    return without
+    tools = [_tool(xi, Li, down) for xi, Li in zip(without_x, without_L, strict=True)]
+    predicted: Array = np.array([free_wrench(wrench_matrix(tool), ri) for tool, ri in zip(tools, r, strict=True)])
+    return wrench - predicted

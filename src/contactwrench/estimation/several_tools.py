@@ -1,16 +1,14 @@
 """Several tools on one sensor: each recording has its tool, and the mounting, the base, or both, are common to all.
 
-What the readings of one recording say of the common rotations, its own tool and bias left open, is a message: the
-posterior of a fit to which nothing is known of them but a vague guess, less that guess. It joins the readings of each
-of the others; so poses that do not fix a mounting still say what they do fix. A prior on the common tilts is counted
-once, as messages carry none. The rotations as the recording that knows most then has them are everybody's, with the
-very same covariance; the rest of each result follows them as its own covariance says.
+What the readings of one recording say of the common rotations is a message: the posterior of a fit that knows no more
+of them than a vague guess, less that guess. It joins the readings of each of the others; so poses that do not fix a
+mounting still say what they do fix, and a prior on the common tilts is counted once, as messages carry none. The
+rotations that the recording that knows most then has are everybody's, with the very same covariance; the rest follows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,13 +17,12 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
-from ..errors import AmbiguityError, InputError, UnobservableError
+from ..errors import AmbiguityError, UnobservableError, refuse
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import (
     GRAVITY,
     MOUNT,
-    PARAMETERS,
     RigidTool,
     free_wrench,
     gravity_in_flange,
@@ -64,8 +61,8 @@ DIFFER = {"mount": "the mounting by {:.2g} +- {:.2g} deg", "gravity": "gravity b
 SHARING_MODELS = ("auto", "mount", "mount+base")
 
 LOOKS = 2
-"""Times that messages are read: about each recording's own estimate, and about that of the one that knows most. With
-one, half the recordings that turn about a single axis fail."""
+"""Times that messages are read: about each recording's own estimate, then that of the one that knows most, without
+which half the recordings that turn about a single axis fail."""
 
 SAYS_NOTHING = 1.0
 """rad: the std of the vague guess; of a turn with a larger one, which may point anywhere, nothing is said."""
@@ -91,11 +88,7 @@ def calibrate_shared(
         recordings: one of each tool.
         shared: `mount` (R_flange_sensor) and `gravity` (base axes): the same in all results, from all recordings.
         model: `auto`, `mount` or `mount+base`.
-        noise: as of `calibrate`.
-        gravity: as of `calibrate`.
-        g: as of `calibrate`.
-        mount_tilt_sd: as of `calibrate`.
-        base_tilt_sd: as of `calibrate`.
+        noise, gravity, g, mount_tilt_sd, base_tilt_sd: as of `calibrate`.
         known: may state `mount` and `gravity`.
 
     Returns:
@@ -103,8 +96,7 @@ def calibrate_shared(
 
     Raises:
         InputError: what cannot be shared, and as `calibrate`, naming the recording.
-        UnobservableError: as `calibrate`, naming the recording.
-        AmbiguityError: as `calibrate`, naming the recording.
+        UnobservableError, AmbiguityError: as `calibrate`, naming the recording.
     """
     require_shareable(len(recordings), shared, model, known or {})
     question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
@@ -112,7 +104,10 @@ def calibrate_shared(
     recorded = [from_recording(samples, question, g) for samples in recordings]
     sources = [recording.samples.source for recording in recorded]
     messages, leader = _messages(recorded, sharing)
-    asked = [sharing.asked([other for other in messages if other is not message]) for message in messages]
+    asked = [
+        replace(question, knowledge=(*question.knowledge, *(m.knowledge for m in messages if m is not own)))
+        for own in messages
+    ]
     estimates = [
         estimated(recording.readings, own, begin=message.tool)
         for recording, own, message in zip(recorded, asked, messages, strict=True)
@@ -126,32 +121,27 @@ def calibrate_shared(
             findings=(*recording.findings, *contradictions),
         )
         others = ", ".join(source for j, source in enumerate(sources) if j != k)
-        with _naming(sources[k]):
+        try:
             results.append(assembled(agreed, asked[k], {"shared": ", ".join(sharing.names), "shared_with": others}))
+        except (UnobservableError, AmbiguityError) as error:
+            raise type(error)(f"{sources[k]}: {error}") from None
     return tuple(results)
 
 
 def require_shareable(recordings: int, shared: Sequence[str], model: str, known: Mapping[str, Any]) -> None:
     """Raise `InputError` for what recordings cannot have in common."""
     expected = f"expected {' or '.join(SHAREABLE)}, or both"
-    for name in shared:
-        if name not in SHAREABLE:
-            raise InputError(f"found {name!r} to share, {expected}")
-    if not shared:
-        raise InputError(f"found nothing to share, {expected}")
-    if recordings < 2:
-        raise InputError(f"found {recordings} recording to share {' and '.join(shared)}, expected two or more")
-    if model not in SHARING_MODELS:
-        raise InputError(f"model {model!r} shares nothing, expected one of {', '.join(SHARING_MODELS)}")
-    if model == "mount" and "gravity" in shared:
-        raise InputError(
-            "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
-        )
-    for name in known:
-        if name not in SHAREABLE:
-            raise InputError(
-                f"known {name} is of one tool, and each recording has its own: leave it out, or calibrate them apart"
-            )
+    one_of = f"expected one of {', '.join(SHARING_MODELS)}"
+    held = "model mount holds gravity, and gravity is to be shared: share mount alone, or choose auto or mount+base"
+    apart = "each recording has its own: leave it out, or calibrate them apart"
+    refuse(
+        *((name not in SHAREABLE, f"found {name!r} to share, {expected}") for name in shared),
+        (not shared, f"found nothing to share, {expected}"),
+        (recordings < 2, f"found {recordings} recording to share {' and '.join(shared)}, expected two or more"),
+        (model not in SHARING_MODELS, f"model {model!r} shares nothing, {one_of}"),
+        (model == "mount" and "gravity" in shared, held),
+        *((name not in SHAREABLE, f"known {name} is of one tool, and {apart}") for name in known),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,21 +164,13 @@ class _Sharing:
     names: tuple[str, ...]
     known: Mapping[str, tuple[Any, Any]]
 
-    @property
-    def parameters(self) -> list[str]:
-        return [parameter for name in self.names for parameter in SHAREABLE[name]]
-
-    @property
-    def turns(self) -> list[int]:
-        return [ROTATIONS.index(name) for name in self.parameters]
+    def index(self, parameters: tuple[str, ...]) -> list[int]:
+        """Where those that are common stand among `parameters`."""
+        return [parameters.index(parameter) for name in self.names for parameter in SHAREABLE[name]]
 
     def common(self, tool: RigidTool) -> dict[str, Any]:
         """The rotations of a tool that are common, by their fields."""
         return {OF_TOOL[name]: getattr(tool, OF_TOOL[name]) for name in self.names}
-
-    def asked(self, messages: list[Message]) -> Question:
-        """The question, once others have said what they know."""
-        return replace(self.question, knowledge=(*self.question.knowledge, *(one.knowledge for one in messages)))
 
     def apart(self, estimate: RigidEstimate) -> tuple[Knowledge, ...]:
         """What is known of a recording's rotations that are its own: stated, or a prior that the readings keep."""
@@ -223,7 +205,7 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     model = model_fitted(sharing.question.model)
     question = replace(sharing.question, model=model, knowledge=(*sharing.apart(alone), vague))
     found = estimated(readings, question, begin=linear_fit(readings.R_base_flange, readings.wrench, R, d))
-    index = [found.names.index(name) for name in sharing.parameters]
+    index, turns = sharing.index(found.names), sharing.index(ROTATIONS)
     guess = vague(found.tool, found.names)
     put_in = guess.jacobian[:, index]
     of_all = np.linalg.inv(found.covariance[np.ix_(index, index)])
@@ -231,7 +213,7 @@ def _message(readings: PoseReadings, alone: RigidEstimate, near: RigidTool, shar
     heard = values > SAYS_NOTHING**-2
     root, axes = np.sqrt(values[heard]), vectors[:, heard].T
     information = np.zeros((len(root), 5))
-    information[:, sharing.turns] = root[:, None] * axes
+    information[:, turns] = root[:, None] * axes
     turn = -axes @ (put_in.T @ guess.residuals) / root
     knowledge = known_rotations(found.tool.R_flange_sensor, found.tool.gravity_direction, information, turn)
     return Message(knowledge, float(found.dof.min()), found.tool, float(np.trace(np.linalg.inv(of_all))))
@@ -241,11 +223,11 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
     """The estimate with the rotations, and their covariance, that all have in common; the rest follows them as its
     covariance says (Jeffrey's rule: what the rest is, given the rotations, stays).
     """
-    names, tool = found.names, found.tool
-    index = [names.index(name) for name in sharing.parameters]
+    names, tool, index = found.names, found.tool, sharing.index(found.names)
     follow = np.linalg.solve(found.covariance[np.ix_(index, index)], found.covariance[index]).T
-    exact = sharing.common(common.tool)
-    moved = replace(stepped(tool, follow @ _turns(tool, common.tool, sharing), names), **exact)
+    about = known_rotations(tool.R_flange_sensor, tool.gravity_direction, np.eye(5), np.zeros(5))
+    turn = -about(common.tool, names).residuals[sharing.index(ROTATIONS)]
+    moved = replace(stepped(tool, follow @ turn, names), **sharing.common(common.tool))
     axes = small_change_about(tool, moved, names)
     before, follow = axes @ found.covariance @ axes.T, axes @ follow @ axes[np.ix_(index, index)].T
     of_all = common.covariance[np.ix_(index, index)]
@@ -271,32 +253,24 @@ def _agreeing(found: RigidEstimate, readings: PoseReadings, common: RigidEstimat
     )
 
 
-def _turns(before: RigidTool, after: RigidTool, sharing: _Sharing) -> Array:
-    """The small turns of what is shared that lead from one tool to another, in the axes of the first."""
-    about_first = known_rotations(before.R_flange_sensor, before.gravity_direction, np.eye(5), np.zeros(5))
-    turns: Array = -about_first(after, PARAMETERS["mount+base"]).residuals[sharing.turns]
-    return turns
-
-
 def _contradictions(
     messages: list[Message], leader: int, common: RigidEstimate, sources: list[str], sharing: _Sharing
 ) -> tuple[Finding, ...]:
     """A finding that names the recording whose rotations differ from those of the others by more than chance."""
-    index = [common.names.index(name) for name in sharing.parameters]
-    rows = [message.knowledge(common.tool, common.names) for message in messages]
-    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in rows]
+    index = sharing.index(common.names)
+    of_each = [message.knowledge(common.tool, common.names) for message in messages]
+    rows = [PriorRows(each.residuals, each.jacobian[:, index]) for each in of_each]
     dof = min(message.dof for message in messages)
     judged = [_disagreement(each, [other for other in rows if other is not each], dof) for each in rows]
     two = len(messages) == 2
     suspect = 1 - leader if two else int(np.argmin([test.probability for _, _, test in judged]))
     turn, covariance, test = judged[suspect]
-    # of two, either differs as much from the other: one test; of more, one test each
-    chance = min(1.0, test.probability * (1 if two else len(messages)))
+    chance = min(1.0, test.probability * (1 if two else len(messages)))  # of two, either differs as much: one test
     if chance >= SIGNIFICANCE:
         return ()
     parts = []
     for name in sharing.names:
-        part = [sharing.parameters.index(parameter) for parameter in SHAREABLE[name]]
+        part = [index.index(common.names.index(parameter)) for parameter in SHAREABLE[name]]
         angle = float(np.linalg.norm(turn[part]))
         along = turn[part] / max(angle, 1e-300)
         std = float(np.sqrt(along @ covariance[np.ix_(part, part)] @ along))
@@ -310,9 +284,7 @@ def _contradictions(
 
 
 def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[Array, Array, MisfitTest]:
-    """The turns by which what one says differs from what the others say, their covariance, and the test of it; no
-    prior but that of a turn under 1 rad.
-    """
+    """The turns by which what one says differs from what the others say, their covariance, and the test of it."""
     of_others = _covariance(others)
     expected = of_others @ np.sum([other.jacobian.T @ other.residuals for other in others], axis=0)
     surprise = own.residuals - own.jacobian @ expected
@@ -326,12 +298,3 @@ def _disagreement(own: PriorRows, others: list[PriorRows], dof: float) -> tuple[
 def _covariance(said: list[PriorRows]) -> Array:
     rows: Array = np.vstack([each.jacobian for each in said])
     return np.asarray(np.linalg.inv(np.eye(rows.shape[1]) / SAYS_NOTHING**2 + rows.T @ rows))
-
-
-@contextmanager
-def _naming(source: str) -> Iterator[None]:
-    """Errors that say of which recording they are."""
-    try:
-        yield
-    except (UnobservableError, AmbiguityError) as error:
-        raise type(error)(f"{source}: {error}") from None

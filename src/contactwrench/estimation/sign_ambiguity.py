@@ -29,6 +29,9 @@ PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model
 LEAST_LEFT = 0.5
 """Degrees of freedom: with fewer left, residuals say nothing about the noise."""
 
+LEAST_WEIGHT = 1e-9
+"""N: what the digits of readings without a weight leave."""
+
 SIGNIFICANCE = 0.001
 NEAR_TIE = 0.9
 SURE_SIDE = 4.0
@@ -79,30 +82,27 @@ def _model_freed(estimate: RigidEstimate) -> str:
 
 
 def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: str, question: Question) -> None:
-    """Raise `UnobservableError` unless the poses kept separate the parameters of a rigid `model`, and leave its noise
-    some readings.
+    """Raise `UnobservableError` unless the poses kept separate the parameters of a rigid `model`, leave its noise some
+    readings, and show a weight beyond the digits of the readings.
     """
-    tool, names, stated = estimate.tool, PARAMETERS[model], question.gravity_direction
+    tool, names, n = estimate.tool, PARAMETERS[model], len(readings)
     known = rows_of(question.knowledge, tool, names)
     if model in HELD_GRAVITY:
-        tool = replace(tool, gravity_direction=stated)  # a tilt that the prior lets in is not what separates
+        # a tilt that the prior lets in is not what separates
+        tool = replace(tool, gravity_direction=question.gravity_direction)
     require_full_rank(tool, readings.R_base_flange, names, None if known is None else known.jacobian)
-    if model == "mount+base" and known is None and len(readings) < FEWEST_POSES_WITH_BASE:
+    if model == "mount+base" and known is None and n < FEWEST_POSES_WITH_BASE:
         raise UnobservableError(
-            f"found {len(readings)} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
+            f"found {n} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
         )
-    require_noise(len(readings), len(names), float(estimate.readings_left.min()), question)
-    if not estimate.singular_values[-1] > 0.0 or not tool_is_told(estimate):
+    require_noise(n, len(names), float(estimate.readings_left.min()), question)
+    there_is_a_weight = np.isfinite(estimate.covariance).all() and abs(tool.weight) > LEAST_WEIGHT
+    if not (estimate.singular_values[-1] > 0.0 and there_is_a_weight):
         raise UnobservableError(
             "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
             "columns hold what the sensor read"
         )
-
-
-def tool_is_told(estimate: RigidEstimate) -> bool:
-    """Whether there is a weight at all, beyond what the digits of the readings leave."""
-    return bool(np.isfinite(estimate.covariance).all()) and abs(estimate.tool.weight) > 1e-9
 
 
 def require_noise(n: int, parameters: int, left: float, question: Question) -> None:

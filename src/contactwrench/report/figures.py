@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..assess.verify import LeftOver
 from ..calibration.calibration import Calibration
+from ..calibration.fields import WEAK_SHARE
 from ..calibration.observability import LEVER
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array
@@ -38,9 +39,6 @@ METHODS = {
 }
 """Colour and marker of each, and what it is."""
 LEFT_OUT = "#b3541e"
-WEAK_SHARE = 0.1
-"""Of the weight: at such an error of the contact force a map ends."""
-
 PARTS = ((0, "force, N", 1.0), (3, "torque, mN m", 1e3))
 """Of a wrench: the first column, name and unit, and the factor to that unit from SI."""
 ONE_AT_A_TIME = Lock()

@@ -1,0 +1,68 @@
+"""What is said of a posterior, word for word: errors that go with the orientation, and a contact force hardly known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from contactwrench.calibration.findings import Finding, Kind, Severity
+from contactwrench.estimation.estimate import Beliefs, RigidEstimate
+from contactwrench.estimation.findings import uncertain_parameters
+from contactwrench.estimation.findings_of_beliefs import of_beliefs
+from contactwrench.estimation.noise import PoseReadings, readings_of
+from contactwrench.estimation.priors import Question
+from contactwrench.estimation.rigid import estimated
+from contactwrench.samples.poses import Pose
+from tests.support.rigs import NOISE, example
+from tests.support.world import DOWN, noisy_readings
+
+SAID = {
+    Kind.GAIN: "gain or cross-talk of the sensor shows (probability 80 %): it is counted in every std; a calibrated "
+    "sensor matrix would mend it",
+    Kind.CABLE: "a pull that goes with the orientation shows, as of a cable (probability 80 %): it is counted in every "
+    "std; fasten or free the cable",
+    Kind.ROBOT: "errors of the robot's orientation show (probability 80 %): they are counted in every std; a "
+    "calibrated robot, or more poses, would mend it",
+    Kind.TWO_LEVELS: "the bias comes back in two levels, 0.3 N and 40 mN m apart, as backlash makes them (probability "
+    "80 %): it is counted in every std; on the smaller side: pose 2, pose 5",
+}
+
+
+@cache
+def fitted() -> tuple[RigidEstimate, PoseReadings, tuple[Pose, ...]]:
+    rig, R, rng = example(1, poses=12)
+    wrench = noisy_readings(replace(rig, weight=10.0), R, NOISE, rng)
+    poses = tuple(Pose(*pose, np.zeros((6, 6)), 1, None, None, None) for pose in zip(R, wrench, strict=True))
+    readings = readings_of(poses, order_tells=False)
+    return estimated(readings, Question("mount", DOWN)), readings, poses
+
+
+def said(probability: float, kind: Kind) -> list[Finding]:
+    estimate, _, poses = fitted()
+    levels = np.outer(np.where(np.isin(np.arange(12), (1, 4)), 1.0, -1.0), [0.15, 0.0, 0.0, 0.0, 0.02, 0.0])
+    assert isinstance(estimate.beliefs, Beliefs)
+    beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, levels=levels)
+    return of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0)
+
+
+@pytest.mark.parametrize("kind", SAID)
+def test_what_goes_with_the_orientation_is_said_where_it_is_likely_and_only_then(kind: Kind) -> None:
+    assert said(0.8, kind) == [Finding(kind, Severity.WARNING, SAID[kind])]
+    assert said(0.4, kind) == []
+
+
+def test_a_contact_force_hardly_known_somewhere_is_weak_where_no_parameter_says_so() -> None:
+    """A mounting known to 0.2 rad, all else exact."""
+    estimate, readings, _ = fitted()
+    assert uncertain_parameters(estimate, readings, ()) == []
+    turned = np.diag([1e-6] * 10 + [0.04] * 3)
+    weak, advice = uncertain_parameters(replace(estimate, covariance=turned), readings, ())
+    assert weak == Finding(
+        Kind.UNCERTAIN_PARAMETER,
+        Severity.WEAK,
+        "weak: the contact force has a std of 2.8 N at some orientations, over 10 % of the weight",
+    )
+    assert advice.kind is Kind.ADVICE
