@@ -15,7 +15,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..model import RigidTool
 from .least_squares import Priors
-from .priors import EXACT_TILT_SD, Question, known_com, known_gravity, nominal_mounting, rows_of
+from .priors import EXACT_TILT_SD, Knowledge, Question, known_com, known_gravity, nominal_mounting
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
 """Of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
@@ -73,9 +73,8 @@ def priors_at(
     """What is known beforehand under each hypothesis, linearised at `tool`."""
     columns = [k for k, name in enumerate(names) if not name.startswith("bias")]
 
-    def rows(piece: object) -> tuple[Array, Array, float]:
-        known = rows_of((piece,), tool, names)  # type: ignore[arg-type]
-        assert known is not None
+    def rows(piece: Knowledge) -> tuple[Array, Array, float]:
+        known = piece(tool, names)
         J = known.jacobian[:, columns]
         return J.T @ J, J.T @ known.residuals, float(known.residuals @ known.residuals)
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from .motion import ArmMotion
 from .samples import WrenchStream
+from .spectra import spectral_std
 
 GRID = 0.04
 """s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
@@ -35,10 +36,6 @@ SLOWEST = 0.95
 """Of a step's size to that of the one before, to reckon with in how far the rest of them goes (Aitken)."""
 ROUNDING = 1e-12
 """Of an axis' variance: numbers in a file are no closer."""
-SMOOTHED, LEAST_BINS = 0.3, 4
-"""Hz to each side, and at least so many frequencies of the recording, over which a spectrum is averaged."""
-LEAST_THERE = 0.1
-"""Of the noise at a frequency, whatever the free coefficients took out of it."""
 STRUCTURED, UNKNOWN_ACCELERATIONS = 1.15, 3.0
 """Where positions are not known, and so much more is left than noise: the flange's accelerations move with the arm, so
 that their spectrum says too little; by how much was found on the virtual rig in whole-arm motions.
@@ -266,7 +263,7 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
             step, _, of_part = _step(motion, part, fit.delay, fit.down, fit.down, fit.weight[rows], fit.variance)
             if np.isfinite(of_part.bound):
                 offs.append(step[0])
-                stds.append(max(_spectral_std(of_part, part.t), of_part.bound))
+                stds.append(max(spectral_std(of_part.left, of_part.influence, of_part.basis, part.t), of_part.bound))
         if len(offs) < 2:
             continue
         precision = np.array(stds) ** -2.0
@@ -275,44 +272,10 @@ def standard_deviation(motion: ArmMotion, means: WrenchStream, fit: Fit) -> floa
             factor = max(factor, float(np.sqrt(chi2 / (len(offs) - 1))))
     if not motion.knows_positions and _structure(fit.left) > STRUCTURED:
         factor *= UNKNOWN_ACCELERATIONS
-    return factor * max(_spectral_std(fit, means.t), fit.bound)
+    return factor * max(spectral_std(fit.left, fit.influence, fit.basis, means.t), fit.bound)
 
 
 def _structure(left: Array) -> float:
     """The variance of residuals (n, 6) over that of white noise that changes as much, the largest of the axes."""
     fresh = 0.5 * np.mean(np.diff(left, axis=0) ** 2, axis=0)
     return float(np.max(np.mean(left**2, axis=0) / np.maximum(fresh, 1e-300)))
-
-
-def _spectral_std(fit: Fit, t: Array) -> float:
-    """The standard deviation, s, with residuals that are correlated in time, of means at t (n,).
-
-    The noise's spectrum is that of the residuals, averaged over neighbouring frequencies; what the free coefficients
-    took out of it is counted as missing. With the influence's spectrum it gives the variance (Parseval).
-    """
-    n = len(fit.left)
-    left = np.fft.rfft(fit.left, axis=0, norm="ortho")
-    influence = np.fft.rfft(fit.influence, axis=0, norm="ortho")
-    basis = np.fft.rfft(fit.basis, axis=0, norm="ortho")
-    taken = (np.abs(basis) ** 2).sum(axis=1)
-    reach = max(LEAST_BINS, round(SMOOTHED * n * float(np.median(np.diff(t)))))
-    there = np.maximum(_smoothed(1.0 - taken, reach), LEAST_THERE)
-    power = np.zeros(len(left))
-    for i in range(6):
-        for j in range(6):
-            noise = left[:, i] * left[:, j].conj()
-            cross = _smoothed(noise.real, reach) + 1j * _smoothed(noise.imag, reach)
-            power += (influence[:, i].conj() * cross * influence[:, j]).real
-    twice = np.full(len(left), 2.0)
-    twice[0] = 1.0
-    if n % 2 == 0:
-        twice[-1] = 1.0
-    return float(np.sqrt(max(np.sum(twice * power / there), 0.0)))
-
-
-def _smoothed(values: Array, reach: int) -> Array:
-    """Means over `reach` neighbours to each side, as far as there are."""
-    total = np.concatenate([np.zeros(1), np.cumsum(values)])
-    place = np.arange(len(values))
-    low, high = np.maximum(place - reach, 0), np.minimum(place + reach + 1, len(values))
-    return np.asarray((total[high] - total[low]) / (high - low))
