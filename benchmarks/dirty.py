@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Kind
+from contactwrench.calibration.findings import Kind
 from tests.support.poses import POSE_SETS
 from tests.support.world import Array, derivatives, noisy_readings, random_rotations
 

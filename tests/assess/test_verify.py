@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.assess.verify import Weighing, verify
-from contactwrench.calibration.fields import Finding, Kind, Severity
+from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import InputError
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings

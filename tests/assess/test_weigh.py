@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import contactwrench as cw
 from contactwrench.assess.weigh import HeldObject, weigh
-from contactwrench.calibration.fields import Finding, Kind, Severity
+from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import InputError
 from tests.support.recordings import MATRIX, WRENCH, csv_text, matrix_table, run, rz, written
 from tests.support.rigs import NOISE, example, noise_free, noisy, seeds

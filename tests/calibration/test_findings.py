@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Doubt, Finding, Kind, Severity
 from contactwrench.calibration.file import to_json
+from contactwrench.calibration.findings import Doubt, Finding, Kind, Severity
 from contactwrench.calibration.text import describe, verdict_sentences
 from contactwrench.errors import FileFormatError
 from tests.support.recordings import PANDA, PAPER, written

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Doubt
 from contactwrench.calibration.file import to_json
+from contactwrench.calibration.findings import Doubt
 from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, Run, csv_text, matrix_table, run, written
 from tests.support.rigs import example, noisy
 from tests.support.world import random_rotations

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Kind
+from contactwrench.calibration.findings import Kind
 from contactwrench.errors import AmbiguityError, InputError, UnobservableError
 from tests.support.poses import POSE_SETS
 from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle, seeds

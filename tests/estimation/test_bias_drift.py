@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Kind, Severity
+from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.estimation import outliers, rigid
 from contactwrench.estimation.bias_drift import STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
 from tests.support.rigs import NOISE, example, noisy

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from contactwrench.calibration.fields import Finding, Kind, Severity
+from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.estimation.estimate import Beliefs, RigidEstimate
 from contactwrench.estimation.findings import uncertain_parameters
 from contactwrench.estimation.findings_of_beliefs import of_beliefs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contactwrench.calibration.fields import Kind
+from contactwrench.calibration.findings import Kind
 from contactwrench.estimation.bias_drift import Drift, Kernels, kernels_of, possible_drifts
 from contactwrench.estimation.hypotheses import Hypothesis
 from contactwrench.estimation.least_squares import Members, Priors, gram, solved

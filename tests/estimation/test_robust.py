@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Finding, Kind, Severity
+from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import AmbiguityError
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings

@@ -10,7 +10,7 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.assess.verify import compare
-from contactwrench.calibration.fields import BIAS_MOVED, Finding, Kind, Severity
+from contactwrench.calibration.findings import BIAS_MOVED, Finding, Kind, Severity
 from contactwrench.calibration.text import verdict_sentences
 from contactwrench.report import figures
 from contactwrench.report.html import write_calibration_report

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
-from contactwrench.calibration.fields import Kind, Severity
+from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.estimation.findings import of_recording
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import contactwrench as cw
-from contactwrench.calibration.fields import Kind, Severity
+from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.samples.recorded_poses import recorded_poses
 from contactwrench.samples.slow_motion import poses_on_the_way
 from tests.support.world import Array

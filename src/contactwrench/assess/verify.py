@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import BIAS_MOVED, Finding, Kind, Severity
+from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.findings import Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, read_only

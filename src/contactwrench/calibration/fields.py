@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
@@ -28,105 +27,10 @@ from ..model import (
 )
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
+from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
-WEAK_SHARE = 0.1
-"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
-
-
-class Severity(StrEnum):
-    """What a finding means for the result: nothing is wrong; something is to be looked at, the numbers hold; they hold
-    only if something holds that the readings do not show (`Doubt` says what); a number, or its std, is not to be
-    trusted; readings took no part in the fit.
-    """
-
-    NOTE = "note"
-    WARNING = "warning"
-    DOUBTFUL = "doubtful"
-    WEAK = "weak"
-    REFUSED = "refused"
-
-
-class Kind(StrEnum):
-    """What a finding is of."""
-
-    SATURATED_ROWS = "saturated_rows"
-    LOADED_ROWS = "loaded_rows"
-    STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
-    POSES_ON_THE_WAY = "poses_on_the_way"
-    POSE_LEFT_OUT = "pose_left_out"
-    POSE_IN_DOUBT = "pose_in_doubt"
-    BIAS_STEPPED = "bias_stepped"
-    BIAS_DRIFTED = "bias_drifted"
-    BIAS_WANDERED = "bias_wandered"
-    TWO_LEVELS = "two_levels"
-    GAIN = "gain"
-    CABLE = "cable"
-    ROBOT = "robot"
-    SIGN_NOT_CONFIRMED = "sign_not_confirmed"
-    MIRRORED_AXIS = "mirrored_axis"
-    UNCERTAIN_PARAMETER = "uncertain_parameter"
-    ADVICE = "advice"
-    FEW_DEGREES_OF_FREEDOM = "few_degrees_of_freedom"
-    UNEQUAL_NOISE = "unequal_noise"
-    BEYOND_STATED_NOISE = "beyond_stated_noise"
-    POOR_FIT = "poor_fit"
-    FAR_CENTRE_OF_MASS = "far_centre_of_mass"
-    CROSS_TALK = "cross_talk"
-    CORRELATED_POSES = "correlated_poses"
-    NO_HELD_OUT_ERROR = "no_held_out_error"
-    CONTRADICTS_PRIOR = "contradicts_prior"
-    CONTRADICTS_OTHERS = "contradicts_others"
-    BIAS_SHIFTED = "bias_shifted"
-    NEGATIVE_MASS = "negative_mass"
-    OTHER = "other"
-
-    @classmethod
-    def _missing_(cls, value: object) -> Kind:
-        """A kind that a later version found."""
-        return cls.OTHER
-
-
-class Doubt(StrEnum):
-    """Why a verdict is doubtful, and what to do."""
-
-    MODEL = "the model does not explain the readings: compare the other models, look for a cable, a contact, a gain"
-    ASSUMPTION = "an assumption decides the answer: confirm it, or record poses that tell"
-    MOVED = "a moving bias or poses left out took much of what the poses tell: record more, warmed up, free of contact"
-
-
-BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
-DOUBT_OF_KIND = {
-    Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
-    Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
-    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
-}
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something that calibrating found beside the numbers.
-
-    Attributes:
-        kind: what it is of.
-        severity: what it means for the result.
-        text: one sentence for people; it begins with `weak` or `doubtful` where the severity is that.
-    """
-
-    kind: Kind
-    severity: Severity
-    text: str
-
-    @classmethod
-    def weak(cls, kind: Kind, text: str) -> Finding:
-        """A finding that says "weak" itself, for those who read warnings only."""
-        return cls(kind, Severity.WEAK, f"weak: {text}")
-
-    @classmethod
-    def doubtful(cls, kind: Kind, text: str) -> Finding:
-        """A finding that says "doubtful" itself."""
-        return cls(kind, Severity.DOUBTFUL, f"doubtful: {text}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,23 +173,23 @@ class CalibrationFields(Frozen):
 
     @property
     def error_names(self) -> tuple[str, ...]:
-        """What the errors of the free wrench are made of: the parameters; where there is cross-talk, all of B, and the
-        direction of gravity where it was found.
-        """
-        if self.gain_covariance is None:
-            return self.parameter_names
-        return (*PARAMETERS["affine"], *(name for name in self.parameter_names if name in GRAVITY))
+        """What the errors of the free wrench are made of: the parameters; with gain and cross-talk B and rotations."""
+        return self.parameter_names if self.gain_covariance is None else (*PARAMETERS["affine"], *self._rotations)
+
+    @property
+    def _rotations(self) -> tuple[str, ...]:
+        return tuple(name for name in self.parameter_names if name not in LINEAR_PARAMETERS)
 
     @cached_property
     def error_covariance(self) -> Array:
         """Covariance of `error_names`."""
-        if self.gain_covariance is None:
+        if self.gain_covariance is None or self._rigid_tool is None:
             return self.covariance
-        gravity = self._gravity_columns
-        to_errors = np.zeros((24 + len(gravity), len(self.parameter_names)))
+        turns = self._rotations
+        to_errors = np.zeros((24 + len(turns), len(self.parameter_names)))
         to_errors[:24] = matrix_jacobian(self._rigid_tool, self.parameter_names)
-        to_errors[range(24, len(to_errors)), gravity] = 1.0
-        total: Array = to_errors @ self.covariance @ to_errors.T
+        to_errors[24:, [self.parameter_names.index(name) for name in turns]] = np.eye(len(turns))
+        total = to_errors @ self.covariance @ to_errors.T
         unit = np.sqrt(np.diag(total) + 1e-30)
         unit[:24] = np.hypot(unit[:24], np.sqrt(np.abs(np.diag(self.gain_covariance))))
         total[:24, :24] += self.gain_covariance
@@ -299,24 +203,21 @@ class CalibrationFields(Frozen):
         J = self.free_wrench_jacobian(R_base_flange)
         if self.gain_covariance is None:
             return J
-        r = gravity_in_flange(R_base_flange, self.gravity_direction)
-        return np.concatenate([affine_jacobian(r), J[:, :, self._gravity_columns]], axis=2)
-
-    @property
-    def _gravity_columns(self) -> list[int]:
-        return [k for k, name in enumerate(self.parameter_names) if name in GRAVITY]
+        of_turns = J[:, :, [self.parameter_names.index(name) for name in self._rotations]].copy()
+        of_turns[:, :, [name not in GRAVITY for name in self._rotations]] = 0.0  # the mounting's are in B
+        of_B = affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
+        return np.concatenate([of_B, of_turns], axis=2)
 
     def free_wrench_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, p) of the free wrench with respect to `parameters`, for orientations (n, 3, 3)."""
-        if self.weight is None or self.com is None or self.R_flange_sensor is None:
+        if self._rigid_tool is None:
             return affine_jacobian(gravity_in_flange(R_base_flange, self.gravity_direction))
         return wrench_jacobian(self._rigid_tool, R_base_flange, self.parameter_names)
 
     @property
-    def _rigid_tool(self) -> RigidTool:
-        assert self.weight is not None
-        assert self.com is not None
-        assert self.R_flange_sensor is not None
+    def _rigid_tool(self) -> RigidTool | None:
+        if self.weight is None or self.com is None or self.R_flange_sensor is None:
+            return None
         return RigidTool(self.weight, self.com, self.bias, self.R_flange_sensor, self.gravity_direction)
 
     @cached_property

@@ -16,7 +16,8 @@ from ..files import read_bytes
 from ..geometry.arrays import Array, Vector
 from ..geometry.orientation import nearest_rotations
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, wrench_matrix, yaw_of_mounting
-from .fields import CalibrationFields, Kind, Severity
+from .fields import CalibrationFields
+from .findings import Kind, Severity
 
 SCHEMA = "contactwrench/calibration/1"
 _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")

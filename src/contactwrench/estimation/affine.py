@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..calibration.fields import Finding, Kind, Severity
+from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import require_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, free_wrench, gravity_in_flange

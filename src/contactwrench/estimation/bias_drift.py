@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.fields import Kind
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..statistics import two_digits
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Alternative, Finding, Kind, Severity
+from ..calibration.fields import Alternative
+from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import UnobservableError, refuse
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.fields import Kind
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import RigidTool
 from .bias_drift import Drift

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..calibration.fields import Finding, Kind
+from ..calibration.findings import Finding, Kind
 from ..geometry.arrays import Array
 from ..samples.poses import Pose
 from ..statistics import counted, two_digits

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.fields import Kind
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, matrix_jacobian, wrench_jacobian, wrench_matrix

@@ -6,7 +6,7 @@ from collections.abc import Set
 
 import numpy as np
 
-from ..calibration.fields import BIAS_MOVED, Kind
+from ..calibration.findings import BIAS_MOVED, Kind
 from ..geometry.arrays import Array
 from ..model import (
     matrix_jacobian,

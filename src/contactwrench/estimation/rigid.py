@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.fields import Kind
+from ..calibration.findings import Kind
 from ..model import PARAMETERS, RigidTool
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Finding, Kind
+from ..calibration.findings import Finding, Kind
 from ..errors import AmbiguityError, UnobservableError, refuse
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..calibration.fields import Finding, Kind
+from ..calibration.findings import Finding, Kind
 from ..calibration.observability import require_full_rank
 from ..errors import AmbiguityError, UnobservableError
 from ..geometry.arrays import Array

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.fields import Kind
+from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import (
     GRAVITY,

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..assess.verify import LeftOver, compare
 from ..calibration.calibration import Calibration
-from ..calibration.fields import BIAS_MOVED
+from ..calibration.findings import BIAS_MOVED
 from ..calibration.observability import LEVER
 from ..calibration.text import alternative_rows, fit_facts, fit_rows, headline, parameter_rows, verdict_sentences
 from ..files import write_text

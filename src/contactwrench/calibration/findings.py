@@ -1,0 +1,103 @@
+"""What calibrating found beside the numbers: by kind and severity, and why a verdict is doubtful."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+WEAK_SHARE = 0.1
+"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
+
+
+class Severity(StrEnum):
+    """What a finding means for the result: nothing is wrong; something is to be looked at, the numbers hold; they hold
+    only if something holds that the readings do not show (`Doubt` says what); a number, or its std, is not to be
+    trusted; readings took no part in the fit.
+    """
+
+    NOTE = "note"
+    WARNING = "warning"
+    DOUBTFUL = "doubtful"
+    WEAK = "weak"
+    REFUSED = "refused"
+
+
+class Kind(StrEnum):
+    """What a finding is of."""
+
+    SATURATED_ROWS = "saturated_rows"
+    LOADED_ROWS = "loaded_rows"
+    STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
+    POSES_ON_THE_WAY = "poses_on_the_way"
+    POSE_LEFT_OUT = "pose_left_out"
+    POSE_IN_DOUBT = "pose_in_doubt"
+    BIAS_STEPPED = "bias_stepped"
+    BIAS_DRIFTED = "bias_drifted"
+    BIAS_WANDERED = "bias_wandered"
+    TWO_LEVELS = "two_levels"
+    GAIN = "gain"
+    CABLE = "cable"
+    ROBOT = "robot"
+    SIGN_NOT_CONFIRMED = "sign_not_confirmed"
+    MIRRORED_AXIS = "mirrored_axis"
+    UNCERTAIN_PARAMETER = "uncertain_parameter"
+    ADVICE = "advice"
+    FEW_DEGREES_OF_FREEDOM = "few_degrees_of_freedom"
+    UNEQUAL_NOISE = "unequal_noise"
+    BEYOND_STATED_NOISE = "beyond_stated_noise"
+    POOR_FIT = "poor_fit"
+    FAR_CENTRE_OF_MASS = "far_centre_of_mass"
+    CROSS_TALK = "cross_talk"
+    CORRELATED_POSES = "correlated_poses"
+    NO_HELD_OUT_ERROR = "no_held_out_error"
+    CONTRADICTS_PRIOR = "contradicts_prior"
+    CONTRADICTS_OTHERS = "contradicts_others"
+    BIAS_SHIFTED = "bias_shifted"
+    NEGATIVE_MASS = "negative_mass"
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Kind:
+        """A kind that a later version found."""
+        return cls.OTHER
+
+
+class Doubt(StrEnum):
+    """Why a verdict is doubtful, and what to do."""
+
+    MODEL = "the model does not explain the readings: compare the other models, look for a cable, a contact, a gain"
+    ASSUMPTION = "an assumption decides the answer: confirm it, or record poses that tell"
+    MOVED = "a moving bias or poses left out took much of what the poses tell: record more, warmed up, free of contact"
+
+
+BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
+DOUBT_OF_KIND = {
+    Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
+    Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
+    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that calibrating found beside the numbers.
+
+    Attributes:
+        kind: what it is of.
+        severity: what it means for the result.
+        text: one sentence for people; it begins with `weak` or `doubtful` where the severity is that.
+    """
+
+    kind: Kind
+    severity: Severity
+    text: str
+
+    @classmethod
+    def weak(cls, kind: Kind, text: str) -> Finding:
+        """A finding that says "weak" itself, for those who read warnings only."""
+        return cls(kind, Severity.WEAK, f"weak: {text}")
+
+    @classmethod
+    def doubtful(cls, kind: Kind, text: str) -> Finding:
+        """A finding that says "doubtful" itself."""
+        return cls(kind, Severity.DOUBTFUL, f"doubtful: {text}")
