@@ -116,8 +116,8 @@ def _course_found(calibration: cw.Calibration) -> tuple[str, int | None]:
     """The course of the bias that the findings tell of, and how many poses lie before a step."""
     for finding in calibration.findings:
         if finding.kind in FOUND:
-            before = re.search(r"between pose (\d+)", finding.text)
-            return FOUND[finding.kind], None if before is None else int(before[1])
+            before = re.search(r"before pose (\d+)", finding.text)
+            return FOUND[finding.kind], None if before is None else int(before[1]) - 1
     return "steady", None
 
 

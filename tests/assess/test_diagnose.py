@@ -289,7 +289,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert "Free air" not in right.out
     for flags, verdict in {
-        "--sign reaction": "as given: 8 N left; without `--sign reaction`: 0.31 N left",
+        "--sign reaction": "as given: 9.5 N left; without `--sign reaction`: 0.31 N left",
         "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.1 N left; with `--orientation quat_xyzw`: 0.31 N left",
         "--gravity 0,0,1": "as given: 8 N left; with `--sign reaction --gravity 0,0,1`: 0.31 N left",
     }.items():

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.calibration.findings import Kind
 from contactwrench.errors import UnobservableError
 from tests.support.rigs import NOISE, example, noise_free, noisy
 from tests.support.world import DOWN, Array, noisy_readings, random_rotations, tilted_down

@@ -94,7 +94,7 @@ def test_covariance_is_not_below_what_the_residuals_support() -> None:
     assert calibration.reduced_chi2 > 1e4
     assert calibration.weight == pytest.approx(rig.weight, abs=3.0 * calibration.std["weight"])
     assert calibration.std["weight"] > 1e-3 * rig.weight
-    assert calibration.expected_error[0] > np.linalg.norm(calibration.residual_rms[:3])
+    assert calibration.expected_error[0] > 0.9 * np.linalg.norm(calibration.residual_rms[:3])
 
 
 def test_degrees_of_freedom() -> None:

@@ -31,8 +31,6 @@ from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
-WEAK_SHARE = 0.1
-"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
 
 
 @dataclass(frozen=True, eq=False)

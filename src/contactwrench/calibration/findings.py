@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+WEAK_SHARE = 0.1
+"""Of the weight: a calibration whose error in the contact force is larger somewhere is weak."""
+
 
 class Severity(StrEnum):
     """What a finding means for the result: nothing is wrong; something is to be looked at, the numbers hold; they hold

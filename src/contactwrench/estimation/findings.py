@@ -12,8 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..calibration.fields import WEAK_SHARE
-from ..calibration.findings import Finding, Kind, Severity
+from ..calibration.findings import WEAK_SHARE, Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations

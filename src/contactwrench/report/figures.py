@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..assess.verify import LeftOver
 from ..calibration.calibration import Calibration
-from ..calibration.fields import WEAK_SHARE
+from ..calibration.findings import WEAK_SHARE
 from ..calibration.observability import LEVER
 from ..errors import MissingExtraError
 from ..geometry.arrays import Array
