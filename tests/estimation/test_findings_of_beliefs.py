@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.estimation.estimate import Beliefs, RigidEstimate
 from contactwrench.estimation.findings import uncertain_parameters
@@ -16,7 +17,7 @@ from contactwrench.estimation.noise import PoseReadings, readings_of
 from contactwrench.estimation.priors import Question
 from contactwrench.estimation.rigid import estimated
 from contactwrench.samples.poses import Pose
-from tests.support.rigs import NOISE, example
+from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import DOWN, noisy_readings
 
 SAID = {
@@ -66,3 +67,17 @@ def test_a_contact_force_hardly_known_somewhere_is_weak_where_no_parameter_says_
         "weak: the contact force has a std of 2.8 N at some orientations, over 10 % of the weight",
     )
     assert advice.kind is Kind.ADVICE
+
+
+def test_poses_left_out_that_are_all_off_by_the_same_are_in_doubt_and_others_are_not() -> None:
+    rig, R, rng = example(31)
+    pushes = {"alike": np.tile([2.0, 0.0, 1.0, 0.05, 0.0, 0.1], (4, 1)), "apart": 2.0 * rng.normal(size=(4, 6))}
+    for name, pushed in pushes.items():
+        wrench = noisy(rig, R, rng).wrench.copy()
+        wrench[[3, 9, 14, 20]] += pushed
+        calibration = cw.calibrate(cw.Samples(wrench, R), "mount")
+        assert sum(pose.rejected is not None for pose in calibration.poses) == 4
+        found = [text for text in calibration.warnings if "all off by the same" in text]
+        assert [text.startswith("doubtful: the 4 poses left out are all off by the same, ") for text in found] == [
+            True
+        ] * (name == "alike")

@@ -24,6 +24,9 @@ LARGE_SHARE = 0.25
 LIKE_CONTACTS = 0.3
 """Of the poses: so few after a step may as well be in contact, all in the same way."""
 
+MOST_SCATTER = 3.0
+"""Times the variance of the noise: errors that scatter less are alike."""
+
 MOST_NAMED = 6
 COUNTED = "(probability {}): it is counted in every std"
 WITH_ORIENTATION = {
@@ -83,7 +86,17 @@ def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
     if out > LARGE_SHARE * len(names):
         text = f"{out} of {len(names)} poses were left out: record more, free of contact"
         found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
+    elif out > 1 and _alike(estimate.errors[~estimate.kept] / estimate.noise):
+        off = _force_and_torque(estimate.errors[~estimate.kept].mean(axis=0))
+        text = f"the {out} poses left out are all off by the same, {off}: if that is backlash, the bias lies between"
+        found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     return found
+
+
+def _alike(errors: Array) -> bool:
+    """Whether errors (k, 6) in units of the noise differ from each other by no more than that."""
+    off = errors - errors.mean(axis=0)
+    return float(np.sum(off**2)) < MOST_SCATTER * 6.0 * (len(errors) - 1.0)
 
 
 def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> list[Finding]:
