@@ -291,7 +291,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     for flags, verdict in {
         "--sign reaction": "as given: 9.5 N left; without `--sign reaction`: 0.31 N left",
         "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.1 N left; with `--orientation quat_xyzw`: 0.31 N left",
-        "--gravity 0,0,1": "as given: 8 N left; with `--sign reaction --gravity 0,0,1`: 0.31 N left",
+        "--gravity 0,0,1": "as given: 9.5 N left; with `--sign reaction --gravity 0,0,1`: 0.31 N left",
     }.items():
         assert run(capsys, "diagnose", PANDA, *flags.split()).out.splitlines()[0] == verdict
 

@@ -222,7 +222,7 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
     gain = float(np.sum(whitened**2)) - rest
     dof, added = 6.0 * n - AFFINE_PARAMETERS, AFFINE_PARAMETERS - RIGID_PARAMETERS
     shows = n >= FEWEST_POSES_FOR_MATRIX and float(fdtrc(added, dof, gain / added / (rest / dof))) <= SIGNIFICANCE
-    B = np.asarray(np.linalg.lstsq(A, readings.wrench, rcond=None)[0].T, dtype=np.float64)
+    B = np.asarray(np.linalg.lstsq(A, readings.wrench - fit.change[fit.kept], rcond=None)[0].T, dtype=np.float64)
     text = (
         f"no rigid tool explains these readings (chance under 0.1 %): their force matrix has the singular values "
         f"{force_matrix(B)} N, a rigid tool's three equal ones; unequal gains, cross-talk or a cable: compare "
