@@ -5,6 +5,7 @@ Expected figures: an independent fit of a rigid model, its mounting free.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from tests.support.rigs import rotation_angle
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 KUKA = DATA / "kuka_atigamma" / "0-calibration_fts-accel.csv"
 KUKA_AT_REST = DATA / "kuka_atigamma" / "0-steady-state_wrench.csv"
+PANDA = DATA / "panda_mini45" / "static_poses.csv"
 AXIA = DATA / "axia80_7"
 TASK_RUNS = DATA / "task_runs"
 
@@ -135,3 +137,27 @@ def test_a_task_is_no_calibration(name: str, capsys: pytest.CaptureFixture[str])
         (verdict,) = (line for line in calibrated.out.splitlines() if line.startswith("Verdict"))
         assert any(word in verdict for word in ("weak", "doubtful"))
     assert run(capsys, "diagnose", path).status == 0
+
+
+def _printed() -> cw.Samples:
+    """2,000 rows at each of 12 orientations, no times."""
+    return cw.read(DATA / "printed_sensor" / "rows.csv", orientation="euler:xyz:rad:roll,pitch,yaw")
+
+
+@needs_kuka
+@pytest.mark.parametrize(
+    ("recorded", "weight"),
+    [(_kuka, 9.156), (_axia, 10.804), (_printed, 3.031), (lambda: cw.read(PANDA), 0.78813 * 9.81)],
+    ids=["kuka", "axia", "printed", "panda"],
+)
+def test_the_stated_weight_lies_within_three_std_from_rows_and_from_means(
+    recorded: Callable[[], cw.Samples], weight: float
+) -> None:
+    rows = cw.calibrate(recorded())
+    means = cw.Samples(
+        np.array([pose.wrench for pose in rows.poses]), np.array([pose.R_base_flange for pose in rows.poses])
+    )
+    for calibration in (rows, cw.calibrate(means)):
+        assert calibration.weight is not None
+        assert abs(calibration.weight - weight) < 3.0 * calibration.std["weight"]
+        assert calibration.std["weight"] < 0.05 * weight

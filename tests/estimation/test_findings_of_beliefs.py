@@ -81,3 +81,19 @@ def test_poses_left_out_that_are_all_off_by_the_same_are_in_doubt_and_others_are
         assert [text.startswith("doubtful: the 4 poses left out are all off by the same, ") for text in found] == [
             True
         ] * (name == "alike")
+
+
+def test_a_mounting_far_off_nominal_by_four_poses_is_in_doubt_and_by_twelve_is_not() -> None:
+    rig, R, rng = example(5, poses=12)
+    found = []
+    for n in (4, 12):
+        samples = noisy(rig, R[:n], rng)
+        texts = cw.calibrate(samples).warnings
+        found.append([text for text in texts if "far off nominal" in text])
+    assert found == [
+        [
+            "doubtful: the mounting is far off nominal by 4 poses alone: with so few, readings of the other sign may fit "
+            "another mounting; confirm the sign by a push, or record 6 or more"
+        ],
+        [],
+    ]

@@ -27,6 +27,7 @@ LIKE_CONTACTS = 0.3
 MOST_SCATTER = 3.0
 """Times the variance of the noise: errors that scatter less are alike."""
 
+FEW_POSES = 4
 MOST_NAMED = 6
 COUNTED = "(probability {}): it is counted in every std"
 WITH_ORIENTATION = {
@@ -73,7 +74,20 @@ def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> lis
         *_poses_in_doubt(estimate, beliefs, names),
         *_bias_moved(beliefs, names, poses),
         *_with_orientation(beliefs, names),
+        *_anywhere(estimate, beliefs),
     ]
+
+
+def _anywhere(estimate: Estimate, beliefs: Beliefs) -> list[Finding]:
+    """So few poses with a mounting far off nominal, that the negated readings may fit with another one."""
+    kept = int(estimate.kept.sum())
+    if kept > FEW_POSES or beliefs.any_mounting <= IN_DOUBT:
+        return []
+    text = (
+        f"the mounting is far off nominal by {kept} poses alone: with so few, readings of the other sign may fit another "
+        "mounting; confirm the sign by a push, or record 6 or more"
+    )
+    return [DOUBTFUL(Kind.SIGN_NOT_CONFIRMED, text)]
 
 
 def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
