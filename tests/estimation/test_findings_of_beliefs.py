@@ -92,8 +92,8 @@ def test_a_mounting_far_off_nominal_by_four_poses_is_in_doubt_and_by_twelve_is_n
         found.append([text for text in texts if "far off nominal" in text])
     assert found == [
         [
-            "doubtful: the mounting is far off nominal by 4 poses alone: with so few, readings of the other sign may fit "
-            "another mounting; confirm the sign by a push, or record 6 or more"
+            "doubtful: the mounting is far off nominal by 4 poses alone: with so few, readings of the other sign may "
+            "fit another mounting; confirm the sign by a push, or record 6 or more"
         ],
         [],
     ]

@@ -84,8 +84,8 @@ def _anywhere(estimate: Estimate, beliefs: Beliefs) -> list[Finding]:
     if kept > FEW_POSES or beliefs.any_mounting <= IN_DOUBT:
         return []
     text = (
-        f"the mounting is far off nominal by {kept} poses alone: with so few, readings of the other sign may fit another "
-        "mounting; confirm the sign by a push, or record 6 or more"
+        f"the mounting is far off nominal by {kept} poses alone: with so few, readings of the other sign may fit "
+        "another mounting; confirm the sign by a push, or record 6 or more"
     )
     return [DOUBTFUL(Kind.SIGN_NOT_CONFIRMED, text)]
 
