@@ -215,6 +215,7 @@ def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, le
 
 def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Beliefs:
     """Probabilities, read off the members."""
+    judged = problem.question.model == "auto" and problem.question.earlier is None
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
     of_table = np.repeat(np.arange(len(tables)), [len(table.members.kernel) for table in tables])
     drifts = [table.kernel_of(k)[0] for table in tables for k in range(len(table.members.kernel))]
@@ -246,6 +247,6 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
         levels=likeliest({Kind.TWO_LEVELS})[1],
         mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
         base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
-        any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)),
-        any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)),
+        any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)) * judged,
+        any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)) * judged,
     )
