@@ -9,7 +9,7 @@ from contactwrench.calibration.findings import Kind
 from contactwrench.estimation.bias_drift import Drift, Kernels, kernels_of, possible_drifts
 from contactwrench.estimation.hypotheses import Hypothesis
 from contactwrench.estimation.least_squares import Members, Priors, gram, solved
-from contactwrench.estimation.moments import moments_of, precision_times
+from contactwrench.estimation.moments import moments_of, precision_diagonal, precision_times
 from contactwrench.estimation.noise import NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import Question
@@ -154,3 +154,10 @@ def test_held_out_errors_are_off_what_the_other_poses_predict(kind: Kind | None)
         left = errors - D @ step
         predicted = N[np.ix_(own, others)] @ inverse @ left[others]
         assert found[pose] / NOISE == pytest.approx((left[own] - predicted) / NOISE, abs=0.02)
+
+
+def test_the_precision_s_diagonal_is_that_of_the_dense_inverse() -> None:
+    rng = np.random.default_rng(77)
+    columns, variance = rng.normal(size=(500, 3)), rng.uniform(0.5, 2.0, 500)
+    dense = np.linalg.inv(np.diag(variance) + 9.0 * columns @ columns.T)
+    assert precision_diagonal(columns, 3.0, variance) == pytest.approx(np.diag(dense), rel=1e-9)

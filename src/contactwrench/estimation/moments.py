@@ -71,3 +71,12 @@ def precision_times(columns: Array, strength: float, variance: Array, values: Ar
     weighted = L / variance[:, None]
     inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, L.T @ scaled)
     return scaled - weighted @ inner
+
+
+def precision_diagonal(columns: Array, strength: float, variance: Array) -> Array:
+    """The diagonal (n,) of that `K^-1`."""
+    L = strength * columns
+    weighted = L / variance[:, None]
+    inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, weighted.T)
+    diagonal: Array = 1.0 / variance - np.einsum("nq,qn->n", weighted, inner)
+    return diagonal

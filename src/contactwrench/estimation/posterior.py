@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian, wrench_jacobian
 from .bias_drift import kernels_of
 from .hypotheses import Hypothesis, priors_at
-from .moments import precision_times
+from .moments import precision_diagonal, precision_times
 from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
 from .tables import FAR, Problem, Table, explained, near_kernels, settled, table_at
@@ -141,17 +141,11 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
     J = response_jacobian(table.tool, problem.names)
     R = problem.R_base_flange[kept].reshape(n, 9)
     errors = problem.errors(table.tool)[kept] - R @ np.einsum("p,paj->aj", m.step[best], J).T
-    stacked = np.concatenate([R, errors, np.eye(n), np.ones((n, 1))], axis=1) if n <= 400 else None
-    if stacked is None:
-        of_one = precision_times(L, strength, variance, np.ones((n, 1)))
-        QX = precision_times(L, strength, variance, np.concatenate([R, errors], axis=1))
-        QX = QX - of_one * (of_one[:, 0] @ np.concatenate([R, errors], axis=1)) / of_one.sum()
-        diagonal = 1.0 / variance
-    else:
-        K = precision_times(L, strength, variance, stacked)
-        of_one = K[:, -1:]
-        QX = K[:, :15] - of_one * (of_one[:, 0] @ stacked[:, :15]) / of_one.sum()
-        diagonal = np.diag(K[:, 15:-1]) - of_one[:, 0] ** 2 / of_one.sum()
+    X = np.concatenate([R, errors, np.ones((n, 1))], axis=1)
+    KX = precision_times(L, strength, variance, X)
+    of_one = KX[:, -1:]
+    QX = (KX - of_one * (of_one[:, 0] @ X) / of_one.sum())[:, :15]
+    diagonal = precision_diagonal(L, strength, variance) - of_one[:, 0] ** 2 / of_one.sum()
     inverse = 1.0 / m.variance[best]
     Z = np.einsum("nj,paj->nap", QX[:, :9], J) * inverse[:, None]
     D = diagonal[:, None, None] * np.diag(inverse) - np.einsum(

@@ -66,11 +66,8 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     of_axes = axes @ _of_axes(problem, first) @ axes.T
     covariance = covariance + np.einsum("a,apq->pq", _noisier_alone(problem, first) - 1.0, of_axes)
     of_parameters, of_B = of_orientation(problem, tables, weight)
-    covariance = _nearest_positive(0.5 * (covariance + covariance.T), of_parameters)
-    variance = sum(
-        (np.exp(t.members.log_evidence - np.logaddexp.reduce(log_all)) @ t.members.variance for t in tables),
-        np.zeros(6),
-    )
+    covariance = _nearest_positive(0.5 * (covariance + covariance.T), axes @ of_parameters @ axes.T)
+    variance = weight @ np.concatenate([table.members.variance for table in tables])
     variance = variance * _noisier_alone(problem, first) + _of_levels(problem, tables, weight)
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
