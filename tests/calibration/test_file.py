@@ -260,7 +260,8 @@ BY_TOOL = f"follows from weight, com, bias and R_flange_sensor: {EDITED}"
             f"found B_covariance off what follows from covariance: {EDITED}",
         ),
         ("mount", scaled("B_covariance", 1.01), f"found B_covariance off what follows from covariance: {EDITED}"),
-        ("mount", scaled("noise", -1.0), "noise has a number below 0, expected 0 or more"),
+        ("mount", scaled("noise", -1.0), "noise has a number that is not above 0, expected 6 above 0"),
+        ("mount", scaled("noise", 0.0), "noise has a number that is not above 0, expected 6 above 0"),
         ("mount", replaced("dof", by=-1.0), "dof is -1 and reduced_chi2"),
         ("mount", replaced("yaw", by=None), "model mount lacks weight, mass, com, R_flange_sensor or yaw"),
         (

@@ -24,7 +24,7 @@ _FAMILY, _, _NUMBER = SCHEMA.rpartition("/")
 B_TOLERANCE = 1e-9
 ROUNDING = 1e-14
 COVARIANCE_TOLERANCE = 1e-6
-NOT_NEGATIVE = ("noise", "residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
+NOT_NEGATIVE = ("residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
 _AGAIN = "calibrate again or restore the file"
 
 Form = TypeVar("Form", bound=CalibrationFields)
@@ -137,6 +137,8 @@ def _check(c: CalibrationFields) -> None:
         _require_shape(name, array, shape)
         if name in NOT_NEGATIVE and array is not None and (array < 0.0).any():
             raise InputError(f"{name} has a number below 0, expected 0 or more")
+    if not (c.noise > 0.0).all():
+        raise InputError("noise has a number that is not above 0, expected 6 above 0")
     _check_numbers(c)
     for k, pose in enumerate(c.poses):
         _require_shape(f"poses[{k}].wrench", pose.wrench, (6,))

@@ -83,6 +83,23 @@ Robot = Annotated[
         metavar="NAME|URDF[:LINK]", help="Of a bag: the arm whose joint angles it has, a known one or a URDF."
     ),
 ]
+WrenchColumns = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,C,D,E,F",
+        help="Of a table: the wrench's six columns, or a slice of a list, as in wrench[0:6].",
+    ),
+]
+TimeColumn = Annotated[str | None, typer.Option(metavar="NAME[:UNIT]", help="Of a table: the column of the times.")]
+Units = Annotated[
+    str | None,
+    typer.Option(metavar="force=U,torque=U", help="Of a table: units that no name states, as torque=Nmm."),
+]
+Hdf5 = Annotated[
+    str | None,
+    typer.Option("--hdf5", metavar="wrench=/PATH,pose=/PATH", help="Of an HDF5 file: which datasets hold what."),
+]
+Episode = Annotated[int | None, typer.Option(metavar="N", help="Of a set of recordings: which one.", min=0)]
 Gravity = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
@@ -167,9 +184,15 @@ def _recordings(
     pose_topic: PoseTopic = None,
     frames: Frames = None,
     robot: Robot = None,
+    wrench_columns: WrenchColumns = None,
+    time_column: TimeColumn = None,
+    units: Units = None,
+    hdf5: Hdf5 = None,
+    episode: Episode = None,
 ) -> Recordings:
     axes = (orientation, wrench_frame, sign, inverse_orientation)
-    options = Options(*axes, wrench_topic, pose_topic, None if frames is None else _two_names(frames), robot, pose)
+    of_bag = (wrench_topic, pose_topic, None if frames is None else _two_names(frames), robot)
+    options = Options(*axes, *of_bag, pose, wrench_columns, time_column, units, hdf5, episode)
     named = [option for option, path in {"--wrench": wrench, "--pose": pose}.items() if path is not None]
     if file and named:
         raise InputError(

@@ -147,7 +147,8 @@ def _variance(force: _Regression, torque: _Regression, tool: RigidTool) -> Array
     com = cross_matrix(tool.com)
     left = float(np.sum(torque.left**2)) / (3 * n - 6)
     own = left - float(np.trace(com * of_force @ com.T)) / 3.0
-    return np.array([*of_force, *[max(own, LEAST_OWN_SHARE * left)] * 3])
+    least = np.finfo(np.float64).tiny  # readings without any error still weigh something
+    return np.maximum([*of_force, *[max(own, LEAST_OWN_SHARE * left)] * 3], least)
 
 
 def _covariance(force: _Regression, torque: _Regression, tool: RigidTool, variance: Array) -> Array:

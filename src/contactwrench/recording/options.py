@@ -9,9 +9,11 @@ import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
+from .tables.columns import Naming
 from .tables.table import Table
 
-OF_TABLES, OF_BAGS = ("orientation",), ("wrench_topic", "pose_topic", "frames", "robot")
+OF_TABLES = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "episode")
+OF_BAGS = ("wrench_topic", "pose_topic", "frames", "robot")
 """Options that only one of the kinds has."""
 
 IN_BASE_AXES = (
@@ -36,6 +38,11 @@ class Options:
     frames: tuple[str, str] | None = None
     robot: str | None = None
     pose_file: Path | None = None
+    wrench_columns: str | None = None
+    time_column: str | None = None
+    units: str | None = None
+    hdf5: str | None = None
+    episode: int | None = None
 
     def __post_init__(self) -> None:
         for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):
@@ -49,6 +56,11 @@ class Options:
             value = getattr(self, name)
             if value != getattr(AS_USUAL, name):
                 raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
+
+    @property
+    def naming(self) -> Naming:
+        """Which columns of a table are what."""
+        return Naming(self.orientation, self.wrench_columns, self.time_column, self.units)
 
     def R_base_flange(self, R: Array) -> Array:
         """`R_base_flange` (n, 3, 3) of rotations as they are written."""

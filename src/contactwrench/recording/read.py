@@ -29,13 +29,14 @@ Tell = Callable[[str], None]
 
 def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Table]:
     """A table, or a folder of them, with wrench and orientation side by side."""
-    return (options.applied(table, path) for table in tables(path, options.orientation, rows, advance))
+    return (options.applied(table, path) for table in tables(path, options.naming, rows, advance))
 
 
 def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
     """A table of wrenches, and the `pose_file` with the orientations: a block has what both hold up to one moment."""
     pose_path = options.pose_file or path
-    wrenches, poses = tables(path, None, rows, advance), tables(pose_path, options.orientation, rows, wrench=False)
+    wrenches = tables(path, replace(options.naming, orientation=None), rows, advance)
+    poses = tables(pose_path, options.naming, rows, wrench=False)
     both = merged(
         (options.applied(table, path) for table in wrenches), (options.applied(table, pose_path) for table in poses)
     )
@@ -186,6 +187,11 @@ def read(
     pose_topic: str | None = None,
     frames: tuple[str, str] | None = None,
     robot: str | None = None,
+    wrench_columns: str | None = None,
+    time_column: str | None = None,
+    units: str | None = None,
+    hdf5: str | None = None,
+    episode: int | None = None,
 ) -> Samples:
     """Read a recording: a table (CSV, Parquet), two tables, or a bag.
 
@@ -202,6 +208,11 @@ def read(
         pose_topic: which one of a bag.
         frames: names of base and flange in a bag's tree of transforms.
         robot: whose joint angles a bag has: a known arm's name, or a URDF as PATH[:LINK].
+        wrench_columns: the six columns of the wrench, "a,b,c,d,e,f", or a slice of a list, "observation.wrench[0:6]".
+        time_column: the column of the times, "NAME" or "NAME:UNIT".
+        units: of columns whose names do not say, "force=kgf,torque=Nmm".
+        hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path".
+        episode: which one of a set of recordings.
 
     Returns:
         Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
@@ -214,7 +225,20 @@ def read(
     """
     second = None if pose_file is None else Path(pose_file)
     options = Options(
-        orientation, wrench_frame, sign, inverse_orientation, wrench_topic, pose_topic, frames, robot, second
+        orientation,
+        wrench_frame,
+        sign,
+        inverse_orientation,
+        wrench_topic,
+        pose_topic,
+        frames,
+        robot,
+        second,
+        wrench_columns,
+        time_column,
+        units,
+        hdf5,
+        episode,
     )
     return read_samples(path, options)
 

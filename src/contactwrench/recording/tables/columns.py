@@ -33,6 +33,23 @@ SATURATED = "saturated"
 
 
 @dataclass(frozen=True)
+class Naming:
+    """Which columns of a table are what, as far as it was stated.
+
+    `orientation` as in `Options`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
+    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm".
+    """
+
+    orientation: str | None = "auto"
+    wrench_columns: str | None = None
+    time_column: str | None = None
+    units: str | None = None
+
+
+AS_NAMED = Naming()
+
+
+@dataclass(frozen=True)
 class Column:
     """A column by its place in the file, its name there, and how many of its unit make one of SI."""
 
@@ -114,24 +131,29 @@ class ColumnRoles:
         return *self.orientation, *self.position
 
     @property
+    def understood(self) -> str:
+        """Which column was taken for what, as `fx from "Force X (N)", ...`; empty where all bear the usual names."""
+        return ""
+
+    @property
     def columns(self) -> tuple[Column, ...]:
         """All of them."""
         return *self.t, *self.of_wrench, *self.of_pose
 
 
-def roles_of(table: OpenTable, orientation: str | None = "auto", *, wrench: bool = True) -> ColumnRoles:
+def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
     """Which columns of a recording are what.
 
     Args:
         table: the recording, or one of two files.
-        orientation: as in `Options`; None: of two files the one with the wrenches, no orientation is looked for.
+        naming: what was stated.
         wrench: False: of two files the one with the orientations, no wrench is looked for.
 
     Raises:
         FileFormatError: for a column that is missing, times of two files among them.
     """
     of_wrench = wrench_columns(table) if wrench else []
-    chosen, angles = (None, []) if orientation is None else orientation_columns(table, orientation)
+    chosen, angles = (None, []) if naming.orientation is None else orientation_columns(table, naming.orientation)
     roles = roles_beside(table, of_wrench, chosen, angles)
     if not roles.t and not (of_wrench and angles):
         raise FileFormatError(

@@ -16,7 +16,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention
 from ...samples.samples import LARGEST_READING
-from .columns import ROWS, Advance, Body, Column, ColumnRoles, OpenTable, roles_of
+from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, roles_of
 from .csv import open_csv
 from .parquet import is_parquet, open_parquet
 
@@ -84,7 +84,7 @@ def open_table(path: str | Path, rows: int = ROWS) -> OpenTable:
 
 def tables(
     path: str | Path,
-    orientation: str | None = "auto",
+    naming: Naming = AS_NAMED,
     rows: int = ROWS,
     advance: Advance | None = None,
     *,
@@ -94,7 +94,7 @@ def tables(
 
     Args:
         path: the file, or a folder of Parquet files.
-        orientation: as in `Options`; None: of two files the one with the wrenches.
+        naming: which columns are what, as far as it was stated.
         rows: of a block, about.
         advance: is told how far it is.
         wrench: False: of two files the one with the orientations.
@@ -104,7 +104,7 @@ def tables(
         FileFormatError: naming the file, the row and the column.
     """
     table = open_table(path, rows)
-    roles = roles_of(table, orientation, wrench=wrench)
+    roles = roles_of(table, naming, wrench=wrench)
     return (_table(written_rows(body, roles)) for body in table.told(roles.columns, advance))
 
 

@@ -1,0 +1,1 @@
+"""A calibration as the parameters of other programs and controllers: a file a family."""
