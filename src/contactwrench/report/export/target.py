@@ -1,12 +1,12 @@
-"""What every format of parameters has in common: its name, what it needs beside the calibration, and what it loses."""
+"""What every format of parameters has in common: what a file holds, what it needs beside the calibration and loses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ...calibration.calibration import Calibration
-from ...geometry.arrays import Frozen, Vector
+from ...geometry.arrays import Frozen, Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +27,45 @@ class Setup(Frozen):
     base_frame: str = "base_link"
 
 
+@dataclass(frozen=True, eq=False)
+class Parameters(Frozen):
+    """What a program gets, and what it makes of it.
+
+    `body` in the program's own format, without a comment; `remarks`, a sentence each: unit and frame of every number,
+    and what is assumed; `B` (6, 4) and `gravity_direction` (3,): the program subtracts `B @ [r, 1]` from this sensor's
+    readings, with `r = R_base_flange.T @ gravity_direction` (sensor axes, N and N m). Both are None for a program that
+    subtracts nothing from them, as a robot's own controller that moves a payload.
+    """
+
+    body: str
+    remarks: tuple[str, ...]
+    B: Matrix | None = None
+    gravity_direction: Vector | None = None
+
+
+def commented(mark: str) -> Callable[[Sequence[str], str], str]:
+    """How a header stands above a body in a format whose comments begin with `mark`."""
+
+    def with_header(header: Sequence[str], body: str) -> str:
+        return "".join(f"{mark} {line}".rstrip() + "\n" for line in header) + body
+
+    return with_header
+
+
 @dataclass(frozen=True)
 class Target:
-    """A format: its `name` on the command line, the `program` that reads it in words, the `suffix` of its files, and
-    what writes it; `write` raises `InputError` for what is needed and not stated, and for what it cannot express.
+    """A format of parameters.
+
+    `name` on the command line; `program` that reads it, in words; `suffix` of its files; `needs` beside the calibration
+    and `loses` of it, in a few words, empty for nothing; `parameters` of a calibration, which raises `InputError` for
+    what is needed and not stated and for a calibration without which the file would mean nothing; `with_header` sets
+    the lines of the header over the body, or drops them where the format has no room.
     """
 
     name: str
     program: str
     suffix: str
-    write: Callable[[Calibration, Setup], str]
+    needs: str
+    loses: str
+    parameters: Callable[[Calibration, Setup], Parameters]
+    with_header: Callable[[Sequence[str], str], str] = commented("#")
