@@ -18,6 +18,7 @@ from .compensate import compensate
 from .demo import demo
 from .diagnose import diagnose
 from .diff import diff
+from .export import export
 from .info import info
 from .options import MOST_COLUMNS
 from .plan import plan
@@ -40,7 +41,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
-for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, simulate, demo):
+for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, demo):
     app.command()(verb)
 
 

@@ -21,7 +21,7 @@ def largest_error(calibration: Calibration, B: Array, gravity_direction: Array) 
         gravity_direction: unit vector (3,), base axes, with `r = R_base_flange.T @ gravity_direction`.
 
     Returns:
-        The largest norm of the error of the force, N, and of the torque, N m, to a relative accuracy of 1e-6.
+        The largest norm of the error of the force, N, and of the torque, N m.
     """
     wrong = np.einsum("ij,k->ijk", B[:, :3], gravity_direction)
     right = np.einsum("ij,k->ijk", calibration.B[:, :3], calibration.gravity_direction)
@@ -47,4 +47,5 @@ def _largest(turning: Array, constant: Array) -> float:
 
 def _error(turning: Array, constant: Array, R: Array) -> Array:
     """The error (n, 3) at rotations (n, 3, 3)."""
-    return np.einsum("ijk,nkj->ni", turning, R) + constant
+    error: Array = np.einsum("ijk,nkj->ni", turning, R) + constant
+    return error

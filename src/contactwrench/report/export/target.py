@@ -1,12 +1,17 @@
-"""What every format of parameters has in common: what a file holds, what it needs beside the calibration and loses."""
+"""What every format of parameters has in common: what a program gets, what it makes of it, what it needs and loses."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Frozen, Matrix, Vector
+
+WithHeader: TypeAlias = Callable[[Sequence[str], str], str]
+"""How the lines of a header and the body make a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,25 +36,46 @@ class Setup(Frozen):
 class Parameters(Frozen):
     """What a program gets, and what it makes of it.
 
-    `body` in the program's own format, without a comment; `remarks`, a sentence each: unit and frame of every number,
-    and what is assumed; `B` (6, 4) and `gravity_direction` (3,): the program subtracts `B @ [r, 1]` from this sensor's
-    readings, with `r = R_base_flange.T @ gravity_direction` (sensor axes, N and N m). Both are None for a program that
-    subtracts nothing from them, as a robot's own controller that moves a payload.
+    `body` in the program's own format, without a header; `remarks`, a sentence each: unit and frame of the numbers, and
+    what is assumed; `B` (6, 4) and `gravity_direction` (3,): the program subtracts `B @ [r, 1]` from the readings, pull
+    sign and sensor axes, N and N m, with `r = R_base_flange.T @ gravity_direction`. Both are None for a program that
+    subtracts nothing from them, as a robot's controller that moves a payload. `takes_reaction`: the file is for the
+    readings as they come from the sensor, also where they have the other sign.
     """
 
     body: str
     remarks: tuple[str, ...]
     B: Matrix | None = None
     gravity_direction: Vector | None = None
+    takes_reaction: bool = False
 
 
-def commented(mark: str) -> Callable[[Sequence[str], str], str]:
-    """How a header stands above a body in a format whose comments begin with `mark`."""
+def commented(mark: str) -> WithHeader:
+    """A header above the body, each line a comment that begins with `mark`."""
 
-    def with_header(header: Sequence[str], body: str) -> str:
-        return "".join(f"{mark} {line}".rstrip() + "\n" for line in header) + body
+    def above(header: Sequence[str], body: str) -> str:
+        return "".join(f"{mark} {line}\n" for line in header) + body
 
-    return with_header
+    return above
+
+
+HASH = commented("#")
+
+
+def below(header: Sequence[str], body: str) -> str:
+    """A header behind the numbers, for programs that read so many and then no further."""
+    return body + HASH(header, "")
+
+
+def in_xml(header: Sequence[str], body: str) -> str:
+    """A header above the body as comments of XML, in which no two hyphens may stand side by side."""
+    return "".join(f"<!-- {line.replace('--', '- -')} -->\n" for line in header) + body
+
+
+def in_json(header: Sequence[str], body: str) -> str:
+    """A header as a list under the key `comment`, before the keys of an object, which stand one a line."""
+    lines = ",\n".join(f"    {json.dumps(line)}" for line in header)
+    return body.replace("{\n", f'{{\n  "comment": [\n{lines}\n  ],\n', 1)
 
 
 @dataclass(frozen=True)
@@ -58,8 +84,8 @@ class Target:
 
     `name` on the command line; `program` that reads it, in words; `suffix` of its files; `needs` beside the calibration
     and `loses` of it, in a few words, empty for nothing; `parameters` of a calibration, which raises `InputError` for
-    what is needed and not stated and for a calibration without which the file would mean nothing; `with_header` sets
-    the lines of the header over the body, or drops them where the format has no room.
+    what is needed and not stated, and for a calibration of which the program could make nothing; `with_header`, None
+    where a comment has no room in the file.
     """
 
     name: str
@@ -68,4 +94,4 @@ class Target:
     needs: str
     loses: str
     parameters: Callable[[Calibration, Setup], Parameters]
-    with_header: Callable[[Sequence[str], str], str] = commented("#")
+    with_header: WithHeader | None = HASH

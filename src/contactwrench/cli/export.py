@@ -1,0 +1,71 @@
+"""`contactwrench export`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import InputError
+from ..files import STDOUT
+from ..geometry.arrays import Array
+from . import options
+
+POINT = "three numbers X,Y,Z, m"
+
+
+def export(
+    file: Annotated[Path | None, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")] = None,
+    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="Whose parameters; --list names all.")] = None,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help=f"Where to; {options.OUTPUT_HELP} stdout. [default: -]"),
+    ] = Path(STDOUT),
+    list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
+    tool_mass: Annotated[
+        float | None, options.above_zero("KG", "The tool's mass as weighed, in place of the identified one.")
+    ] = None,
+    sensor_mass: Annotated[float | None, options.not_negative("KG", "The sensor's own, adapters included.")] = None,
+    sensor_com: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="The sensor's centre of mass from the flange, m, flange axes.")
+    ] = None,
+    sensor_offset: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="The sensor's origin from the flange's, m, flange axes.")
+    ] = None,
+    sensor_name: Annotated[str, typer.Option(metavar="NAME", help="The sensor's, in that program.")] = "ft_sensor",
+    sensor_frame: Annotated[str, typer.Option(metavar="NAME", help="Its frame's, in that program.")] = "ft_frame",
+    base_frame: Annotated[str, typer.Option(metavar="NAME", help="The base's frame, in that program.")] = "base_link",
+) -> None:
+    """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
+    from ..calibration.calibration import Calibration
+    from ..files import require_distinct, write_text
+    from ..report.export.export import export as exported
+    from ..report.export.target import Setup
+    from ..report.export.targets import list_text, target_named
+
+    if list_formats:
+        typer.echo(list_text())
+        return
+    if file is None or to is None:
+        raise InputError("expected CAL.json and --to FORMAT: contactwrench export --list names the formats")
+    target = target_named(to)
+    require_distinct(output, {"calibration that is read": file})
+    places = _point(sensor_com, "--sensor-com"), _point(sensor_offset, "--sensor-offset")
+    names = (sensor_name, "--sensor-name"), (sensor_frame, "--sensor-frame"), (base_frame, "--base-frame")
+    setup = Setup(tool_mass, sensor_mass, *places, *(_name(name, option) for name, option in names))
+    done = exported(target, Calibration.load(file), setup, str(file))
+    write_text(output, done.text)
+    for text in done.notes:
+        options.note(text)
+
+
+def _name(name: str, option: str) -> str:
+    if not re.fullmatch(r"[\w./-]+", name):
+        raise InputError(f"{option} is {name!r}, expected a name of letters, digits and _ . / -")
+    return name
+
+
+def _point(text: str | None, option: str) -> Array | None:
+    return None if text is None else options.numbers(text, option, POINT, 3)

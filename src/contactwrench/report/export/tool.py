@@ -1,0 +1,66 @@
+"""The tool as programs want it: a rigid body on the sensor, and numbers that read back exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...calibration.calibration import Calibration
+from ...errors import InputError
+from ...geometry.arrays import Array, Vector
+from ...model import RigidTool
+from .target import Setup
+
+DOWN = np.array([0.0, 0.0, -1.0])
+"""Gravity of programs that take the base for upright, base axes."""
+
+
+def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool:
+    """The identified tool, with the weight of the mass that was stated; its centre of mass stays.
+
+    Args:
+        calibration: of any model but `affine`.
+        setup: with a `tool_mass` kg, or None.
+        target: which asks, for the message.
+
+    Raises:
+        InputError: the model has no mass.
+    """
+    c = calibration
+    if c.weight is None or c.com is None or c.R_flange_sensor is None:
+        raise InputError(
+            f"{target} takes a mass and a centre of mass, found model {c.model}, which has none: calibrate with "
+            "--model auto, or export B itself as code"
+        )
+    weight = c.weight if setup.tool_mass is None else setup.tool_mass * c.g
+    return RigidTool(weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
+
+
+def sensor_offset(setup: Setup, target: str) -> Vector:
+    """Where the sensor's origin is, (3,) m from the flange's, flange axes. Raises `InputError` where nobody said."""
+    if setup.sensor_offset is None:
+        raise InputError(
+            f"{target} counts from the flange, and no reading tells where the sensor's origin is: give --sensor-offset "
+            "X,Y,Z, m from the flange's origin, flange axes (data sheets of sensor and adapter, or the URDF)"
+        )
+    return setup.sensor_offset
+
+
+def roll_pitch_yaw(R: Array) -> Array:
+    """The angles (3,), rad, of `Rz(yaw) Ry(pitch) Rx(roll)`, as in URDF's `rpy`; exact also at a pitch of 90 deg."""
+    yaw = np.arctan2(R[1, 0], R[0, 0])
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
+    return np.array([roll, pitch, yaw])
+
+
+def number(value: float) -> str:
+    """A number in the shortest form that reads back exactly, a float for every reader of YAML: with a point."""
+    digits, power, exponent = repr(float(value) + 0.0).partition("e")
+    return f"{digits if '.' in digits else f'{digits}.0'}{power}{exponent}"
+
+
+def numbers(values: ArrayLike, between: str = ", ") -> str:
+    """Numbers in a row, as `number` writes them."""
+    return between.join(number(value) for value in np.ravel(values))
