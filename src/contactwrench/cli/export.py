@@ -21,7 +21,7 @@ def export(
     to: Annotated[str | None, typer.Option(metavar="FORMAT", help="Whose parameters; --list names all.")] = None,
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="FILE", help=f"Where to; {options.OUTPUT_HELP} stdout. [default: -]"),
+        typer.Option("--output", "-o", metavar="FILE", help=f"Where to; {options.OUTPUT_HELP} stdout."),
     ] = Path(STDOUT),
     list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
     tool_mass: Annotated[

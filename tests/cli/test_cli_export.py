@@ -1,0 +1,96 @@
+"""`contactwrench export`: where it writes, what it lists, notes and refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.report.export.export import export
+from contactwrench.report.export.target import Setup
+from contactwrench.report.export.targets import TARGETS
+from tests.support.recordings import Run, run
+from tests.support.rigs import example, noisy
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def tool(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rig, R, rng = example(11)
+    path = tmp_path_factory.mktemp("calibration") / "tool.json"
+    cw.calibrate(noisy(rig, R, rng), "mount").save(path)
+    return path
+
+
+def exported(path: Path, name: str, **stated: object) -> str:
+    return export(TARGETS[name], cw.Calibration.load(path), Setup(**stated), str(path)).text  # type: ignore[arg-type]
+
+
+def test_it_writes_to_stdout_and_to_a_file(tool: Path, tmp_path: Path, capsys: Capture) -> None:
+    text = exported(tool, "rh20t")
+    assert run(capsys, "export", tool, "--to", "rh20t") == Run(0, text, "")
+    assert run(capsys, "export", tool, "--to", "rh20t", "-o", "-") == Run(0, text, "")
+    assert run(capsys, "export", tool, "--to", "rh20t", "-o", tmp_path / "rh20t.json") == Run(0, "", "")
+    assert (tmp_path / "rh20t.json").read_text() == text
+
+
+def test_what_is_stated_reaches_the_format(tool: Path, capsys: Capture) -> None:
+    flags = ["--sensor-offset", "0.01,0,0.07", "--tool-mass", "0.9", "--sensor-name", "RightHand"]
+    done = run(capsys, "export", tool, "--to", "mc_rtc", *flags)
+    stated = {"sensor_offset": np.array([0.01, 0.0, 0.07]), "tool_mass": 0.9, "sensor_name": "RightHand"}
+    assert done.out == exported(tool, "mc_rtc", **stated)
+    assert done.err.startswith("Note: with these parameters the contact force is off by up to ")
+    flags = ["--sensor-frame", "wrist", "--base-frame", "world"]
+    done = run(capsys, "export", tool, "--to", "admittance_controller", *flags)
+    assert done.out == exported(tool, "admittance_controller", sensor_frame="wrist", base_frame="world")
+
+
+def test_what_is_lost_is_noted_where_it_is_more_than_the_calibration_s_own_error(tool: Path, capsys: Capture) -> None:
+    done = run(capsys, "export", tool, "--to", "admittance_controller")
+    said = next(line for line in done.out.splitlines() if "with these parameters" in line)
+    assert done.err == f"Note: {said.removeprefix('# ')}\n"
+    bias = float(np.linalg.norm(cw.Calibration.load(tool).bias[:3]))
+    assert f"off by up to {bias:.4g} N" in said
+
+
+def test_every_format_is_listed(capsys: Capture) -> None:
+    done = run(capsys, "export", "--list")
+    head, *rows = done.out.splitlines()
+    assert (done.status, done.err) == (0, "")
+    assert head.split("  ")[0] == "format"
+    assert [row.split()[0] for row in rows] == list(TARGETS)
+    assert all(target.program in row for target, row in zip(TARGETS.values(), rows, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "expected CAL.json and --to FORMAT: contactwrench export --list names the formats"),
+        (["TOOL"], "expected CAL.json and --to FORMAT: contactwrench export --list names the formats"),
+        (["TOOL", "--to", "ros"], "--to is 'ros', expected one of NAMES: contactwrench export --list"),
+        (["TOOL", "--to", "rh20t", "-o", "TOOL"], "TOOL: found the calibration that is read, expected another file to "
+         "write: name one"),
+        (["TOOL", "--to", "mc_rtc", "--sensor-offset", "1,2"],
+         "--sensor-offset is '1,2', expected three numbers X,Y,Z, m"),
+        (["TOOL", "--to", "mc_rtc", "--sensor-com", "a,b,c"],
+         "--sensor-com is 'a,b,c', expected three numbers X,Y,Z, m"),
+        (["TOOL", "--to", "rh20t", "--sensor-name", "my sensor"], "--sensor-name is 'my sensor', expected a name of "
+         "letters, digits and _ . / -"),
+        (["TOOL", "--to", "rh20t", "--tool-mass", "0"], "Invalid value for '--tool-mass': found 0, expected a number "
+         "above 0: try 'contactwrench export --help'"),
+        (["TOOL", "--to", "rh20t", "--sensor-mass", "-1"], "Invalid value for '--sensor-mass': found -1, expected a "
+         "number of 0 or more: try 'contactwrench export --help'"),
+    ],
+)  # fmt: skip
+def test_bad_use_is_one_line(arguments: list[str], complaint: str, tool: Path, capsys: Capture) -> None:
+    done = run(capsys, "export", *[each.replace("TOOL", str(tool)) for each in arguments])
+    assert done.complaint == complaint.replace("TOOL", str(tool)).replace("NAMES", ", ".join(TARGETS))
+
+
+def test_a_file_that_is_no_calibration_is_refused(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "none.json"
+    path.write_text("{}")
+    assert run(capsys, "export", path, "--to", "rh20t").complaint == (
+        f"{path}: found schema None, expected 'contactwrench/calibration/1': name a file that calibrate wrote"
+    )
