@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.report.export.export import export
+from contactwrench.report.export.exported import exported
 from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
 from tests.support.recordings import Run, run
@@ -23,12 +23,12 @@ def tool(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def exported(path: Path, name: str, **stated: object) -> str:
-    return export(TARGETS[name], cw.Calibration.load(path), Setup(**stated), str(path)).text  # type: ignore[arg-type]
+def written(path: Path, name: str, **stated: object) -> str:
+    return exported(TARGETS[name], cw.Calibration.load(path), Setup(**stated), str(path)).text  # type: ignore[arg-type]
 
 
 def test_it_writes_to_stdout_and_to_a_file(tool: Path, tmp_path: Path, capsys: Capture) -> None:
-    text = exported(tool, "rh20t")
+    text = written(tool, "rh20t")
     assert run(capsys, "export", tool, "--to", "rh20t") == Run(0, text, "")
     assert run(capsys, "export", tool, "--to", "rh20t", "-o", "-") == Run(0, text, "")
     assert run(capsys, "export", tool, "--to", "rh20t", "-o", tmp_path / "rh20t.json") == Run(0, "", "")
@@ -39,11 +39,11 @@ def test_what_is_stated_reaches_the_format(tool: Path, capsys: Capture) -> None:
     flags = ["--sensor-offset", "0.01,0,0.07", "--tool-mass", "0.9", "--sensor-name", "RightHand"]
     done = run(capsys, "export", tool, "--to", "mc_rtc", *flags)
     stated = {"sensor_offset": np.array([0.01, 0.0, 0.07]), "tool_mass": 0.9, "sensor_name": "RightHand"}
-    assert done.out == exported(tool, "mc_rtc", **stated)
+    assert done.out == written(tool, "mc_rtc", **stated)
     assert done.err.startswith("Note: with these parameters the contact force is off by up to ")
     flags = ["--sensor-frame", "wrist", "--base-frame", "world"]
     done = run(capsys, "export", tool, "--to", "admittance_controller", *flags)
-    assert done.out == exported(tool, "admittance_controller", sensor_frame="wrist", base_frame="world")
+    assert done.out == written(tool, "admittance_controller", sensor_frame="wrist", base_frame="world")
 
 
 def test_what_is_lost_is_noted_where_it_is_more_than_the_calibration_s_own_error(tool: Path, capsys: Capture) -> None:

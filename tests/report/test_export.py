@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind
 from contactwrench.errors import InputError
-from contactwrench.report.export.export import export
+from contactwrench.report.export.exported import exported
 from contactwrench.report.export.losses import largest_error
 from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
@@ -88,7 +88,7 @@ def test_the_header_says_who_made_it_of_what_and_what_it_is_worth() -> None:
     c = cw.calibrate(cw.read(PANDA))
     head = [
         line
-        for line in export(TARGETS["ft_tools_ros2"], c, Setup(), "gripper.json").text.splitlines()
+        for line in exported(TARGETS["ft_tools_ros2"], c, Setup(), "gripper.json").text.splitlines()
         if line[0] == "#"
     ]
     assert head[0] == (
@@ -110,7 +110,7 @@ def test_the_header_says_who_made_it_of_what_and_what_it_is_worth() -> None:
 @pytest.mark.parametrize("name", RIGID)
 def test_a_weak_calibration_is_noted_and_commented(name: str) -> None:
     finding = Finding.weak(Kind.POOR_FIT, 'nothing --fits-- this\ntool; "x" <y> -->')
-    done = export(TARGETS[name], replace(calibration(), findings=(finding,)), SETUP, "t.json")
+    done = exported(TARGETS[name], replace(calibration(), findings=(finding,)), SETUP, "t.json")
     assert finding.text in done.notes
     assert (name == "hrpsys") == ("this tool" not in done.text)
     if name == "rh20t":
@@ -123,7 +123,7 @@ def test_a_weak_calibration_is_noted_and_commented(name: str) -> None:
 def test_a_model_without_a_mass_is_refused(name: str) -> None:
     affine = cw.calibrate(cw.read(PANDA), "affine")
     with pytest.raises(InputError) as raised:
-        export(TARGETS[name], affine, SETUP, "t.json")
+        exported(TARGETS[name], affine, SETUP, "t.json")
     assert str(raised.value) == (
         f"{name} takes a mass and a centre of mass, found model affine, which has none: calibrate with --model auto, "
         "or export B itself as code"
@@ -133,7 +133,7 @@ def test_a_model_without_a_mass_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in RIGID if name != "hrpsys"])
 def test_a_wrench_in_base_axes_is_to_be_turned_first(name: str) -> None:
     c = calibration()
-    done = export(TARGETS[name], replace(c, provenance={**c.provenance, "wrench_frame": "base"}), SETUP, "t.json")
+    done = exported(TARGETS[name], replace(c, provenance={**c.provenance, "wrench_frame": "base"}), SETUP, "t.json")
     said = (
         "the recording's wrench was in base axes (--wrench-frame base): turn it into sensor axes before this program "
         "reads it"
@@ -145,7 +145,7 @@ def test_a_wrench_in_base_axes_is_to_be_turned_first(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in RIGID if name not in ("mc_rtc", "rh20t")])
 def test_names_are_those_that_are_stated(name: str) -> None:
     setup = Setup(sensor_name="wrist_ft", sensor_frame="wrist_frame", base_frame="world", sensor_offset=np.zeros(3))
-    text = export(TARGETS[name], calibration(), setup, "t.json").text
+    text = exported(TARGETS[name], calibration(), setup, "t.json").text
     named = re.search(r"wrist_ft|wrist_frame", text)
     assert named
     assert not re.search(r"ft_sensor\b(?!_ref_link|:)|ft_frame|base_link", text.replace("robot_base_link", ""))

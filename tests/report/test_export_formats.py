@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from contactwrench.errors import InputError
-from contactwrench.report.export.export import Exported, export
+from contactwrench.report.export.exported import Exported, exported
 from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
 from tests.support import oracles
@@ -94,7 +94,7 @@ def test_every_format_is_judged() -> None:
 @pytest.mark.parametrize("name", [name for name in JUDGES if name not in WITHOUT_BIAS])
 def test_a_free_tool_on_an_upright_base_reads_zero(name: str, seed: int) -> None:
     rig, g, R = example(seed, lean=False)
-    done = export(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
+    done = exported(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
     contact = JUDGES[name](done, rig, g)
     assert stated(done.text) == (0.0, 0.0)
     for raw, each in zip(readings(rig, R), R, strict=True):
@@ -105,7 +105,7 @@ def test_a_free_tool_on_an_upright_base_reads_zero(name: str, seed: int) -> None
 @pytest.mark.parametrize("name", TAKES_A_LEAN)
 def test_a_free_tool_on_a_base_that_leans_reads_zero(name: str, seed: int) -> None:
     rig, g, R = example(seed, lean=True)
-    done = export(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
+    done = exported(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
     contact = JUDGES[name](done, rig, g)
     assert "with these parameters" not in done.text
     assert done.notes == ()
@@ -117,7 +117,7 @@ def test_a_free_tool_on_a_base_that_leans_reads_zero(name: str, seed: int) -> No
 @pytest.mark.parametrize("name", [name for name in JUDGES if name not in TAKES_A_LEAN])
 def test_a_free_tool_is_off_by_what_the_file_states(name: str, seed: int) -> None:
     rig, g, R = example(seed, lean=True)
-    done = export(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
+    done = exported(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
     contact = JUDGES[name](done, rig, g)
     assert largest(rig, contact, R) == pytest.approx(stated("\n".join([done.text, *done.notes])), rel=1e-3)
     assert any("with these parameters" in note for note in done.notes)
@@ -129,7 +129,7 @@ def test_a_mass_as_weighed_is_taken_and_what_it_changes_is_stated(name: str) -> 
     calibration = exact_calibration(rig, g=g)
     assert calibration.mass is not None
     mass = 1.2 * calibration.mass
-    done = export(TARGETS[name], calibration, replace(SETUP, tool_mass=mass), "tool.json")
+    done = exported(TARGETS[name], calibration, replace(SETUP, tool_mass=mass), "tool.json")
     contact = JUDGES[name](done, rig, g)
     said = stated("\n".join([done.text, *done.notes]))
     if name == "cartesian_controllers":  # taring takes part of it away, or doubles it
@@ -142,7 +142,7 @@ def test_a_mass_as_weighed_is_taken_and_what_it_changes_is_stated(name: str) -> 
 def test_a_sensor_that_gives_the_reaction(name: str) -> None:
     """The programs that can be told take its readings as they are; for the others they have to be negated first."""
     rig, g, R = example(3, lean=False)
-    done = export(TARGETS[name], exact_calibration(rig, "reaction", g), SETUP, "tool.json")
+    done = exported(TARGETS[name], exact_calibration(rig, "reaction", g), SETUP, "tool.json")
     of_accelerometer = name == "force_torque_tools"
     contact = JUDGES[name](done, rig, -g if of_accelerometer else g)
     turned, back = -1.0 if name in TAKES_REACTION else 1.0, -1.0 if of_accelerometer else 1.0
@@ -157,21 +157,21 @@ def test_a_sensor_that_gives_the_reaction(name: str) -> None:
 
 def test_what_is_off_before_the_taring_is_stated() -> None:
     rig, g, R = example(2, lean=True)
-    done = export(TARGETS["cartesian_controllers"], exact_calibration(rig, g=g), SETUP, "tool.json")
+    done = exported(TARGETS["cartesian_controllers"], exact_calibration(rig, g=g), SETUP, "tool.json")
     controller = oracles.CartesianForceController(done.text)
     assert largest(rig, controller.contact, R) == pytest.approx(stated(done.text, "before that"), rel=1e-3)
 
 
 def test_the_lean_that_a_node_can_be_told() -> None:
     rig, g, R = example(1, lean=True)
-    text = export(TARGETS["ft_tools_ros2"], exact_calibration(rig, g=g), SETUP, "tool.json").text
+    text = exported(TARGETS["ft_tools_ros2"], exact_calibration(rig, g=g), SETUP, "tool.json").text
     told = oracles.ft_tools_ros2(text, tuple(oracles.numbers_behind(text, "gravity_in_reference_frame: ")))
     assert max(np.abs(told(raw, each)).max() for raw, each in zip(readings(rig, R), R, strict=True)) < CLOSE
 
 
 def test_the_bias_that_is_to_be_subtracted_first() -> None:
     rig, g, R = example(1, lean=False)
-    text = export(TARGETS["admittance_controller"], exact_calibration(rig, g=g), SETUP, "tool.json").text
+    text = exported(TARGETS["admittance_controller"], exact_calibration(rig, g=g), SETUP, "tool.json").text
     contact, bias = oracles.admittance_controller(text), np.array(oracles.numbers_behind(text, "subtract "))
     assert max(np.abs(contact(raw - bias, each)).max() for raw, each in zip(readings(rig, R), R, strict=True)) < CLOSE
 
@@ -182,14 +182,14 @@ def test_a_mounting_on_its_side_is_exact_too(roll: float, pitch: float) -> None:
     rig, g, R = example(4, lean=False)
     rig = replace(rig, R_flange_sensor=Rotation.from_euler("xyz", [roll, pitch, 0.4]).as_matrix())
     for name in ("ft_tools_ros2", "mc_rtc"):
-        done = export(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
+        done = exported(TARGETS[name], exact_calibration(rig, g=g), SETUP, "tool.json")
         contact = JUDGES[name](done, rig, g)
         assert max(np.abs(contact(readings(rig, each[None])[0], each)).max() for each in R[:20]) < CLOSE
 
 
 def test_mc_rtc_asks_where_the_sensor_is() -> None:
     with pytest.raises(InputError) as raised:
-        export(TARGETS["mc_rtc"], exact_calibration(example(0, lean=False)[0]), Setup(), "tool.json")
+        exported(TARGETS["mc_rtc"], exact_calibration(example(0, lean=False)[0]), Setup(), "tool.json")
     assert str(raised.value) == (
         "mc_rtc counts from the flange, and no reading tells where the sensor's origin is: give --sensor-offset X,Y,Z, "
         "m from the flange's origin, flange axes (data sheets of sensor and adapter, or the URDF)"

@@ -41,7 +41,7 @@ def export(
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
     from ..calibration.calibration import Calibration
     from ..files import require_distinct, write_text
-    from ..report.export.export import export as exported
+    from ..report.export.exported import exported
     from ..report.export.target import Setup
     from ..report.export.targets import list_text, target_named
 

@@ -154,7 +154,8 @@ def _cartesian_controllers(c: Calibration, setup: Setup) -> Parameters:
     never_tared[:3, 3] = -tool.weight * tool.gravity_direction
     force, torque = largest_error(c, never_tared, tool.gravity_direction)
     remarks = (
-        "ROS 1; gravity in m/s^2, axes of robot_base_link; mass in kg; com in m from the sensor's origin, sensor axes",
+        "ROS 1; gravity in m/s^2, axes of robot_base_link, the recording's base; mass in kg; com in m from the "
+        "sensor's origin, sensor axes",
         mounting_remark(tool, setup.sensor_frame),
         "it knows no bias: in one pose, free of contact, zero the sensor and call the service signal_taring; before "
         f"that the contact force is off by up to {force:.4g} N and the torque by up to {torque:.4g} N m",

@@ -13,7 +13,11 @@ from .losses import largest_error
 from .target import Parameters, Setup, Target
 
 EXACT = 1e-6
-"""N and N m: an error below it is of no number worth."""
+"""N and N m: an error below it is rounding."""
+
+OF_THE_RECORDING = (
+    "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
+)
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def export(target: Target, calibration: Calibration, setup: Setup, source: str) -> Exported:
+def exported(target: Target, calibration: Calibration, setup: Setup, source: str) -> Exported:
     """A calibration in the format of a program.
 
     Args:
@@ -40,7 +44,7 @@ def export(target: Target, calibration: Calibration, setup: Setup, source: str) 
     weak = [finding.text for finding in calibration.findings if finding.severity is Severity.WEAK]
     other = _other_readings(calibration, parameters)
     loss, matters = _loss(calibration, parameters)
-    said = [*weak, *parameters.remarks, *other, *loss]
+    said = [*weak, *parameters.remarks, *([] if parameters.B is None else [OF_THE_RECORDING]), *other, *loss]
     if target.with_header is None:
         return Exported(parameters.body, tuple(said))
     header = [" ".join(line.splitlines()) for line in (*_origin(target, calibration, source), *said)]
