@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...calibration.calibration import Calibration
-from ...errors import InputError
-from ...geometry.arrays import Array
+from ...model import wrench_matrix
 from .target import Parameters, Setup, Target, commented
+from .tool import numbers, rigid_tool
 
 C = """\
 #pragma once
@@ -78,53 +78,37 @@ REMARKS = (
     "R_base_flange turns coordinates in flange axes into base axes: of the flange and base whose orientation was "
     "recorded for the calibration",
 )
-OF_READING = {
-    ("sign", "reaction"): "the calibration was read with --sign reaction: negate the sensor's six numbers first",
-    ("wrench_frame", "base"): "the calibration was read with --wrench-frame base: turn force and torque into flange "
-    "axes first, R_base_flange^T times each",
-    ("inverse_orientation", True): "the calibration was read with --inverse-orientation: transpose what the robot "
-    "reports first",
-}
-"""What was done to the recording before it was fitted, and is to be done to every reading."""
+INVERSE = "the robot reports R_flange_base (--inverse-orientation): hand over its transpose"
 
 
-def _parameters(template: str, row: str, between: str, calibration: Calibration, setup: Setup) -> Parameters:
+def _parameters(target: str, template: str, row: str, between: str, c: Calibration, setup: Setup) -> Parameters:
     """Every number in its shortest exact form, in a `template`."""
-    if setup.tool_mass is not None:
-        raise InputError(
-            f"found --tool-mass {setup.tool_mass:g}, expected none: these lines hold B as it was identified; leave it "
-            f"out, or calibrate with --known mass={setup.tool_mass:g}+-STD"
-        )
-    rows = between.join(row.format(_exact(line)) for line in calibration.B)
-    done = tuple(text for (name, value), text in OF_READING.items() if calibration.provenance.get(name) == value)
-    body = template.format(rows=rows, d=_exact(calibration.gravity_direction))
-    return Parameters(body, (*REMARKS, *done), calibration.B, calibration.gravity_direction)
-
-
-def _exact(values: Array) -> str:
-    return ", ".join(map(repr, values.tolist()))
+    B = c.B if setup.tool_mass is None else wrench_matrix(rigid_tool(c, setup, target))
+    body = template.format(rows=between.join(row.format(numbers(line)) for line in B), d=numbers(c.gravity_direction))
+    remarks = (*REMARKS, *([INVERSE] if c.provenance.get("inverse_orientation") else []))
+    return Parameters(body, remarks, B, c.gravity_direction)
 
 
 def _c(calibration: Calibration, setup: Setup) -> Parameters:
-    return _parameters(C, "    {{{}}}", ",\n", calibration, setup)
+    return _parameters("c", C, "    {{{}}}", ",\n", calibration, setup)
 
 
 def _python(calibration: Calibration, setup: Setup) -> Parameters:
-    return _parameters(PYTHON, "    [{}],", "\n", calibration, setup)
+    return _parameters("python", PYTHON, "    [{}],", "\n", calibration, setup)
 
 
 def _matlab(calibration: Calibration, setup: Setup) -> Parameters:
-    return _parameters(MATLAB, "    {}", ";\n", calibration, setup)
+    return _parameters("matlab", MATLAB, "    {}", ";\n", calibration, setup)
 
 
-def _in_a_block(header: Sequence[str], body: str) -> str:
-    """A header as one comment of C, whatever the header holds."""
+def in_c(header: Sequence[str], body: str) -> str:
+    """A header above the body as one comment of C, which no line of it can end."""
     lines = [line.replace("*/", "* /").replace("/*", "/ *") for line in header]
     return "/*\n" + "".join(f" * {line}".rstrip() + "\n" for line in lines) + " */\n" + body
 
 
 TARGETS = (
-    Target("c", "a loop of one's own in C99 or C++", ".h", "", "", _c, _in_a_block),
+    Target("c", "a loop of one's own in C99 or C++", ".h", "", "", _c, in_c),
     Target("python", "a loop of one's own with numpy", ".py", "", "", _python, commented("#")),
     Target(
         "matlab", "a loop of one's own in MATLAB or Octave: contact_wrench.m", ".m", "", "", _matlab, commented("%")

@@ -9,12 +9,12 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...errors import InputError
 from ...geometry.arrays import Frozen, Vector
-from ...model import RigidTool, wrench_matrix
+from ...model import wrench_matrix
 from ...statistics import three_digits
 from .losses import largest_error
 from .target import Parameters, Setup
+from .tool import DOWN, rigid_tool
 
-UPRIGHT = np.array([0.0, 0.0, -1.0])
 NOTICED = 1e-6
 """N and N m: what a file of rounded numbers loses anyhow is not worth a remark."""
 OFFSET = "--sensor-offset X,Y,Z (m, flange axes, from the flange's origin to the sensor's: on its drawing)"
@@ -39,7 +39,7 @@ class Payload(Frozen):
     torque_error: float
 
     def parameters(self, body: str, unit: str, upright: str, *remarks: str) -> Parameters:
-        """What a controller gets: its `body`, lengths in `unit`, and `upright`, which tells it of a tilted base."""
+        """What a controller gets: its `body`, lengths in `unit`, and `upright`, which tells it how the base leans."""
         lines = [
             f"mass in kg, centre of mass in {unit}, flange axes, from the flange's origin: the tool "
             f"({fixed(self.tool_mass, 6)} kg) with the sensor as stated ({fixed(self.mass - self.tool_mass, 6)} kg); "
@@ -53,52 +53,39 @@ class Payload(Frozen):
         if max(self.weight_error, self.torque_error) > NOTICED:
             force, torque = three_digits(self.weight_error), three_digits(self.torque_error)
             lines.append(
-                f"a controller that takes gravity to be along -z of its base is off by up to {force} N in the tool's "
-                f"weight and {torque} N m in its torque about the sensor; {upright} tells it of a tilted base"
+                f"a controller that takes gravity to be along -z of its base is off by up to {force} N in "
+                f"the identified weight and {torque} N m in its torque about the sensor; {upright} tells it how the base "
+                "leans"
             )
         return Parameters(body, (*lines, *remarks))
 
 
-def payload_on_flange(calibration: Calibration, setup: Setup) -> Payload:
+def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Payload:
     """The payload that a calibrated tool and its sensor make on the robot's flange.
 
     Args:
-        calibration: of a rigid tool.
+        calibration: of any model but `affine`.
         setup: with `sensor_offset`, `sensor_mass` and, above 0 kg, `sensor_com`.
+        target: which asks, for the message.
 
     Returns:
-        Mass and centre of mass, and what a controller without the tilt of the base then gets wrong.
+        Mass and centre of mass, and what a controller that does not know how the base leans then gets wrong.
 
     Raises:
-        InputError: what is needed was not stated, or the calibration has no mass.
+        InputError: what is needed was not stated, or the model has no mass.
     """
     offset, sensor_mass = setup.sensor_offset, setup.sensor_mass
     sensor_com = np.zeros(3) if sensor_mass == 0.0 else setup.sensor_com
     if offset is None or sensor_mass is None or sensor_com is None:
-        given = ((OFFSET, offset), (MASS, sensor_mass), (COM, sensor_com))
-        missing = [flag for flag, value in given if value is None]
-        raise InputError(
-            f"found no {missing[0].split()[0]}, expected it for a payload, which counts from the flange with the "
-            f"sensor's own mass: state {' and '.join(missing)}"
-        )
-    if calibration.mass is None or calibration.com is None or calibration.R_flange_sensor is None:
-        raise InputError(
-            f"found model {calibration.model}, which has no mass, expected a rigid one for a payload: calibrate with "
-            "--model mount, or export to c, python or matlab, which take every model"
-        )
-    tool_mass = calibration.mass if setup.tool_mass is None else setup.tool_mass
-    tool_on_flange = offset + calibration.R_flange_sensor @ calibration.com
+        stated = ((OFFSET, offset), (MASS, sensor_mass), (COM, sensor_com))
+        missing = " and ".join(flag for flag, value in stated if value is None)
+        raise InputError(f"{target} counts from the flange, with the sensor's own mass: give {missing}")
+    tool = rigid_tool(calibration, setup, target)
+    tool_mass = tool.weight / calibration.g
     mass = tool_mass + sensor_mass
-    as_understood = RigidTool(
-        tool_mass * calibration.g, calibration.com, calibration.bias, calibration.R_flange_sensor, UPRIGHT
-    )
-    return Payload(
-        mass,
-        (tool_mass * tool_on_flange + sensor_mass * sensor_com) / mass,
-        tool_mass,
-        calibration.com,
-        *largest_error(calibration, wrench_matrix(as_understood), UPRIGHT),
-    )
+    moment = tool_mass * (offset + tool.R_flange_sensor @ tool.com) + sensor_mass * sensor_com
+    off = largest_error(calibration, wrench_matrix(tool), DOWN)
+    return Payload(mass, moment / mass, tool_mass, tool.com, *off)
 
 
 def fixed(value: float, digits: int) -> str:

@@ -10,7 +10,7 @@ from .payload import fixed, payload_on_flange
 from .target import Parameters, Setup, Target, commented
 
 NEEDS = "--sensor-offset, --sensor-mass, --sensor-com"
-LOSES = "bias; a tilted base, unless the robot was told of it"
+LOSES = "the bias, a base that leans (a setting of the robot)"
 IN_MM, IN_CM = 1e3, 1e2
 
 
@@ -28,7 +28,7 @@ def _ur(calibration: Calibration, setup: Setup) -> Parameters:
     force: universal-robots.com, SW10_6 prod-scriptmanual set_target_payload; set_gravity: article 7th-axis gravity
     settings, (0, 0, 9.82) on an upright base, the acceleration that holds the robot up.
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "ur")
     mass, cog = fixed(payload.mass, 8), _listed(payload.com)
     upward = -calibration.g * calibration.gravity_direction
     x, y, z = (f"{part:.2f}" for part in (IN_MM * payload.com).tolist())
@@ -48,7 +48,7 @@ def _franka(calibration: Calibration, setup: Setup) -> Parameters:
     """frankaemika/libfranka include/franka/robot.h (setLoad) and robot_state.h (m_total); frankaemika/franka_ros2
     franka_msgs/srv/SetLoad.srv.
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "franka")
     mass, com, inertia = fixed(payload.mass, 8), _listed(payload.com), ", ".join(["0.0"] * 9)
     return payload.parameters(
         f"mass: {mass}\ncenter_of_mass: [{com}]\nload_inertia: [{inertia}]\n",
@@ -67,7 +67,7 @@ def _kuka(calibration: Calibration, setup: Setup) -> Parameters:
     """KRL's LOAD in $config.dat; frames and names: Beckhoff TF5120, KRC_WriteLoadData (M; X, Y, Z and A, B, C relative
     to the flange; JX, JY, JZ); LoadData of the LBR iiwa: examples of Sunrise.Connectivity (kg, mm).
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "kuka")
     mass, com = fixed(payload.mass, 8), (IN_MM * payload.com).tolist()
     x, y, z = (fixed(part, 6) for part in com)
     return payload.parameters(
@@ -85,7 +85,7 @@ def _abb(calibration: Calibration, setup: Setup) -> Parameters:
     """RAPID reference manual, loaddata and tooldata: kg, mm, quaternion q1..q4, kg m^2; the centre of gravity of a
     tool's load is in the wrist's coordinates, that of a payload in the tool's; all inertia 0: a point mass.
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "abb")
     return payload.parameters(
         f"PERS loaddata tool_with_sensor:=[{fixed(payload.mass, 8)},[{_listed(payload.com, IN_MM, 6, ',')}],"
         "[1,0,0,0],0,0,0];\n",
@@ -100,7 +100,7 @@ def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
     """The screen MOTION/PAYLOAD SET (kg, cm, kgf cm s^2; x up, y right and z out of the faceplate of an arm at zero,
     the axes of tool frame 0): Lincoln Electric, Setting robot payload.
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "fanuc")
     centre = zip("XYZ", (IN_CM * payload.com).tolist(), strict=True)
     lines = [f"PAYLOAD           [kg]       : {fixed(payload.mass, 8)}"]
     lines += [f"PAYLOAD CENTER {axis}  [cm]       : {fixed(part, 7)}" for axis, part in centre]
@@ -118,7 +118,7 @@ def _xarm(calibration: Calibration, setup: Setup) -> Parameters:
     """xArm-Developer/xArm-Python-SDK xarm/wrapper/xarm_api.py (set_tcp_load: kg, mm) and xarm/x3/ft_sensor.py
     (set_ft_sensor_load_offset: mass, centre of mass in mm, offset; the sum for set_tcp_load takes it in m).
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "xarm")
     sign = -1.0 if calibration.provenance.get("sign") == "reaction" else 1.0
     own = f"{fixed(payload.tool_mass, 8)}, {_mm(payload.tool_com)}, {_listed(sign * calibration.bias)}"
     return payload.parameters(
@@ -137,7 +137,7 @@ def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
     source/SDKManual/PythonRobotForceControl.rst: SetLoadWeight kg, SetLoadCoord mm, SetForceSensorPayload kg,
     SetForceSensorPayloadCog mm.
     """
-    payload = payload_on_flange(calibration, setup)
+    payload = payload_on_flange(calibration, setup, "fairino")
     mass = fixed(payload.mass, 8)
     return payload.parameters(
         f"robot.SetLoadWeight(0, {mass})\nrobot.SetLoadCoord({_mm(payload.com)})\n",
