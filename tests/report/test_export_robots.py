@@ -70,6 +70,16 @@ def test_a_robot_computes_the_weight_that_hangs_on_its_flange(name: str) -> None
         assert not load.inertia.any()
 
 
+def test_the_mass_is_the_weight_over_the_gravity_that_was_stated() -> None:
+    rig, _ = calibrated(3, 0.0)
+    R = random_rotations(20, np.random.default_rng(8))
+    at_the_pole = cw.calibrate(noise_free(rig, R), model="mount", g=9.832)
+    setup = replace(STATED, sensor_mass=0.0)
+    assert abs(READERS["abb"](written("abb", at_the_pole, setup)[0]).mass - rig.weight / 9.832) < 1e-7
+    weighed = replace(setup, tool_mass=2.5)
+    assert abs(READERS["abb"](written("abb", at_the_pole, weighed)[0]).mass - 2.5) < 1e-7
+
+
 @EVERY_ROBOT
 def test_a_sensor_inside_the_robot_weighs_nothing_and_has_no_centre(name: str) -> None:
     rig, calibration = calibrated(1)
@@ -87,7 +97,7 @@ def test_the_remarks_are_comments_and_say_what_is_not_there(name: str) -> None:
     assert text.startswith("\n".join(comments))
     assert {f"{mark}{remark}" for remark in remarks.splitlines()} <= set(comments)
     assert "a calibration finds no moments of inertia: those written are 0, a point mass" in remarks
-    assert "nothing is subtracted from this sensor's readings, and its bias is not in here" in remarks
+    assert "from the readings of a sensor outside nothing is subtracted, and its bias is not in here" in remarks
     assert max(map(len, text.splitlines())) < 471  # what KRL takes in a line
 
 

@@ -47,15 +47,14 @@ class Payload(Frozen):
             "flange axes, here and in the flags, are those whose orientation was recorded: with a turned TCP set then, "
             "the TCP's",
             "a calibration finds no moments of inertia: those written are 0, a point mass",
-            "for the robot's own motion, hand guiding and collision detection: nothing is subtracted from this "
-            "sensor's readings, and its bias is not in here",
+            "for the robot's own motion, hand guiding and collision detection, and for a sensor inside it; from the "
+            "readings of a sensor outside nothing is subtracted, and its bias is not in here",
         ]
         if max(self.weight_error, self.torque_error) > NOTICED:
             force, torque = three_digits(self.weight_error), three_digits(self.torque_error)
             lines.append(
-                f"a controller that takes gravity to be along -z of its base is off by up to {force} N in "
-                f"the identified weight and {torque} N m in its torque about the sensor; {upright} tells it how the base "
-                "leans"
+                f"a controller that takes gravity to be along -z of its base is off by up to {force} N in the identified "
+                f"weight and {torque} N m in its torque about the sensor; {upright} tells it how the base leans"
             )
         return Parameters(body, (*lines, *remarks))
 
