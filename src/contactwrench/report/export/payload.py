@@ -53,8 +53,9 @@ class Payload(Frozen):
         if max(self.weight_error, self.torque_error) > NOTICED:
             force, torque = three_digits(self.weight_error), three_digits(self.torque_error)
             lines.append(
-                f"a controller that takes gravity to be along -z of its base is off by up to {force} N in the identified "
-                f"weight and {torque} N m in its torque about the sensor; {upright} tells it how the base leans"
+                f"a controller that takes gravity to be along -z of its base is off by up to {force} N in the "
+                f"identified weight and {torque} N m in its torque about the sensor; {upright} tells it how the base "
+                "leans"
             )
         return Parameters(body, (*lines, *remarks))
 

@@ -45,8 +45,8 @@ def _ur(calibration: Calibration, setup: Setup) -> Parameters:
 
 
 def _franka(calibration: Calibration, setup: Setup) -> Parameters:
-    """frankaemika/libfranka include/franka/robot.h (setLoad) and robot_state.h (m_total); frankaemika/franka_ros2
-    franka_msgs/srv/SetLoad.srv.
+    """frankaemika/libfranka include/franka/robot.h (setLoad), robot_state.h (m_total) and issue 48 (what stays on the
+    flange is set in Desk); frankaemika/franka_ros2 franka_msgs/srv/SetLoad.srv.
     """
     payload = payload_on_flange(calibration, setup, "franka")
     mass, com, inertia = fixed(payload.mass, 8), _listed(payload.com), ", ".join(["0.0"] * 9)
@@ -57,7 +57,9 @@ def _franka(calibration: Calibration, setup: Setup) -> Parameters:
         f"libfranka: robot.setLoad({mass}, {{{com}}}, {{{inertia}}}); inertia about the centre of mass, column by "
         "column, kg m^2",
         "franka_msgs/srv/SetLoad; in ROS 1 center_of_mass is called F_x_center_load",
-        "the robot adds the end effector that is set in Desk (m_total = m_ee + m_load): set none there",
+        "what stays on the flange may as well be Desk's end effector, with these numbers; the robot adds the two "
+        "(m_total = m_ee + m_load): never both",
+        "whether a robot takes moments of inertia of 0 is not published: should it refuse, write 0.001 on the diagonal",
         "O_T_EE is the end effector's orientation: recorded with another F_T_EE than the flange's own axes (a Franka "
         "Hand: turned by -45 deg about z), turn center_of_mass by the rotation in F_T_EE",
     )
