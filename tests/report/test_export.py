@@ -126,7 +126,7 @@ def test_a_model_without_a_mass_is_refused(name: str) -> None:
         exported(TARGETS[name], affine, SETUP, "t.json")
     assert str(raised.value) == (
         f"{name} takes a mass and a centre of mass, found model affine, which has none: calibrate with --model auto, "
-        "or export B itself as code"
+        "or export B itself with --to c, python or matlab"
     )
 
 

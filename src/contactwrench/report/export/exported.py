@@ -9,11 +9,8 @@ from ...calibration.findings import Severity
 from ...calibration.text import headline, parameter_rows
 from ...statistics import two_digits
 from ...version import __version__
-from .losses import largest_error
+from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup, Target
-
-EXACT = 1e-6
-"""N and N m: an error below it is rounding."""
 
 OF_THE_RECORDING = (
     "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
@@ -89,7 +86,7 @@ def _loss(c: Calibration, parameters: Parameters) -> tuple[list[str], bool]:
     if parameters.B is None or parameters.gravity_direction is None:
         return [], False
     force, torque = largest_error(c, parameters.B, parameters.gravity_direction)
-    if max(force, torque) < EXACT:
+    if max(force, torque) < ROUNDING:
         return [], False
     own_force, own_torque = c.largest_std
     text = (

@@ -8,6 +8,8 @@ from ...calibration.calibration import Calibration
 from ...geometry.arrays import Array
 from ...geometry.rotations import spread_rotations
 
+ROUNDING = 1e-6
+"""N and N m: a smaller error is that of rounded numbers, and not worth a remark."""
 STARTS, MOST_STEPS = 24, 2000
 LEAST_GAIN = 1e-10
 """Relative, a step: where the climb ends, which is then within 1e-6 of the top."""

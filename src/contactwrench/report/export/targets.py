@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ...errors import InputError
-from . import research, ros
+from . import code, research, robots, ros
 from .target import Target
 
-TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS)}
+TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *code.TARGETS)}
 
 
 def target_named(name: str) -> Target:

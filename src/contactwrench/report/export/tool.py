@@ -30,7 +30,7 @@ def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool
     if c.weight is None or c.com is None or c.R_flange_sensor is None:
         raise InputError(
             f"{target} takes a mass and a centre of mass, found model {c.model}, which has none: calibrate with "
-            "--model auto, or export B itself as code"
+            "--model auto, or export B itself with --to c, python or matlab"
         )
     weight = c.weight if setup.tool_mass is None else setup.tool_mass * c.g
     return RigidTool(weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)

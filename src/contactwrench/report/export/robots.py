@@ -1,0 +1,169 @@
+"""The payload in the words of each maker's robot controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ...calibration.calibration import Calibration
+from ...geometry.arrays import Vector
+from .payload import fixed, payload_on_flange
+from .target import Parameters, Setup, Target, commented
+
+NEEDS = "--sensor-offset, --sensor-mass, --sensor-com"
+LOSES = "the bias, a base that leans (a setting of the robot)"
+IN_MM, IN_CM = 1e3, 1e2
+
+
+def _listed(vector: Vector, scale: float = 1.0, digits: int = 9, between: str = ", ") -> str:
+    """A vector's numbers in a row, in m unless `scale` says otherwise."""
+    return between.join(fixed(part, digits) for part in (scale * vector).tolist())
+
+
+def _mm(com: Vector) -> str:
+    return _listed(com, IN_MM, 6)
+
+
+def _ur(calibration: Calibration, setup: Setup) -> Parameters:
+    """URScript manual: set_payload(m, cog), kg and m from the tool mount (set_target_payload: the same); payload and
+    force: universal-robots.com, SW10_6 prod-scriptmanual set_target_payload; set_gravity: article 7th-axis gravity
+    settings, (0, 0, 9.82) on an upright base, the acceleration that holds the robot up.
+    """
+    payload = payload_on_flange(calibration, setup, "ur")
+    mass, cog = fixed(payload.mass, 8), _listed(payload.com)
+    upward = -calibration.g * calibration.gravity_direction
+    x, y, z = (f"{part:.2f}" for part in (IN_MM * payload.com).tolist())
+    return payload.parameters(
+        f"set_payload({mass}, [{cog}])\n",
+        "m",
+        f"set_gravity([{_listed(upward, digits=6)}])",
+        f"PolyScope, Installation, Payload: {payload.mass:.3f} kg, CX {x} mm, CY {y} mm, CZ {z} mm",
+        "where set_payload is deprecated, set_target_payload takes the same two arguments",
+        "ur_msgs/srv/SetPayload: mass and center_of_gravity are these numbers",
+        "setting a payload zeroes the force reading: do it with the tool free; get_tcp_force() has the payload "
+        "subtracted already, so subtract nothing from it again",
+    )
+
+
+def _franka(calibration: Calibration, setup: Setup) -> Parameters:
+    """frankaemika/libfranka include/franka/robot.h (setLoad), robot_state.h (m_total) and issue 48 (what stays on the
+    flange is set in Desk); frankaemika/franka_ros2 franka_msgs/srv/SetLoad.srv.
+    """
+    payload = payload_on_flange(calibration, setup, "franka")
+    mass, com, inertia = fixed(payload.mass, 8), _listed(payload.com), ", ".join(["0.0"] * 9)
+    return payload.parameters(
+        f"mass: {mass}\ncenter_of_mass: [{com}]\nload_inertia: [{inertia}]\n",
+        "m",
+        "no setting of libfranka",
+        f"libfranka: robot.setLoad({mass}, {{{com}}}, {{{inertia}}}); inertia about the centre of mass, column by "
+        "column, kg m^2",
+        "franka_msgs/srv/SetLoad; in ROS 1 center_of_mass is called F_x_center_load",
+        "what stays on the flange may as well be Desk's end effector, with these numbers; the robot adds the two "
+        "(m_total = m_ee + m_load): never both",
+        "whether a robot takes moments of inertia of 0 is not published: should it refuse, write 0.001 on the diagonal",
+        "O_T_EE is the end effector's orientation: recorded with another F_T_EE than the flange's own axes (a Franka "
+        "Hand: turned by -45 deg about z), turn center_of_mass by the rotation in F_T_EE",
+    )
+
+
+def _kuka(calibration: Calibration, setup: Setup) -> Parameters:
+    """KRL's LOAD in $config.dat; frames and names: Beckhoff TF5120, KRC_WriteLoadData (M; X, Y, Z and A, B, C relative
+    to the flange; JX, JY, JZ); LoadData of the LBR iiwa: examples of Sunrise.Connectivity (kg, mm).
+    """
+    payload = payload_on_flange(calibration, setup, "kuka")
+    mass, com = fixed(payload.mass, 8), (IN_MM * payload.com).tolist()
+    x, y, z = (fixed(part, 6) for part in com)
+    return payload.parameters(
+        f"LOAD_DATA[1]={{M {mass},CM {{X {x},Y {y},Z {z},A 0.0,B 0.0,C 0.0}},J {{X 0.0,Y 0.0,Z 0.0}}}}\n",
+        "mm",
+        "$ROBROOT",
+        "$config.dat of a KR C, with the number of your tool for 1, or by hand as the tool's load data (M; X, Y, Z mm; "
+        "A, B, C deg; JX, JY, JZ kg m^2); $LOAD=LOAD_DATA[1] makes it active",
+        f"LBR iiwa, Sunrise: LoadData load = new LoadData(); load.setMass({mass}); "
+        f"load.setCenterOfMass({x}, {y}, {z});",
+    )
+
+
+def _abb(calibration: Calibration, setup: Setup) -> Parameters:
+    """RAPID reference manual, loaddata and tooldata: kg, mm, quaternion q1..q4, kg m^2; the centre of gravity of a
+    tool's load is in the wrist's coordinates, that of a payload in the tool's; all inertia 0: a point mass.
+    """
+    payload = payload_on_flange(calibration, setup, "abb")
+    return payload.parameters(
+        f"PERS loaddata tool_with_sensor:=[{fixed(payload.mass, 8)},[{_listed(payload.com, IN_MM, 6, ',')}],"
+        "[1,0,0,0],0,0,0];\n",
+        "mm",
+        "Gravity Alpha with Gravity Beta (topic Motion, type Robot)",
+        "the third part (tload) of your tooldata, which counts in the wrist's coordinates, tool0; GripLoad counts in "
+        "the active tool's: there only with tool0",
+    )
+
+
+def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
+    """The screen MOTION/PAYLOAD SET (kg, cm, kgf cm s^2; x up, y right and z out of the faceplate of an arm at zero,
+    the axes of tool frame 0): Lincoln Electric, Setting robot payload.
+    """
+    payload = payload_on_flange(calibration, setup, "fanuc")
+    centre = zip("XYZ", (IN_CM * payload.com).tolist(), strict=True)
+    lines = [f"PAYLOAD           [kg]       : {fixed(payload.mass, 8)}"]
+    lines += [f"PAYLOAD CENTER {axis}  [cm]       : {fixed(part, 7)}" for axis, part in centre]
+    lines += [f"PAYLOAD INERTIA {axis} [kgfcms^2] : 0.0" for axis in "XYZ"]
+    return payload.parameters(
+        "".join(f"{line}\n" for line in lines),
+        "cm",
+        "the mount angle of the robot setup",
+        "MENU, SYSTEM, MOTION, DETAIL of a schedule; PAYLOAD[n] in a program makes schedule n active; the same as "
+        "$PLST_GRP1[n].$PAYLOAD, $PAYLOAD_X, ...",
+    )
+
+
+def _xarm(calibration: Calibration, setup: Setup) -> Parameters:
+    """xArm-Developer/xArm-Python-SDK xarm/wrapper/xarm_api.py (set_tcp_load: kg, mm) and xarm/x3/ft_sensor.py
+    (set_ft_sensor_load_offset: mass, centre of mass in mm, offset; the sum for set_tcp_load takes it in m).
+    """
+    payload = payload_on_flange(calibration, setup, "xarm")
+    sign = -1.0 if calibration.provenance.get("sign") == "reaction" else 1.0
+    own = f"{fixed(payload.tool_mass, 8)}, {_mm(payload.tool_com)}, {_listed(sign * calibration.bias)}"
+    return payload.parameters(
+        f"arm.set_tcp_load({fixed(payload.mass, 8)}, [{_mm(payload.com)}])\n",
+        "mm",
+        f"arm.set_gravity_direction([{_listed(calibration.gravity_direction)}])",
+        f"UFACTORY's own sensor also takes arm.set_ft_sensor_load_offset([{own}]): tool's mass, centre of mass (mm) "
+        "and offset (N, N m) in the sensor's axes. What the firmware makes of axes and signs is not published: use it "
+        "only if arm.get_ft_sensor_data() then reads about 0 in several orientations of the free tool",
+        "leave its association_setting_tcp_load False: SDK 1.17 adds mm to m there",
+    )
+
+
+def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
+    """FAIR-INNOVATION/fairino-python-sdk linux/fairino/Robot.py and FAIR-documentation
+    source/SDKManual/PythonRobotForceControl.rst: SetLoadWeight kg, SetLoadCoord mm, SetForceSensorPayload kg,
+    SetForceSensorPayloadCog mm.
+    """
+    payload = payload_on_flange(calibration, setup, "fairino")
+    mass = fixed(payload.mass, 8)
+    return payload.parameters(
+        f"robot.SetLoadWeight(0, {mass})\nrobot.SetLoadCoord({_mm(payload.com)})\n",
+        "mm",
+        "robot.SetRobotInstallAngle(yangle, zangle)",
+        f"an SDK before load numbers takes robot.SetLoadWeight({mass})",
+        f"a sensor that the controller reads: robot.SetForceSensorPayload({fixed(payload.tool_mass, 8)}), "
+        f"robot.SetForceSensorPayloadCog({_mm(payload.tool_com)}): the tool alone, from the sensor's origin in its "
+        "axes. The manual names no axes: use it only if the free tool then reads the same in several orientations",
+    )
+
+
+def _target(
+    name: str, program: str, suffix: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]
+) -> Target:
+    return Target(name, program, suffix, NEEDS, LOSES, parameters, commented(mark))
+
+
+TARGETS = (
+    _target("ur", "Universal Robots: URScript and PolyScope", ".script", "#", _ur),
+    _target("franka", "Franka: SetLoad", ".yaml", "#", _franka),
+    _target("kuka", "KUKA: load data of KR C and LBR iiwa", ".dat", ";", _kuka),
+    _target("abb", "ABB: loaddata of RAPID", ".mod", "!", _abb),
+    _target("fanuc", "FANUC: payload schedule", ".txt", "#", _fanuc),
+    _target("xarm", "UFACTORY xArm: Python SDK", ".py", "#", _xarm),
+    _target("fairino", "Fairino: Python SDK", ".py", "#", _fairino),
+)

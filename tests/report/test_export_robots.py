@@ -1,0 +1,247 @@
+"""A payload as robots are told it: their own units and frames give the weight that hangs on the flange."""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.errors import InputError
+from contactwrench.geometry.wrench import STANDARD_GRAVITY
+from contactwrench.report.export.exported import exported
+from contactwrench.report.export.target import Setup
+from contactwrench.report.export.targets import TARGETS
+from tests.support.controllers import READERS, Load
+from tests.support.rigs import noise_free
+from tests.support.world import Array, Rig, random_rig, random_rotations, tilted_down, with_down
+
+G = STANDARD_GRAVITY
+STATED = Setup(
+    sensor_mass=0.347, sensor_com=np.array([0.004, -0.003, 0.021]), sensor_offset=np.array([0.011, -0.007, 0.043])
+)
+SEEDS = range(5)
+EVERY_ROBOT = pytest.mark.parametrize("name", READERS)
+
+
+@cache
+def calibrated(seed: int, tilt: float = 0.05) -> tuple[Rig, cw.Calibration]:
+    """A tool of any weight and mounting on a base that is tilted by so much (rad), and its calibration."""
+    rng = np.random.default_rng(seed)
+    rig = with_down(random_rig(rng), tilted_down(tilt, rng))
+    model = "mount+base" if tilt else "mount"
+    return rig, cw.calibrate(noise_free(rig, random_rotations(20, rng)), model=model)
+
+
+def written(name: str, calibration: cw.Calibration, setup: Setup = STATED) -> tuple[str, str]:
+    """The whole file for a robot, and its remarks one a line."""
+    target = TARGETS[name]
+    parameters = target.parameters(calibration, setup)
+    assert parameters.B is None
+    assert parameters.gravity_direction is None
+    return exported(target, calibration, setup, "cal.json").text, "\n".join(parameters.remarks)
+
+
+def hanging(rig: Rig, setup: Setup, R_base_flange: Array) -> Array:
+    """What tool and sensor exert on the flange (n, 6), flange axes, about its origin: formed in base axes."""
+    assert setup.sensor_mass is not None
+    assert setup.sensor_com is not None
+    assert setup.sensor_offset is not None
+    R_base_sensor = R_base_flange @ rig.R_flange_sensor
+    force, torque = np.zeros((2, len(R_base_flange), 3))
+    arms = (R_base_flange @ setup.sensor_offset + R_base_sensor @ rig.com, R_base_flange @ setup.sensor_com)
+    for arm, weight in zip(arms, (rig.weight, setup.sensor_mass * G), strict=True):
+        force += weight * rig.down
+        torque += np.cross(arm, weight * rig.down)
+    return np.concatenate([(R_base_flange.transpose(0, 2, 1) @ part[..., None])[..., 0] for part in (force, torque)], 1)
+
+
+@EVERY_ROBOT
+def test_a_robot_computes_the_weight_that_hangs_on_its_flange(name: str) -> None:
+    for seed in SEEDS:
+        rig, calibration = calibrated(seed)
+        load = READERS[name](written(name, calibration)[0])
+        R = random_rotations(40, np.random.default_rng(seed + 100))
+        assert np.abs(load.wrench(R, rig.down, G) - hanging(rig, STATED, R)).max() < 1e-6
+        assert not load.inertia.any()
+
+
+def test_the_mass_is_the_weight_over_the_gravity_that_was_stated() -> None:
+    rig, _ = calibrated(3, 0.0)
+    R = random_rotations(20, np.random.default_rng(8))
+    at_the_pole = cw.calibrate(noise_free(rig, R), model="mount", g=9.832)
+    setup = replace(STATED, sensor_mass=0.0)
+    assert abs(READERS["abb"](written("abb", at_the_pole, setup)[0]).mass - rig.weight / 9.832) < 1e-7
+    weighed = replace(setup, tool_mass=2.5)
+    assert abs(READERS["abb"](written("abb", at_the_pole, weighed)[0]).mass - 2.5) < 1e-7
+
+
+@EVERY_ROBOT
+def test_a_sensor_inside_the_robot_weighs_nothing_and_has_no_centre(name: str) -> None:
+    rig, calibration = calibrated(1)
+    inside = Setup(sensor_mass=0.0, sensor_offset=np.zeros(3))
+    load = READERS[name](written(name, calibration, inside)[0])
+    assert abs(load.mass - rig.weight / G) < 1e-7
+    assert np.abs(load.com - rig.R_flange_sensor @ rig.com).max() < 1e-8
+
+
+@EVERY_ROBOT
+def test_the_remarks_are_comments_and_say_what_is_not_there(name: str) -> None:
+    text, remarks = written(name, calibrated(0)[1])
+    mark = {"kuka": "; ", "abb": "! "}.get(name, "# ")
+    comments = [line for line in text.splitlines() if line.startswith(mark)]
+    assert text.startswith("\n".join(comments))
+    assert {f"{mark}{remark}" for remark in remarks.splitlines()} <= set(comments)
+    assert "a calibration finds no moments of inertia: those written are 0, a point mass" in remarks
+    assert "from the readings of a sensor outside nothing is subtracted, and its bias is not in here" in remarks
+    assert max(map(len, text.splitlines())) < 471  # what KRL takes in a line
+
+
+def stated_error(remarks: str) -> tuple[float, float]:
+    found = re.search(r"is off by up to (\S+) N in the identified weight and (\S+) N m in its torque", remarks)
+    assert found
+    return float(found.group(1)), float(found.group(2))
+
+
+@EVERY_ROBOT
+def test_a_robot_that_was_not_told_of_the_tilt_is_off_by_what_the_file_says(name: str) -> None:
+    rig, calibration = calibrated(2)
+    _, remarks = written(name, calibration)
+    R = random_rotations(20_000, np.random.default_rng(7))
+    tool = Load(rig.weight / G, rig.com)  # on the sensor
+    R_base_sensor = R @ rig.R_flange_sensor
+    error = tool.wrench(R_base_sensor, np.array([0.0, 0.0, -1.0]), G) - tool.wrench(R_base_sensor, rig.down, G)
+    for stated, part in zip(stated_error(remarks), (error[:, :3], error[:, 3:]), strict=True):
+        largest = np.linalg.norm(part, axis=1).max()
+        assert 0.97 * stated < largest < 1.005 * stated  # three digits are written
+
+
+def test_an_upright_base_leaves_no_error_to_state() -> None:
+    for name in READERS:
+        assert "off by up to" not in written(name, calibrated(3, 0.0)[1])[1]
+
+
+def test_the_commands_for_a_tilted_base_point_the_way_their_manuals_say() -> None:
+    rig, calibration = calibrated(4)
+    acceleration = re.search(r"set_gravity\((\[.+?\])\)", written("ur", calibration)[1])
+    direction = re.search(r"set_gravity_direction\((\[.+?\])\)", written("xarm", calibration)[1])
+    assert acceleration
+    assert direction
+    # UR: (0, 0, 9.82) on an upright base; xArm: (0, 0, -1)
+    assert np.allclose(ast.literal_eval(acceleration.group(1)), -G * rig.down, atol=1e-5)
+    assert np.allclose(ast.literal_eval(direction.group(1)), rig.down, atol=1e-8)
+
+
+def test_a_weighed_tool_takes_the_place_of_the_identified_one() -> None:
+    rig, calibration = calibrated(3, 0.0)
+    assert calibration.mass is not None
+    setup = replace(STATED, tool_mass=calibration.mass + 0.05)
+    text, remarks = written("ur", calibration, setup)
+    R = random_rotations(40, np.random.default_rng(1))
+    heavier = replace(rig, weight=rig.weight + 0.05 * G)
+    assert np.abs(READERS["ur"](text).wrench(R, rig.down, G) - hanging(heavier, STATED, R)).max() < 1e-6
+    force, torque = stated_error(remarks)
+    assert abs(force - 0.05 * G) < 0.005 * force
+    assert abs(torque - 0.05 * G * np.linalg.norm(rig.com)) < 0.005 * torque
+
+
+def test_tool_and_sensor_are_joined_as_the_makers_of_sensors_join_them() -> None:
+    """SCHUNK Software Module for URCap, 1369443, p. 18, for the FT-AXIA80: kg, mm, tool from the sensing origin; and
+    xArm-Python-SDK xarm/x3/ft_sensor.py, set_ft_sensor_load_offset, with its sum in mm throughout.
+    """
+    rig, _ = calibrated(3, 0.0)
+    straight = cw.calibrate(
+        noise_free(replace(rig, R_flange_sensor=np.eye(3)), random_rotations(20, np.random.default_rng(0))),
+        model="mount",
+    )
+    m, (x, y, z) = rig.weight / G, (1e3 * rig.com).tolist()
+    axia = Setup(
+        sensor_mass=0.558,
+        sensor_com=np.array([0.0, 0.0, 1e-3 * 12.7224 / 0.558]),
+        sensor_offset=np.array([0.0, 0.0, 0.0464]),
+    )
+    of_schunk = np.array([m * x, m * y, 12.7224 + m * (z + 46.4)]) / (0.558 + m)
+    load = READERS["ur"](written("ur", straight, axia)[0])
+    assert abs(load.mass - 0.558 - m) < 1e-7
+    assert np.abs(1e3 * load.com - of_schunk).max() < 1e-5
+
+    ufactory = Setup(
+        sensor_mass=0.270, sensor_com=np.array([-0.017, 0.009, 0.0118]), sensor_offset=np.array([0.0, 0.0, 0.032])
+    )
+    weight = m + 0.270
+    of_sdk = [(0.270 * -17 + m * x) / weight, (0.270 * 9 + m * y) / weight, (0.270 * 11.8 + m * (32 + z)) / weight]
+    load = READERS["xarm"](written("xarm", straight, ufactory)[0])
+    assert abs(load.mass - weight) < 1e-7
+    assert np.abs(1e3 * load.com - of_sdk).max() < 1e-5
+
+
+def test_what_else_can_be_pasted_says_the_same() -> None:
+    _, calibration = calibrated(0)
+    load = READERS["ur"](written("ur", calibration)[0])
+    mm = (1e3 * load.com).tolist()
+
+    def numbers(name: str, pattern: str) -> list[float]:
+        found = re.search(pattern, written(name, calibration)[1])
+        assert found
+        return [float(number) for number in re.findall(r"-?\d+\.\d+", found.group(1))]
+
+    x, y, z = mm
+    on_the_pendant = f"{load.mass:.3f} kg, CX {x:.2f} mm, CY {y:.2f} mm, CZ {z:.2f} mm"
+    assert f"PolyScope, Installation, Payload: {on_the_pendant}" in written("ur", calibration)[1]
+    assert np.allclose(numbers("franka", r"setLoad\((.+?)\);"), [load.mass, *load.com, *np.zeros(9)], atol=1e-8)
+    assert np.allclose(numbers("kuka", r"setMass(.+)"), [load.mass, *mm], atol=1e-5)
+    assert np.allclose(numbers("fairino", r"takes robot.SetLoadWeight(.+)"), [load.mass], atol=1e-8)
+
+
+@pytest.mark.parametrize(("sign", "turned"), [("pull", 1.0), ("reaction", -1.0)])
+def test_a_sensor_of_the_robots_own_gets_the_tool_alone_in_its_axes(sign: str, turned: float) -> None:
+    rig, calibration = calibrated(1)
+    read = replace(calibration, provenance={**calibration.provenance, "sign": sign})
+    alone = [rig.weight / G, *(1e3 * rig.com)]
+    found = re.search(r"set_ft_sensor_load_offset\((\[.+?\])\)", written("xarm", read)[1])
+    assert found
+    assert np.allclose(ast.literal_eval(found.group(1)), [*alone, *(turned * rig.bias)], atol=1e-5)
+    found = re.search(
+        r"SetForceSensorPayload\((.+?)\), robot.SetForceSensorPayloadCog\((.+?)\)", written("fairino", read)[1]
+    )
+    assert found
+    assert np.allclose(ast.literal_eval(f"[{', '.join(found.groups())}]"), alone, atol=1e-5)
+
+
+OFFSET = "--sensor-offset X,Y,Z (m, flange axes, from the flange's origin to the sensor's: on its drawing)"
+MASS = "--sensor-mass KG (sensor and adapter: data sheet or scales; 0 for a sensor inside the robot)"
+COM = "--sensor-com X,Y,Z (m, flange axes, from the flange's origin to their centre of mass)"
+SAYS = "counts from the flange, with the sensor's own mass: give"
+
+
+@pytest.mark.parametrize(
+    ("setup", "message"),
+    [
+        (Setup(), f"{SAYS} {OFFSET} and {MASS} and {COM}"),
+        (replace(STATED, sensor_offset=None), f"{SAYS} {OFFSET}"),
+        (replace(STATED, sensor_mass=None), f"{SAYS} {MASS}"),
+        (replace(STATED, sensor_com=None), f"{SAYS} {COM}"),
+        (Setup(sensor_mass=0.0), f"{SAYS} {OFFSET}"),
+    ],
+)
+@EVERY_ROBOT
+def test_what_a_payload_needs_is_asked_for(name: str, setup: Setup, message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        written(name, calibrated(0)[1], setup)
+    assert str(refused.value) == f"{name} {message}"
+
+
+@EVERY_ROBOT
+def test_a_model_without_a_mass_is_no_payload(name: str) -> None:
+    rig, _ = calibrated(0)
+    affine = cw.calibrate(noise_free(rig, random_rotations(20, np.random.default_rng(3))), model="affine")
+    with pytest.raises(InputError) as refused:
+        written(name, affine)
+    assert str(refused.value) == (
+        f"{name} takes a mass and a centre of mass, found model affine, which has none: calibrate with --model auto, "
+        "or export B itself with --to c, python or matlab"
+    )
