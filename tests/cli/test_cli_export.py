@@ -56,11 +56,12 @@ def test_what_is_lost_is_noted_where_it_is_more_than_the_calibration_s_own_error
 
 def test_every_format_is_listed(capsys: Capture) -> None:
     done = run(capsys, "export", "--list")
-    head, *rows = done.out.splitlines()
+    lines = done.out.splitlines()
     assert (done.status, done.err) == (0, "")
-    assert head.split("  ")[0] == "format"
-    assert [row.split()[0] for row in rows] == list(TARGETS)
-    assert all(target.program in row for target, row in zip(TARGETS.values(), rows, strict=True))
+    assert [line for line in lines if line[0] != " "] == list(TARGETS)
+    programs = [lines[lines.index(name) + 1].strip() for name in TARGETS]
+    assert programs == [target.program for target in TARGETS.values()]
+    assert max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,9 @@ def target_named(name: str) -> Target:
 
 
 def list_text() -> str:
-    """All formats in columns: name, file, what it needs beside the calibration, what it loses, and the program."""
-    rows = [("format", "file", "needs", "cannot express", "program")]
-    rows += [(t.name, t.suffix or "-", t.needs or "-", t.loses or "-", t.program) for t in TARGETS.values()]
-    width = [max(len(row[k]) for row in rows) for k in range(4)]
-    return "\n".join("  ".join(f"{cell:<{w}}" for cell, w in zip(row, [*width, 0], strict=True)) for row in rows)
+    """All formats, each with the program that reads it, and what it needs beside the calibration and loses of it."""
+    lines = []
+    for target in TARGETS.values():
+        needs, loses = f"needs {target.needs}" if target.needs else "", f"loses {target.loses}" if target.loses else ""
+        lines += [target.name, *(f"    {said}" for said in (target.program, needs, loses) if said)]
+    return "\n".join(lines)
