@@ -17,7 +17,8 @@ from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, sec
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
 from .read import bag_blocks, reader_of
-from .tables.columns import TIME, Advance, optional
+from .tables.columns import AS_NAMED, Advance
+from .tables.roles import time_columns
 from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
@@ -113,7 +114,7 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
     table = open_table(path)
-    t_columns = optional(table, ["t"], TIME)
+    t_columns = time_columns(table, AS_NAMED)
     count, parts = 0, [np.empty((0, len(t_columns)))]
     for body in table.told(t_columns, advance):
         count += len(body)

@@ -22,8 +22,11 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
 from .options import AS_USUAL, Options
 from .read import bag_blocks, name_of, reader_of
-from .tables.columns import ANGLE, orientation_columns, roles_beside, whole_sets, wrench_columns
+from .tables.columns import Naming
+from .tables.orientations import orientation_columns, whole_sets
+from .tables.roles import roles_beside, wrench_columns
 from .tables.table import open_table, rotations, written_rows
+from .tables.units import ANGLE
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
@@ -80,7 +83,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
             f"{path}: found a bag, expected a table: its messages say how an orientation is written, try --sign and "
             "--inverse-orientation"
         )
-    written = _written(path, options.orientation)
+    written = _written(path, options.naming)
     n = len(written.wrench)
     if not n:
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
@@ -109,7 +112,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     )
 
 
-def _written(path: str | Path, orientation: str) -> _Written:
+def _written(path: str | Path, naming: Naming) -> _Written:
     """Read a table without making rotations of its orientation, but for those that it states. Raises as `read`, but not
     for numbers that are no rotation, nor where `auto` cannot choose between columns that all could be one.
 
@@ -117,18 +120,18 @@ def _written(path: str | Path, orientation: str) -> _Written:
     channel or a load; a long one is thinned.
     """
     table = open_table(path)
-    of_wrench = wrench_columns(table)
+    of_wrench = wrench_columns(table, naming)
     convention, complaint = None, None
     try:
-        convention, angles = orientation_columns(table, orientation)
+        convention, angles = orientation_columns(table, naming)
         sets = [angles]
     except FileFormatError as error:
         complaint = str(error)
-        sets = whole_sets(table) if orientation == "auto" else []
+        sets = whole_sets(table, naming) if naming.orientation == "auto" else []
         if not sets:
             raise
     as_they_stand = [replace(column, per_si=1.0) for columns in sets for column in columns]
-    roles = replace(roles_beside(table, of_wrench, None, as_they_stand), t=())
+    roles = replace(roles_beside(table, naming, of_wrench, None, as_they_stand), t=())
     parts, stated = [], []
     for body in table.bodies(roles.columns):
         rows = written_rows(body, roles)

@@ -69,12 +69,12 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
 
 
 def _header(lines: list[str], first_row: int, source: str) -> tuple[int, str, list[str]] | None:
-    """Row number, delimiter and the names of the header line, in small letters; None where there is none."""
+    """Row number, delimiter and the names of the header line; None where there is none."""
     for row, line in enumerate(lines, start=first_row):
         if not _is_row(line) or line.lower().startswith("sep="):
             continue
         delimiter = max(",;\t", key=line.count)
-        names = [name.lower() for name in _cells(line, delimiter, row, source)]
+        names = _cells(line, delimiter, row, source)
         if all(_is_number(name) for name in names):
             raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
         return row, delimiter, names
@@ -188,7 +188,7 @@ class Lines:
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
         where = f"{self.source}: row {row}, column {column.name}"
-        if column.name == SATURATED and cell.lower() in BOOLEANS:
+        if column.role == SATURATED and cell.lower() in BOOLEANS:
             return BOOLEANS[cell.lower()]
         try:
             value = _value(cell) if cell else np.nan

@@ -35,7 +35,7 @@ PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 @dataclass(frozen=True)
 class _Field:
-    """A column by its name in small letters, the file's column that holds it, and which element of its lists it is."""
+    """A column by its name, the file's column that holds it, and which element of its lists it is."""
 
     name: str
     column: str
@@ -129,7 +129,7 @@ class Batch:
             if pa.types.is_boolean(kind):
                 values = values.cast(pa.uint8())
                 kind = values.type
-            if pa.types.is_temporal(kind) and hasattr(kind, "unit") and column.name.partition("_")[0] == "t":
+            if pa.types.is_temporal(kind) and hasattr(kind, "unit") and column.role == "t":
                 per_unit = column.per_si / PER_SECOND[kind.unit]
                 counted = values.cast(pa.int64()).cast(pa.float64(), safe=False)
                 return np.asarray(counted.to_numpy(zero_copy_only=False), dtype=np.float64) * per_unit
@@ -198,9 +198,9 @@ def _fields(schema: Any) -> list[_Field]:
     is_list = (pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list)
     fields = []
     for field in schema:
-        name = field.name.strip().lower()
-        if name in LISTS and any(is_kind(field.type) for is_kind in is_list):
-            fields += [_Field(part, field.name, k) for k, part in enumerate(LISTS[name])]
+        name = field.name.strip()
+        if name.lower() in LISTS and any(is_kind(field.type) for is_kind in is_list):
+            fields += [_Field(part, field.name, k) for k, part in enumerate(LISTS[name.lower()])]
         else:
             fields.append(_Field(name, field.name, None))
     return fields
