@@ -53,14 +53,14 @@ def read_target_poses(path: str | Path, joint_count: int, orientation: str = "au
         return TargetPoses(joints, np.empty((0, 3, 3)), None, in_seconds(t, t_columns))
     with _or_joint_angles(names):
         convention, angles = orientation_columns(table, naming)
-    position_columns = position_columns(table, naming, {column.place for column in angles})
+    positions = position_columns(table, naming, {column.place for column in angles})
     R, others = [], []
-    for body in table.bodies([*t_columns, *angles, *position_columns]):
-        others.append(in_si(body, (t_columns, position_columns)))
+    for body in table.bodies([*t_columns, *angles, *positions]):
+        others.append(in_si(body, (t_columns, positions)))
         with _or_joint_angles(names):
             R.append(rotations(convention, angles, in_si(body, (angles,))[0], body))
     t, position = (np.concatenate(parts) for parts in zip(*others, strict=True))
-    return TargetPoses(None, np.concatenate(R), position if position_columns else None, in_seconds(t, t_columns))
+    return TargetPoses(None, np.concatenate(R), position if positions else None, in_seconds(t, t_columns))
 
 
 @contextmanager

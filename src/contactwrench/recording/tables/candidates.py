@@ -112,9 +112,7 @@ def expanded(table: OpenTable, text: str) -> str:
     def elements(match: re.Match[str]) -> str:
         first, end = int(match[2] or 0), int(match[3])
         if not 0 < end - first <= len(there):
-            raise InputError(
-                f"{table.source}: found no elements {shown(match[0])}: check the slice and the list's name"
-            )
+            raise InputError(f"{table.source}: found no elements {shown(match[0])}, expected those of a list: name one")
         form = "{}[{}]" if f"{match[1]}[{first}]".lower() in there else "{}_{}"
         return ",".join(form.format(match[1], k) for k in range(first, end))
 
@@ -147,8 +145,8 @@ def column(
 
 
 def require_units(table: OpenTable, columns: Iterable[Column], default: str = "") -> None:
-    """Raise `FileFormatError` where some columns of one quantity state another unit than the usual one, and others none:
-    nobody knows what those hold. Usual names without a suffix have the usual unit.
+    """Raise `FileFormatError` where some columns of one quantity state another unit than the usual one, and others
+    none: nobody knows what those hold. Usual names without a suffix have the usual unit.
     """
     columns = list(columns)
     quantity = QUANTITIES[columns[0].role] if columns and columns[0].role in QUANTITIES else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from os.path import commonprefix
+from itertools import takewhile
 from typing import NoReturn, Protocol, TypeAlias
 
 from ...errors import FileFormatError
@@ -45,8 +45,8 @@ AS_NAMED = Naming()
 
 @dataclass(frozen=True)
 class Column:
-    """A column by its place in the file, its name there, and how many of its unit make one of SI; what it is, `role`, by
-    its usual name, and the unit that somebody stated for it, "" where nobody did.
+    """A column by its place in the file, its name there, and how many of its unit make one of SI; what it is, `role`,
+    by its usual name, and the unit that somebody stated for it, "" where nobody did.
     """
 
     place: int
@@ -91,8 +91,8 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class OpenTable:
-    """A table that is open: the place of each column by its name as the file spells it, no two alike but for their case,
-    and what reads some columns block by block, once. `source`: the file, as messages name it.
+    """A table that is open: the place of each column by its name as the file spells it, no two alike in any case, and
+    what reads some columns block by block, once. `source`: the file, as messages name it.
     """
 
     source: str
@@ -168,11 +168,16 @@ def _taken_for(columns: tuple[Column, ...]) -> str:
 def _in_turn(names: list[str]) -> bool:
     """Whether names differ in an axis or a number only, which go on by one."""
     lower = [name.lower() for name in names]
-    before, after = len(commonprefix(lower)), len(commonprefix([name[::-1] for name in lower]))
+    before, after = _alike(lower), _alike([name[::-1] for name in lower])
     parts = [name[before : len(name) - after] for name in lower]
     if parts[0].isdecimal() and all(part.isdecimal() for part in parts):
         return [int(part) - int(parts[0]) for part in parts] == list(range(len(parts)))
     return " ".join(parts) in ("x y z", "x y z w", "w x y z", "a b c", "w p r", "roll pitch yaw")
+
+
+def _alike(names: list[str]) -> int:
+    """How many letters names begin with that are the same in all of them."""
+    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
 
 
 def places_of(names: Iterable[str], source: str) -> dict[str, int]:

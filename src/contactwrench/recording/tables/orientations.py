@@ -53,7 +53,8 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
             )
     raise FileFormatError(
         f"{table.source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), "
-        f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found {listed(table.places)})"
+        f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found "
+        f"{listed(table.places)})"
     )
 
 
@@ -125,10 +126,9 @@ def whole_sets(table: OpenTable, naming: Naming) -> list[list[Column]]:
     sets: dict[tuple[str, ...], list[Column]] = {}
     for wanted in CONVENTIONS.values():
         of_names = _usual_angles(table, wanted)
-        told = [
-            each or next(iter(by_part.get(part, ())), None) for each, part in zip(of_names, wanted.columns, strict=True)
-        ]
-        columns = [each for each in told if each is not None]
+        told = [next(iter(by_part.get(part, ())), None) for part in wanted.columns]
+        found = [usual_one or said for usual_one, said in zip(of_names, told, strict=True)]
+        columns = [each for each in found if each is not None]
         if len(columns) == len(wanted.columns):
             sets.setdefault(
                 tuple(sorted(each.name for each in columns)), _in_their_units(table, naming, wanted, columns)

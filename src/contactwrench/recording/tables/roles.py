@@ -99,8 +99,8 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
         vector, columns = next(iter(controllers.items()))
         whose, instead = ESTIMATES[vector]
         raise FileFormatError(
-            f"{table.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its payload "
-            f"subtracted already, expected the sensor's own reading: {instead}, or take these with --wrench-columns "
+            f"{table.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its "
+            f"payload subtracted already, expected the sensor's own reading: {instead}, or take these with --wrench-columns "
             f"{as_listed(columns)}"
         )
     if missing:
@@ -113,24 +113,24 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
         if len(several) > 1:
             first = as_listed(choices[each][0] for each in WRENCH_COLUMNS)
             raise undecided(table, several, part, f"--wrench-columns {first}")
-    columns = made([choices[part][0] for part in WRENCH_COLUMNS])
-    require_units(table, columns[:3])
-    require_units(table, columns[3:])
-    force, torque = columns[0], next((c for c in columns[3:] if not c.unit and not c.is_usual), None)
+    chosen = made([choices[part][0] for part in WRENCH_COLUMNS])
+    require_units(table, chosen[:3])
+    require_units(table, chosen[3:])
+    force, torque = chosen[0], next((c for c in chosen[3:] if not c.unit and not c.is_usual), None)
     if force.per_si != 1.0 and torque is not None:
         raise FileFormatError(
             f"{table.source}: column {shown(force.name)} is in {force.unit} and {shown(torque.name)} says no unit, "
             "expected one for each: state it with --units torque=UNIT"
         )
-    return columns
+    return chosen
 
 
 def _stated_wrench(table: OpenTable, text: str) -> list[Candidate]:
     names = expanded(table, text).split(",")
     if len(names) != len(WRENCH_COLUMNS) or len({name.strip().lower() for name in names}) != len(names):
         raise InputError(
-            f"--wrench-columns is {shown(text, 200)!r}, expected six different names A,B,C,D,E,F, or a slice of six such "
-            "as observation.wrench[0:6]"
+            f"--wrench-columns is {shown(text, 200)!r}, expected six different names A,B,C,D,E,F, or a slice of six "
+            "such as observation.wrench[0:6]"
         )
     found = []
     for name, part in zip(names, WRENCH_COLUMNS, strict=True):
