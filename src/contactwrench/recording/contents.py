@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +17,9 @@ from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, sec
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
 from .read import bag_blocks, reader_of
-from .tables.columns import AS_NAMED, Advance
-from .tables.roles import time_columns
+from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for
+from .tables.orientations import orientation_columns
+from .tables.roles import time_columns, wrench_columns
 from .tables.table import in_seconds, in_si, open_table
 
 HEADER = "std_msgs/msg/Header"
@@ -78,13 +79,16 @@ class BagContents:
 
 @dataclass(frozen=True)
 class TableContents:
-    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm."""
+    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm; in sentences what its
+    `reading` takes for what, or lacks, and the option that would give it.
+    """
 
     path: str
     columns: tuple[str, ...]
     rows: int
     start: float | None
     rhythm: Rhythm | None
+    reading: tuple[str, ...]
 
 
 def contents(path: str | Path, advance: Advance | None = None) -> BagContents | TableContents:
@@ -114,15 +118,32 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
     table = open_table(path)
-    t_columns = time_columns(table, AS_NAMED)
+    t_columns, reading = _reading_of_table(table)
     count, parts = 0, [np.empty((0, len(t_columns)))]
     for body in table.told(t_columns, advance):
         count += len(body)
         parts += in_si(body, (t_columns,)) if t_columns else []
     t = in_seconds(np.concatenate(parts), t_columns)
     if t is None or not len(t):
-        return TableContents(str(path), tuple(table.places), count, None, None)
-    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])))
+        return TableContents(str(path), tuple(table.places), count, None, None, reading)
+    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])), reading)
+
+
+def _reading_of_table(table: OpenTable) -> tuple[tuple[Column, ...], tuple[str, ...]]:
+    """The column of the times, and what is taken for what when nothing is asked for, or why that cannot be said."""
+
+    def said(choose: Callable[[], Sequence[Column]]) -> tuple[tuple[Column, ...], str]:
+        try:
+            columns = tuple(choose())
+        except FileFormatError as error:
+            return (), str(error).removeprefix(f"{table.source}: ")
+        return columns, taken_for(columns)
+
+    _, wrench = said(lambda: wrench_columns(table, AS_NAMED))
+    _, orientation = said(lambda: orientation_columns(table, AS_NAMED)[1])
+    t_columns, times = said(lambda: time_columns(table, AS_NAMED))
+    times = times or "none: add a column t, or name one with --time-column"
+    return t_columns, (f"wrench: {wrench}", f"orientation: {orientation}", f"times: {times}")
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:

@@ -57,6 +57,7 @@ class _Written:
 
     wrench: Array
     wrench_columns: tuple[str, ...]
+    torque_in_nmm: bool
     sets: tuple[tuple[tuple[str, ...], Array], ...]
     convention: Convention | None
     stated: Array | None
@@ -107,7 +108,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
         wrenches=tuple(_of_wrench(options.wrench_frame)),
         sign=options.sign,
         gravity=gravity,
-        torque_unit=_other_torque_unit(written.wrench_columns),
+        torque_unit=_other_torque_unit(written.wrench_columns, written.torque_in_nmm),
         complaint=written.complaint,
     )
 
@@ -153,6 +154,7 @@ def _written(path: str | Path, naming: Naming) -> _Written:
     return _Written(
         wrench=means,
         wrench_columns=names[0],
+        torque_in_nmm=of_wrench[3].per_si == 1e3,
         sets=tuple(zip(names[1:], [of_set[middle] for of_set in of_sets], strict=True)),
         convention=convention,
         stated=np.concatenate(stated)[middle] if complaint is None else None,
@@ -289,9 +291,8 @@ def _blocks(of_force: Array, of_torque: Array) -> Array:
     return np.block([[of_force, zero], [zero, of_torque]])
 
 
-def _other_torque_unit(wrench_columns: tuple[str, ...]) -> TorqueUnit:
+def _other_torque_unit(wrench_columns: tuple[str, ...], in_nmm: bool) -> TorqueUnit:
     """N mm where the file states N m, and the other way round."""
-    in_nmm = wrench_columns[3].endswith("_nmm")
     factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
     new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
     mend = f"the torque in {unit} (rename {', '.join(wrench_columns[3:])} to {new})"

@@ -241,6 +241,13 @@ def _table(contents: TableContents) -> Iterator[str]:
     yield contents.path
     yield f"Table, {contents.rows:,} rows of {len(contents.columns)} columns"
     yield f"  {', '.join(contents.columns)}"
+    yield from _times(contents)
+    yield ""
+    yield "Read without options"
+    yield from (f"  {sentence}" for sentence in contents.reading)
+
+
+def _times(contents: TableContents) -> Iterator[str]:
     if contents.rhythm is None or contents.rhythm.last is None or contents.start is None:
         yield "  no times: a column t would tell rate and gaps"
         return

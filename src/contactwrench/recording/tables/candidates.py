@@ -52,6 +52,13 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
     return {part: sorted(columns, key=lambda column: column.place) for part, columns in by_part.items() if columns}
 
 
+def torque_or_translation(table: OpenTable, missing: list[str]) -> list[Candidate]:
+    """The columns whose one letter may be of a torque, of a part that is `missing`, or of a translation."""
+    said = [(name, place, meaning(name)) for name, place in table.places.items()]
+    parts = set(missing) & set(WRENCH_COLUMNS[3:])
+    return [Candidate(name, place, told) for name, place, told in said if told and told.letter and told.part in parts]
+
+
 def _may_be(said: Meaning) -> bool:
     """Whether a part can have its unit; a wrench or times in one that is not known are refused, not passed over."""
     quantity = quantity_of(said)
@@ -146,12 +153,12 @@ def column(
 
 def require_units(table: OpenTable, columns: Iterable[Column], default: str = "") -> None:
     """Raise `FileFormatError` where some columns of one quantity state another unit than the usual one, and others
-    none: nobody knows what those hold. Usual names without a suffix have the usual unit.
+    none: nobody knows what those hold.
     """
     columns = list(columns)
     quantity = QUANTITIES[columns[0].role] if columns and columns[0].role in QUANTITIES else ""
     other = next((c for c in columns if c.unit and per_si(quantity, c.unit) != per_si(quantity, default)), None)
-    silent = next((c for c in columns if not c.unit and not c.is_usual), None)
+    silent = next((c for c in columns if not c.unit), None)
     if other is not None and silent is not None:
         raise FileFormatError(
             f"{table.source}: column {shown(other.name)} is in {other.unit} and {shown(silent.name)} says no unit, "

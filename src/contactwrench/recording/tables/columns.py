@@ -139,11 +139,12 @@ class ColumnRoles:
         """Which column was taken for what, as `fx..fz from "Force X (N)".."Force Z (N)", t from "Time" in ms`; empty
         where all bear the usual names.
         """
-        orientation = _taken_for(self.orientation)
-        if orientation and self.convention is not None and self.convention.angle_unit is not None:
-            orientation += f" as {self.convention.name}"
-        before, after = (self.wrench[:3], self.wrench[3:]), (self.t, self.position, self.load, self.saturated)
-        return ", ".join(filter(None, [*map(_taken_for, before), orientation, *map(_taken_for, after)]))
+        parts = []
+        for columns in (self.wrench, self.orientation, self.t, self.position, self.load, self.saturated):
+            if not all(column.is_usual for column in columns):
+                angles = columns == self.orientation and self.convention is not None and self.convention.angle_unit
+                parts.append(taken_for(columns) + (f" as {self.convention.name}" if self.convention and angles else ""))
+        return ", ".join(parts)
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -151,10 +152,13 @@ class ColumnRoles:
         return *self.t, *self.of_wrench, *self.of_pose
 
 
-def _taken_for(columns: tuple[Column, ...]) -> str:
-    """What columns of one kind were taken for; empty where all bear the usual names."""
-    if all(column.is_usual for column in columns):
-        return ""
+def taken_for(columns: tuple[Column, ...]) -> str:
+    """What columns of one kind, or of several one after the other, were taken for."""
+    parts = [columns[:3], columns[3:]] if len(columns) == len(WRENCH_COLUMNS) else [columns]
+    return ", ".join(map(_of_one_kind, parts)) if columns else ""
+
+
+def _of_one_kind(columns: tuple[Column, ...]) -> str:
     units = [f" in {unit_shown(column.per_si, column.unit)}" if column.per_si != 1.0 else "" for column in columns]
     names = [f'"{shown(column.name)}"' for column in columns]
     if columns[-1].role == NANOSECONDS:

@@ -197,9 +197,8 @@ class Lines:
                 raise FileFormatError(
                     f"{where}: found the decimal comma {cell!r}, expected a point: write it so"
                 ) from None
-            raise FileFormatError(
-                f"{where}: found {cell[:40]!r}, expected a number: correct it or leave the row out"
-            ) from None
+            mend = "leave the times out with --time-column none" if column.role == "t" else "leave the row out"
+            raise FileFormatError(f"{where}: found {cell[:40]!r}, expected a number: correct it or {mend}") from None
         if not (np.isfinite(value) or (may_lack and np.isnan(value))):
             raise self._lack(cell, column, row)
         return value

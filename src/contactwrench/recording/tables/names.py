@@ -69,7 +69,7 @@ def _set(words: str) -> frozenset[str]:
 
 _ANYWHERE = _set(
     "actual current measured measurement measurements meas act ist data field msg message state value values reading "
-    "readings observation observations obs"
+    "readings observation observations obs receive"
 )
 _OF_WRENCH = _ANYWHERE | _set(
     "wrench ft fts ftsensor sensor raw wrist ee eef netft ati axia robotiq bota onrobot optoforce resense"

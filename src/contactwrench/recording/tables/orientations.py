@@ -67,7 +67,7 @@ def _angles(
 ) -> list[Column]:
     """The columns of a convention that the names tell, in their units."""
     made = _in_their_units(table, naming, chosen, columns)
-    if all(each.is_usual for each in made):
+    if chosen.name in USUAL_NAMES and all(each.is_usual for each in made):
         return made
     for part in chosen.columns:
         if len(several := by_part[part]) > 1:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .columns import ROWS, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
+from .columns import ROWS, WRENCH_COLUMNS, Column, Naming, OpenTable, places_of, shown
+from .roles import wrench_columns
 
 SUFFIXES = (".parquet", ".pq")
 LISTS = {
@@ -64,10 +65,10 @@ def open_parquet(path: str | Path, rows: int) -> OpenTable:
     return OpenTable(str(path), places, bodies)
 
 
-def rows_as_stored(path: str | Path) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
+def rows_as_stored(path: str | Path, naming: Naming) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
     """All columns as the files have them, a record batch at a time, and which of its rows (n,) have a wrench."""
     parts, fields, places, _ = _described(path)
-    fx = next(Column(place, name, 1.0) for name, place in places.items() if name[:2] == "fx")
+    fx = wrench_columns(OpenTable(str(path), places, lambda _: iter(())), naming)[0]
     for part in parts:
         for record in _records(part, None, ROWS):
             yield record, ~np.isnan(Batch(record, fields, str(path), 0, 1.0).numbers([fx], may_lack=[fx])[:, 0])

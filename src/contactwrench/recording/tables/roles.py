@@ -22,6 +22,7 @@ from .candidates import (
     quoted,
     require_units,
     stamps,
+    torque_or_translation,
     undecided,
     usual,
 )
@@ -100,8 +101,13 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
         whose, instead = ESTIMATES[vector]
         raise FileFormatError(
             f"{table.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its "
-            f"payload subtracted already, expected the sensor's own reading: {instead}, or take these with --wrench-columns "
-            f"{as_listed(columns)}"
+            f"payload subtracted already, expected the sensor's own reading: {instead}, or take these with "
+            f"--wrench-columns {as_listed(columns)}"
+        )
+    if missing and (letters := torque_or_translation(table, missing)):
+        raise FileFormatError(
+            f"{table.source}: found {quoted(letters)}, a torque or a translation, beside forces that are not fx fy fz, "
+            f"expected a name or a unit that tells: rename them, or {_BY_WRENCH_COLUMNS}"
         )
     if missing:
         raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", f"add it, or {_BY_WRENCH_COLUMNS}")
@@ -116,7 +122,7 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
     chosen = made([choices[part][0] for part in WRENCH_COLUMNS])
     require_units(table, chosen[:3])
     require_units(table, chosen[3:])
-    force, torque = chosen[0], next((c for c in chosen[3:] if not c.unit and not c.is_usual), None)
+    force, torque = chosen[0], next((c for c in chosen[3:] if not c.unit), None)
     if force.per_si != 1.0 and torque is not None:
         raise FileFormatError(
             f"{table.source}: column {shown(force.name)} is in {force.unit} and {shown(torque.name)} says no unit, "
@@ -175,6 +181,9 @@ def _preference(times: tuple[Candidate, ...]) -> int:
 
 
 def _as_times(table: OpenTable, times: tuple[Candidate, ...], units: dict[str, str]) -> tuple[Column, ...]:
+    """Columns of times; in ms where libfranka (src/logging/robot_state_log.cpp) wrote them and nobody says otherwise."""
+    if "success_rate" in table.places and "time" in table.places:
+        units = {"time": "ms", **units}
     made = zip(times, ("t", NANOSECONDS), strict=False)
     return tuple(column(table, each, role, "time", units) for each, role in made)
 
