@@ -4,8 +4,9 @@ then reads them. Every file says the same three readings in its own names, units
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ class Header:
     pose: bool = True
     position: bool = True
     refusal: str = ""
-    flag: dict[str, str] = field(default_factory=dict)
+    flag: dict[str, Any] = field(default_factory=dict)
 
 
 FOUND = {
@@ -143,7 +144,7 @@ def test_a_header_is_read_right_or_refused_with_the_flag_that_reads_it(tmp_path:
         assert samples.position == pytest.approx(POSITION, abs=1e-8)
         found = samples.wrench, samples.R_base_flange
     else:
-        streams = read_streams(wrenches or path, Options(**header.flag, pose_file=options.pose_file))
+        streams = read_streams(wrenches or path, replace(options, **header.flag))
         assert streams.wrench.t == pytest.approx(T + header.start, rel=1e-15, abs=1e-6)
         assert streams.orientation.t == pytest.approx(T + header.start, rel=1e-15, abs=1e-6)
         if header.pose and header.position:

@@ -119,18 +119,27 @@ def table_contents(path: str | Path, advance: Advance | None = None) -> TableCon
     """What is in a table. Raises as `read` for a file that is none."""
     table = open_table(path)
     t_columns, reading = _reading_of_table(table)
-    count, parts = 0, [np.empty((0, len(t_columns)))]
-    for body in table.told(t_columns, advance):
-        count += len(body)
-        parts += in_si(body, (t_columns,)) if t_columns else []
-    t = in_seconds(np.concatenate(parts), t_columns)
+    try:
+        count, t = _counted(table, t_columns, advance)
+    except FileFormatError as error:  # a column that is named like times and holds none
+        reading = (*reading[:-1], f"times: {str(error).removeprefix(f'{table.source}: ')}")
+        count, t = _counted(open_table(path), (), advance)
     if t is None or not len(t):
         return TableContents(str(path), tuple(table.places), count, None, None, reading)
     return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])), reading)
 
 
+def _counted(table: OpenTable, t_columns: tuple[Column, ...], advance: Advance | None) -> tuple[int, Array | None]:
+    """The number of rows, and their times where there are columns of them."""
+    count, parts = 0, [np.empty((0, len(t_columns)))]
+    for body in table.told(t_columns, advance):
+        count += len(body)
+        parts += in_si(body, (t_columns,)) if t_columns else []
+    return count, in_seconds(np.concatenate(parts), t_columns)
+
+
 def _reading_of_table(table: OpenTable) -> tuple[tuple[Column, ...], tuple[str, ...]]:
-    """The column of the times, and what is taken for what when nothing is asked for, or why that cannot be said."""
+    """The columns of the times, and what is taken for what when nothing is asked for, or why that cannot be said."""
 
     def said(choose: Callable[[], Sequence[Column]]) -> tuple[tuple[Column, ...], str]:
         try:
@@ -142,7 +151,7 @@ def _reading_of_table(table: OpenTable) -> tuple[tuple[Column, ...], tuple[str, 
     _, wrench = said(lambda: wrench_columns(table, AS_NAMED))
     _, orientation = said(lambda: orientation_columns(table, AS_NAMED)[1])
     t_columns, times = said(lambda: time_columns(table, AS_NAMED))
-    times = times or "none: add a column t, or name one with --time-column"
+    times = times or "found none: add a column t, or name one with --time-column"
     return t_columns, (f"wrench: {wrench}", f"orientation: {orientation}", f"times: {times}")
 
 

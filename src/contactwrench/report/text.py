@@ -249,7 +249,7 @@ def _table(contents: TableContents) -> Iterator[str]:
 
 def _times(contents: TableContents) -> Iterator[str]:
     if contents.rhythm is None or contents.rhythm.last is None or contents.start is None:
-        yield "  no times: a column t would tell rate and gaps"
+        yield "  no times, so no rate and no gaps"
         return
     rhythm = contents.rhythm
     yield f"  times: {rhythm.last:.6g} s{_since(contents.start)}"

@@ -1,7 +1,7 @@
 """Which columns of a table could be what: what each header says, judged beside all the others.
 
 Letters alone are ambiguous: `tx` and `mx` are a torque where a force `fx` stands beside them, or where their unit or a
-word such as `wrench` says so; else they may be a translation. Numbered columns count from 0 or from 1, and only as a
+word such as `wrench` says so; else they may be a translation, and `mx` beside `ax` or `gx` a magnetometer's. Numbered columns count from 0 or from 1, and only as a
 whole set.
 """
 
@@ -46,14 +46,19 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
         if indices in (list(range(len(parts))), list(range(1, len(parts) + 1))):
             for part, column in zip(parts, columns, strict=True):
                 by_part[part].append(column)
-    if not any(column.said.letter for column in by_part["fx"]):
-        for part in WRENCH_COLUMNS[3:]:
-            by_part[part] = [column for column in by_part[part] if not column.said.letter]
+    beside_forces = any(column.said.letter for column in by_part["fx"])
+    beside_an_imu = not {"ax", "gx"}.isdisjoint(name.lower() for name in table.places)
+    for part in WRENCH_COLUMNS[3:]:
+        by_part[part] = [
+            column
+            for column in by_part[part]
+            if not column.said.letter or (beside_forces and not (beside_an_imu and column.name.lower()[0] == "m"))
+        ]
     return {part: sorted(columns, key=lambda column: column.place) for part, columns in by_part.items() if columns}
 
 
-def torque_or_translation(table: OpenTable, missing: list[str]) -> list[Candidate]:
-    """The columns whose one letter may be of a torque, of a part that is `missing`, or of a translation."""
+def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:
+    """The columns whose one letter may be of a torque, of a part that is `missing`, or of something else."""
     said = [(name, place, meaning(name)) for name, place in table.places.items()]
     parts = set(missing) & set(WRENCH_COLUMNS[3:])
     return [Candidate(name, place, told) for name, place, told in said if told and told.letter and told.part in parts]

@@ -154,6 +154,8 @@ class ColumnRoles:
 
 def taken_for(columns: tuple[Column, ...]) -> str:
     """What columns of one kind, or of several one after the other, were taken for."""
+    if all(column.is_usual for column in columns):
+        return " ".join(column.name for column in columns)
     parts = [columns[:3], columns[3:]] if len(columns) == len(WRENCH_COLUMNS) else [columns]
     return ", ".join(map(_of_one_kind, parts)) if columns else ""
 

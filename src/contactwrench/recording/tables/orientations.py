@@ -47,10 +47,7 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
     for name, parts in found.items():
         if sum(part is not None for part in parts) > len(parts) / 2:
             missing = [want for want, part in zip(CONVENTIONS[name].columns, parts, strict=True) if part is None]
-            raise FileFormatError(
-                f"{table.source}: found no column {missing[0]}, expected all of {name}: add it, or say --orientation "
-                "NAME:COLUMNS"
-            )
+            raise FileFormatError(f"{table.source}: found no column {missing[0]}, expected all of {name}: add it")
     raise FileFormatError(
         f"{table.source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), "
         f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found "

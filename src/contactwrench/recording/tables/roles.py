@@ -22,7 +22,7 @@ from .candidates import (
     quoted,
     require_units,
     stamps,
-    torque_or_translation,
+    perhaps_torque,
     undecided,
     usual,
 )
@@ -104,10 +104,11 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
             f"payload subtracted already, expected the sensor's own reading: {instead}, or take these with "
             f"--wrench-columns {as_listed(columns)}"
         )
-    if missing and (letters := torque_or_translation(table, missing)):
+    if set(missing) == set(WRENCH_COLUMNS[3:]) and len(letters := perhaps_torque(table, missing)) == len(missing):
+        six = as_listed([*(by_part[part][0] for part in WRENCH_COLUMNS[:3]), *letters])
         raise FileFormatError(
-            f"{table.source}: found {quoted(letters)}, a torque or a translation, beside forces that are not fx fy fz, "
-            f"expected a name or a unit that tells: rename them, or {_BY_WRENCH_COLUMNS}"
+            f"{table.source}: found {quoted(letters)}, a torque or something else by their names, expected one that "
+            f"their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns {six}"
         )
     if missing:
         raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", f"add it, or {_BY_WRENCH_COLUMNS}")
@@ -181,7 +182,7 @@ def _preference(times: tuple[Candidate, ...]) -> int:
 
 
 def _as_times(table: OpenTable, times: tuple[Candidate, ...], units: dict[str, str]) -> tuple[Column, ...]:
-    """Columns of times; in ms where libfranka (src/logging/robot_state_log.cpp) wrote them and nobody says otherwise."""
+    """Columns of times; in ms where libfranka wrote them (src/logging/robot_state_log.cpp) and nobody says otherwise."""
     if "success_rate" in table.places and "time" in table.places:
         units = {"time": "ms", **units}
     made = zip(times, ("t", NANOSECONDS), strict=False)
