@@ -1,8 +1,8 @@
 """Which columns of a table could be what: what each header says, judged beside all the others.
 
 Letters alone are ambiguous: `tx` and `mx` are a torque where a force `fx` stands beside them, or where their unit or a
-word such as `wrench` says so; else they may be a translation, and `mx` beside `ax` or `gx` a magnetometer's. Numbered columns count from 0 or from 1, and only as a
-whole set.
+word such as `wrench` says so; else they may be a translation, and `mx` beside `ax` or `gx` a magnetometer's. Numbered
+columns count from 0 or from 1, and only as a whole set.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from ...errors import FileFormatError, InputError
 from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, OpenTable, listed, shown
 from .names import ESTIMATES, QUANTITIES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
 from .units import UNITS, known_units, per_si, symbol
+
+LONGEST_SLICE = 1000
+"""Elements of a list that an option may name at once."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,7 @@ def expanded(table: OpenTable, text: str) -> str:
 
     def elements(match: re.Match[str]) -> str:
         first, end = int(match[2] or 0), int(match[3])
-        if not 0 < end - first <= len(there):
+        if not 0 < end - first <= LONGEST_SLICE:
             raise InputError(f"{table.source}: found no elements {shown(match[0])}, expected those of a list: name one")
         form = "{}[{}]" if f"{match[1]}[{first}]".lower() in there else "{}_{}"
         return ",".join(form.format(match[1], k) for k in range(first, end))

@@ -25,6 +25,7 @@ from .units import per_si, stated_units
 
 def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, list[Column]]:
     """The columns of the orientation, and what they are. Raises as `wrench_columns`."""
+    table = _beside_the_wrench(table, naming)
     if (stated := naming.orientation or "auto") != "auto":
         return _stated_orientation(table, naming, stated)
     found = {name: _usual_angles(table, CONVENTIONS[name]) for name in USUAL_NAMES}
@@ -101,6 +102,14 @@ def _stated_orientation(table: OpenTable, naming: Naming, text: str) -> tuple[Co
     return chosen, made
 
 
+def _beside_the_wrench(table: OpenTable, naming: Naming) -> OpenTable:
+    """The table without the columns that were stated to be the wrench's, whatever they are named."""
+    if naming.wrench_columns is None:
+        return table
+    of_wrench = {name.strip().lower() for name in expanded(table, naming.wrench_columns).split(",")}
+    return replace(table, places={n: place for n, place in table.places.items() if n.lower() not in of_wrench})
+
+
 def _by_names(chosen: Convention, by_part: dict[str, list[Candidate]]) -> str:
     """The option that chooses the first of several columns."""
     return f"--orientation {chosen.name}:{as_listed(by_part[each][0] for each in chosen.columns if each in by_part)}"
@@ -119,6 +128,7 @@ def _usual_angles(table: OpenTable, wanted: Convention) -> list[Candidate | None
 
 def whole_sets(table: OpenTable, naming: Naming) -> list[list[Column]]:
     """Every set of columns that bears the names of a convention, or says the like, each once."""
+    table = _beside_the_wrench(table, naming)
     by_part = candidates(table)
     sets: dict[tuple[str, ...], list[Column]] = {}
     for wanted in CONVENTIONS.values():

@@ -19,10 +19,10 @@ from .candidates import (
     expanded,
     lacking,
     named,
+    perhaps_torque,
     quoted,
     require_units,
     stamps,
-    perhaps_torque,
     undecided,
     usual,
 )
@@ -182,7 +182,7 @@ def _preference(times: tuple[Candidate, ...]) -> int:
 
 
 def _as_times(table: OpenTable, times: tuple[Candidate, ...], units: dict[str, str]) -> tuple[Column, ...]:
-    """Columns of times; in ms where libfranka wrote them (src/logging/robot_state_log.cpp) and nobody says otherwise."""
+    """Columns of times; ms where libfranka wrote them (its src/logging/robot_state_log.cpp) and nobody says another."""
     if "success_rate" in table.places and "time" in table.places:
         units = {"time": "ms", **units}
     made = zip(times, ("t", NANOSECONDS), strict=False)
@@ -196,8 +196,12 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[C
     if found is None and unit_of("time", text.rpartition(":")[2]) is not None:
         name, _, spelled = text.rpartition(":")
         found, unit = named(table, name, "t", "time"), unit_of("time", spelled) or ""
-        if units.get("time", unit) != unit:
-            raise InputError(f"found --time-column in {unit} and --units time={units['time']}: leave one of them out")
+        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit}
+        if others:
+            raise InputError(
+                f"{table.source}: found --time-column in {unit}, and {others.pop()} in the column's name or --units, "
+                "expected one of them: leave one out"
+            )
         units = {**units, "time": unit}
     if found is None:
         raise lacking(table, text, "what --time-column names", "name a column of the file, or none")
