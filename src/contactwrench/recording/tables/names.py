@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from .columns import NANOSECONDS, WRENCH_COLUMNS
-from .units import SPELLED, plain, unit_of
+from .units import MEGANEWTON, SPELLED, plain, unit_of
 
 _ANY_UNIT = {word for spelled in SPELLED.values() for word in spelled}
 SECONDS = "sec"
@@ -140,8 +140,8 @@ def stated_unit(quantity: str, header: str) -> str:
     words, bracket = _words(header)
     if bracket is not None:
         return unit_of(quantity, bracket) or bracket
-    tails = ("".join(words[-k:]) for k in (3, 2, 1) if k < len(words))
-    return next((SPELLED[quantity][tail] for tail in tails if tail in SPELLED[quantity]), "")
+    tails = (_suffix(quantity, "".join(words[-k:]), header) for k in (3, 2, 1) if k < len(words))
+    return next(filter(None, tails), "")
 
 
 def _said(header: str) -> Meaning | None:
@@ -162,9 +162,16 @@ def _said(header: str) -> Meaning | None:
             if not rest or (stamp is not None and stamp.part == "t"):
                 return Meaning(part, SPELLED["time"][spelled], stamp.of if stamp is not None else "")
         found = _part(rest[:-1] if rest[-1:] == ["in"] else rest, header) if spelled in _ANY_UNIT else None
-        if found is not None and spelled in SPELLED[quantity_of(found)]:
-            return _with_unit(found, SPELLED[quantity_of(found)][spelled])
+        unit = None if found is None else _suffix(quantity_of(found), spelled, header)
+        if found is not None and unit is not None:
+            return _with_unit(found, unit)
     return None
+
+
+def _suffix(quantity: str, spelled: str, header: str) -> str | None:
+    """The unit that the last words of a header spell; None where they spell none."""
+    unit = SPELLED[quantity].get(spelled)
+    return MEGANEWTON if unit in ("mN", "mN m") and MEGANEWTON in header else unit
 
 
 def quantity_of(said: Meaning) -> str:

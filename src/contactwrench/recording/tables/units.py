@@ -52,6 +52,8 @@ SPELLED = {
 }
 ANGLE = {unit: per_si for unit, (per_si, _) in UNITS["angle"].items()}
 """How many of a unit of angle make one radian."""
+MEGANEWTON = "MN"
+"""Capitals tell it from mN, the only place where they tell units apart: no unit of a sensor, nor is one guessed."""
 FOR_UNITS = ("force", "torque", "angle", "time", "length")
 """What --units takes."""
 
@@ -59,7 +61,7 @@ FOR_UNITS = ("force", "torque", "angle", "time", "length")
 def unit_of(quantity: str, text: str) -> str | None:
     """The unit of a quantity that `text` spells, as `UNITS` names it; None where it is none."""
     compact = re.sub(r"[\s_.*·⋅^-]+", "", plain(text))
-    return None if text.strip() in ("MN", "MNm") else SPELLED[quantity].get(compact)
+    return None if MEGANEWTON in text else SPELLED[quantity].get(compact)
 
 
 def per_si(quantity: str, unit: str) -> float:
