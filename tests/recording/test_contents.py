@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contactwrench as cw
 from contactwrench.recording.contents import bag_contents, rhythm, table_contents
 from contactwrench.report.text import contents_text
 from tests.support.bags import (
@@ -138,18 +139,49 @@ def test_a_table_with_times_and_one_without(tmp_path: Path, capsys: pytest.Captu
     path = written(tmp_path, "t,fx,fy,fz,tx,ty,tz\n" + rows, "run.csv")
     assert run(capsys, "info", path).out == (
         f"{path}\nTable, 5 rows of 7 columns\n  t, fx, fy, fz, tx, ty, tz\n  times: 0.53 s\n  rate: 100 Hz, longest "
-        "gap 0.5 s at 0.020 s\n"
+        "gap 0.5 s at 0.020 s\n\nRead without options\n  wrench: fx fy fz tx ty tz\n"
+        "  orientation: found no orientation columns, expected qx qy qz qw, r11..r33, a b c "
+        "(KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename "
+        "them, or say --orientation NAME:COLUMNS (found t, fx, fy, fz, tx, ty, tz)\n  times: t\n"
     )
     contents = json.loads(run(capsys, "info", path, "--json").out)
     assert contents["rhythm"]["longest_gap"] == pytest.approx(0.5)
     bare = written(tmp_path, "fx,note\n1,a\n2,b\n", "bare.csv")
     assert run(capsys, "info", bare).out == (
-        f"{bare}\nTable, 2 rows of 2 columns\n  fx, note\n  no times: a column t would tell rate and gaps\n"
+        f"{bare}\nTable, 2 rows of 2 columns\n  fx, note\n  no times, so no rate and no gaps\n\nRead without options\n"
+        "  wrench: found no column fy, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
+        "--wrench-columns A,B,C,D,E,F (found fx, note)\n  orientation: found no orientation columns, expected qx qy qz "
+        "qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation "
+        "NAME:COLUMNS (found fx, note)\n  times: found none: add a column t, or name one with --time-column\n"
     )
     milliseconds = written(tmp_path, "t_ms\n0\n10\n20\n", "ms.csv")
     found = table_contents(milliseconds).rhythm
     assert found is not None
     assert found.rate == pytest.approx(100.0)
+
+
+def test_a_table_with_names_as_people_write_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    header = "Time (ms),Force X (N),Force Y (N),Force Z (N),Mx [Nmm],My [Nmm],Mz [Nmm],Roll (deg),Pitch (deg),Yaw (deg)"
+    path = written(tmp_path, f"{header}\n0,1,2,3,4,5,6,7,8,9\n10,1,2,3,4,5,6,7,8,9\n")
+    told = run(capsys, "info", path).out.partition("Read without options\n")[2]
+    assert told == (
+        '  wrench: fx..fz from "Force X (N)".."Force Z (N)", tx..tz from "Mx [Nmm]".."Mz [Nmm]" in N mm\n'
+        '  orientation: roll..yaw from "Roll (deg)".."Yaw (deg)" in deg\n'
+        '  times: t from "Time (ms)" in ms\n'
+    )
+
+
+def test_dates_do_not_keep_a_table_from_being_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "Timestamp,fx,fy,fz,tx,ty,tz,qx,qy,qz,qw\n2024-05-01 12:00:00,1,2,3,4,5,6,0,0,0,1\n")
+    told = run(capsys, "info", path).out
+    assert "Table, 1 rows of 11 columns\n" in told
+    complaint = (
+        "row 2, column Timestamp: found '2024-05-01 12:00:00', expected a number: correct it or leave the times out "
+        "with --time-column none"
+    )
+    assert f"  times: {complaint}\n" in told
+    assert f"{path}: {complaint}" in run(capsys, "calibrate", path).err
+    assert cw.read(path, time_column="none").t is None
 
 
 def test_a_table_of_several_blocks_is_one(tmp_path: Path) -> None:

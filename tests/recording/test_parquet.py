@@ -171,7 +171,7 @@ BAD = [
         "row 59, column fy: found -inf, expected a finite number: leave the row out",
     ),
     ({"t": [None, *[1.0] * 59]}, "row 1, column t: found no number, expected one: fill it in or leave the row out"),
-    ({"T": [1.0] * 60}, "column t is there twice, expected once: rename or remove one"),
+    ({"T": [1.0] * 60}, "column T is there twice, expected once: rename or remove one"),
     (
         {"tz": [2e9] * 60},
         "row 1, column tz: found 2e+09, expected at most 1e+09 N or N m: correct it or leave the row out",

@@ -16,8 +16,8 @@ MATRIX_HEADER = ",".join((*WRENCH, *MATRIX))
 IN_UTF8 = "expected CSV text in UTF-8: save it as that"
 HEADER_AND_ROWS = "expected a header line and rows of numbers"
 NO_ORIENTATION = (
-    "expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC) or rx ry rz (UR): rename them, or say --orientation "
-    "NAME:COLUMNS"
+    "expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or say "
+    "--orientation NAME:COLUMNS"
 )
 CUT_OFF = "expected 1 within 1 %: check the order of its parts and that none is cut off"
 ORTHONORMAL = "expected orthonormal within 1 % and determinant 1: check the order of its entries"
@@ -57,7 +57,7 @@ def test_files_without_a_table(tmp_path: Path, content: str | bytes, message: st
     assert refusal(written(tmp_path, content)) == message
 
 
-ALL_BUT = "expected fx fy fz tx ty tz and an orientation: add it, or rename the one that holds it"
+ALL_BUT = "expected fx fy fz tx ty tz and an orientation: add it, or name the six with --wrench-columns A,B,C,D,E,F"
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ ALL_BUT = "expected fx fy fz tx ty tz and an orientation: add it, or rename the 
     [
         ("fx,fy,tx,ty,tz,qx", f"found no column fz, {ALL_BUT} (found fx, fy, tx, ty, tz, qx)"),
         ("fx,fy,fz,tx,ty", f"found no column tz, {ALL_BUT} (found fx, fy, fz, tx, ty)"),
-        ("fx,fy,fz,mx,my,mz", f"found no column tx, {ALL_BUT} (found fx, fy, fz, mx, my, mz)"),
+        ("fx,fy,fz,nx,ny,nz", f"found no column tx, {ALL_BUT} (found fx, fy, fz, nx, ny, nz)"),
         (f"fx,{QUAT_HEADER}", "column fx is there twice, expected once: rename or remove one"),
-        (f"note,{QUAT_HEADER},Note", "column note is there twice, expected once: rename or remove one"),
+        (f"note,{QUAT_HEADER},Note", "column Note is there twice, expected once: rename or remove one"),
         (f"{QUAT_HEADER},tx_nmm", "found columns tx and tx_nmm, expected one of them: remove the other"),
         (f"{QUAT_HEADER},t,t_ms", "found columns t and t_ms, expected one of them: remove the other"),
         ("fx,fy,fz,tx,ty,tz,qx,qy,qz", "found no column qw, expected all of quat_xyzw: add it"),
@@ -78,8 +78,8 @@ ALL_BUT = "expected fx fy fz tx ty tz and an orientation: add it, or rename the 
             "quat_xyzw",
         ),
         (
-            "fx,fy,fz,tx,ty,tz,roll,pitch,yaw",
-            f"found no orientation columns, {NO_ORIENTATION} (found fx, fy, fz, tx, ty, tz, roll, pitch, yaw)",
+            "fx,fy,fz,tx,ty,tz,phi,theta,psi",
+            f"found no orientation columns, {NO_ORIENTATION} (found fx, fy, fz, tx, ty, tz, phi, theta, psi)",
         ),
         (
             "fx,fy,fz,tx,ty,tz," + ",".join(f"u{k}" for k in range(20)),

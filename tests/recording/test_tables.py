@@ -314,10 +314,11 @@ def made(folder: Path) -> Path:
 def test_both_of_two_files_have_times(tmp_path: Path, without: str) -> None:
     path, layout = two_files(tmp_path)
     named = tmp_path / f"{without}.csv"
-    named.write_text(named.read_text().replace("t,", "time,", 1))
+    named.write_text(named.read_text().replace("t,", "clock,", 1))
     message = refusal(path, layout).replace("pose.csv: ", "")
     assert message.startswith(
-        "found no column t, expected one in each of two files, on one clock: add the times (found"
+        "found no column t, expected one in each of two files, on one clock: add the times, or name them with "
+        "--time-column (found"
     )
 
 

@@ -197,8 +197,9 @@ CONVENTIONS: dict[str, Convention] = {
     )
 }
 
-RECOGNISED_BY_NAME = ("quat_xyzw", "matrix", "kuka_abc", "fanuc_wpr", "ur_rotvec")
-"""The conventions that a file's column names tell by themselves, without a flag."""
+USUAL_NAMES = ("quat_xyzw", "matrix", "kuka_abc", "fanuc_wpr", "ur_rotvec")
+RECOGNISED_BY_NAME = (*USUAL_NAMES, "rpy", "franka_matrix")
+"""The conventions that a file's column names tell by themselves, without a flag; usual names first of all."""
 
 
 def convention(text: str) -> Convention:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +17,10 @@ from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, sec
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
 from .read import bag_blocks, reader_of
-from .tables.columns import TIME, Advance, optional
+from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for
 from .tables.episodes import episode_column
+from .tables.orientations import orientation_columns
+from .tables.roles import time_columns, wrench_columns
 from .tables.table import in_seconds, in_si, open_set
 
 HEADER = "std_msgs/msg/Header"
@@ -78,8 +80,9 @@ class BagContents:
 
 @dataclass(frozen=True)
 class TableContents:
-    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm; of a set of recordings
-    its `episodes`, and the start and the rhythm of the first of them.
+    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm; in sentences what its
+    `reading` takes for what, or lacks, and the option that would give it. Of a set of recordings also its `episodes`;
+    start and rhythm are those of the first.
     """
 
     path: str
@@ -87,6 +90,7 @@ class TableContents:
     rows: int
     start: float | None
     rhythm: Rhythm | None
+    reading: tuple[str, ...]
     episodes: tuple[int, ...] = ()
 
 
@@ -117,8 +121,26 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
     table = open_set(path)
-    t_columns, of_episode = optional(table, ["t"], TIME), episode_column(table)
-    columns = [*t_columns, *([] if of_episode is None else [of_episode])]
+    t_columns, reading = _reading_of_table(table)
+    try:
+        count, t, episodes = _counted(table, t_columns, advance)
+    except FileFormatError as error:  # a column that is named like times and holds none
+        reading = (*reading[:-1], f"times: {str(error).removeprefix(f'{table.source}: ')}")
+        count, t, episodes = _counted(open_set(path), (), advance)
+    if t is None or not len(t):
+        return TableContents(str(path), tuple(table.places), count, None, None, reading, episodes)
+    start = float(t[0])
+    return TableContents(str(path), tuple(table.places), count, start, rhythm(t, start), reading, episodes)
+
+
+def _counted(
+    table: OpenTable, t_columns: tuple[Column, ...], advance: Advance | None
+) -> tuple[int, Array | None, tuple[int, ...]]:
+    """The number of rows, their times where there are columns of them, of a set those of its first episode, and its
+    episodes.
+    """
+    of_episode = episode_column(table)
+    columns = t_columns if of_episode is None else (*t_columns, of_episode)
     count, parts = 0, [np.empty((0, len(columns)))]
     for body in table.told(columns, advance):
         count += len(body)
@@ -126,10 +148,24 @@ def table_contents(path: str | Path, advance: Advance | None = None) -> TableCon
     values = np.concatenate(parts)
     episodes = () if of_episode is None else tuple(np.unique(values[:, -1]).astype(int).tolist())
     first = values if len(episodes) < 2 else values[values[:, -1] == episodes[0]]
-    t = in_seconds(first[:, : len(t_columns)], t_columns)
-    if t is None or not len(t):
-        return TableContents(str(path), tuple(table.places), count, None, None, episodes)
-    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])), episodes)
+    return count, in_seconds(first[:, : len(t_columns)], t_columns), episodes
+
+
+def _reading_of_table(table: OpenTable) -> tuple[tuple[Column, ...], tuple[str, ...]]:
+    """The columns of the times, and what is taken for what when nothing is asked for, or why that cannot be said."""
+
+    def said(choose: Callable[[], Sequence[Column]]) -> tuple[tuple[Column, ...], str]:
+        try:
+            columns = tuple(choose())
+        except FileFormatError as error:
+            return (), str(error).removeprefix(f"{table.source}: ")
+        return columns, taken_for(columns)
+
+    _, wrench = said(lambda: wrench_columns(table, AS_NAMED))
+    _, orientation = said(lambda: orientation_columns(table, AS_NAMED)[1])
+    t_columns, times = said(lambda: time_columns(table, AS_NAMED))
+    times = times or "found none: add a column t, or name one with --time-column"
+    return t_columns, (f"wrench: {wrench}", f"orientation: {orientation}", f"times: {times}")
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:

@@ -5,6 +5,7 @@ One is made by options where there are options, by words about the file where th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,8 +23,12 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
 from .options import AS_USUAL, Options
 from .read import bag_blocks, name_of, reader_of
-from .tables.columns import ANGLE, Naming, orientation_columns, roles_beside, whole_sets, wrench_columns
+from .tables.columns import Column, Naming
+from .tables.names import stated_unit
+from .tables.orientations import orientation_columns, whole_sets
+from .tables.roles import roles_beside, wrench_columns
 from .tables.table import open_table, rotations, written_rows
+from .tables.units import ANGLE
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
@@ -53,7 +58,7 @@ class _Written:
     """
 
     wrench: Array
-    wrench_columns: tuple[str, ...]
+    wrench_columns: tuple[Column, ...]
     sets: tuple[tuple[tuple[str, ...], Array], ...]
     convention: Convention | None
     stated: Array | None
@@ -104,7 +109,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
         wrenches=tuple(_of_wrench(options.wrench_frame)),
         sign=options.sign,
         gravity=gravity,
-        torque_unit=_other_torque_unit(written.wrench_columns),
+        torque_unit=_other_torque_unit(written.wrench_columns[3:]),
         complaint=written.complaint,
     )
 
@@ -116,20 +121,19 @@ def _written(path: str | Path, naming: Naming) -> _Written:
     Of a recording with times only rows that have a wrench and an orientation are kept, and none with a saturated
     channel or a load; a long one is thinned.
     """
-    orientation = naming.orientation or "auto"
     table = open_table(path, naming)
-    of_wrench = wrench_columns(table)
+    of_wrench = wrench_columns(table, naming)
     convention, complaint = None, None
     try:
-        convention, angles = orientation_columns(table, orientation)
+        convention, angles = orientation_columns(table, naming)
         sets = [angles]
     except FileFormatError as error:
         complaint = str(error)
-        sets = whole_sets(table) if orientation == "auto" else []
+        sets = whole_sets(table, naming) if naming.orientation == "auto" else []
         if not sets:
             raise
     as_they_stand = [replace(column, per_si=1.0) for columns in sets for column in columns]
-    roles = replace(roles_beside(table, of_wrench, None, as_they_stand), t=())
+    roles = replace(roles_beside(table, naming, of_wrench, None, as_they_stand), t=())
     parts, stated = [], []
     for body in table.bodies(roles.columns):
         rows = written_rows(body, roles)
@@ -147,11 +151,11 @@ def _written(path: str | Path, naming: Naming) -> _Written:
     of_sets = np.split(numbers, np.cumsum([len(columns) for columns in sets])[:-1].tolist(), axis=1)
     middle, means = _still_poses(wrench[free], [of_set[free] for of_set in of_sets])
     middle = free[middle]
-    names = [tuple(column.name for column in columns) for columns in (of_wrench, *sets)]
+    names = [tuple(column.name for column in columns) for columns in sets]
     return _Written(
         wrench=means,
-        wrench_columns=names[0],
-        sets=tuple(zip(names[1:], [of_set[middle] for of_set in of_sets], strict=True)),
+        wrench_columns=tuple(of_wrench),
+        sets=tuple(zip(names, [of_set[middle] for of_set in of_sets], strict=True)),
         convention=convention,
         stated=np.concatenate(stated)[middle] if complaint is None else None,
         complaint=complaint,
@@ -201,14 +205,14 @@ def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | Non
 
 def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Attempt]:
     """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
-    suffixes = [name.rpartition("_")[2] if name.rpartition("_")[2] in ANGLE else "" for name in columns]
+    suffixes = [unit if (unit := stated_unit("angle", name)) in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
     for unit in ANGLE:
         scale = np.array([ANGLE[suffix if suffix and not said else unit] for suffix in suffixes])
         angles = numbers / scale
         if np.abs(angles).max(initial=0.0) > LONGEST_ROTATION_VECTOR and unit == "rad":
             continue
-        renamed = tuple(f"{name.removesuffix(f'_{said}') if said else name}_{unit}" for name in columns)
+        renamed = tuple(f"{name}_{unit}" for name in _bare(columns))
         rename = f"the angles in {unit} (rename {', '.join(columns)} to {', '.join(renamed)})"
         for letters in FORMULAS_OF_ANGLES:
             to_matrices = _to_matrices(letters)
@@ -239,8 +243,8 @@ def _named(letters: str) -> tuple[Convention, ...]:
 
 
 def _bare(columns: tuple[str, ...]) -> tuple[str, ...]:
-    """The columns' names without the unit of an angle."""
-    return tuple(name.rpartition("_")[0] if name.rpartition("_")[2] in ANGLE else name for name in columns)
+    """The columns' names in small letters, without the unit of an angle."""
+    return tuple(re.sub(r"\s*[\[(][^])]*[\])]$|_(deg|rad)$", "", name).lower() for name in columns)
 
 
 def _flag(named: Convention, columns: tuple[str, ...]) -> str:
@@ -287,10 +291,10 @@ def _blocks(of_force: Array, of_torque: Array) -> Array:
     return np.block([[of_force, zero], [zero, of_torque]])
 
 
-def _other_torque_unit(wrench_columns: tuple[str, ...]) -> TorqueUnit:
+def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:
     """N mm where the file states N m, and the other way round."""
-    in_nmm = wrench_columns[3].endswith("_nmm")
+    in_nmm = torque[0].per_si == 1e3
     factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
     new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
-    mend = f"the torque in {unit} (rename {', '.join(wrench_columns[3:])} to {new})"
+    mend = f"the torque in {unit} (rename {', '.join(column.name for column in torque)} to {new})"
     return TorqueUnit(factor, mend, TORQUE_UNIT)

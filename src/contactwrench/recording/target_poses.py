@@ -11,7 +11,9 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..geometry.arrays import Array
-from .tables.columns import ANGLE, LENGTH, TIME, optional, orientation_columns
+from .tables.columns import Naming
+from .tables.orientations import numbered_angles, orientation_columns
+from .tables.roles import position_columns, time_columns
 from .tables.table import in_seconds, in_si, open_table, rotations
 
 
@@ -42,22 +44,23 @@ def read_target_poses(path: str | Path, joint_count: int, orientation: str = "au
     """
     table = open_table(path)
     names = [f"q{k}" for k in range(1, joint_count + 1)]
-    t_columns = optional(table, ["t"], TIME)
-    joint_columns = optional(table, names, {"": 1.0, **ANGLE})
+    naming = Naming(orientation)
+    t_columns = time_columns(table, naming)
+    joint_columns = numbered_angles(table, names)
     if joint_columns:
         blocks = [in_si(body, (t_columns, joint_columns)) for body in table.bodies([*t_columns, *joint_columns])]
         t, joints = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         return TargetPoses(joints, np.empty((0, 3, 3)), None, in_seconds(t, t_columns))
     with _or_joint_angles(names):
-        convention, angles = orientation_columns(table, orientation)
-    position_columns = optional(table, ["x", "y", "z"], LENGTH, {column.place for column in angles})
+        convention, angles = orientation_columns(table, naming)
+    positions = position_columns(table, naming, {column.place for column in angles})
     R, others = [], []
-    for body in table.bodies([*t_columns, *angles, *position_columns]):
-        others.append(in_si(body, (t_columns, position_columns)))
+    for body in table.bodies([*t_columns, *angles, *positions]):
+        others.append(in_si(body, (t_columns, positions)))
         with _or_joint_angles(names):
             R.append(rotations(convention, angles, in_si(body, (angles,))[0], body))
     t, position = (np.concatenate(parts) for parts in zip(*others, strict=True))
-    return TargetPoses(None, np.concatenate(R), position if position_columns else None, in_seconds(t, t_columns))
+    return TargetPoses(None, np.concatenate(R), position if positions else None, in_seconds(t, t_columns))
 
 
 @contextmanager

@@ -248,8 +248,15 @@ def _table(contents: TableContents) -> Iterator[str]:
         few = ", ".join(map(str, contents.episodes[:MOST_EPISODES]))
         more = ", ..." if len(contents.episodes) > MOST_EPISODES else ""
         yield f"  {len(contents.episodes)} episodes, {few}{more}: --episode N chooses one; times of the first:"
+    yield from _times(contents)
+    yield ""
+    yield "Read without options"
+    yield from (f"  {sentence}" for sentence in contents.reading)
+
+
+def _times(contents: TableContents) -> Iterator[str]:
     if contents.rhythm is None or contents.rhythm.last is None or contents.start is None:
-        yield "  no times: a column t would tell rate and gaps"
+        yield "  no times, so no rate and no gaps"
         return
     rhythm = contents.rhythm
     yield f"  times: {rhythm.last:.6g} s{_since(contents.start)}"

@@ -30,11 +30,6 @@ class Field:
     length: int = 1
 
 
-def elements(name: str, path: tuple[str, ...], length: int, names: Sequence[str] = ()) -> list[Field]:
-    """The columns that lists of that length stand for: `name[0]`, `name[1]` and so on, or `names`."""
-    return [Field(names[k] if names else f"{name}[{k}]", path, k, length) for k in range(length)]
-
-
 class Batch(ABC):
     """Rows of a file, by their numbers (n,) in it from 0. A `Body`."""
 

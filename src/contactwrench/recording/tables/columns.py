@@ -1,9 +1,10 @@
-"""Which columns of a table are what, in a file of any kind: found by name, units by suffix (design: section 6)."""
+"""Columns of a table in a file of any kind, and which of them are what."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import NoReturn, Protocol, TypeAlias
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from ...errors import FileFormatError
 from ...geometry.arrays import Array
-from ...geometry.orientation import CONVENTIONS, RECOGNISED_BY_NAME, Convention, convention
+from ...geometry.orientation import Convention
+from .units import symbol, unit_shown
 
 ROWS = 2**15
 """Rows that are read at once: some 10 MB."""
@@ -19,16 +21,10 @@ ROWS = 2**15
 Advance: TypeAlias = Callable[[float], None]
 """Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
-FORCE = {"": 1.0, "n": 1.0}
-TORQUE = {"": 1.0, "nm": 1.0, "nmm": 1e3}
-TIME = {"": 1.0, "s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-LENGTH = {"": 1.0, "m": 1.0, "mm": 1e3}
-LOAD = {"g": 1e3, "kg": 1.0}
-NO_UNIT = {"": 1.0}
-ANGLE = {"deg": 180.0 / np.pi, "rad": 1.0}
-"""These say how many of a unit make one of SI: a division rounds once, so that 300 ms are 0.3 s to the last digit."""
-
 WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
+NANOSECONDS = "nanosec"
+"""The role of the second column of times, where they are written as two."""
+
 SATURATED = "saturated"
 """1 or true in the rows in which a channel of the sensor stood at its limit."""
 
@@ -55,11 +51,21 @@ AS_NAMED = Naming()
 
 @dataclass(frozen=True)
 class Column:
-    """A column by its place in the file, its name there, and how many of its unit make one of SI."""
+    """A column by its place in the file, its name there, and how many of its unit make one of SI; what it is, `role`,
+    by its usual name, and the unit that somebody stated for it, "" where nobody did.
+    """
 
     place: int
     name: str
     per_si: float
+    role: str = ""
+    unit: str = ""
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether its name, in any case, is that of its role, with a suffix for its unit where it has one."""
+        suffix = f"_{symbol(self.unit)}" if self.unit else ""
+        return self.name.lower() == f"{self.role}{suffix}"
 
 
 class Body(Protocol):
@@ -94,8 +100,8 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class OpenTable:
-    """A table that is open: the place of each column by its name, in small letters, and what reads some columns block
-    by block, once. `source`: the file, as messages name it.
+    """A table that is open: the place of each column by its name as the file spells it, no two alike in any case, and
+    what reads some columns block by block, once. `source`: the file, as messages name it.
     """
 
     source: str
@@ -139,8 +145,15 @@ class ColumnRoles:
 
     @property
     def understood(self) -> str:
-        """Which column was taken for what, as `fx from "Force X (N)", ...`; empty where all bear the usual names."""
-        return ""
+        """Which column was taken for what, as `fx..fz from "Force X (N)".."Force Z (N)", t from "Time" in ms`; empty
+        where all bear the usual names.
+        """
+        parts = []
+        for columns in (self.wrench, self.orientation, self.t, self.position, self.load, self.saturated):
+            if not all(column.is_usual for column in columns):
+                angles = columns == self.orientation and self.convention is not None and self.convention.angle_unit
+                parts.append(taken_for(columns) + (f" as {self.convention.name}" if self.convention and angles else ""))
+        return ", ".join(parts)
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -148,143 +161,50 @@ class ColumnRoles:
         return *self.t, *self.of_wrench, *self.of_pose
 
 
-def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
-    """Which columns of a recording are what.
-
-    Args:
-        table: the recording, or one of two files.
-        naming: what was stated.
-        wrench: False: of two files the one with the orientations, no wrench is looked for.
-
-    Raises:
-        FileFormatError: for a column that is missing, times of two files among them.
-    """
-    of_wrench = wrench_columns(table) if wrench else []
-    chosen, angles = (None, []) if naming.orientation is None else orientation_columns(table, naming.orientation)
-    roles = roles_beside(table, of_wrench, chosen, angles)
-    if not roles.t and not (of_wrench and angles):
-        raise FileFormatError(
-            f"{table.source}: found no column t, expected one in each of two files, on one clock: add the times (found "
-            f"{listed(table.places)})"
-        )
-    return roles
+def taken_for(columns: tuple[Column, ...]) -> str:
+    """What columns of one kind, or of several one after the other, were taken for."""
+    if all(column.is_usual for column in columns):
+        return " ".join(column.name for column in columns)
+    parts = [columns[:3], columns[3:]] if len(columns) == len(WRENCH_COLUMNS) else [columns]
+    return ", ".join(map(_of_one_kind, parts)) if columns else ""
 
 
-def roles_beside(
-    table: OpenTable, wrench: list[Column], chosen: Convention | None, angles: list[Column]
-) -> ColumnRoles:
-    """What the other columns are where those of the wrench and of the orientation are chosen already."""
-    taken = {column.place for column in angles}
-    t = optional(table, ["t"], TIME, taken)
-    if wrench and "load" in table.places:
-        raise FileFormatError(f"{table.source}: column load has no unit, expected load_g or load_kg: rename it")
-    return ColumnRoles(
-        wrench=tuple(wrench),
-        convention=chosen,
-        orientation=tuple(angles),
-        t=t,
-        position=optional(table, ["x", "y", "z"], LENGTH, taken) if chosen else (),
-        load=optional(table, ["load"], LOAD, taken) if wrench else (),
-        saturated=optional(table, [SATURATED], NO_UNIT, taken) if wrench else (),
-        gaps=bool(t),
-    )
+def _of_one_kind(columns: tuple[Column, ...]) -> str:
+    units = [f" in {unit_shown(column.per_si, column.unit)}" if column.per_si != 1.0 else "" for column in columns]
+    names = [f'"{shown(column.name)}"' for column in columns]
+    if columns[-1].role == NANOSECONDS:
+        return f"t from {' and '.join(names)}"
+    if len(columns) > 1 and len(set(units)) == 1 and _in_turn([column.name for column in columns]):
+        return f"{columns[0].role}..{columns[-1].role} from {names[0]}..{names[-1]}{units[0]}"
+    taken = zip(columns, names, units, strict=True)
+    return ", ".join(f"{column.role} from {name}{unit}" for column, name, unit in taken)
 
 
-def wrench_columns(table: OpenTable) -> list[Column]:
-    """The columns fx..tz. Raises `FileFormatError` where one is not there."""
-    columns = []
-    for name in WRENCH_COLUMNS:
-        column = find(table, name, TORQUE if name[0] == "t" else FORCE)
-        if column is None:
-            raise FileFormatError(
-                f"{table.source}: found no column {name}, expected fx fy fz tx ty tz and an orientation: add it, or "
-                f"rename the one that holds it (found {listed(table.places)})"
-            )
-        columns.append(column)
-    return columns
+def _in_turn(names: list[str]) -> bool:
+    """Whether names differ in an axis or a number only, which go on by one."""
+    lower = [name.lower() for name in names]
+    before, after = _alike(lower), _alike([name[::-1] for name in lower])
+    parts = [name[before : len(name) - after] for name in lower]
+    if parts[0].isdecimal() and all(part.isdecimal() for part in parts):
+        return [int(part) - int(parts[0]) for part in parts] == list(range(len(parts)))
+    return " ".join(parts) in ("x y z", "x y z w", "w x y z", "a b c", "w p r", "roll pitch yaw")
 
 
-def orientation_columns(table: OpenTable, orientation: str) -> tuple[Convention, list[Column]]:
-    """The columns of the orientation, and what they are; `orientation` as in `Options`. Raises `FileFormatError`."""
-    if orientation != "auto":
-        chosen = convention(orientation)
-        columns = _columns_of(table, chosen)
-        missing = [name for name, column in zip(chosen.columns, columns, strict=True) if column is None]
-        if missing:
-            wanted = ",".join(shown(name) for name in chosen.columns)
-            raise FileFormatError(
-                f"{table.source}: found no column {shown(missing[0])}, expected {wanted} for {chosen.name}: name "
-                f"the columns, as in --orientation NAME:COLUMNS (found {listed(table.places)})"
-            )
-        return chosen, [column for column in columns if column is not None]
-    candidates = {name: _columns_of(table, CONVENTIONS[name]) for name in RECOGNISED_BY_NAME}
-    whole = {name: [c for c in columns if c is not None] for name, columns in candidates.items() if None not in columns}
-    if len(whole) == 1:
-        name, complete = next(iter(whole.items()))
-        return CONVENTIONS[name], complete
-    if whole:
-        raise FileFormatError(
-            f"{table.source}: found the columns of {' and of '.join(whole)}, expected one orientation: choose with "
-            f"--orientation {next(iter(whole))}"
-        )
-    for name, columns in candidates.items():
-        if sum(column is not None for column in columns) > len(columns) / 2:
-            missing = [want for want, c in zip(CONVENTIONS[name].columns, columns, strict=True) if c is None]
-            raise FileFormatError(f"{table.source}: found no column {missing[0]}, expected all of {name}: add it")
-    raise FileFormatError(
-        f"{table.source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC) or "
-        f"rx ry rz (UR): rename them, or say --orientation NAME:COLUMNS (found {listed(table.places)})"
-    )
-
-
-def whole_sets(table: OpenTable) -> list[list[Column]]:
-    """Every set of columns that bears the names of a convention, each once."""
-    sets: dict[tuple[str, ...], list[Column]] = {}
-    for wanted in CONVENTIONS.values():
-        columns = [column for column in _columns_of(table, wanted) if column is not None]
-        if len(columns) == len(wanted.columns):
-            sets.setdefault(tuple(sorted(column.name for column in columns)), columns)
-    return list(sets.values())
-
-
-def _columns_of(table: OpenTable, wanted: Convention) -> list[Column | None]:
-    if wanted.angle_unit is None:
-        return [find(table, name, NO_UNIT) for name in wanted.columns]
-    stated = {"": ANGLE[wanted.angle_unit], **ANGLE}
-    columns = []
-    for name in wanted.columns:
-        unit = name.rpartition("_")[2]
-        columns.append(find(table, name, {"": ANGLE[unit]} if unit in ANGLE else stated))
-    return columns
-
-
-def find(table: OpenTable, name: str, units: dict[str, float]) -> Column | None:
-    """The column `name` or `name_unit`; None where there is none. Raises `FileFormatError` where there are both."""
-    spelled = {name if not unit else f"{name}_{unit}": per_si for unit, per_si in units.items()}
-    there = [Column(table.places[key], key, per_si) for key, per_si in spelled.items() if key in table.places]
-    if len(there) > 1:
-        names = " and ".join(column.name for column in there)
-        raise FileFormatError(f"{table.source}: found columns {names}, expected one of them: remove the other")
-    return there[0] if there else None
-
-
-def optional(
-    table: OpenTable, names: list[str], units: dict[str, float], taken: Collection[int] = ()
-) -> tuple[Column, ...]:
-    """The columns `names` if all are there and none is part of the orientation, at places `taken`; else none."""
-    there = [find(table, name, units) for name in names]
-    columns = tuple(column for column in there if column is not None and column.place not in taken)
-    return columns if len(columns) == len(names) else ()
+def _alike(names: list[str]) -> int:
+    """How many letters names begin with that are the same in all of them."""
+    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
 
 
 def places_of(names: Iterable[str], source: str) -> dict[str, int]:
-    """The place of each column by its name. Raises `FileFormatError` for a name that is there twice."""
+    """The place of each column by its name. Raises `FileFormatError` for a name that is there twice, in any case."""
     places: dict[str, int] = {}
+    lower: set[str] = set()
     for place, name in enumerate(names):
-        if name in places:
+        if name.lower() in lower:
             raise FileFormatError(f"{source}: column {shown(name)} is there twice, expected once: rename or remove one")
         if name:
             places[name] = place
+            lower.add(name.lower())
     return places
 
 

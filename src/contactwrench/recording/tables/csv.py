@@ -64,7 +64,7 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
     header_row, layout = found
     below = ((row, _blanked(text, header_row + 1 - row), done) for row, text, done in first)
     bodies = (Lines(*block, layout, source) for block in chain(below, blocks))
-    return OpenTable(source, places_of(map(str.lower, layout.names), source), partial(_with_rows, bodies))
+    return OpenTable(source, places_of(layout.names, source), partial(_with_rows, bodies))
 
 
 def _blanked(text: str, count: int) -> str:
@@ -215,15 +215,14 @@ class Lines:
         )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
-        if column.name.lower() == SATURATED and cell.lower() in BOOLEANS:
+        if column.role == SATURATED and cell.lower() in BOOLEANS:
             return BOOLEANS[cell.lower()]
         comma = self._layout.decimal == ","
         try:
             number = value(cell.translate(POINT_FOR_COMMA) if comma else cell) if cell else np.nan
         except ValueError:
-            raise FileFormatError(
-                f"{self.source}: row {row}, column {column.name}: {_no_number(cell, comma=comma)}"
-            ) from None
+            where = f"{self.source}: row {row}, column {column.name}"
+            raise FileFormatError(f"{where}: {_no_number(cell, comma=comma, of_times=column.role == 't')}") from None
         if not (np.isfinite(number) or (may_lack and np.isnan(number))):
             raise self._lack(cell, column, row)
         return number
@@ -235,7 +234,7 @@ class Lines:
         return FileFormatError(f"{where}: found {cell}, expected a finite number: leave the row out")
 
 
-def _no_number(cell: str, *, comma: bool) -> str:
+def _no_number(cell: str, *, comma: bool, of_times: bool) -> str:
     """What is wrong with a cell that is no number in a file whose decimal mark is a comma, or a point."""
     if PERHAPS_THOUSANDS.fullmatch(cell):
         return f"found {cell!r}, which may be a decimal comma or thousands, expected a point: write it so"
@@ -245,4 +244,5 @@ def _no_number(cell: str, *, comma: bool) -> str:
         return f"found thousands set apart in {cell[:40]!r}, expected digits and one decimal mark: write it so"
     if comma and is_number(cell):
         return f"found the decimal point {cell[:40]!r} in a file with decimal commas, expected one mark: write it so"
-    return f"found {cell[:40]!r}, expected a number: correct it or leave the row out"
+    mend = "leave the times out with --time-column none" if of_times else "leave the row out"
+    return f"found {cell[:40]!r}, expected a number: correct it or {mend}"

@@ -27,8 +27,8 @@ def fields_found(group: Any) -> list[Field]:
 
     def visit(path: str, item: Any) -> None:
         if holds_numbers(item) and len(item.shape) in (1, 2) and width_of(item) <= MOST_ELEMENTS:
-            name, width = path.lower(), width_of(item)
-            names = [name] if width == 1 else [f"{name}[{k}]" for k in range(width)]
+            width = width_of(item)
+            names = [path] if width == 1 else [f"{path}[{k}]" for k in range(width)]
             fields.extend(_with_units(item, path, dict(enumerate(names))))
 
     group.visititems(visit)

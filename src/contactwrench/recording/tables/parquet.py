@@ -23,24 +23,17 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import MOST_ELEMENTS, Batch, Field, elements
-from .columns import ROWS, WRENCH_COLUMNS, Column, Naming, OpenTable, places_of, shown, wrench_columns
+from .batch import MOST_ELEMENTS, Batch, Field
+from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE, one_episode
+from .roles import wrench_columns
 
 SUFFIXES = (".parquet", ".pq")
-LISTS = {
-    "wrench": WRENCH_COLUMNS,
-    "quat_xyzw": ("qx", "qy", "qz", "qw"),
-    "position": ("x", "y", "z"),
-}
-"""Lists whose elements have names of their own."""
-
 BUFFER = 2**20
 """Bytes of a column that are read at once, so that memory does not grow with the size of the file's row groups."""
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 FIRST_ROWS = 64
 """Read at once to see how long lists are."""
-OF_TIME = re.compile(r"t(_.*)?|.*(time|stamp).*")
 
 
 @dataclass(frozen=True)
@@ -65,14 +58,13 @@ class _Leaf:
 
     @property
     def name(self) -> str:
-        return ".".join(part.strip() for part in self.path).lower()
+        return ".".join(part.strip() for part in self.path)
 
     def fields(self, length: int | None) -> list[Field]:
         """The columns that it stands for, where its lists are that long."""
         if not length or length > MOST_ELEMENTS:
             return [Field(self.name, self.path)]
-        named = LISTS.get(self.name, ())
-        return elements(self.name, self.path, length, named if len(named) == length else ())
+        return [Field(f"{self.name}[{k}]", self.path, k, length) for k in range(length)]
 
 
 def is_parquet(path: str | Path) -> bool:
@@ -106,7 +98,7 @@ def open_parquet(path: str | Path, rows: int, episode: int | None = None, *, who
 def rows_as_stored(path: str | Path, naming: Naming) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
     """All columns as the files have them, a record batch at a time, and which of its rows (n,) have a wrench."""
     table = one_episode(open_parquet(path, ROWS, naming.episode, whole=True), naming.episode)
-    fx = wrench_columns(table)[0]
+    fx = wrench_columns(table, naming)[0]
     for body in table.bodies([fx]):
         yield cast(Records, body).record, ~np.isnan(body.numbers([fx], may_lack=[fx])[:, 0])
 
@@ -139,7 +131,7 @@ class Records(Batch):
             if pa.types.is_boolean(kind):
                 values = values.cast(pa.uint8())
                 kind = values.type
-            if pa.types.is_temporal(kind) and hasattr(kind, "unit") and OF_TIME.fullmatch(column.name.lower()):
+            if pa.types.is_temporal(kind) and hasattr(kind, "unit") and column.role == "t":
                 per_unit = column.per_si / PER_SECOND[kind.unit]
                 counted = values.cast(pa.int64()).cast(pa.float64(), safe=False)
                 return np.asarray(counted.to_numpy(zero_copy_only=False), dtype=np.float64) * per_unit

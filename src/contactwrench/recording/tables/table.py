@@ -17,11 +17,12 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention
 from ...samples.samples import LARGEST_READING
-from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, roles_of
+from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable
 from .csv import open_csv
 from .episodes import one_episode
 from .hdf5 import is_hdf5, open_hdf5
 from .parquet import is_parquet, open_parquet
+from .roles import roles_of
 
 UNIX_TIMES = (1e9, 4.2e9)
 """s: from 2001 to 2103. A column `t` of a thousand, a million or a milliard times as much holds Unix times in ms, us or
@@ -150,6 +151,7 @@ def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     _require(~(load < 0.0), load, roles.load, body, "0 or more")
     is_flag = (saturated == 0.0) | (saturated == 1.0) | np.isnan(saturated)
     _require(is_flag, saturated, roles.saturated, body, "0 or 1")
+    _require((t[:, 1:] >= 0.0) & (t[:, 1:] < 1.0), t[:, 1:], roles.t[1:], body, "nanoseconds of 0 to 1e9")
     has_orientation = _rows_there(body, of_pose, with_pose, len(roles.orientation))
     orientation, position = np.split(with_pose, [len(roles.orientation)], axis=1)
     return WrittenRows(body, roles, t, wrench, load, saturated, orientation, position, has_wrench, has_orientation)
@@ -187,13 +189,13 @@ def _require(good: NDArray[np.bool_], values: Array, columns: Sequence[Column], 
 
 
 def in_seconds(t: Array, columns: Sequence[Column]) -> Array | None:
-    """Times (n,) s of the column (n, 1) of times, None where there is none; of a column without a unit that is too
-    large for seconds, as what it must be (see `UNIX_TIMES`).
+    """Times (n,) s of the columns (n, k) of times, whose sum they are, None where there are none; of a column without a
+    unit that is too large for seconds, as what it must be (see `UNIX_TIMES`).
     """
     if not columns:
         return None
-    times: Array = t[:, 0]
-    if columns[0].name == "t" and len(times):
+    times: Array = t.sum(axis=1)
+    if not columns[0].unit and len(times):
         for per_s in (1e3, 1e6, 1e9):
             if UNIX_TIMES[0] * per_s <= times[0] <= UNIX_TIMES[1] * per_s:
                 return times / per_s

@@ -176,7 +176,7 @@ TARGETS = (
     ),
     Target(
         "force_torque_sensor_broadcaster",
-        "ros2_controllers' force_torque_sensor_broadcaster with control_filters (ROS 2)",
+        "force_torque_sensor_broadcaster of ros2_controllers, control_filters (ROS 2)",
         ".yaml",
         "the sensor's frame in the URDF",
         "",

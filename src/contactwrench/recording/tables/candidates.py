@@ -1,0 +1,197 @@
+"""Which columns of a table could be what: what each header says, judged beside all the others.
+
+Letters alone are ambiguous: `tx` and `mx` are a torque where a force `fx` stands beside them, or where their unit or a
+word such as `wrench` says so; else they may be a translation, and `mx` beside `ax` or `gx` a magnetometer's. Numbered
+columns count from 0 or from 1, and only as a whole set.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ...errors import FileFormatError, InputError
+from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, OpenTable, listed, shown
+from .names import ESTIMATES, QUANTITIES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
+from .units import UNITS, known_units, per_si, symbol
+
+LONGEST_SLICE = 1000
+"""Elements of a list that an option may name at once."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A column by its name and place, and what its header says."""
+
+    name: str
+    place: int
+    said: Meaning
+
+
+def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
+    """The columns that could be each part, by its usual name, in the order of the file."""
+    by_part: dict[str, list[Candidate]] = defaultdict(list)
+    numbered: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
+    for name, place in table.places.items():
+        said = meaning(name)
+        if said is not None and _may_be(said):
+            candidate = Candidate(name, place, said)
+            if said.index is None:
+                by_part[said.part].append(candidate)
+            else:
+                numbered[said.part, said.of].append(candidate)
+    for (vector, _), columns in numbered.items():
+        parts = VECTORS.get(vector, tuple(f"{vector}_{k}" for k in range(len(WRENCH_COLUMNS))))
+        columns.sort(key=lambda column: column.said.index or 0)
+        indices = [column.said.index for column in columns]
+        if indices in (list(range(len(parts))), list(range(1, len(parts) + 1))):
+            for part, column in zip(parts, columns, strict=True):
+                by_part[part].append(column)
+    beside_forces = any(column.said.letter for column in by_part["fx"])
+    beside_an_imu = not {"ax", "gx"}.isdisjoint(name.lower() for name in table.places)
+    for part in WRENCH_COLUMNS[3:]:
+        by_part[part] = [
+            column
+            for column in by_part[part]
+            if not column.said.letter or (beside_forces and not (beside_an_imu and column.name.lower()[0] == "m"))
+        ]
+    return {part: sorted(columns, key=lambda column: column.place) for part, columns in by_part.items() if columns}
+
+
+def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:
+    """The columns whose one letter may be of a torque, of a part that is `missing`, or of something else."""
+    said = [(name, place, meaning(name)) for name, place in table.places.items()]
+    parts = set(missing) & set(WRENCH_COLUMNS[3:])
+    return [Candidate(name, place, told) for name, place, told in said if told and told.letter and told.part in parts]
+
+
+def _may_be(said: Meaning) -> bool:
+    """Whether a part can have its unit; a wrench or times in one that is not known are refused, not passed over."""
+    quantity = quantity_of(said)
+    return not said.unit or said.unit in UNITS[quantity] or quantity in ("force", "torque", "time")
+
+
+def estimates(by_part: dict[str, list[Candidate]]) -> dict[str, list[Candidate]]:
+    """Of each controller's estimate of the contact wrench that is there, its six columns."""
+    return {
+        vector: [by_part[f"{vector}_{k}"][0] for k in range(len(WRENCH_COLUMNS))]
+        for vector in ESTIMATES
+        if f"{vector}_0" in by_part
+    }
+
+
+def stamps(by_part: dict[str, list[Candidate]]) -> list[tuple[Candidate, ...]]:
+    """The times that a table has: a column, or those of seconds and nanoseconds of one stamp."""
+    seconds, nanoseconds = by_part.get(SECONDS, []), by_part.get(NANOSECONDS, [])
+    pairs = [(s, ns) for s in seconds for ns in nanoseconds if s.said.of == ns.said.of]
+    paired = {column for pair in pairs for column in pair}
+    alone = [column for column in (*seconds, *nanoseconds) if column not in paired and column.said.of]
+    whole = [column for column in alone if column.said.unit == "s" or not column.said.of.endswith("stamp")]
+    return [*pairs, *((column,) for column in (*by_part.get("t", []), *whole))]
+
+
+def usual(table: OpenTable, part: str, quantity: str) -> Candidate | None:
+    """The column that bears a part's usual name, in any case, with the suffix of a unit or without.
+
+    Raises `FileFormatError` where there are two.
+    """
+    spelled = {part: "", **{f"{part}_{symbol(unit)}": unit for unit in UNITS[quantity]}}
+    there = [
+        Candidate(name, place, Meaning(part, spelled[name.lower()]))
+        for name, place in table.places.items()
+        if name.lower() in spelled
+    ]
+    if len(there) > 1:
+        names = " and ".join(column.name for column in sorted(there, key=lambda column: len(column.name)))
+        raise FileFormatError(f"{table.source}: found columns {names}, expected one of them: remove the other")
+    return there[0] if there else None
+
+
+def named(table: OpenTable, name: str, part: str, quantity: str) -> Candidate | None:
+    """The column that an option names, in any case; None where there is none."""
+    for spelled, place in table.places.items():
+        if spelled.lower() == name.strip().lower():
+            return Candidate(spelled, place, Meaning(part, stated_unit(quantity, spelled) if quantity else ""))
+    return None
+
+
+def expanded(table: OpenTable, text: str) -> str:
+    """Names with commas between in place of slices: `a[0],a[1]` for `a[0:2]`, or `a_0,a_1` where these are there.
+
+    Raises `InputError` for a slice that is none.
+    """
+    there = {name.lower() for name in table.places}
+
+    def elements(match: re.Match[str]) -> str:
+        first, end = int(match[2] or 0), int(match[3])
+        if not 0 < end - first <= LONGEST_SLICE:
+            raise InputError(f"{table.source}: found no elements {shown(match[0])}, expected those of a list: name one")
+        form = "{}[{}]" if f"{match[1]}[{first}]".lower() in there else "{}_{}"
+        return ",".join(form.format(match[1], k) for k in range(first, end))
+
+    return re.sub(r"([^,:]+)\[(\d*):(\d+)\]", elements, text)
+
+
+def column(
+    table: OpenTable, candidate: Candidate, role: str, quantity: str, units: dict[str, str], default: str = ""
+) -> Column:
+    """A column of a quantity: in the unit that its header states, or `units` (see `stated_units`), or `default`.
+
+    Raises `FileFormatError` for a unit that is not known, and where both state different ones.
+    """
+    stated, by_option = candidate.said.unit, units.get(quantity)
+    if stated not in UNITS[quantity]:
+        if stated and by_option is None:
+            option = "--time-column NAME:UNIT" if quantity == "time" else f"--units {quantity}=UNIT"
+            raise FileFormatError(
+                f"{table.source}: column {shown(candidate.name)}: found the unit {shown(stated)}, expected one of "
+                f"{known_units(quantity)}: state it with {option}"
+            )
+        stated = ""
+    if stated and by_option is not None and by_option != stated:
+        raise FileFormatError(
+            f"{table.source}: column {shown(candidate.name)}: found {stated} in its name and --units "
+            f"{quantity}={symbol(by_option)}, expected one of them: leave the option out or correct it"
+        )
+    unit = stated or by_option or ""
+    return Column(candidate.place, candidate.name, per_si(quantity, unit or default), role, unit)
+
+
+def require_units(table: OpenTable, columns: Iterable[Column], default: str = "") -> None:
+    """Raise `FileFormatError` where some columns of one quantity state another unit than the usual one, and others
+    none: nobody knows what those hold.
+    """
+    columns = list(columns)
+    quantity = QUANTITIES[columns[0].role] if columns and columns[0].role in QUANTITIES else ""
+    other = next((c for c in columns if c.unit and per_si(quantity, c.unit) != per_si(quantity, default)), None)
+    silent = next((c for c in columns if not c.unit), None)
+    if other is not None and silent is not None:
+        raise FileFormatError(
+            f"{table.source}: column {shown(other.name)} is in {other.unit} and {shown(silent.name)} says no unit, "
+            f"expected one for each: state it with --units {quantity}=UNIT"
+        )
+
+
+def lacking(table: OpenTable, part: str, expected: str, mend: str) -> FileFormatError:
+    """A part that no column holds."""
+    return FileFormatError(
+        f"{table.source}: found no column {shown(part)}, expected {expected}: {mend} (found {listed(table.places)})"
+    )
+
+
+def quoted(columns: Iterable[Candidate]) -> str:
+    """The columns' names as a message sets them beside each other."""
+    return " and ".join(f'"{shown(column.name)}"' for column in columns)
+
+
+def as_listed(columns: Iterable[Candidate]) -> str:
+    """The columns' names as an option takes them, in quotes where a shell needs them."""
+    names = ",".join(column.name for column in columns)
+    return names if re.fullmatch(r"[\w.,/%-]*", names) else f"'{names}'"
+
+
+def undecided(table: OpenTable, several: list[Candidate], part: str, option: str) -> FileFormatError:
+    """Two columns or more that could be one part."""
+    return FileFormatError(f"{table.source}: found {quoted(several)} for {part}, expected one: choose with {option}")

@@ -1,0 +1,155 @@
+"""Which columns of a table are the orientation, and how it is written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...errors import FileFormatError
+from ...geometry.orientation import CONVENTIONS, RECOGNISED_BY_NAME, USUAL_NAMES, Convention, convention
+from .candidates import (
+    Candidate,
+    as_listed,
+    candidates,
+    column,
+    expanded,
+    lacking,
+    named,
+    quoted,
+    require_units,
+    undecided,
+    usual,
+)
+from .columns import Column, Naming, OpenTable, listed, shown
+from .units import per_si, stated_units
+
+
+def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, list[Column]]:
+    """The columns of the orientation, and what they are. Raises as `wrench_columns`."""
+    table = _beside_the_wrench(table, naming)
+    if (stated := naming.orientation or "auto") != "auto":
+        return _stated_orientation(table, naming, stated)
+    found = {name: _usual_angles(table, CONVENTIONS[name]) for name in USUAL_NAMES}
+    whole = {name: [c for c in columns if c is not None] for name, columns in found.items() if None not in columns}
+    by_part = candidates(table)
+    if not whole:
+        found = {
+            name: [by_part[part][0] if part in by_part else None for part in CONVENTIONS[name].columns]
+            for name in RECOGNISED_BY_NAME
+        }
+        whole = {name: [c for c in columns if c is not None] for name, columns in found.items() if None not in columns}
+    if len(whole) > 1:
+        raise FileFormatError(
+            f"{table.source}: found the columns of {' and of '.join(whole)}, expected one orientation: choose with "
+            f"--orientation {next(iter(whole))}"
+        )
+    if whole:
+        name, columns = next(iter(whole.items()))
+        return CONVENTIONS[name], _angles(table, naming, CONVENTIONS[name], columns, by_part)
+    for name, parts in found.items():
+        if sum(part is not None for part in parts) > len(parts) / 2:
+            missing = [want for want, part in zip(CONVENTIONS[name].columns, parts, strict=True) if part is None]
+            raise FileFormatError(f"{table.source}: found no column {missing[0]}, expected all of {name}: add it")
+    raise FileFormatError(
+        f"{table.source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), "
+        f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found "
+        f"{listed(table.places)})"
+    )
+
+
+def _angles(
+    table: OpenTable,
+    naming: Naming,
+    chosen: Convention,
+    columns: list[Candidate],
+    by_part: dict[str, list[Candidate]],
+) -> list[Column]:
+    """The columns of a convention that the names tell, in their units."""
+    made = _in_their_units(table, naming, chosen, columns)
+    if chosen.name in USUAL_NAMES and all(each.is_usual for each in made):
+        return made
+    for part in chosen.columns:
+        if len(several := by_part[part]) > 1:
+            raise undecided(table, several, part, _by_names(chosen, by_part))
+    require_units(table, made, chosen.angle_unit or "")
+    if chosen.name == "ur_rotvec" and any(each.unit == "deg" for each in made):
+        raise FileFormatError(
+            f"{table.source}: found {quoted(columns)} in degrees, expected a rotation vector (UR) in rad: if these are "
+            "angles, say whose (--orientation yaskawa or staubli), else --orientation ur_rotvec"
+        )
+    return made
+
+
+def _stated_orientation(table: OpenTable, naming: Naming, text: str) -> tuple[Convention, list[Column]]:
+    chosen = convention(expanded(table, text))
+    roles = CONVENTIONS[chosen.name].columns if chosen.name in CONVENTIONS else ("e1", "e2", "e3")
+    by_name = chosen.columns == roles
+    quantity = "" if chosen.angle_unit is None else "angle"
+    by_part = candidates(table) if by_name else {}
+    columns = []
+    for name, role in zip(chosen.columns, roles, strict=True):
+        found = (None if by_name else named(table, name, role, quantity)) or usual(table, name, quantity)
+        if found is None and len(several := by_part.get(role, [])) > 1:
+            raise undecided(table, several, role, _by_names(chosen, by_part))
+        found = found or next(iter(by_part.get(role, ())), None)
+        if found is None:
+            wanted = ",".join(shown(each) for each in chosen.columns)
+            mend = "name the columns, as in --orientation NAME:COLUMNS"
+            raise lacking(table, name, f"{wanted} for {chosen.name}", mend)
+        columns.append(found)
+    made = _in_their_units(table, naming, replace(chosen, columns=roles), columns)
+    if by_name:
+        require_units(table, made, chosen.angle_unit or "")
+    return chosen, made
+
+
+def _beside_the_wrench(table: OpenTable, naming: Naming) -> OpenTable:
+    """The table without the columns that were stated to be the wrench's, whatever they are named."""
+    if naming.wrench_columns is None:
+        return table
+    of_wrench = {name.strip().lower() for name in expanded(table, naming.wrench_columns).split(",")}
+    return replace(table, places={n: place for n, place in table.places.items() if n.lower() not in of_wrench})
+
+
+def _by_names(chosen: Convention, by_part: dict[str, list[Candidate]]) -> str:
+    """The option that chooses the first of several columns."""
+    return f"--orientation {chosen.name}:{as_listed(by_part[each][0] for each in chosen.columns if each in by_part)}"
+
+
+def _in_their_units(table: OpenTable, naming: Naming, chosen: Convention, columns: list[Candidate]) -> list[Column]:
+    units, pairs = stated_units(naming.units), list(zip(columns, chosen.columns, strict=True))
+    if chosen.angle_unit is None:
+        return [column(table, each, part, "", {}) for each, part in pairs]
+    return [column(table, each, part, "angle", units, chosen.angle_unit) for each, part in pairs]
+
+
+def _usual_angles(table: OpenTable, wanted: Convention) -> list[Candidate | None]:
+    return [usual(table, part, "" if wanted.angle_unit is None else "angle") for part in wanted.columns]
+
+
+def whole_sets(table: OpenTable, naming: Naming) -> list[list[Column]]:
+    """Every set of columns that bears the names of a convention, or says the like, each once."""
+    table = _beside_the_wrench(table, naming)
+    by_part = candidates(table)
+    sets: dict[tuple[str, ...], list[Column]] = {}
+    for wanted in CONVENTIONS.values():
+        of_names = _usual_angles(table, wanted)
+        told = [next(iter(by_part.get(part, ())), None) for part in wanted.columns]
+        found = [usual_one or said for usual_one, said in zip(of_names, told, strict=True)]
+        columns = [each for each in found if each is not None]
+        if len(columns) == len(wanted.columns):
+            sets.setdefault(
+                tuple(sorted(each.name for each in columns)), _in_their_units(table, naming, wanted, columns)
+            )
+    return list(sets.values())
+
+
+def numbered_angles(table: OpenTable, names: list[str]) -> tuple[Column, ...]:
+    """The columns `names` of angles in rad, or in the unit of a suffix, if all are there; else none."""
+    found = [usual(table, name, "angle") for name in names]
+    whole = [each for each in found if each is not None]
+    if len(whole) < len(names):
+        return ()
+    return tuple(
+        Column(each.place, each.name, per_si("angle", each.said.unit or "rad"), name, each.said.unit)
+        for each, name in zip(whole, names, strict=True)
+    )

@@ -1,0 +1,235 @@
+"""Which columns of a table are the wrench, the orientation, the times and the position.
+
+What an option states comes first, then the usual names (docs: conventions), then what the headers say (see `names`).
+Where two columns could be one thing, neither is taken: the message says which option chooses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from ...errors import FileFormatError, InputError
+from ...geometry.orientation import Convention
+from .candidates import (
+    Candidate,
+    as_listed,
+    candidates,
+    column,
+    estimates,
+    expanded,
+    lacking,
+    named,
+    perhaps_torque,
+    quoted,
+    require_units,
+    stamps,
+    undecided,
+    usual,
+)
+from .columns import NANOSECONDS, SATURATED, WRENCH_COLUMNS, Column, ColumnRoles, Naming, OpenTable, listed, shown
+from .names import ESTIMATES, QUANTITIES
+from .orientations import orientation_columns
+from .units import stated_units, unit_of
+
+WITHOUT_TIMES = "none"
+"""What --time-column takes where a column that looks like times is to be left alone."""
+_BY_WRENCH_COLUMNS = "name the six with --wrench-columns A,B,C,D,E,F"
+
+
+def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> ColumnRoles:
+    """Which columns of a recording are what.
+
+    Args:
+        table: the recording, or one of two files.
+        naming: what was stated.
+        wrench: False: of two files the one with the orientations, no wrench is looked for.
+
+    Raises:
+        FileFormatError: for a column that is missing, times of two files among them, or could be two things.
+        InputError: for options that are none.
+    """
+    of_wrench = wrench_columns(table, naming) if wrench else []
+    chosen, angles = (None, []) if naming.orientation is None else orientation_columns(table, naming)
+    roles = roles_beside(table, naming, of_wrench, chosen, angles)
+    if not roles.t and not (of_wrench and angles):
+        raise FileFormatError(
+            f"{table.source}: found no column t, expected one in each of two files, on one clock: add the times, or "
+            f"name them with --time-column (found {listed(table.places)})"
+        )
+    return roles
+
+
+def roles_beside(
+    table: OpenTable, naming: Naming, wrench: list[Column], chosen: Convention | None, angles: list[Column]
+) -> ColumnRoles:
+    """What the other columns are where those of the wrench and of the orientation are chosen already."""
+    taken = {column.place for column in (*angles, *wrench)}
+    t = time_columns(table, naming, taken)
+    load = load_column(table) if wrench else None
+    saturated = usual(table, SATURATED, "") if wrench else None
+    return ColumnRoles(
+        wrench=tuple(wrench),
+        convention=chosen,
+        orientation=tuple(angles),
+        t=t,
+        position=position_columns(table, naming, taken) if chosen else (),
+        load=() if load is None or load.place in taken else (load,),
+        saturated=() if saturated is None else (column(table, saturated, SATURATED, "", {}),),
+        gaps=bool(t),
+    )
+
+
+def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
+    """The columns fx..tz. Raises `FileFormatError` where one is not there or could be two, `InputError` for options."""
+    units = stated_units(naming.units)
+
+    def made(found: list[Candidate]) -> list[Column]:
+        pairs = zip(found, WRENCH_COLUMNS, strict=True)
+        return [column(table, candidate, part, QUANTITIES[part], units) for candidate, part in pairs]
+
+    if naming.wrench_columns is not None:
+        return made(_stated_wrench(table, naming.wrench_columns))
+    by_usual_names = [usual(table, part, QUANTITIES[part]) for part in WRENCH_COLUMNS]
+    whole = [candidate for candidate in by_usual_names if candidate is not None]
+    if len(whole) == len(by_usual_names):
+        return made(whole)
+    by_part = candidates(table)
+    controllers = estimates(by_part)
+    missing = [part for part in WRENCH_COLUMNS if part not in by_part]
+    if controllers and len(missing) == len(WRENCH_COLUMNS):
+        vector, columns = next(iter(controllers.items()))
+        whose, instead = ESTIMATES[vector]
+        raise FileFormatError(
+            f"{table.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its "
+            f"payload subtracted already, expected the sensor's own reading: {instead}, or take these with "
+            f"--wrench-columns {as_listed(columns)}"
+        )
+    if set(missing) == set(WRENCH_COLUMNS[3:]) and len(letters := perhaps_torque(table, missing)) == len(missing):
+        six = as_listed([*(by_part[part][0] for part in WRENCH_COLUMNS[:3]), *letters])
+        raise FileFormatError(
+            f"{table.source}: found {quoted(letters)}, a torque or something else by their names, expected one that "
+            f"their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns {six}"
+        )
+    if missing:
+        raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", f"add it, or {_BY_WRENCH_COLUMNS}")
+    choices = {part: by_part[part] for part in WRENCH_COLUMNS}
+    for columns in controllers.values():
+        for part, candidate in zip(WRENCH_COLUMNS, columns, strict=True):
+            choices[part] = [*choices[part], candidate]
+    for part, several in choices.items():
+        if len(several) > 1:
+            first = as_listed(choices[each][0] for each in WRENCH_COLUMNS)
+            raise undecided(table, several, part, f"--wrench-columns {first}")
+    chosen = made([choices[part][0] for part in WRENCH_COLUMNS])
+    require_units(table, chosen[:3])
+    require_units(table, chosen[3:])
+    force, torque = chosen[0], next((c for c in chosen[3:] if not c.unit), None)
+    if force.per_si != 1.0 and torque is not None:
+        raise FileFormatError(
+            f"{table.source}: column {shown(force.name)} is in {force.unit} and {shown(torque.name)} says no unit, "
+            "expected one for each: state it with --units torque=UNIT"
+        )
+    return chosen
+
+
+def _stated_wrench(table: OpenTable, text: str) -> list[Candidate]:
+    names = expanded(table, text).split(",")
+    if len(names) != len(WRENCH_COLUMNS) or len({name.strip().lower() for name in names}) != len(names):
+        raise InputError(
+            f"--wrench-columns is {shown(text, 200)!r}, expected six different names A,B,C,D,E,F, or a slice of six "
+            "such as observation.wrench[0:6]"
+        )
+    found = []
+    for name, part in zip(names, WRENCH_COLUMNS, strict=True):
+        candidate = named(table, name, part, QUANTITIES[part])
+        if candidate is None:
+            raise lacking(table, name.strip(), "what --wrench-columns names", "name columns of the file")
+        found.append(candidate)
+    return found
+
+
+def time_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
+    """The column of the times, those of seconds and nanoseconds of one stamp, or none; none at the places `taken`.
+
+    Of several the row's own (PlotJuggler) comes before a message's stamp, and that before the recorder's clock.
+
+    Raises:
+        FileFormatError: for a column that `naming` states and that is not there, and where two could be the times.
+        InputError: for options that are none.
+    """
+    units = stated_units(naming.units)
+    if naming.time_column is not None:
+        return _stated_times(table, naming.time_column, units)
+    by_usual_name = usual(table, "t", "time")
+    if by_usual_name is not None:
+        return () if by_usual_name.place in taken else (column(table, by_usual_name, "t", "time", units),)
+    by_part = candidates(table)
+    found = [times for times in stamps(by_part) if all(each.place not in taken for each in times)]
+    first = min(map(_preference, found), default=0)
+    found = [times for times in found if _preference(times) == first]
+    if len(found) > 1:
+        raise undecided(table, [times[0] for times in found], "t", f"--time-column {as_listed(found[0][:1])}")
+    return _as_times(table, found[0], units) if found else ()
+
+
+def _preference(times: tuple[Candidate, ...]) -> int:
+    of = times[0].said.of.split()
+    if of == ["__time"]:
+        return 0
+    if "header" in of or len(times) > 1:
+        return 1
+    return 3 if of in (["%time"], ["rosbagtimestamp"]) else 2
+
+
+def _as_times(table: OpenTable, times: tuple[Candidate, ...], units: dict[str, str]) -> tuple[Column, ...]:
+    """Columns of times; ms where libfranka wrote them (its src/logging/robot_state_log.cpp) and nobody says another."""
+    if "success_rate" in table.places and "time" in table.places:
+        units = {"time": "ms", **units}
+    made = zip(times, ("t", NANOSECONDS), strict=False)
+    return tuple(column(table, each, role, "time", units) for each, role in made)
+
+
+def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[Column, ...]:
+    if text == WITHOUT_TIMES:
+        return ()
+    found = named(table, text, "t", "time")
+    if found is None and unit_of("time", text.rpartition(":")[2]) is not None:
+        name, _, spelled = text.rpartition(":")
+        found, unit = named(table, name, "t", "time"), unit_of("time", spelled) or ""
+        others = {units.get("time"), found.said.unit if found is not None else None} - {None, "", unit}
+        if others:
+            raise InputError(
+                f"{table.source}: found --time-column in {unit}, and {others.pop()} in the column's name or --units, "
+                "expected one of them: leave one out"
+            )
+        units = {**units, "time": unit}
+    if found is None:
+        raise lacking(table, text, "what --time-column names", "name a column of the file, or none")
+    pair = next((times for times in stamps(candidates(table)) if times[0].place == found.place), (found,))
+    if len(pair) > 1:
+        return _as_times(table, pair, units)
+    return _as_times(table, (found,), units)
+
+
+def position_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
+    """The columns x y z if all are there, each once, and at none of the places `taken`; else none."""
+    parts = ("x", "y", "z")
+    found = [usual(table, part, "length") for part in parts]
+    if None in found:
+        by_part = candidates(table)
+        found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in parts]
+    whole = [each for each in found if each is not None and each.place not in taken]
+    if len(whole) < len(parts):
+        return ()
+    units = stated_units(naming.units)
+    made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, parts, strict=True))
+    require_units(table, made)
+    return made
+
+
+def load_column(table: OpenTable) -> Column | None:
+    """The column of a load hung on the tool. Raises `FileFormatError` for one without a unit."""
+    found = usual(table, "load", "load") or next(iter(candidates(table).get("load", ())), None)
+    if found is not None and not found.said.unit:
+        raise FileFormatError(f"{table.source}: column load has no unit, expected load_g or load_kg: rename it")
+    return None if found is None else column(table, found, "load", "load", {})
