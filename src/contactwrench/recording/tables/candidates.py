@@ -110,11 +110,20 @@ def usual(table: OpenTable, part: str, quantity: str) -> Candidate | None:
 
 
 def named(table: OpenTable, name: str, part: str, quantity: str) -> Candidate | None:
-    """The column that an option names, in any case; None where there is none."""
-    for spelled, place in table.places.items():
-        if spelled.lower() == name.strip().lower():
-            return Candidate(spelled, place, Meaning(part, stated_unit(quantity, spelled) if quantity else ""))
+    """The column that an option names, in any case, with the unit in brackets after it or without; None where there is
+    none.
+    """
+    wanted = name.strip().lower()
+    for form in (str, _without_unit):
+        found = [spelled for spelled in table.places if form(spelled.lower()) == wanted]
+        if len(found) == 1:
+            unit = stated_unit(quantity, found[0]) if quantity else ""
+            return Candidate(found[0], table.places[found[0]], Meaning(part, unit))
     return None
+
+
+def _without_unit(name: str) -> str:
+    return re.sub(r" \[[^\[\]]*\]$", "", name)
 
 
 def expanded(table: OpenTable, text: str) -> str:
@@ -122,7 +131,7 @@ def expanded(table: OpenTable, text: str) -> str:
 
     Raises `InputError` for a slice that is none.
     """
-    there = {name.lower() for name in table.places}
+    there = {_without_unit(name.lower()) for name in table.places}
 
     def elements(match: re.Match[str]) -> str:
         first, end = int(match[2] or 0), int(match[3])

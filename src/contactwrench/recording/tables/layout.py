@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...errors import FileFormatError
+from .units import UNITS, unit_of
 
 SEPARATORS = ("\t", ";", ",", " ")
 """A blank stands for any number of them."""
@@ -18,11 +19,10 @@ SEPARATORS = ("\t", ";", ",", " ")
 SAMPLE = 10
 """Rows by which a separator is judged."""
 
-UNIT_WORDS = re.compile(
-    r"[kmµμ]?n|kgf|kp|gf|lbf|(?:[kmµμ]?n|kgf|lbf)[*·.-]?(?:m|mm|cm|in|ft)|deg|°|m?rad|s|sec|[mµμun]s|min|h|[mcµμu]?m|inch"
-    r"|k?g|lb|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|k?hz|m?v|m?a|°?[ck]|bar|k?pa|%|-|"
-)
-"""A unit in small letters and without blanks. No number is one, so that no row of readings is taken for units."""
+OTHER_UNITS = re.compile(r"-|%|[mk]?hz|[mµμ]?[va]|°?[ck]|k?pa|bar|min|h|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|")
+"""Of columns that no recording needs, in small letters and without blanks. No number is a unit, so that no row of
+readings is taken for units.
+"""
 
 NO_UNIT = ("", "-", "1")
 
@@ -101,10 +101,14 @@ def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
     words = [unit.strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
-        UNIT_WORDS.fullmatch(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
+        _is_unit(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
         for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
     )
     return sure and len(units) == len(names) and any(word not in NO_UNIT for word in words)
+
+
+def _is_unit(word: str) -> bool:
+    return OTHER_UNITS.fullmatch(word) is not None or any(unit_of(quantity, word) for quantity in UNITS)
 
 
 def _decimal(data: Sequence[str], separator: str) -> str:
