@@ -245,6 +245,10 @@ UNDECIDED = [
         f"{WORDS},Time (min),{Q}",
         "column Time (min): found the unit min, expected one of s, ms, us, ns: state it with --time-column NAME:UNIT",
     ),
+    (
+        f"{WORDS},time,t_sec,t_nsec,{Q}",
+        'found "t_sec" and "time" for t, expected one: choose with --time-column t_sec',
+    ),
     (f"{WORDS},quat_x,quat_y,quat_z", "found no column qw, expected all of quat_xyzw: add it"),
 ]
 
@@ -254,6 +258,13 @@ def test_what_cannot_be_decided_is_named_with_the_option_that_decides(
     tmp_path: Path, header: str, message: str
 ) -> None:
     assert refusal(tmp_path, header, ",".join("0" for _ in header.split(","))) == message
+
+
+def test_a_column_in_a_unit_that_is_known_comes_before_one_that_is_not(tmp_path: Path) -> None:
+    header = f"Fx (counts),Fy (counts),Fz (counts),mx [uT],my [uT],mz [uT],{SPELLINGS[4]},T (°C),Time (s),{Q}"
+    samples = cw.read(table(tmp_path, header))
+    assert samples.wrench.tolist() == [[7.0, 8.0, 9.0, 10.0, 11.0, 12.0]]
+    assert samples.t == [14.0]
 
 
 @pytest.mark.parametrize(

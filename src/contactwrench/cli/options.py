@@ -90,7 +90,9 @@ WrenchColumns = Annotated[
         help="Of a table: the wrench's six columns, or a slice of a list, as in wrench[0:6].",
     ),
 ]
-TimeColumn = Annotated[str | None, typer.Option(metavar="NAME[:UNIT]", help="Of a table: the column of the times.")]
+TimeColumn = Annotated[
+    str | None, typer.Option(metavar="NAME[:UNIT]", help="Of a table: the column of the times, or none.")
+]
 Units = Annotated[
     str | None,
     typer.Option(metavar="force=U,torque=U", help="Of a table: units that no name states, as torque=Nmm."),

@@ -36,7 +36,7 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
     numbered: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
     for name, place in table.places.items():
         said = meaning(name)
-        if said is not None and _may_be(said):
+        if said is not None and (_has_known_unit(said) or quantity_of(said) in ("force", "torque", "time")):
             candidate = Candidate(name, place, said)
             if said.index is None:
                 by_part[said.part].append(candidate)
@@ -57,7 +57,16 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
             for column in by_part[part]
             if not column.said.letter or (beside_forces and not (beside_an_imu and column.name.lower()[0] == "m"))
         ]
-    return {part: sorted(columns, key=lambda column: column.place) for part, columns in by_part.items() if columns}
+    return {part: sorted(_with_known_units(columns), key=_place) for part, columns in by_part.items() if columns}
+
+
+def _place(column: Candidate) -> int:
+    return column.place
+
+
+def _with_known_units(columns: list[Candidate]) -> list[Candidate]:
+    """Those whose unit is known, if any: of force in N and in counts the one in N. Where none is, it is refused."""
+    return [column for column in columns if _has_known_unit(column.said)] or columns
 
 
 def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:
@@ -67,10 +76,9 @@ def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:
     return [Candidate(name, place, told) for name, place, told in said if told and told.letter and told.part in parts]
 
 
-def _may_be(said: Meaning) -> bool:
-    """Whether a part can have its unit; a wrench or times in one that is not known are refused, not passed over."""
-    quantity = quantity_of(said)
-    return not said.unit or said.unit in UNITS[quantity] or quantity in ("force", "torque", "time")
+def _has_known_unit(said: Meaning) -> bool:
+    """Whether the unit that a header states is one of its quantity, or none is stated."""
+    return not said.unit or said.unit in UNITS[quantity_of(said)]
 
 
 def estimates(by_part: dict[str, list[Candidate]]) -> dict[str, list[Candidate]]:
@@ -97,7 +105,7 @@ def usual(table: OpenTable, part: str, quantity: str) -> Candidate | None:
 
     Raises `FileFormatError` where there are two.
     """
-    spelled = {part: "", **{f"{part}_{symbol(unit)}": unit for unit in UNITS[quantity]}}
+    spelled = {part: "", **{f"{part}_{symbol(unit)}": unit for unit in UNITS[quantity] if unit[:2] != "mN"}}
     there = [
         Candidate(name, place, Meaning(part, spelled[name.lower()]))
         for name, place in table.places.items()

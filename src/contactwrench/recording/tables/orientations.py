@@ -29,14 +29,14 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
     if (stated := naming.orientation or "auto") != "auto":
         return _stated_orientation(table, naming, stated)
     found = {name: _usual_angles(table, CONVENTIONS[name]) for name in USUAL_NAMES}
-    whole = {name: [c for c in columns if c is not None] for name, columns in found.items() if None not in columns}
+    whole = _whole(found)
     by_part = candidates(table)
     if not whole:
         found = {
             name: [by_part[part][0] if part in by_part else None for part in CONVENTIONS[name].columns]
             for name in RECOGNISED_BY_NAME
         }
-        whole = {name: [c for c in columns if c is not None] for name, columns in found.items() if None not in columns}
+        whole = _whole(found)
     if len(whole) > 1:
         raise FileFormatError(
             f"{table.source}: found the columns of {' and of '.join(whole)}, expected one orientation: choose with "
@@ -54,6 +54,11 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
         f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found "
         f"{listed(table.places)})"
     )
+
+
+def _whole(found: dict[str, list[Candidate | None]]) -> dict[str, list[Candidate]]:
+    """The conventions of which every column is there."""
+    return {name: [c for c in columns if c is not None] for name, columns in found.items() if None not in columns}
 
 
 def _angles(

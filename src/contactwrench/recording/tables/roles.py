@@ -176,7 +176,7 @@ def _preference(times: tuple[Candidate, ...]) -> int:
     of = times[0].said.of.split()
     if of == ["__time"]:
         return 0
-    if "header" in of or len(times) > 1:
+    if "header" in of or (len(times) > 1 and (not of or "stamp" in of)):
         return 1
     return 3 if of in (["%time"], ["rosbagtimestamp"]) else 2
 
@@ -205,25 +205,25 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[C
         units = {**units, "time": unit}
     if found is None:
         raise lacking(table, text, "what --time-column names", "name a column of the file, or none")
-    pair = next((times for times in stamps(candidates(table)) if times[0].place == found.place), (found,))
-    if len(pair) > 1:
-        return _as_times(table, pair, units)
-    return _as_times(table, (found,), units)
+    pairs = (times for times in stamps(candidates(table)) if len(times) > 1 and times[0].place == found.place)
+    return _as_times(table, next(pairs, (found,)), units)
 
 
 def position_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
-    """The columns x y z if all are there, each once, and at none of the places `taken`; else none."""
+    """The columns x y z if all are there, each once and of one set, and at none of the places `taken`; else none."""
     parts = ("x", "y", "z")
     found = [usual(table, part, "length") for part in parts]
     if None in found:
         by_part = candidates(table)
         found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in parts]
+        found = found if len({each.said.of for each in found if each is not None}) == 1 else []
     whole = [each for each in found if each is not None and each.place not in taken]
     if len(whole) < len(parts):
         return ()
     units = stated_units(naming.units)
     made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, parts, strict=True))
-    require_units(table, made)
+    if not all(each.is_usual for each in made):
+        require_units(table, made)
     return made
 
 
