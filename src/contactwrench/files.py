@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import stat
 import sys
@@ -9,8 +10,8 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from .errors import FileAccessError
 
@@ -24,18 +25,21 @@ def read_bytes(path: str | Path) -> bytes:
 
 
 def blocks_of_lines(path: str | Path, lines: int) -> Iterator[tuple[bytes, float]]:
-    """The content of a file, so many lines at a time, each block with the part of the file, 0 to 1, that ends with it;
-    NaN for a pipe. Raises `FileAccessError` naming the path and why it cannot be read.
+    """The content of a text file, so many lines at a time, each block with the part of the file, 0 to 1, that ends with
+    it; NaN for a pipe. What begins with the mark of UTF-16 comes as UTF-8. Raises `FileAccessError` naming the path and
+    why it cannot be read.
     """
     with open_bytes(path) as file:
         size, so_far = os.fstat(file.fileno()).st_size, 0
-        while block := b"".join(islice(file, lines)):
-            so_far += len(block)
-            yield block, so_far / size if size else float("nan")
+        wide = file.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        rows = codecs.EncodedFile(file, "utf-8", "utf-16", "replace") if wide else file
+        while block := b"".join(islice(rows, lines)):
+            so_far += len(block) * (2 if wide else 1)
+            yield block, min(so_far / size, 1.0) if size else float("nan")
 
 
 @contextmanager
-def open_bytes(path: str | Path) -> Iterator[BinaryIO]:
+def open_bytes(path: str | Path) -> Iterator[BufferedReader]:
     """A file that is open to be read. Raises `FileAccessError` naming the path and why it cannot be read."""
     try:
         with Path(path).open("rb") as file:

@@ -7,6 +7,8 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.errors import InputError
+from contactwrench.recording.tables.columns import Column
+from contactwrench.recording.tables.csv import open_csv
 from tests.support.recordings import (
     MATRIX,
     WRENCH,
@@ -120,19 +122,41 @@ def test_the_angle_y_of_nachi_is_not_taken_for_a_position(tmp_path: Path) -> Non
         lambda text: text.replace(",", ";").encode(),
         lambda text: text.replace(",", "\t").encode(),
         lambda text: text.replace(",", " , ").encode(),
+        lambda text: text.replace(",", " ").encode(),
+        lambda text: text.replace(",", "    ").replace("\n", "  \n  ").encode(),
+        lambda text: ("# " + text.replace(",", " ")).encode(),
+        lambda text: ("# by hand\n#fx, " + text.removeprefix("fx,")).encode(),
+        lambda text: text.replace(",", ";").replace(".", ",").encode(),
+        lambda text: text.replace(",", "\t").replace(".", ",").encode(),
+        lambda text: text.replace(",", "  ").replace(".", ",").encode(),
+        lambda text: text.replace(",", ";").replace(".", ",").replace("\n", "\r\n").encode("utf-16"),
+        lambda text: text.replace(",", "\t").encode("utf-16"),
+        lambda text: ("note, of what;" + text.replace(",", ";").replace("\n", "\nup, free;")).encode()[:-10],
         lambda text: text.rstrip("\n").encode(),
         lambda text: ("# made by hand, Köln\n\n" + text.replace("\n", "\n# and so on\n \n")).encode(),
         lambda text: b"\xef\xbb\xbf# note\r\n" + text.replace(",", ";").replace("\n", "\r\n").encode(),
         lambda text: "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in text.split()).encode(),
         lambda text: "\n".join(f'"down, {n}",{line}' for n, line in enumerate(text.split())).encode(),
     ],
-    ids=["BOM", "CRLF", "CR", "semicolon", "tab", "spaces", "no end", "comments", "Excel", "quotes", "text"],
+    ids=["BOM", "CRLF", "CR", "semicolon", "tab", "spaces", "blank", "blanks", "numpy", "numpy with commas"]
+    + ["comma;", "comma tab", "comma blank", "Excel UTF-16", "UTF-16", "commas in text"]
+    + ["no end", "comments", "Excel", "quotes", "text"],
 )
 def test_what_is_plainly_meant_is_read(tmp_path: Path, dress: object) -> None:
     wrench, R = np.random.default_rng(2).normal(size=(7, 6)), generic_rotations(7)
     samples = cw.read(written(tmp_path, dress(matrix_table(wrench, R))))  # type: ignore[operator]
     assert np.array_equal(samples.wrench, wrench)
     assert samples.R_base_flange == pytest.approx(R, abs=1e-12)
+
+
+def test_a_row_of_units_belongs_to_the_names_above_it(tmp_path: Path) -> None:
+    for units in ("[s];[N];[Nm];[-];", "s;N;N m;1;", "(s);(N);(N m);;"):
+        path = written(tmp_path, f"Time;Fx;Tx;Count;Note\n{units}\n1,5;2;3;4;free\n")
+        table = open_csv(path, 100)
+        assert [name.replace(" ", "") for name in table.places] == ["time[s]", "fx[n]", "tx[nm]", "count", "note"]
+        (body,) = table.bodies(())
+        assert body.numbers([Column(0, "t", 1.0), Column(2, "tx", 1.0)]).tolist() == [[1.5, 3.0]]
+        assert body.row_of(0) == 3
 
 
 @pytest.mark.parametrize("name", ["poses.CSV", "poses.tsv", "poses.txt", "poses.dat", "poses"])

@@ -40,7 +40,6 @@ def refusal(path: Path, **flags: str) -> str:
         (b" \n\t\n", f"the file is empty, {HEADER_AND_ROWS}"),
         (b"\xef\xbb\xbf\r\n", f"the file is empty, {HEADER_AND_ROWS}"),
         (b"# one\n\n# two\n", f"found comments only, {HEADER_AND_ROWS}"),
-        (QUAT_TABLE.encode("utf-16"), f"found UTF-16 or binary content, {IN_UTF8}"),
         (QUAT_TABLE.encode("utf-16-le"), f"found UTF-16 or binary content, {IN_UTF8}"),
         (QUAT_TABLE.encode("utf-16-be"), f"found UTF-16 or binary content, {IN_UTF8}"),
         (QUAT_TABLE.encode("utf-32"), f"found UTF-16 or binary content, {IN_UTF8}"),
@@ -135,16 +134,8 @@ def test_cells_that_are_no_number_are_named_by_row_and_column(tmp_path: Path, ro
     assert refusal(written(tmp_path, table.encode())) == f"row 6, {message}"
 
 
-def test_decimal_commas_between_semicolons_are_named(tmp_path: Path) -> None:
-    table = QUAT_TABLE.replace(",", ";") + "1,5;2;3;4;5;6;0;0;0;1\n"
-    assert refusal(written(tmp_path, table)) == (
-        "row 3, column fx: found the decimal comma '1,5', expected a point: write it so"
-    )
-
-
 @pytest.mark.parametrize(
-    ("row", "found"),
-    [("1,2,3", 3), (f"{GOOD},7", 11), ("1,0,2,0,3,0,4,0,5,0,6,0,0,0,0,1", 16), ('"1,2,3,4,5,6,0,0,0,1', 1)],
+    ("row", "found"), [("1,2,3", 3), (f"{GOOD},7", 11), ('"1,2,3,4,5,6,0,0,0,1', 1), (f"{GOOD},7,8,9,10", 14)]
 )
 def test_ragged_rows_are_named(tmp_path: Path, row: str, found: int) -> None:
     assert refusal(written(tmp_path, f"{QUAT_TABLE}{row}\n")) == (
@@ -152,11 +143,65 @@ def test_ragged_rows_are_named(tmp_path: Path, row: str, found: int) -> None:
     )
 
 
-def test_decimal_commas_are_not_read_as_other_numbers_in_a_table_with_quoted_text(tmp_path: Path) -> None:
-    table = f'name,{QUAT_HEADER}\n"down",0,0,0,0,0,0,0,0,0,1,5,0,0,0,0\n"up",{GOOD}\n'
-    assert refusal(written(tmp_path, table)) == (
-        "row 2: found 16 values, expected 11 as in the header: complete the row, and write decimals with a point"
+def perhaps_decimal_commas(row: int, column: str, found: int, width: int) -> str:
+    return (
+        f"row {row}, from column {column} on: found {found} values between commas, expected {width} as in the header: "
+        "if these are decimal commas, write them as points, or separate the cells by semicolons"
     )
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
+    table = f"{QUAT_TABLE}{GOOD.replace(',', ',0,')},0\n"
+    assert refusal(written(tmp_path, table)) == perhaps_decimal_commas(3, "fx", 20, 10)
+    table = f'name,{QUAT_HEADER}\n"down",0,0,0,0,0,0,0,0,0,1,5,0,0,0,0,0\n"up",{GOOD}\n'
+    assert refusal(written(tmp_path, table)) == perhaps_decimal_commas(2, "name", 17, 11)
+
+
+IN_COMMA_FILE = "in a file with decimal commas, expected one mark: write it so"
+SET_APART = "expected digits and one decimal mark: write it so"
+
+
+@pytest.mark.parametrize(
+    ("other", "cell", "message"),
+    [
+        ("1,5", "2.5", f"found the decimal point '2.5' {IN_COMMA_FILE}"),
+        ("1,5", "1.234", f"found the decimal point '1.234' {IN_COMMA_FILE}"),
+        ("1,5", "1.234,5", f"found thousands set apart in '1.234,5', {SET_APART}"),
+        ("1,5", "1,234,567", f"found thousands set apart in '1,234,567', {SET_APART}"),
+        ("1,5", "1 234,5", f"found thousands set apart in '1 234,5', {SET_APART}"),
+        ("1.5", "1,234.5", f"found thousands set apart in '1,234.5', {SET_APART}"),
+        ("1.5", "12'345", f'found thousands set apart in "12\'345", {SET_APART}'),
+        ("1.5", "2,345", "found '2,345', which may be a decimal comma or thousands, expected a point: write it so"),
+        ("1,5", "1,5,5", f"found '1,5,5', {CORRECT}"),
+        ("1,5", "", "found nothing, expected a number: fill it in or leave the row out"),
+    ],
+)
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_one_decimal_mark_and_no_thousands(tmp_path: Path, other: str, cell: str, message: str, separator: str) -> None:
+    rows = [QUAT_HEADER.split(","), [other, *GOOD.split(",")[1:]], ["1", "2", cell, *GOOD.split(",")[3:]]]
+    table = "\n".join(separator.join(row) for row in rows)
+    assert refusal(written(tmp_path, table)) == f"row 3, column fz: {message}"
+
+
+def test_what_could_be_thousands_throughout_is_no_decimal_comma(tmp_path: Path) -> None:
+    table = f"{QUAT_HEADER}\n{GOOD}".replace(",", ";").replace("\n1;", "\n12,345;")
+    assert refusal(written(tmp_path, table)) == (
+        "row 2, column fx: found '12,345', which may be a decimal comma or thousands, expected a point: write it so"
+    )
+
+
+@pytest.mark.parametrize(
+    "comment",
+    ["fx fy fz tx ty tz qx qy qz", QUAT_HEADER, "", "10 readings of 2024-05-01 at 10 Hz, free and still", GOOD],
+)
+def test_a_comment_that_does_not_name_each_column_is_no_header(tmp_path: Path, comment: str) -> None:
+    table = f"# {comment}\n{GOOD.replace(',', ' ')}\n"
+    assert refusal(written(tmp_path, table)) == "row 2: found numbers, expected a header with the columns' names"
+
+
+def test_a_second_row_that_is_not_units_throughout_is_named(tmp_path: Path) -> None:
+    units = "N,N,N,Nm,Nm,Nm,-,-,-,measured"
+    assert refusal(written(tmp_path, f"{QUAT_HEADER}\n{units}\n{GOOD}\n")) == f"row 2, column fx: found 'N', {CORRECT}"
 
 
 @pytest.mark.parametrize("quote", ["", '"'])

@@ -9,21 +9,39 @@ from __future__ import annotations
 import codecs
 import csv
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import FileFormatError
 from ...files import blocks_of_lines
 from ...geometry.arrays import Array
-from .columns import SATURATED, Column, OpenTable, places_of
+from .columns import SATURATED, Column, OpenTable, places_of, shown
+from .layout import (
+    DECIMAL_COMMA,
+    PERHAPS_THOUSANDS,
+    THOUSANDS,
+    Layout,
+    cells,
+    is_number,
+    is_row,
+    layout_of,
+    value,
+)
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", "")
 
 BOOLEANS = {"true": 1.0, "false": 0.0}
+POINT_FOR_COMMA = str.maketrans(",.", ".\0")
+"""Of rows with decimal commas; a point among them is made what no number has."""
+
+FIRST_ROWS = 100
+"""The layout is judged by at least so many lines, where there are as many."""
 
 
 def open_csv(path: str | Path, rows: int) -> OpenTable:
@@ -32,19 +50,27 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
     """
     source = str(path)
     blocks = _blocks_of_text(path, source, rows)
-    blank = True
-    for first_row, text, done in blocks:
-        lines = text.split("\n")
-        header = _header(lines, first_row, source)
-        blank = blank and not text.strip()
-        if header is not None:
-            row, delimiter, names = header
-            first = (row + 1, "\n".join(lines[row - first_row + 1 :]), done)
-            bodies = (Lines(*block, delimiter, len(names), source) for block in chain([first], blocks))
-            return OpenTable(source, places_of(names, source), partial(_with_rows, bodies))
-    if blank:
-        raise FileFormatError(f"{source}: the file is empty, expected a header line and rows of numbers")
-    raise FileFormatError(f"{source}: found comments only, expected a header line and rows of numbers")
+    first: list[tuple[int, str, float]] = []
+    lines: list[str] = []
+    for block in blocks:
+        first.append(block)
+        lines = "".join(text for _, text, _ in first).split("\n")
+        if sum(map(is_row, lines)) >= FIRST_ROWS:
+            break
+    found = layout_of(lines, 1, source)
+    if found is None:
+        said = "found comments only" if any(line.strip() for line in lines) else "the file is empty"
+        raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
+    header_row, layout = found
+    below = ((row, _blanked(text, header_row + 1 - row), done) for row, text, done in first)
+    bodies = (Lines(*block, layout, source) for block in chain(below, blocks))
+    return OpenTable(source, places_of(map(str.lower, layout.names), source), partial(_with_rows, bodies))
+
+
+def _blanked(text: str, count: int) -> str:
+    """The text with its first lines, so many, left blank."""
+    lines = text.split("\n")
+    return text if count <= 0 else "\n".join([""] * min(count, len(lines)) + lines[count:])
 
 
 def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[int, str, float]]:
@@ -68,19 +94,6 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
         row += text.count("\n")
 
 
-def _header(lines: list[str], first_row: int, source: str) -> tuple[int, str, list[str]] | None:
-    """Row number, delimiter and the names of the header line, in small letters; None where there is none."""
-    for row, line in enumerate(lines, start=first_row):
-        if not _is_row(line) or line.lower().startswith("sep="):
-            continue
-        delimiter = max(",;\t", key=line.count)
-        names = [name.lower() for name in _cells(line, delimiter, row, source)]
-        if all(_is_number(name) for name in names):
-            raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
-        return row, delimiter, names
-    return None
-
-
 def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator[Lines]:
     """The blocks that have rows, or one without any, whatever the columns are of which numbers will be asked for."""
     empty, any_rows = None, False
@@ -97,13 +110,22 @@ def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator
 class Lines:
     """Rows of a text file, by the lines that hold them. A `Body`."""
 
-    def __init__(self, first_row: int, text: str, done: float, delimiter: str, width: int, source: str) -> None:
-        self._all, self._first_row, self._delimiter, self._width = text.split("\n"), first_row, delimiter, width
-        self._lines = [line for line in self._all if (start := line.lstrip()) and start[0] != "#"]
+    def __init__(self, first_row: int, text: str, done: float, layout: Layout, source: str) -> None:
+        lines = text.split("\n")
+        if layout.separator == " ":
+            lines, layout = ["\t".join(line.split()) for line in lines], replace(layout, separator="\t")
+        self._all, self._first_row, self._layout = lines, first_row, layout
+        self._lines = [line for line in lines if (start := line.lstrip()) and start[0] != "#"]
         self.source, self.done = source, done
 
     def __len__(self) -> int:
         return len(self._lines)
+
+    def select(self, kept: NDArray[np.bool_]) -> Lines:
+        """Some of the rows, by a mask (n,)."""
+        wanted = iter(kept.tolist())
+        lines = [line if is_row(line) and next(wanted) else "" for line in self._all]
+        return Lines(self._first_row, "\n".join(lines), self.done, self._layout, self.source)
 
     def row_of(self, index: int) -> int:
         """The number of the line of the index-th row."""
@@ -112,8 +134,7 @@ class Lines:
     def refuse_lack(self, index: int, column: Column) -> NoReturn:
         """Raise the `FileFormatError` for a cell that is empty, or NaN."""
         row = self.row_of(index)
-        cell = _cells(self._lines[index], self._delimiter, row, self.source)[column.place]
-        raise self._lack(cell, column, row)
+        raise self._lack(cells(self._lines[index], self._layout.separator, row, self.source)[column.place], column, row)
 
     def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
         """The numbers (n, k) of the columns, as written; NaN where a cell of a column in `may_lack` is empty or NaN.
@@ -134,7 +155,7 @@ class Lines:
 
     def _parsed(self, places: list[int], gaps: bool) -> Array | None:
         """The numbers by numpy, NaN in gaps; None where it cannot tell, or a row has other than `width` cells."""
-        whole = {line.count(self._delimiter) for line in self._lines} == {self._width - 1}
+        whole = {line.count(self._layout.separator) for line in self._lines} == {len(self._layout.names) - 1}
         if any('"' in line for line in self._lines) or not whole:
             whole = all(map(self._is_whole, self._lines))
         values = self._loaded(self._lines, places) if whole else None
@@ -143,8 +164,8 @@ class Lines:
     def _loaded(self, lines: list[str], places: list[int]) -> Array | None:
         try:
             values: Array = np.loadtxt(
-                lines,
-                delimiter=self._delimiter,
+                lines if self._layout.decimal == "." else [line.translate(POINT_FOR_COMMA) for line in lines],
+                delimiter=self._layout.separator,
                 usecols=places,
                 ndmin=2,
                 comments=None,
@@ -157,7 +178,7 @@ class Lines:
 
     def _filled(self) -> list[str]:
         """The rows with nan in cells that are empty."""
-        d = self._delimiter
+        d = self._layout.separator
         text = "\n".join(["", *self._lines, ""])
         for _ in range(2):  # a match of one gap takes the delimiter in which the next would begin
             text = text.replace(d + d, f"{d}nan{d}")
@@ -166,43 +187,46 @@ class Lines:
     def _is_whole(self, line: str) -> bool:
         """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
         if '"' not in line:
-            return line.count(self._delimiter) == self._width - 1
+            return line.count(self._layout.separator) == len(self._layout.names) - 1
         try:
-            return len(next(csv.reader([line], delimiter=self._delimiter))) == self._width
+            return len(next(csv.reader([line], delimiter=self._layout.separator))) == len(self._layout.names)
         except csv.Error:
             return False
 
     def _numbered(self) -> Iterator[tuple[int, str]]:
         """Row number and text of every row of data."""
-        return ((row, line) for row, line in enumerate(self._all, start=self._first_row) if _is_row(line))
+        return ((row, line) for row, line in enumerate(self._all, start=self._first_row) if is_row(line))
 
     def _row(self, row: int, line: str, columns: Sequence[Column], may_lack: Collection[Column]) -> list[float]:
         """The numbers of one row, slowly: the first thing that is wrong is named. Raises `FileFormatError`."""
-        cells = _cells(line, self._delimiter, row, self.source)
-        if len(cells) != self._width:
+        separator, width = self._layout.separator, len(self._layout.names)
+        found = cells(line, separator, row, self.source)
+        if len(found) == width:
+            return [self._number(found[column.place], column, row, column in may_lack) for column in columns]
+        if separator == "," and 2 * len(found) >= 3 * width:
             raise FileFormatError(
-                f"{self.source}: row {row}: found {len(cells)} values, expected {self._width} as in the header: "
-                "complete the row, and write decimals with a point"
+                f"{self.source}: row {row}, from column {shown(self._layout.names[0])} on: found {len(found)} values "
+                f"between commas, expected {width} as in the header: if these are decimal commas, write them as points, "
+                "or separate the cells by semicolons"
             )
-        return [self._number(cells[column.place], column, row, column in may_lack) for column in columns]
+        raise FileFormatError(
+            f"{self.source}: row {row}: found {len(found)} values, expected {width} as in the header: complete the row, "
+            "and write decimals with a point"
+        )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:
-        where = f"{self.source}: row {row}, column {column.name}"
-        if column.name == SATURATED and cell.lower() in BOOLEANS:
+        if column.name.lower() == SATURATED and cell.lower() in BOOLEANS:
             return BOOLEANS[cell.lower()]
+        comma = self._layout.decimal == ","
         try:
-            value = _value(cell) if cell else np.nan
+            number = value(cell.translate(POINT_FOR_COMMA) if comma else cell) if cell else np.nan
         except ValueError:
-            if _is_number(cell.replace(",", ".")):
-                raise FileFormatError(
-                    f"{where}: found the decimal comma {cell!r}, expected a point: write it so"
-                ) from None
             raise FileFormatError(
-                f"{where}: found {cell[:40]!r}, expected a number: correct it or leave the row out"
+                f"{self.source}: row {row}, column {column.name}: {_no_number(cell, comma=comma)}"
             ) from None
-        if not (np.isfinite(value) or (may_lack and np.isnan(value))):
+        if not (np.isfinite(number) or (may_lack and np.isnan(number))):
             raise self._lack(cell, column, row)
-        return value
+        return number
 
     def _lack(self, cell: str, column: Column, row: int) -> FileFormatError:
         where = f"{self.source}: row {row}, column {column.name}"
@@ -211,32 +235,14 @@ class Lines:
         return FileFormatError(f"{where}: found {cell}, expected a finite number: leave the row out")
 
 
-def _is_row(line: str) -> bool:
-    """Whether a line is neither blank nor a comment."""
-    start = line.lstrip()
-    return bool(start) and start[0] != "#"
-
-
-def _cells(line: str, delimiter: str, row: int, source: str) -> list[str]:
-    """The cells of one line, without the space around them."""
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    except csv.Error as error:
-        raise FileFormatError(
-            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
-        ) from None
-
-
-def _value(text: str) -> float:
-    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
-    if "_" in text:
-        raise ValueError(text)
-    return float(text)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        _value(text)
-    except ValueError:
-        return False
-    return True
+def _no_number(cell: str, *, comma: bool) -> str:
+    """What is wrong with a cell that is no number in a file whose decimal mark is a comma, or a point."""
+    if PERHAPS_THOUSANDS.fullmatch(cell):
+        return f"found {cell!r}, which may be a decimal comma or thousands, expected a point: write it so"
+    if DECIMAL_COMMA.fullmatch(cell):
+        return f"found the decimal comma {cell!r}, expected a point: write it so"
+    if THOUSANDS.fullmatch(cell) and not is_number(cell):
+        return f"found thousands set apart in {cell[:40]!r}, expected digits and one decimal mark: write it so"
+    if comma and is_number(cell):
+        return f"found the decimal point {cell[:40]!r} in a file with decimal commas, expected one mark: write it so"
+    return f"found {cell[:40]!r}, expected a number: correct it or leave the row out"

@@ -1,0 +1,165 @@
+"""How a text file writes its table, found from its first lines: the header, the separator, the decimal mark, the units.
+
+Nothing is decided that the lines do not settle: what could mean two numbers is left to be refused, row and column named.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...errors import FileFormatError
+
+SEPARATORS = ("\t", ";", ",", " ")
+"""A blank stands for any number of them."""
+
+SAMPLE = 10
+"""Rows by which a separator is judged."""
+
+UNIT_WORDS = frozenset(
+    "1 - % n kn mn kgf kp gf lbf ozf nm knm nmm ncm mnm n*m n·m n.m n-m n-mm n*mm n·mm kgf*m lbf*in lbf*ft lbfin lbfft lbin "
+    "lbft deg ° rad mrad s sec ms us µs μs ns min h m mm cm um µm μm in inch kg g lb m/s mm/s m/s^2 m/s² rad/s deg/s °/s "
+    "hz v mv a ma °c c k bar pa kpa".split()
+)
+"""Words of a row of units, in small letters and without blanks."""
+
+NO_UNIT = ("", "-", "1")
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Of a text file: the columns' names, what stands between two cells, and the decimal mark."""
+
+    names: tuple[str, ...]
+    separator: str
+    decimal: str
+
+
+def layout_of(lines: Sequence[str], first_row: int, source: str) -> tuple[int, Layout] | None:
+    """The row after which the numbers begin, and the layout.
+
+    Args:
+        lines: of the file's first block.
+        first_row: the number of the first of them.
+        source: the file, as messages name it.
+
+    Returns:
+        None where all lines are blank or comments.
+
+    Raises:
+        FileFormatError: where the first row is numbers, and no comment above it names their columns.
+    """
+    rows = [(row, line) for row, line in enumerate(lines, start=first_row) if is_row(line)]
+    if rows and rows[0][1].lower().startswith("sep="):
+        rows = rows[1:]
+    if not rows:
+        return None
+    row, header = rows[0]
+    data = [line for _, line in rows[1:]]
+    separator = _separator(header, data[:SAMPLE])
+    names = cells(header, separator, row, source)
+    if all(is_number(name) or DECIMAL_COMMA.fullmatch(name) for name in names):
+        return row - 1, _named_by_comment(lines[: row - first_row], [header, *data], row, source)
+    if data and _are_units(units := _split(data[0], separator), names):
+        units = [unit.strip("[]() ") for unit in units]
+        names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
+        row, data = rows[1][0], data[1:]
+    return row, Layout(tuple(names), separator, _decimal(data, separator))
+
+
+def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, source: str) -> Layout:
+    """The layout of rows whose names stand in the last comment above them, as numpy.savetxt writes them."""
+    comment = next((line.strip().lstrip("# ") for line in reversed(above) if line.strip()), "")
+    separator = _separator(comment, data[:SAMPLE])
+    names = _split(comment, separator)
+    if len(names) < 2 or len(names) != len(_split(data[0], separator)) or any(map(is_number, names)):
+        raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
+    return Layout(tuple(names), separator, _decimal(data, separator))
+
+
+def _separator(header: str, data: Sequence[str]) -> str:
+    """What stands between two cells: that by which the most cells of rows as wide as the header are numbers, else the
+    most frequent one of the header.
+    """
+    bare = re.sub(r'"[^"]*"', "", header)
+    candidates = [mark for mark in SEPARATORS[:-1] if mark in bare] or [" "]
+    best, most = max(candidates, key=bare.count), 0
+    for candidate in candidates:
+        width = len(_split(header, candidate))
+        split = [some for line in data if len(some := _split(line, candidate)) == width]
+        count = sum(is_number(_with_point(cell) if candidate != "," else cell) for some in split for cell in some)
+        if count > most:
+            best, most = candidate, count
+    return best
+
+
+def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row is the units of the columns: each cell a unit in brackets or a word for one, or empty."""
+    words = [unit.lower().replace(" ", "") for unit in units]
+    sure = all(not word or re.fullmatch(r"\[[^\]]*\]|\([^)]*\)", word) or word in UNIT_WORDS for word in words)
+    return sure and len(units) == len(names) and any(word not in NO_UNIT for word in words)
+
+
+def _decimal(data: Sequence[str], separator: str) -> str:
+    """The decimal mark: a comma where it separates no cells and some number has one that can be nothing else."""
+    if separator == ",":
+        return "."
+    for line in data:
+        if "," in line and any(
+            DECIMAL_COMMA.fullmatch(cell) and not PERHAPS_THOUSANDS.fullmatch(cell)
+            for cell in map(str.strip, line.split(None if separator == " " else separator))
+        ):
+            return ","
+    return "."
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
+
+
+def is_row(line: str) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    start = line.lstrip()
+    return bool(start) and start[0] != "#"
+
+
+def cells(line: str, separator: str, row: int, source: str) -> list[str]:
+    """The cells of one line, without the space around them. Raises `FileFormatError`."""
+    try:
+        blanks = separator == " "
+        split = next(csv.reader([line.strip() if blanks else line], delimiter=separator, skipinitialspace=blanks))
+        return [cell.strip() for cell in split]
+    except csv.Error as error:
+        raise FileFormatError(
+            f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
+        ) from None
+
+
+def _split(line: str, separator: str) -> list[str]:
+    """The same; none where they cannot be told apart."""
+    try:
+        return cells(line, separator, 0, "")
+    except FileFormatError:
+        return []
+
+
+def value(text: str) -> float:
+    """The number that `text` is. Raises `ValueError`, also for the underscores that Python allows in a number."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number with a decimal point."""
+    try:
+        value(text)
+    except ValueError:
+        return False
+    return True
