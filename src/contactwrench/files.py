@@ -9,8 +9,8 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import islice
 from io import BufferedReader
+from itertools import islice
 from pathlib import Path
 
 from .errors import FileAccessError

@@ -138,9 +138,11 @@ def test_the_angle_y_of_nachi_is_not_taken_for_a_position(tmp_path: Path) -> Non
         lambda text: "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in text.split()).encode(),
         lambda text: "\n".join(f'"down, {n}",{line}' for n, line in enumerate(text.split())).encode(),
     ],
-    ids=["BOM", "CRLF", "CR", "semicolon", "tab", "spaces", "blank", "blanks", "numpy", "numpy with commas"]
-    + ["comma;", "comma tab", "comma blank", "Excel UTF-16", "UTF-16", "commas in text"]
-    + ["no end", "comments", "Excel", "quotes", "text"],
+    ids=[
+        *("BOM", "CRLF", "CR", "semicolon", "tab", "spaces", "blank", "blanks", "numpy", "numpy with commas"),
+        *("decimal comma", "comma and tabs", "comma and blanks", "Excel UTF-16", "UTF-16", "commas in text"),
+        *("no end", "comments", "Excel", "quotes", "text"),
+    ],
 )
 def test_what_is_plainly_meant_is_read(tmp_path: Path, dress: object) -> None:
     wrench, R = np.random.default_rng(2).normal(size=(7, 6)), generic_rotations(7)

@@ -206,12 +206,12 @@ class Lines:
         if separator == "," and 2 * len(found) >= 3 * width:
             raise FileFormatError(
                 f"{self.source}: row {row}, from column {shown(self._layout.names[0])} on: found {len(found)} values "
-                f"between commas, expected {width} as in the header: if these are decimal commas, write them as points, "
-                "or separate the cells by semicolons"
+                f"between commas, expected {width} as in the header: if these are decimal commas, write them as "
+                "points, or separate the cells by semicolons"
             )
         raise FileFormatError(
-            f"{self.source}: row {row}: found {len(found)} values, expected {width} as in the header: complete the row, "
-            "and write decimals with a point"
+            f"{self.source}: row {row}: found {len(found)} values, expected {width} as in the header: complete the "
+            "row, and write decimals with a point"
         )
 
     def _number(self, cell: str, column: Column, row: int, may_lack: bool) -> float:

@@ -1,4 +1,4 @@
-"""How a text file writes its table, found from its first lines: the header, the separator, the decimal mark, the units.
+"""How a text file writes its table, found from its first lines: header, separator, decimal mark, row of units.
 
 Nothing is decided that the lines do not settle: what could mean two numbers is left to be refused, row and column named.
 """
@@ -18,12 +18,11 @@ SEPARATORS = ("\t", ";", ",", " ")
 SAMPLE = 10
 """Rows by which a separator is judged."""
 
-UNIT_WORDS = frozenset(
-    "1 - % n kn mn kgf kp gf lbf ozf nm knm nmm ncm mnm n*m n·m n.m n-m n-mm n*mm n·mm kgf*m lbf*in lbf*ft lbfin lbfft lbin "
-    "lbft deg ° rad mrad s sec ms us µs μs ns min h m mm cm um µm μm in inch kg g lb m/s mm/s m/s^2 m/s² rad/s deg/s °/s "
-    "hz v mv a ma °c c k bar pa kpa".split()
+UNIT_WORDS = re.compile(
+    r"[kmµμ]?n|kgf|kp|gf|lbf|(?:[kmµμ]?n|kgf|lbf)[*·.-]?(?:m|mm|cm|in|ft)|deg|°|m?rad|s|sec|[mµμun]s|min|h|[mcµμu]?m|inch"
+    r"|k?g|lb|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|k?hz|m?v|m?a|°?[ck]|bar|k?pa|%|-|1|"
 )
-"""Words of a row of units, in small letters and without blanks."""
+"""A cell of a row of units, in small letters and without blanks."""
 
 NO_UNIT = ("", "-", "1")
 
@@ -102,7 +101,7 @@ def _separator(header: str, data: Sequence[str]) -> str:
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row is the units of the columns: each cell a unit in brackets or a word for one, or empty."""
     words = [unit.lower().replace(" ", "") for unit in units]
-    sure = all(not word or re.fullmatch(r"\[[^\]]*\]|\([^)]*\)", word) or word in UNIT_WORDS for word in words)
+    sure = all(re.fullmatch(r"\[[^\]]*\]|\([^)]*\)", word) or UNIT_WORDS.fullmatch(word) for word in words)
     return sure and len(units) == len(names) and any(word not in NO_UNIT for word in words)
 
 
