@@ -270,8 +270,8 @@ def test_a_reading_that_no_sensor_gives_is_named(tmp_path: Path, reading: str) -
 @pytest.mark.parametrize("suffix", [".xls", ".XLSX"])
 def test_formats_that_cannot_be_read_are_refused_by_their_suffix(tmp_path: Path, suffix: str) -> None:
     assert refusal(written(tmp_path, QUAT_TABLE, f"log{suffix}")) == (
-        f"found the suffix {suffix.lower()}, expected .csv, .parquet, .bag, .db3 or .mcap: export the recording as one "
-        "of them"
+        f"found the suffix {suffix.lower()}, expected .csv, .parquet, .h5, .bag, .db3 or .mcap: export the recording "
+        "as one of them"
     )
 
 

@@ -136,7 +136,7 @@ def write_compensated(
         frame = None if output_frame == "sensor" else output_frame
         wrenches = (batch.wrench for batch in recording)
         return write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
-    write_contact_wrenches(output, recording, path)
+    write_contact_wrenches(output, recording, path, options.naming)
     return None
 
 

@@ -18,7 +18,8 @@ from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, Link, note
 from .read import bag_blocks, reader_of
 from .tables.columns import TIME, Advance, optional
-from .tables.table import in_seconds, in_si, open_table
+from .tables.episodes import episode_column
+from .tables.table import in_seconds, in_si, open_set
 
 HEADER = "std_msgs/msg/Header"
 
@@ -77,13 +78,16 @@ class BagContents:
 
 @dataclass(frozen=True)
 class TableContents:
-    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm."""
+    """A table: its columns, its number of rows, and, where it has a column of times, its rhythm; of a set of recordings
+    its `episodes`, and the start and the rhythm of the first of them.
+    """
 
     path: str
     columns: tuple[str, ...]
     rows: int
     start: float | None
     rhythm: Rhythm | None
+    episodes: tuple[int, ...] = ()
 
 
 def contents(path: str | Path, advance: Advance | None = None) -> BagContents | TableContents:
@@ -112,16 +116,20 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
 
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
-    table = open_table(path)
-    t_columns = optional(table, ["t"], TIME)
-    count, parts = 0, [np.empty((0, len(t_columns)))]
-    for body in table.told(t_columns, advance):
+    table = open_set(path)
+    t_columns, of_episode = optional(table, ["t"], TIME), episode_column(table)
+    columns = [*t_columns, *([] if of_episode is None else [of_episode])]
+    count, parts = 0, [np.empty((0, len(columns)))]
+    for body in table.told(columns, advance):
         count += len(body)
-        parts += in_si(body, (t_columns,)) if t_columns else []
-    t = in_seconds(np.concatenate(parts), t_columns)
+        parts += in_si(body, (columns,)) if columns else []
+    values = np.concatenate(parts)
+    episodes = () if of_episode is None else tuple(np.unique(values[:, -1]).astype(int).tolist())
+    first = values if len(episodes) < 2 else values[values[:, -1] == episodes[0]]
+    t = in_seconds(first[:, : len(t_columns)], t_columns)
     if t is None or not len(t):
-        return TableContents(str(path), tuple(table.places), count, None, None)
-    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])))
+        return TableContents(str(path), tuple(table.places), count, None, None, episodes)
+    return TableContents(str(path), tuple(table.places), count, float(t[0]), rhythm(t, float(t[0])), episodes)
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:

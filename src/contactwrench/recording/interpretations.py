@@ -22,7 +22,7 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
 from .options import AS_USUAL, Options
 from .read import bag_blocks, name_of, reader_of
-from .tables.columns import ANGLE, orientation_columns, roles_beside, whole_sets, wrench_columns
+from .tables.columns import ANGLE, Naming, orientation_columns, roles_beside, whole_sets, wrench_columns
 from .tables.table import open_table, rotations, written_rows
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
@@ -80,7 +80,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
             f"{path}: found a bag, expected a table: its messages say how an orientation is written, try --sign and "
             "--inverse-orientation"
         )
-    written = _written(path, options.orientation)
+    written = _written(path, options.naming)
     n = len(written.wrench)
     if not n:
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
@@ -109,14 +109,15 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     )
 
 
-def _written(path: str | Path, orientation: str) -> _Written:
+def _written(path: str | Path, naming: Naming) -> _Written:
     """Read a table without making rotations of its orientation, but for those that it states. Raises as `read`, but not
     for numbers that are no rotation, nor where `auto` cannot choose between columns that all could be one.
 
     Of a recording with times only rows that have a wrench and an orientation are kept, and none with a saturated
     channel or a load; a long one is thinned.
     """
-    table = open_table(path)
+    orientation = naming.orientation or "auto"
+    table = open_table(path, naming)
     of_wrench = wrench_columns(table)
     convention, complaint = None, None
     try:

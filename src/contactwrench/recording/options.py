@@ -60,7 +60,7 @@ class Options:
     @property
     def naming(self) -> Naming:
         """Which columns of a table are what."""
-        return Naming(self.orientation, self.wrench_columns, self.time_column, self.units)
+        return Naming(self.orientation, self.wrench_columns, self.time_column, self.units, self.hdf5, self.episode)
 
     def R_base_flange(self, R: Array) -> Array:
         """`R_base_flange` (n, 3, 3) of rotations as they are written."""

@@ -20,6 +20,7 @@ from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
 from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
 from .tables.table import Table, merged, tables
@@ -70,7 +71,7 @@ Block: TypeAlias = Table | Streams
 Reader: TypeAlias = Callable[[str | Path, Options, int, Advance | None], Iterator[Block]]
 
 READERS: dict[str, Reader] = {
-    **dict.fromkeys((*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET), table_blocks),
+    **dict.fromkeys((*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5), table_blocks),
     **dict.fromkeys(SUFFIXES_OF_BAGS, bag_blocks),
 }
 """What gives a recording in blocks of about so many rows, each row once and in order, by its suffix."""
@@ -97,8 +98,8 @@ def _by_name(path: Path) -> Reader:
     suffix = path.suffix.lower()
     if suffix not in READERS:
         raise FileFormatError(
-            f"{path}: found the suffix {suffix}, expected .csv, .parquet, .bag, .db3 or .mcap: export the recording as "
-            "one of them"
+            f"{path}: found the suffix {suffix}, expected .csv, .parquet, .h5, .bag, .db3 or .mcap: export the "
+            "recording as one of them"
         )
     return READERS[suffix]
 
@@ -193,7 +194,7 @@ def read(
     hdf5: str | None = None,
     episode: int | None = None,
 ) -> Samples:
-    """Read a recording: a table (CSV, Parquet), two tables, or a bag.
+    """Read a recording: a table (CSV, Parquet, HDF5), two tables, or a bag.
 
     Where a wrench lacks an orientation of its own, one is interpolated, after the delay between the two was estimated.
 
@@ -211,7 +212,7 @@ def read(
         wrench_columns: the six columns of the wrench, "a,b,c,d,e,f", or a slice of a list, "observation.wrench[0:6]".
         time_column: the column of the times, "NAME" or "NAME:UNIT".
         units: of columns whose names do not say, "force=kgf,torque=Nmm".
-        hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path".
+        hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path,time=/path".
         episode: which one of a set of recordings.
 
     Returns:

@@ -5,9 +5,12 @@ A sentence is one line of the text, however long; tables are at most 80 columns 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import fields
 from datetime import UTC, datetime
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import msgspec
@@ -26,7 +29,7 @@ UNIX_TIMES = (946684800.0, 4102444800.0)
 """s: 2000 to 2100. Other stamps are of clocks that start elsewhere."""
 NOTABLE_CLOCK = 0.5
 """s by which stamps in headers may differ from the bag's own before it is said."""
-MOST_FRAMES = 60
+MOST_FRAMES, MOST_EPISODES = 60, 10
 _MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
 _SPOKEN = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m"), "s": (1e3, "ms")}
 
@@ -240,13 +243,26 @@ def _frames(frames: tuple[FrameContent, ...]) -> Iterator[str]:
 def _table(contents: TableContents) -> Iterator[str]:
     yield contents.path
     yield f"Table, {contents.rows:,} rows of {len(contents.columns)} columns"
-    yield f"  {', '.join(contents.columns)}"
+    yield f"  {', '.join(_with_slices(contents.columns))}"
+    if len(contents.episodes) > 1:
+        few = ", ".join(map(str, contents.episodes[:MOST_EPISODES]))
+        more = ", ..." if len(contents.episodes) > MOST_EPISODES else ""
+        yield f"  {len(contents.episodes)} episodes, {few}{more}: --episode N chooses one; times of the first:"
     if contents.rhythm is None or contents.rhythm.last is None or contents.start is None:
         yield "  no times: a column t would tell rate and gaps"
         return
     rhythm = contents.rhythm
     yield f"  times: {rhythm.last:.6g} s{_since(contents.start)}"
     yield f"  rate: {_rate(rhythm)} Hz, longest gap {_gap(rhythm)}" if rhythm.rate else "  rate: not known"
+
+
+def _with_slices(columns: tuple[str, ...]) -> Iterator[str]:
+    """The columns' names, elements of a list that follow each other as one slice of it."""
+    parts = [re.fullmatch(r"(.*)\[(\d+)\]", name) for name in columns]
+    of_list = [part and (part[1], int(part[2]) - k) for k, part in enumerate(parts)]
+    for one, group in groupby(zip(columns, parts, of_list, strict=True), key=itemgetter(2)):
+        names, indices = zip(*((name, part and int(part[2])) for name, part, _ in group), strict=True)
+        yield from names if one is None else [f"{one[0]}[{indices[0]}:{indices[-1] + 1}]"]
 
 
 def _rate(rhythm: Rhythm) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NoReturn, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import FileFormatError
 from ...geometry.arrays import Array
@@ -37,13 +38,16 @@ class Naming:
     """Which columns of a table are what, as far as it was stated.
 
     `orientation` as in `Options`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
-    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm".
+    slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm";
+    `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one of a set of recordings.
     """
 
     orientation: str | None = "auto"
     wrench_columns: str | None = None
     time_column: str | None = None
     units: str | None = None
+    hdf5: str | None = None
+    episode: int | None = None
 
 
 AS_NAMED = Naming()
@@ -77,6 +81,9 @@ class Body(Protocol):
 
         Raises `FileFormatError` naming row and column of what is no finite number.
         """
+
+    def select(self, kept: NDArray[np.bool_]) -> Body:
+        """Some of the rows, by a mask (n,)."""
 
     def row_of(self, index: int) -> int:
         """The number of the index-th row, as a message gives it."""

@@ -1,6 +1,6 @@
 """How a text file writes its table, found from its first lines: header, separator, decimal mark, row of units.
 
-Nothing is decided that the lines do not settle: what could mean two numbers is left to be refused, row and column named.
+Nothing is decided that the lines do not settle: what could mean two numbers is left to be refused by row and column.
 """
 
 from __future__ import annotations

@@ -1,16 +1,21 @@
 """Named columns of numbers in Parquet files, one or a folder of them, a batch of rows at a time, by pyarrow.
 
-Rows are counted from 1, over all files of a folder. Of pyarrow: https://arrow.apache.org/docs/python/parquet.html.
+Rows are counted from 1, over all files of a folder. A list stands for columns `name[0]`, `name[1]` and so on, a struct
+for columns `name.field`. A folder may be a data set of LeRobot, version 2 or 3: `meta/info.json`, and an episode a file
+or many of them in `data/chunk-*/*.parquet` (huggingface/lerobot, docs/source/lerobot-dataset-v3.mdx; the paths of
+version 2 are in src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py). Of pyarrow:
+https://arrow.apache.org/docs/python/parquet.html.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +23,9 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .columns import ROWS, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
+from .batch import MOST_ELEMENTS, Batch, Field, elements
+from .columns import ROWS, WRENCH_COLUMNS, Column, Naming, OpenTable, places_of, shown, wrench_columns
+from .episodes import EPISODE, one_episode
 
 SUFFIXES = (".parquet", ".pq")
 LISTS = {
@@ -26,20 +33,46 @@ LISTS = {
     "quat_xyzw": ("qx", "qy", "qz", "qw"),
     "position": ("x", "y", "z"),
 }
-"""Columns of lists, as recordings for robot learning have them, and the columns that they stand for."""
+"""Lists whose elements have names of their own."""
 
 BUFFER = 2**20
 """Bytes of a column that are read at once, so that memory does not grow with the size of the file's row groups."""
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+FIRST_ROWS = 64
+"""Read at once to see how long lists are."""
+OF_TIME = re.compile(r"t(_.*)?|.*(time|stamp).*")
 
 
 @dataclass(frozen=True)
-class _Field:
-    """A column by its name in small letters, the file's column that holds it, and which element of its lists it is."""
+class _Part:
+    """A file, its number of rows, and the least and the greatest episode in it, where that is known."""
 
-    name: str
-    column: str
-    element: int | None
+    path: Path
+    rows: int
+    episodes: tuple[float, float] | None
+
+    def may_have(self, episode: int | None) -> bool:
+        """Whether rows of an episode may be in it."""
+        return episode is None or self.episodes is None or self.episodes[0] <= episode <= self.episodes[1]
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """What a schema has under a path: lists of `length` numbers, 0 where only the rows tell; None: no lists."""
+
+    path: tuple[str, ...]
+    length: int | None
+
+    @property
+    def name(self) -> str:
+        return ".".join(part.strip() for part in self.path).lower()
+
+    def fields(self, length: int | None) -> list[Field]:
+        """The columns that it stands for, where its lists are that long."""
+        if not length or length > MOST_ELEMENTS:
+            return [Field(self.name, self.path)]
+        named = LISTS.get(self.name, ())
+        return elements(self.name, self.path, length, named if len(named) == length else ())
 
 
 def is_parquet(path: str | Path) -> bool:
@@ -47,80 +80,56 @@ def is_parquet(path: str | Path) -> bool:
     return bool(_parts(Path(path))) if Path(path).is_dir() else Path(path).suffix.lower() in SUFFIXES
 
 
-def open_parquet(path: str | Path, rows: int) -> OpenTable:
+def open_parquet(path: str | Path, rows: int, episode: int | None = None, *, whole: bool = False) -> OpenTable:
     """A Parquet file, or a folder of them as one table, its files in the order of their names, numbers in these by
-    value; at most `rows` rows at a time. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`.
+    value; at most `rows` rows at a time, with all their columns where they are read `whole`. Files without the episode
+    that is stated are left out where some have it. Raises `FileAccessError`, `FileFormatError`, `MissingExtraError`.
     """
-    parts, fields, places, total = _described(path)
+    parts, fields = _described(path)
+    total = sum(part.rows for part in parts)
+    having = [part for part in parts if part.may_have(episode)] or parts
 
-    def bodies(columns: Collection[Column]) -> Iterator[Batch]:
-        names = sorted({fields[column.place].column for column in columns})
+    def bodies(columns: Collection[Column]) -> Iterator[Records]:
+        names = sorted({".".join(fields[column.place].path) for column in columns})
         before = 0
         for part in parts:
-            for record in _records(part, names, rows):
-                yield Batch(record, fields, str(path), before, (before + len(record)) / total)
-                before += len(record)
+            begin, before = before, before + part.rows
+            for record in _records(part.path, None if whole else names, rows) if part in having else ():
+                numbers = np.arange(begin, begin + len(record))
+                begin += len(record)
+                yield Records(record, fields, numbers, str(path), begin / total)
 
-    return OpenTable(str(path), places, bodies)
+    return OpenTable(str(path), places_of((field.name for field in fields), str(path)), bodies)
 
 
-def rows_as_stored(path: str | Path) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
+def rows_as_stored(path: str | Path, naming: Naming) -> Iterator[tuple[Any, NDArray[np.bool_]]]:
     """All columns as the files have them, a record batch at a time, and which of its rows (n,) have a wrench."""
-    parts, fields, places, _ = _described(path)
-    fx = next(Column(place, name, 1.0) for name, place in places.items() if name[:2] == "fx")
-    for part in parts:
-        for record in _records(part, None, ROWS):
-            yield record, ~np.isnan(Batch(record, fields, str(path), 0, 1.0).numbers([fx], may_lack=[fx])[:, 0])
+    table = one_episode(open_parquet(path, ROWS, naming.episode, whole=True), naming.episode)
+    fx = wrench_columns(table)[0]
+    for body in table.bodies([fx]):
+        yield cast(Records, body).record, ~np.isnan(body.numbers([fx], may_lack=[fx])[:, 0])
 
 
-class Batch:
-    """Rows of Parquet files in a record batch, `before` which there were so many. A `Body`."""
+class Records(Batch):
+    """Rows of Parquet files in a record batch."""
 
-    def __init__(self, record: Any, fields: list[_Field], source: str, before: int, done: float) -> None:
-        self._record, self._fields, self._before = record, fields, before
-        self.source, self.done = source, done
+    def __init__(self, record: Any, fields: list[Field], rows: NDArray[np.intp], source: str, done: float) -> None:
+        super().__init__(rows, source, done)
+        self.record, self._fields = record, fields
 
-    def __len__(self) -> int:
-        return len(self._record)
+    def select(self, kept: NDArray[np.bool_]) -> Records:
+        """Some of the rows, by a mask (n,)."""
+        import pyarrow as pa
 
-    def row_of(self, index: int) -> int:
-        """The number of the index-th row, over all files, from 1."""
-        return self._before + index + 1
+        return Records(self.record.filter(pa.array(kept)), self._fields, self._rows[kept], self.source, self.done)
 
-    def refuse_lack(self, index: int, column: Column) -> NoReturn:
-        """Raise the `FileFormatError` for a null or a NaN."""
-        raise FileFormatError(
-            f"{self.source}: row {self.row_of(index)}, column {column.name}: found no number, expected one: fill it in "
-            "or leave the row out"
-        )
-
-    def numbers(self, columns: Sequence[Column], may_lack: Collection[Column] = ()) -> Array:
-        """The numbers (n, k) of the columns, as written; NaN where a column in `may_lack` has a null or a NaN.
-
-        Raises `FileFormatError` naming row and column of what is no finite number.
-        """
-        values = np.empty((len(self), len(columns)))
-        for k, column in enumerate(columns):
-            values[:, k] = self._floats(column)
-        fine = np.isfinite(values)
-        for index, k in np.argwhere(~fine) if not fine.all() else ():
-            column, value = columns[k], values[index, k]
-            if np.isinf(value):
-                raise FileFormatError(
-                    f"{self.source}: row {self.row_of(int(index))}, column {column.name}: found {value}, expected a "
-                    "finite number: leave the row out"
-                )
-            if column not in may_lack:
-                self.refuse_lack(int(index), column)
-        return values
-
-    def _floats(self, column: Column) -> Array:
-        """The numbers (n,) of a column; NaN for null."""
+    def floats(self, column: Column) -> Array:
+        """The numbers (n,) of a column; NaN for null. Raises `FileFormatError` for what are no numbers."""
         import pyarrow as pa
 
         field = self._fields[column.place]
-        values = self._record.column(self._record.schema.get_field_index(field.column))
         with _readable(self.source):
+            values = _at(self.record, field.path)
             if field.element is not None:
                 values = self._elements(values, field)
             if pa.types.is_dictionary(values.type):
@@ -129,7 +138,7 @@ class Batch:
             if pa.types.is_boolean(kind):
                 values = values.cast(pa.uint8())
                 kind = values.type
-            if pa.types.is_temporal(kind) and hasattr(kind, "unit") and column.name.partition("_")[0] == "t":
+            if pa.types.is_temporal(kind) and hasattr(kind, "unit") and OF_TIME.fullmatch(column.name.lower()):
                 per_unit = column.per_si / PER_SECOND[kind.unit]
                 counted = values.cast(pa.int64()).cast(pa.float64(), safe=False)
                 return np.asarray(counted.to_numpy(zero_copy_only=False), dtype=np.float64) * per_unit
@@ -141,19 +150,26 @@ class Batch:
             floats = values.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             return np.asarray(floats, dtype=np.float64)
 
-    def _elements(self, lists: Any, field: _Field) -> Any:
+    def _elements(self, lists: Any, field: Field) -> Any:
         """One element of each list. Raises `FileFormatError` for a list of another length."""
         import pyarrow.compute as pc
 
-        expected = len(LISTS[field.column.lower()])
-        length = pc.fill_null(pc.list_value_length(lists), expected).to_numpy(zero_copy_only=False)
-        if (length != expected).any():
-            index = int(np.argmax(length != expected))
+        length = pc.fill_null(pc.list_value_length(lists), field.length).to_numpy(zero_copy_only=False)
+        if (length != field.length).any():
+            index = int(np.argmax(length != field.length))
             raise FileFormatError(
-                f"{self.source}: row {self.row_of(index)}, column {field.column}: found a list of "
-                f"{length[index]}, expected {expected}: complete it or leave the row out"
+                f"{self.source}: row {self.row_of(index)}, column {'.'.join(field.path)}: found a list of "
+                f"{length[index]}, expected {field.length}: complete it or leave the row out"
             )
         return pc.list_element(lists, field.element)
+
+
+def _at(record: Any, path: tuple[str, ...]) -> Any:
+    """The column of a record batch, or what is under that path in its structs."""
+    import pyarrow.compute as pc
+
+    values = record.column(record.schema.get_field_index(path[0]))
+    return values if len(path) == 1 else pc.struct_field(values, list(path[1:]))
 
 
 def _is_number(kind: Any) -> bool:
@@ -163,47 +179,79 @@ def _is_number(kind: Any) -> bool:
     return any(is_kind(kind) for is_kind in is_one)
 
 
-def _described(path: str | Path) -> tuple[list[Path], list[_Field], dict[str, int], int]:
-    """The files, their columns, the place of each by its name, and the number of rows in all."""
-    parts = _parts(Path(path)) if Path(path).is_dir() else [Path(path)]
-    fields: list[_Field] = []
-    total = 0
-    for part in parts:
-        with _opened(part) as file:
-            schema, rows = file.schema_arrow, file.metadata.num_rows
-        found = _fields(schema)
-        if fields and found != fields:
+def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
+    """The files, and their columns. Raises `FileFormatError` for files with different ones, or without rows."""
+    parts: list[_Part] = []
+    leaves: list[_Leaf] = []
+    lengths: dict[tuple[str, ...], int] = {}
+    for part in _parts(Path(path)) if Path(path).is_dir() else [Path(path)]:
+        with _opened(part) as file, _readable(str(part)):
+            found = list(_leaves(file.schema_arrow))
+            parts.append(_Part(part, file.metadata.num_rows, _episodes(file.metadata)))
+            unknown = [leaf.path for leaf in found if leaf.length == 0 and leaf.path not in lengths]
+            lengths |= _lengths(file, unknown) if unknown and file.metadata.num_rows else {}
+        if leaves and [leaf.name for leaf in found] != [leaf.name for leaf in leaves]:
             raise FileFormatError(
-                f"{part}: found other columns than in {parts[0].name}, expected the same: name one file"
+                f"{part}: found other columns than in {parts[0].path.name}, expected the same: name one file"
             )
-        fields, total = found, total + rows
-    places = places_of((field.name for field in fields), str(path))
-    if not total:
+        leaves = found
+    if not any(part.rows for part in parts):
         raise FileFormatError(f"{path}: found columns and no rows, expected a row for each reading: add them")
-    return parts, fields, places, total
+    fields = [leaf.fields(lengths.get(leaf.path, leaf.length)) for leaf in leaves]
+    return parts, list(chain.from_iterable(fields))
+
+
+def _episodes(metadata: Any) -> tuple[float, float] | None:
+    """The least and the greatest episode in a file, as far as its statistics say."""
+    columns = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.lower() == EPISODE]
+    found = [
+        metadata.row_group(k).column(place).statistics for k in range(metadata.num_row_groups) for place in columns
+    ]
+    if not found or not all(each is not None and each.has_min_max for each in found):
+        return None
+    return min(each.min for each in found), max(each.max for each in found)
 
 
 def _parts(folder: Path) -> list[Path]:
-    """The Parquet files in a folder, part 2 before part 10."""
+    """The Parquet files in a folder, or in the `data` of a data set of LeRobot, part 2 before part 10."""
 
     def by_numbers(path: Path) -> list[tuple[int, str]]:
-        return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d+)", path.name)]
+        words = re.split(r"(\d+)", str(path.relative_to(folder)))
+        return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]
 
-    return sorted((path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES), key=by_numbers)
+    in_set = (folder / "meta" / "info.json").is_file()
+    files = (folder / "data").glob("*/*") if in_set else folder.iterdir()
+    return sorted((path for path in files if path.suffix.lower() in SUFFIXES), key=by_numbers)
 
 
-def _fields(schema: Any) -> list[_Field]:
+def _leaves(schema: Any, above: tuple[str, ...] = ()) -> Iterator[_Leaf]:
+    """What is no struct, in the order of the schema."""
     import pyarrow as pa
 
-    is_list = (pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list)
-    fields = []
     for field in schema:
-        name = field.name.strip().lower()
-        if name in LISTS and any(is_kind(field.type) for is_kind in is_list):
-            fields += [_Field(part, field.name, k) for k, part in enumerate(LISTS[name])]
+        path, kind = (*above, field.name), field.type
+        if pa.types.is_struct(kind):
+            yield from _leaves([kind.field(k) for k in range(kind.num_fields)], path)
+        elif pa.types.is_fixed_size_list(kind) and _is_number(kind.value_type):
+            yield _Leaf(path, kind.list_size)
+        elif (pa.types.is_list(kind) or pa.types.is_large_list(kind)) and _is_number(kind.value_type):
+            yield _Leaf(path, 0)
         else:
-            fields.append(_Field(name, field.name, None))
-    return fields
+            yield _Leaf(path, None)
+
+
+def _lengths(file: Any, paths: list[tuple[str, ...]]) -> dict[tuple[str, ...], int]:
+    """How many elements the first list under each path has that is in the first row group."""
+    import pyarrow.compute as pc
+
+    lengths: dict[tuple[str, ...], int] = {}
+    for record in file.iter_batches(FIRST_ROWS, row_groups=[0], columns=[".".join(path) for path in paths]):
+        for path in [path for path in paths if path not in lengths]:
+            if len(there := pc.list_value_length(_at(record, path)).drop_null()):
+                lengths[path] = there[0].as_py()
+        if len(lengths) == len(paths):
+            break
+    return lengths
 
 
 def _records(path: Path, columns: list[str] | None, rows: int) -> Iterator[Any]:

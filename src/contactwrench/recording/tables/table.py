@@ -1,6 +1,7 @@
 """What the rows of a recording's table hold, whatever kind of file it is.
 
-How a file becomes named columns of numbers is for csv.py and parquet.py; which of them is what, for columns.py.
+How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.py; which of them is what, for
+columns.py.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from ...geometry.orientation import Convention
 from ...samples.samples import LARGEST_READING
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, roles_of
 from .csv import open_csv
+from .episodes import one_episode
+from .hdf5 import is_hdf5, open_hdf5
 from .parquet import is_parquet, open_parquet
 
 UNIX_TIMES = (1e9, 4.2e9)
@@ -77,9 +80,20 @@ class WrittenRows:
     has_orientation: NDArray[np.bool_]
 
 
-def open_table(path: str | Path, rows: int = ROWS) -> OpenTable:
-    """The columns of a table, and what reads them block by block. Raises `FileAccessError`, `FileFormatError`."""
-    return open_parquet(path, rows) if is_parquet(path) else open_csv(path, rows)
+def open_table(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> OpenTable:
+    """The columns of a table, and what reads them block by block; of a set of recordings one. Raises
+    `FileAccessError`, `FileFormatError`, and `InputError` for datasets of HDF5 that are stated of another file.
+    """
+    return one_episode(open_set(path, naming, rows), naming.episode)
+
+
+def open_set(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> OpenTable:
+    """The same with all the recordings of a set."""
+    if is_hdf5(path):
+        return open_hdf5(path, naming, rows)
+    if naming.hdf5 is not None:
+        raise InputError(f"{path}: found no HDF5 file, and hdf5 {naming.hdf5}, which is for those: leave it out")
+    return open_parquet(path, rows, naming.episode) if is_parquet(path) else open_csv(path, rows)
 
 
 def tables(
@@ -103,7 +117,7 @@ def tables(
         FileAccessError: where the file cannot be read.
         FileFormatError: naming the file, the row and the column.
     """
-    table = open_table(path, rows)
+    table = open_table(path, naming, rows)
     roles = roles_of(table, naming, wrench=wrench)
     return (_table(written_rows(body, roles)) for body in table.told(roles.columns, advance))
 

@@ -17,7 +17,7 @@ import numpy as np
 from ...compensate.contact_wrenches import TOUCHING, ContactWrenches
 from ...errors import InputError
 from ...files import write_bytes, write_text
-from .columns import WRENCH_COLUMNS
+from .columns import AS_NAMED, WRENCH_COLUMNS, Naming
 from .parquet import SUFFIXES, import_parquet, is_parquet, rows_as_stored
 
 NAMES = (*WRENCH_COLUMNS, *(f"{name}_std" for name in WRENCH_COLUMNS))
@@ -30,7 +30,10 @@ LINES = 2000
 
 
 def write_contact_wrenches(
-    path: str | Path, batches: Iterable[ContactWrenches], recording: str | Path | None = None
+    path: str | Path,
+    batches: Iterable[ContactWrenches],
+    recording: str | Path | None = None,
+    naming: Naming = AS_NAMED,
 ) -> None:
     """Write one row per sample, in order. Memory for one batch.
 
@@ -40,6 +43,7 @@ def write_contact_wrenches(
         recording: the one that was compensated. If it is Parquet and `path` too, its columns are kept, and the new
             ones, named contact_fx and so on where it has one of their names, stand beside them: null in rows without a
             wrench.
+        naming: which of the recording's columns are what, as far as it was stated.
 
     Raises:
         FileAccessError: where the file cannot be written.
@@ -48,7 +52,7 @@ def write_contact_wrenches(
     if Path(path).suffix.lower() not in SUFFIXES:
         write_text(path, _csv(iter(batches)))
     elif recording is not None and is_parquet(recording):
-        write_bytes(Path(path), _parquet(_beside(recording, iter(batches))))
+        write_bytes(Path(path), _parquet(_beside(recording, naming, iter(batches))))
     else:
         write_bytes(Path(path), _parquet(map(_columns, batches)))
 
@@ -101,12 +105,12 @@ def _columns(batch: ContactWrenches) -> dict[str, Any]:
     return columns
 
 
-def _beside(recording: str | Path, batches: Iterator[ContactWrenches]) -> Iterator[dict[str, Any]]:
+def _beside(recording: str | Path, naming: Naming, batches: Iterator[ContactWrenches]) -> Iterator[dict[str, Any]]:
     """The recording's columns and, in the rows that have a wrench, the new ones."""
     import pyarrow as pa
 
     waiting, prefix = None, ""
-    for record, has_wrench in rows_as_stored(recording):
+    for record, has_wrench in rows_as_stored(recording, naming):
         parts: list[Any] = [] if waiting is None else [waiting]
         wanted = int(has_wrench.sum())
         while sum(len(part) for part in parts) < wanted or not parts:

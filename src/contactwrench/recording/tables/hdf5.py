@@ -1,0 +1,177 @@
+"""Named columns of numbers in HDF5 files: datasets of as many rows, a block of rows at a time, by h5py.
+
+Which columns they stand for is for hdf5_columns.py. Groups `demo_0`, `demo_1` and so on hold an episode each and the
+same datasets, as robomimic has them (ARISE-Initiative/robomimic, docs/datasets/overview.md): together they are one set,
+with a column of the episode; rows are counted within each.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import ContactWrenchError, FileFormatError, MissingExtraError
+from ...files import open_bytes
+from ...geometry.arrays import Array
+from .batch import Batch, Field
+from .columns import Column, Naming, OpenTable, places_of, shown
+from .episodes import EPISODE
+from .hdf5_columns import datasets_stated, fields_found, fields_of_roles, holds_numbers, width_of
+
+SUFFIXES = (".h5", ".hdf5")
+EPISODES = re.compile(r"((?:.*/)?)(?:demo|episode|traj)_?(\d+)")
+
+
+@dataclass(frozen=True)
+class _Group:
+    """What holds the datasets of one recording: the whole file, or an episode of a set by its number."""
+
+    path: str
+    episode: int | None
+
+
+def is_hdf5(path: str | Path) -> bool:
+    """Whether a path is an HDF5 file by its suffix."""
+    return Path(path).suffix.lower() in SUFFIXES and not Path(path).is_dir()
+
+
+def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
+    """An HDF5 file, at most `rows` rows at a time; of a set the episode that is stated, where it has that, else all of
+    them. Raises `FileAccessError`, `FileFormatError`, `InputError` for an `hdf5` that names no datasets, and
+    `MissingExtraError`.
+    """
+    source = str(path)
+    with _opened(path) as file, _readable(source):
+        stated = None if naming.hdf5 is None else datasets_stated(naming.hdf5)
+        in_file = stated is not None and all(name in file for name in stated.values())
+        every = [_Group("/", None)] if in_file else _groups(file, source)
+        groups = [group for group in every if group.episode == naming.episode] or every
+        one, orientation = file[groups[0].path], naming.orientation
+        fields = fields_found(one) if stated is None else fields_of_roles(one, stated, orientation, source)
+    if not fields:
+        raise FileFormatError(
+            f"{source}: found no dataset of numbers (n,) or (n, k), expected one for each column or list: name them "
+            "with --hdf5"
+        )
+    if groups[0].episode is not None:
+        fields.append(Field(EPISODE, ()))
+
+    def bodies(columns: Collection[Column]) -> Iterator[Datasets]:
+        asked = {field.path[0]: field.length for column in columns if (field := fields[column.place]).path}
+        with _opened(path) as file:
+            for k, group in enumerate(groups):
+                length = _length(file[group.path], group, asked, source)
+                for start in range(0, length, rows):
+                    block = np.arange(start, min(start + rows, length))
+                    done = (k + (block[-1] + 1) / length) / len(groups)
+                    yield Datasets(file[group.path], group, fields, block, source, done)
+
+    return OpenTable(source, places_of((field.name for field in fields), source), bodies)
+
+
+class Datasets(Batch):
+    """Rows of one group of datasets, read when they are asked for."""
+
+    def __init__(
+        self, group: Any, which: _Group, fields: list[Field], rows: NDArray[np.intp], source: str, done: float
+    ) -> None:
+        super().__init__(rows, source, done)
+        self._group, self._which, self._fields = group, which, fields
+        self._read: dict[str, Array] = {}
+
+    def select(self, kept: NDArray[np.bool_]) -> Datasets:
+        """Some of the rows, by a mask (n,)."""
+        return Datasets(self._group, self._which, self._fields, self._rows[kept], self.source, self.done)
+
+    def floats(self, column: Column) -> Array:
+        """The numbers (n,) of a column. Raises `FileFormatError` where they cannot be read."""
+        field = self._fields[column.place]
+        if not field.path:
+            return np.full(len(self), float(self._which.episode or 0))
+        name, first = field.path[0], int(self._rows[0])
+        if name not in self._read:
+            with _readable(self.source):
+                block = np.asarray(self._group[name][first : int(self._rows[-1]) + 1], dtype=np.float64)
+            self._read[name] = block.reshape(len(block), -1)[self._rows - first]
+        return self._read[name][:, field.element or 0]
+
+
+def _groups(file: Any, source: str) -> list[_Group]:
+    """The episodes of a set in the order of their numbers, or the whole file."""
+    names: list[str] = []
+    file.visit(names.append)
+    found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
+    outer = [(parent, number, name) for parent, number, name in found if not EPISODES.fullmatch(parent.rstrip("/"))]
+    groups = [each for each in outer if hasattr(file[each[2]], "visititems")]
+    if len({parent for parent, _, _ in groups}) > 1 or len({number for _, number, _ in groups}) < len(groups):
+        raise FileFormatError(
+            f"{source}: found the groups {shown(groups[0][2])} and {shown(groups[-1][2])}, expected the episodes of "
+            "one set, each with its number: name the datasets with --hdf5"
+        )
+    return [_Group(name, number) for _, number, name in sorted(groups, key=itemgetter(1))] or [_Group("/", None)]
+
+
+def _length(group: Any, which: _Group, asked: dict[str, int], source: str) -> int:
+    """The number of rows of the datasets that are asked for, by their paths and how many numbers they have in a row; if
+    none is, of the longest.
+    """
+    with _readable(source):
+        if not asked:
+            fields = fields_found(group)
+            return max((len(group[field.path[0]]) for field in fields), default=0)
+        lengths: dict[str, int] = {}
+        for path, width in asked.items():
+            dataset = group.get(path)
+            if not holds_numbers(dataset) or width_of(dataset) != width:
+                raise FileFormatError(
+                    f"{source}: found no dataset {shown(path)} of {width} numbers a row in {shown(which.path)}, "
+                    "expected the same datasets in each episode: choose another with --episode"
+                )
+            lengths[path] = len(dataset)
+    shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
+    if lengths[shortest] != lengths[longest]:
+        raise FileFormatError(
+            f"{source}: found {lengths[longest]} rows in {shown(longest)} and {lengths[shortest]} in "
+            f"{shown(shortest)}, expected as many in each: export them on one clock, or as two files for --wrench and "
+            "--pose"
+        )
+    if not lengths[longest]:
+        raise FileFormatError(f"{source}: found datasets and no rows, expected a row for each reading: add them")
+    return lengths[longest]
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[Any]:
+    """An open HDF5 file. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`."""
+    try:
+        import h5py
+    except ImportError:
+        raise MissingExtraError("HDF5 needs h5py, which is not installed: pip install 'contactwrench[hdf5]'") from None
+    with open_bytes(path):
+        pass
+    with _readable(str(path)):
+        file = h5py.File(path, "r")
+    with file:
+        yield file
+
+
+@contextmanager
+def _readable(source: str) -> Iterator[None]:
+    """Raise `FileFormatError` for what h5py cannot read."""
+    try:
+        yield
+    except ContactWrenchError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        reason = shown(str(error).partition("\n")[0], 100)
+        raise FileFormatError(
+            f"{source}: cannot be read as HDF5 ({reason}), expected a whole HDF5 file: write it anew"
+        ) from None

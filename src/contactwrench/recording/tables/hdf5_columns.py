@@ -1,0 +1,142 @@
+"""Which columns the datasets of an HDF5 file stand for: by their own names, or as `--hdf5` says.
+
+A dataset (n,) is a column, one of (n, k) stands for columns `path[0]` to `path[k-1]`. An attribute `units` belongs to
+the name, as if it stood there in brackets.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from math import prod
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from ...errors import FileFormatError, InputError
+from ...geometry.orientation import CONVENTIONS, convention
+from .batch import MOST_ELEMENTS, Field
+from .columns import WRENCH_COLUMNS, shown
+
+POSITION = ("x", "y", "z")
+
+
+def fields_found(group: Any) -> list[Field]:
+    """The columns that all datasets of a group stand for."""
+    fields: list[Field] = []
+
+    def visit(path: str, item: Any) -> None:
+        if holds_numbers(item) and len(item.shape) in (1, 2) and width_of(item) <= MOST_ELEMENTS:
+            name, width = path.lower(), width_of(item)
+            names = [name] if width == 1 else [f"{name}[{k}]" for k in range(width)]
+            fields.extend(_with_units(item, path, dict(enumerate(names))))
+
+    group.visititems(visit)
+    return fields
+
+
+def datasets_stated(text: str) -> dict[str, str]:
+    """The paths of datasets by their roles, of `wrench=/path,pose=/path,time=/path`. Raises `InputError`."""
+    pairs = [[part.strip() for part in pair.partition("=")[::2]] for pair in text.split(",")]
+    stated = {role: path.strip("/") for role, path in pairs}
+    if len(stated) < len(pairs) or set(stated) - {"wrench", "pose", "time"} or not all(stated.values()):
+        raise InputError(f"hdf5 is {text!r}, expected wrench=/PATH,pose=/PATH,time=/PATH, or some of them, each once")
+    return stated
+
+
+def fields_of_roles(group: Any, stated: dict[str, str], orientation: str | None, source: str) -> list[Field]:
+    """The columns of the datasets that were stated.
+
+    Args:
+        group: the file, or an episode of a set.
+        stated: as `datasets_stated` gives it.
+        orientation: as in `Naming`; poses are left out where it is None.
+        source: the file, as messages name it.
+
+    Raises:
+        FileFormatError: for a dataset that is not there, and for one of another shape.
+    """
+    fields: list[Field] = []
+    for role, path in stated.items():
+        dataset = group.get(path)
+        if not holds_numbers(dataset):
+            raise FileFormatError(
+                f"{source}: found no dataset of numbers {shown(path)}, expected the one of the {role}: name another "
+                "with --hdf5"
+            )
+        if role == "pose":
+            names = {} if orientation is None else _of_pose(dataset, path, orientation, source)
+        else:
+            names = dict(enumerate(WRENCH_COLUMNS if role == "wrench" else ("t",)))
+            if width_of(dataset) != len(names):
+                raise _wrong_shape(dataset, path, "(n, 6)" if role == "wrench" else "(n,)", source)
+        fields.extend(_with_units(dataset, path, names))
+    return fields
+
+
+def holds_numbers(item: Any) -> TypeGuard[Any]:
+    """Whether something in a file is a dataset of numbers that has rows."""
+    return getattr(item, "shape", None) not in (None, ()) and item.dtype.kind in "fiub"
+
+
+def width_of(dataset: Any) -> int:
+    """How many numbers there are in a row."""
+    return prod(dataset.shape[1:])
+
+
+def _with_units(dataset: Any, path: str, names: dict[int, str]) -> Iterator[Field]:
+    """The columns that some elements of a dataset are, by their names, with the units that the dataset states."""
+    width, units = width_of(dataset), _units(dataset)
+    if (len(units), width) == (2, 6):
+        units = [unit for unit in units for _ in range(3)]
+    if len(units) != width:
+        units = [", ".join(units)] * width
+    for element, name in names.items():
+        yield Field(f"{name} [{units[element]}]" if units[element] else name, (path,), element, width)
+
+
+def _units(dataset: Any) -> list[str]:
+    """What an attribute `units` says: for all columns alike, for each, or for force and torque."""
+    stated = np.ravel(dataset.attrs.get("units", dataset.attrs.get("unit", ""))).tolist()
+    texts = [text.decode(errors="replace") if isinstance(text, bytes) else str(text) for text in stated]
+    return [shown(unit.strip()) for text in texts for unit in re.split("[,;]", text)]
+
+
+def _of_pose(dataset: Any, path: str, orientation: str, source: str) -> dict[int, str]:
+    """The columns of poses by their elements: three of the position first, where there are three more than the
+    orientation has. Raises `FileFormatError` for what the numbers do not tell.
+    """
+    width = width_of(dataset)
+    if orientation == "auto" and width == 16:
+        return _of_transforms(dataset, path, source)
+    if orientation == "auto" and width != 9:
+        raise FileFormatError(
+            f"{source}: dataset {shown(path)}: found {width} numbers a row, expected to be told which orientation they "
+            "are: say --orientation quat_xyzw, quat_wxyz or another"
+        )
+    columns: Sequence[str] = (CONVENTIONS["matrix"] if orientation == "auto" else convention(orientation)).columns
+    if width == len(columns) + 3:
+        columns = (*POSITION, *columns)
+    if width != len(columns):
+        raise _wrong_shape(dataset, path, f"(n, {len(columns)}), or 3 more with the position first", source)
+    return dict(enumerate(columns))
+
+
+def _of_transforms(dataset: Any, path: str, source: str) -> dict[int, str]:
+    """The columns of 4 x 4 poses by their elements; that their last row is 0, 0, 0, 1 tells rows from columns."""
+    pose = np.asarray(dataset[0], dtype=np.float64).reshape(4, 4) if len(dataset) else np.eye(4)
+    row_last, column_last = (bool(np.allclose(last, (0.0, 0.0, 0.0, 1.0))) for last in (pose[3], pose[:, 3]))
+    if row_last == column_last:
+        raise FileFormatError(
+            f"{source}: dataset {shown(path)}: found 4 x 4 poses whose rows cannot be told from their columns, "
+            "expected 0, 0, 0, 1 as the last row and a position: give the rotations alone"
+        )
+    at = np.arange(16).reshape(4, 4) if row_last else np.arange(16).reshape(4, 4).T
+    rotation = {int(at[i, j]): f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
+    return rotation | {int(at[i, 3]): name for i, name in enumerate(POSITION)}
+
+
+def _wrong_shape(dataset: Any, path: str, expected: str, source: str) -> FileFormatError:
+    return FileFormatError(
+        f"{source}: dataset {shown(path)}: found shape {dataset.shape}, expected {expected}: name another with --hdf5"
+    )
