@@ -152,7 +152,7 @@ def test_what_is_plainly_meant_is_read(tmp_path: Path, dress: object) -> None:
 
 
 def test_a_row_of_units_belongs_to_the_names_above_it(tmp_path: Path) -> None:
-    for units in ("[s];[N];[Nm];[-];", "s;N;N m;1;", "(s);(N);(N m);;"):
+    for units in ("[s];[N];[Nm];[-];", "s;N;N m;-;", "(s);(N);(N m);(1);"):
         path = written(tmp_path, f"Time;Fx;Tx;Count;Note\n{units}\n1,5;2;3;4;free\n")
         table = open_csv(path, 100)
         assert [name.replace(" ", "") for name in table.places] == ["time[s]", "fx[n]", "tx[nm]", "count", "note"]

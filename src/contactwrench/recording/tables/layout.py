@@ -20,9 +20,9 @@ SAMPLE = 10
 
 UNIT_WORDS = re.compile(
     r"[kmµμ]?n|kgf|kp|gf|lbf|(?:[kmµμ]?n|kgf|lbf)[*·.-]?(?:m|mm|cm|in|ft)|deg|°|m?rad|s|sec|[mµμun]s|min|h|[mcµμu]?m|inch"
-    r"|k?g|lb|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|k?hz|m?v|m?a|°?[ck]|bar|k?pa|%|-|1|"
+    r"|k?g|lb|(?:m|mm|rad|deg|°)/s(?:\^?2|²)?|k?hz|m?v|m?a|°?[ck]|bar|k?pa|%|-|"
 )
-"""A cell of a row of units, in small letters and without blanks."""
+"""A unit in small letters and without blanks. No number is one, so that no row of readings is taken for units."""
 
 NO_UNIT = ("", "-", "1")
 
@@ -99,9 +99,12 @@ def _separator(header: str, data: Sequence[str]) -> str:
 
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether a row is the units of the columns: each cell a unit in brackets or a word for one, or empty."""
-    words = [unit.lower().replace(" ", "") for unit in units]
-    sure = all(re.fullmatch(r"\[[^\]]*\]|\([^)]*\)", word) or UNIT_WORDS.fullmatch(word) for word in words)
+    """Whether a row is the units of the columns: each cell in brackets and no number, or a word for a unit, or empty."""
+    words = [unit.strip("[]() ").lower().replace(" ", "") for unit in units]
+    sure = all(
+        UNIT_WORDS.fullmatch(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
+        for word, unit in zip(words, (unit.replace(" ", "") for unit in units), strict=True)
+    )
     return sure and len(units) == len(names) and any(word not in NO_UNIT for word in words)
 
 

@@ -207,7 +207,7 @@ def _episodes(metadata: Any) -> tuple[float, float] | None:
     found = [
         metadata.row_group(k).column(place).statistics for k in range(metadata.num_row_groups) for place in columns
     ]
-    if not found or not all(each is not None and each.has_min_max for each in found):
+    if not found or not all(each and each.has_min_max and isinstance(each.min, int | float) for each in found):
         return None
     return min(each.min for each in found), max(each.max for each in found)
 
