@@ -61,10 +61,10 @@ def layout_of(lines: Sequence[str], first_row: int, source: str) -> tuple[int, L
         return None
     row, header = rows[0]
     data = [line for _, line in rows[1:]]
+    if any(_numbers_in(each := _split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
+        return row - 1, _named_by_comment(lines[: row - first_row], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = cells(header, separator, row, source)
-    if all(is_number(name) or DECIMAL_COMMA.fullmatch(name) for name in names):
-        return row - 1, _named_by_comment(lines[: row - first_row], [header, *data], row, source)
     if data and _are_units(units := _split(data[0], separator), names):
         units = [unit.strip("[]() ") for unit in units]
         names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
@@ -92,14 +92,14 @@ def _separator(header: str, data: Sequence[str]) -> str:
     for candidate in candidates:
         width = len(_split(header, candidate))
         split = [some for line in data if len(some := _split(line, candidate)) == width]
-        count = sum(is_number(_with_point(cell) if candidate != "," else cell) for some in split for cell in some)
+        count = sum(map(_numbers_in, split))
         if count > most:
             best, most = candidate, count
     return best
 
 
 def _are_units(units: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether a row is the units of the columns: each cell in brackets and no number, or a word for a unit, or empty."""
+    """Whether a row is the units of the columns: each cell a word for a unit, empty, or in brackets and no number."""
     words = [unit.strip("[]() ").lower().replace(" ", "") for unit in units]
     sure = all(
         UNIT_WORDS.fullmatch(word) or (word != unit.lower() and (word == "1" or not is_number(word)))
@@ -114,15 +114,15 @@ def _decimal(data: Sequence[str], separator: str) -> str:
         return "."
     for line in data:
         if "," in line and any(
-            DECIMAL_COMMA.fullmatch(cell) and not PERHAPS_THOUSANDS.fullmatch(cell)
-            for cell in map(str.strip, line.split(None if separator == " " else separator))
+            DECIMAL_COMMA.fullmatch(cell) and not PERHAPS_THOUSANDS.fullmatch(cell) for cell in _split(line, separator)
         ):
             return ","
     return "."
 
 
-def _with_point(cell: str) -> str:
-    return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell
+def _numbers_in(row: Sequence[str]) -> int:
+    """How many cells are numbers, with either decimal mark."""
+    return sum(is_number(cell) or DECIMAL_COMMA.fullmatch(cell) is not None for cell in row)
 
 
 def is_row(line: str) -> bool:
