@@ -48,7 +48,8 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
                 yield body if kept.all() else body.select(kept)
         if not yielded:
             raise FileFormatError(
-                f"{table.source}: found no episode {episode}, expected one of {_named(seen)}: choose with --episode"
+                f"{table.source}: found no episode {episode}, expected one that is there, as {_named(seen)}: choose "
+                "with --episode"
             )
 
     return OpenTable(table.source, table.places, bodies)

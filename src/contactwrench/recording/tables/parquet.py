@@ -87,7 +87,8 @@ def open_parquet(path: str | Path, rows: int, episode: int | None = None, *, who
     """
     parts, fields = _described(path)
     total = sum(part.rows for part in parts)
-    having = [part for part in parts if part.may_have(episode)] or parts
+    having = [part for part in parts if part.may_have(episode)]
+    having = having if any(part.episodes for part in having) else parts
 
     def bodies(columns: Collection[Column]) -> Iterator[Records]:
         names = sorted({".".join(fields[column.place].path) for column in columns})

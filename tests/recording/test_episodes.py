@@ -1,0 +1,225 @@
+"""Sets of recordings: lists and structs as columns, one recording an episode, LeRobot's folders, statistics or none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.errors import FileFormatError
+from contactwrench.recording.contents import table_contents
+from contactwrench.recording.options import Options
+from contactwrench.recording.read import batches, read_streams
+from contactwrench.recording.tables.columns import Column
+from contactwrench.recording.tables.table import open_table
+from tests.recording.test_tables import HEADER, Motion, rows
+from tests.support.recordings import PANDA, WRENCH, csv_text, run, written
+
+pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+
+QUAT = Rotation.from_matrix(Motion.R).as_quat()
+NO_NUMBER = "found no number, expected one: fill it in or leave the row out"
+EPISODES = np.repeat([0, 1, 4], [20, 25, 15])
+
+
+def robot_learning_set() -> Any:
+    """Lists of a fixed and of any length, images, and times that begin anew in each episode."""
+    wrench = [pa.array(Motion.wrench.tolist(), pa.list_(pa.float64()))]
+    return pa.table(
+        {
+            "observation.state": pa.array(np.hstack([Motion.position, QUAT]).tolist(), pa.list_(pa.float64(), 7)),
+            "wrench": wrench[0],
+            "quat_xyzw": pa.array(QUAT.tolist(), pa.list_(pa.float64(), 4)),
+            "observation.image": pa.array([[1, 2, 3] * 30] * 60, pa.list_(pa.uint8())),
+            "points": pa.array([[[1.0, 2.0], [3.0, 4.0]]] * 60),
+            "task": ["insert"] * 60,
+            "t": np.concatenate([0.1 * np.arange(n) for n in (20, 25, 15)]),
+            "episode_index": EPISODES,
+        }
+    )
+
+
+def lerobot(folder: Path, version: int, table: Any = None) -> Path:
+    """A folder as LeRobot writes it: an episode a file (2), or files with many episodes (3)."""
+    table = robot_learning_set() if table is None else table
+    for part in ("meta/episodes/chunk-000", "data/chunk-000", "data/chunk-001", "videos"):
+        (folder / part).mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text('{"codebase_version": "v3.0"}')
+    pq.write_table(pa.table({"episode_index": [0, 1, 4]}), folder / "meta/episodes/chunk-000/file-000.parquet")
+    if version == 2:
+        for k, name in enumerate(["chunk-000/episode_000000", "chunk-000/episode_000001", "chunk-001/episode_000004"]):
+            some = table.filter(pa.array([0, 1, 4][k] == EPISODES))
+            pq.write_table(some, folder / f"data/{name}.parquet", row_group_size=8)
+    else:
+        pq.write_table(table.slice(0, 30), folder / "data/chunk-000/file-000.parquet", row_group_size=8)
+        pq.write_table(table.slice(30), folder / "data/chunk-001/file-000.parquet", write_statistics=False)
+    return folder
+
+
+def sets(folder: Path) -> list[Path]:
+    """The same set in every kind of file that may hold one."""
+    table = robot_learning_set()
+    pq.write_table(table, folder / "set.parquet")
+    numbers = np.column_stack([Motion.wrench, QUAT, table["t"].to_numpy(), EPISODES])
+    text = csv_text((*WRENCH, "qx", "qy", "qz", "qw", "t", "Episode_Index"), numbers, delimiter=";")
+    return [lerobot(folder / "v2", 2), lerobot(folder / "v3", 3), folder / "set.parquet", written(folder, text)]
+
+
+def test_one_recording_an_episode(tmp_path: Path) -> None:
+    for path in sets(tmp_path):
+        for episode in (0, 1, 4):
+            of_it = episode == EPISODES
+            found = cw.read(path, episode=episode)
+            assert np.array_equal(found.wrench, Motion.wrench[of_it])
+            assert found.R_base_flange == pytest.approx(Motion.R[of_it], abs=1e-12)
+            assert found.t == pytest.approx(0.1 * np.arange(of_it.sum()), abs=1e-12)
+            blocks = [part.wrench.wrench for part in batches(path, Options(episode=episode), rows=7)]
+            assert np.array_equal(np.concatenate(blocks), Motion.wrench[of_it])
+
+
+def test_several_episodes_are_named_with_the_flag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in sets(tmp_path):
+        for verb in (["calibrate"], ["diagnose"]):
+            assert run(capsys, *verb, path).complaint == (
+                f"{path}: found 3 episodes, 0, 1, 4, expected one recording: choose it, as with --episode 0"
+            )
+        assert run(capsys, "calibrate", path, "--episode", "9").complaint == (
+            f"{path}: found no episode 9, expected one that is there, as 0, 1, 4: choose with --episode"
+        )
+        assert run(capsys, "calibrate", path, "--episode", "1").status == 0
+
+
+def test_the_only_episode_needs_no_flag_and_a_flag_needs_episodes(tmp_path: Path) -> None:
+    one = lerobot(tmp_path / "v2", 2) / "data/chunk-001/episode_000004.parquet"
+    assert np.array_equal(cw.read(one).wrench, Motion.wrench[45:])
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(PANDA, episode=3)
+    assert str(caught.value) == (
+        f"{PANDA}: found no column episode_index, expected one of which --episode 3 is: leave it out"
+    )
+
+
+def test_what_is_wrong_in_another_episode_does_not_matter(tmp_path: Path) -> None:
+    lines = csv_text((*HEADER, "episode_index"), np.column_stack([rows(), EPISODES])).splitlines()
+    lines[30] = ",".join(["what" if k == 2 else cell for k, cell in enumerate(lines[30].split(","))])
+    path = written(tmp_path, "\n".join(lines))
+    assert np.array_equal(cw.read(path, episode=4).wrench, Motion.wrench[45:])
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(path, episode=1)
+    assert str(caught.value) == (
+        f"{path}: row 31, column fy: found 'what', expected a number: correct it or leave the row out"
+    )
+
+
+def test_info_says_which_episodes_there_are(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = lerobot(tmp_path / "set", 3)
+    assert run(capsys, "info", path).out == (
+        f"{path}\nTable, 60 rows of 22 columns\n  observation.state[0:7], fx, fy, fz, tx, ty, tz, qx, qy, qz, qw, "
+        "observation.image, points, task, t, episode_index\n"
+        "  3 episodes, 0, 1, 4: --episode N chooses one; times of the first:\n"
+        "  times: 1.9 s\n  rate: 10 Hz, longest gap 0.1 s at 0.500 s\n"
+    )
+    assert table_contents(path).episodes == (0, 1, 4)
+
+
+def test_parquet_to_parquet_keeps_the_episode_that_was_compensated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, tool = lerobot(tmp_path / "set", 3), tmp_path / "tool.json"
+    cw.calibrate(cw.read(PANDA)).save(tool)
+    out = tmp_path / "out.parquet"
+    assert run(capsys, "compensate", path, "-c", tool, "-o", out, "--episode", "4").status == 0
+    after = pq.read_table(out)
+    assert after["observation.state"].to_pylist() == robot_learning_set()["observation.state"].to_pylist()[45:]
+    assert after["fx_std"].null_count == 0
+
+
+def test_lists_stand_for_columns_by_their_places(tmp_path: Path) -> None:
+    kinds = (pa.list_(pa.float64()), pa.list_(pa.float32(), 6), pa.large_list(pa.float64()))
+    for kind in kinds:
+        lists = pa.array([None, *Motion.wrench.tolist()[1:]], kind)
+        path = tmp_path / "run.parquet"
+        others = {"long": [[0.0] * 65] * 60, "words": [["a"]] * 60}
+        pq.write_table(pa.table({"Observation.Wrench": lists, **others}), path)
+        table = open_table(path)
+        assert [name.lower() for name in table.places] == [
+            *(f"observation.wrench[{k}]" for k in range(6)),
+            *("long", "words"),
+        ]
+        columns = [Column(place, name, 1.0) for name, place in table.places.items()][:6]
+        (body,) = table.bodies(columns)
+        found = body.numbers(columns, may_lack=columns)
+        assert np.isnan(found[0]).all()
+        assert found[1:] == pytest.approx(Motion.wrench[1:], rel=1e-6)
+        long = Column(table.places["long"], "long", 1.0)
+        with pytest.raises(FileFormatError) as caught:
+            next(table.bodies([long])).numbers([long])
+        assert str(caught.value) == (
+            f"{path}: column long: found list<element: double>, expected numbers: write it as double"
+        )
+
+
+def test_a_list_of_another_length_is_named_by_its_row(tmp_path: Path) -> None:
+    lists = [*Motion.wrench.tolist()[:40], [1.0, 2.0], *Motion.wrench.tolist()[41:]]
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table({"ft": lists, "n": np.arange(60)}), path, row_group_size=9)
+    table = open_table(path, rows=8)
+    column = Column(table.places["ft[5]"], "ft[5]", 1.0)
+    with pytest.raises(FileFormatError) as caught:
+        [body.numbers([column]) for body in table.bodies([column])]
+    assert str(caught.value) == (
+        f"{path}: row 41, column ft: found a list of 2, expected 6: complete it or leave the row out"
+    )
+
+
+def test_structs_stand_for_columns_with_dots(tmp_path: Path) -> None:
+    wrench = [
+        None if k == 3 else {"force": dict(zip("xyz", one[:3], strict=True)), "torque": {"v": one[3:]}}
+        for k, one in enumerate(Motion.wrench.tolist())
+    ]
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table({"wrench": wrench}), path)
+    table = open_table(path)
+    assert [*table.places] == [
+        *("wrench.force.x", "wrench.force.y", "wrench.force.z"),
+        *("wrench.torque.v[0]", "wrench.torque.v[1]", "wrench.torque.v[2]"),
+    ]
+    columns = [Column(place, name, 1.0) for name, place in table.places.items()]
+    (body,) = table.bodies(columns)
+    found = body.numbers(columns, may_lack=columns)
+    assert np.isnan(found[3]).all()
+    assert np.array_equal(np.delete(found, 3, axis=0), np.delete(Motion.wrench, 3, axis=0))
+
+
+def test_a_set_whose_files_differ_is_refused(tmp_path: Path) -> None:
+    path = lerobot(tmp_path / "set", 2)
+    other = path / "data/chunk-000/episode_000001.parquet"
+    pq.write_table(pq.read_table(other).drop_columns(["task"]), other)
+    with pytest.raises(FileFormatError) as caught:
+        read_streams(path, Options(episode=0))
+    assert str(caught.value) == (
+        f"{other}: found other columns than in episode_000000.parquet, expected the same: name one file"
+    )
+
+
+def test_an_episode_index_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    table = robot_learning_set()
+    place = table.schema.get_field_index("episode_index")
+    path = tmp_path / "set.parquet"
+    for values, said in (
+        (["one"] * 60, "column episode_index: found string, expected numbers: write it as double"),
+        (
+            [None, *[1] * 59],
+            "row 1, column episode_index: found no number, expected one: fill it in or leave the row out",
+        ),
+    ):
+        pq.write_table(table.set_column(place, "episode_index", pa.array(values)), path)
+        for episode in (None, 1):
+            with pytest.raises(FileFormatError) as caught:
+                cw.read(path, episode=episode)
+            assert str(caught.value) == f"{path}: {said}"
