@@ -52,7 +52,7 @@ def above_zero(metavar: str, help: str, *names: str) -> Any:
     return typer.Option(*names, metavar=metavar, help=help, callback=checked)
 
 
-RECORDING_HELP = "Recording: a table (CSV, Parquet) with fx..tz and an orientation, or a bag."
+RECORDING_HELP = "Recording: a table (CSV, Parquet, HDF5) with fx..tz and an orientation, or a bag."
 File = Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)]
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared.")]
 Orientation = Annotated[
@@ -97,7 +97,7 @@ Units = Annotated[
 ]
 Hdf5 = Annotated[
     str | None,
-    typer.Option("--hdf5", metavar="wrench=/PATH,pose=/PATH", help="Of an HDF5 file: which datasets hold what."),
+    typer.Option("--hdf5", metavar="wrench=/PATH,pose=/PATH,time=/PATH", help="Of an HDF5 file: which datasets hold what."),
 ]
 Episode = Annotated[int | None, typer.Option(metavar="N", help="Of a set of recordings: which one.", min=0)]
 Gravity = Annotated[
