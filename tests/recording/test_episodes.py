@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.errors import FileFormatError
+from contactwrench.errors import ContactWrenchError, FileFormatError
 from contactwrench.recording.contents import table_contents
 from contactwrench.recording.options import Options
 from contactwrench.recording.read import batches, read_streams
 from contactwrench.recording.tables.columns import Column
 from contactwrench.recording.tables.table import open_table
+from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.recording.test_tables import HEADER, Motion, rows
 from tests.support.recordings import PANDA, WRENCH, csv_text, run, written
 
@@ -223,3 +226,21 @@ def test_an_episode_index_that_is_no_number_is_refused(tmp_path: Path) -> None:
             with pytest.raises(FileFormatError) as caught:
                 cw.read(path, episode=episode)
             assert str(caught.value) == f"{path}: {said}"
+
+
+@pytest.mark.slow
+@given(data=st.data())
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_sets_are_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:
+    pq.write_table(robot_learning_set(), tmp_path / "good.parquet", row_group_size=20)
+    content = bytearray((tmp_path / "good.parquet").read_bytes())
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        content[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+    path = written(tmp_path, bytes(content), "damaged.parquet")
+    try:
+        found = cw.read(path, episode=1)
+    except ContactWrenchError as error:
+        assert_one_line_that_names(error, path)
+    else:
+        assert np.isfinite(found.wrench).all()

@@ -97,7 +97,9 @@ Units = Annotated[
 ]
 Hdf5 = Annotated[
     str | None,
-    typer.Option("--hdf5", metavar="wrench=/PATH,pose=/PATH,time=/PATH", help="Of an HDF5 file: which datasets hold what."),
+    typer.Option(
+        "--hdf5", metavar="wrench=/PATH,pose=/PATH,time=/PATH", help="Of an HDF5 file: which datasets hold what."
+    ),
 ]
 Episode = Annotated[int | None, typer.Option(metavar="N", help="Of a set of recordings: which one.", min=0)]
 Gravity = Annotated[
