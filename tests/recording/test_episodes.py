@@ -87,14 +87,20 @@ def test_one_recording_an_episode(tmp_path: Path) -> None:
 
 def test_several_episodes_are_named_with_the_flag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path in sets(tmp_path):
-        for verb in (["calibrate"], ["diagnose"]):
-            assert run(capsys, *verb, path).complaint == (
-                f"{path}: found 3 episodes, 0, 1, 4, expected one recording: choose it, as with --episode 0"
-            )
-        assert run(capsys, "calibrate", path, "--episode", "9").complaint == (
+        with pytest.raises(FileFormatError) as several:
+            cw.read(path)
+        assert str(several.value) == (
+            f"{path}: found 3 episodes, 0, 1, 4, expected one recording: choose it, as with --episode 0"
+        )
+        with pytest.raises(FileFormatError) as none:
+            cw.read(path, episode=9)
+        assert str(none.value) == (
             f"{path}: found no episode 9, expected one that is there, as 0, 1, 4: choose with --episode"
         )
-        assert run(capsys, "calibrate", path, "--episode", "1").status == 0
+    for verb in ("calibrate", "diagnose"):
+        assert run(capsys, verb, path).complaint == str(several.value)
+        assert run(capsys, verb, path, "--episode", "9").complaint == str(none.value)
+        assert run(capsys, verb, path, "--episode", "1").status == 0
 
 
 def test_the_only_episode_needs_no_flag_and_a_flag_needs_episodes(tmp_path: Path) -> None:

@@ -88,6 +88,7 @@ def test_wrench_pose_and_time_are_read_where_the_flag_says(
     path = lab_file(tmp_path)
     found = cw.read(path, orientation, hdf5=f"wrench=/ft/wrench,pose=/robot/{pose}/, time = time")
     assert np.array_equal(found.wrench, Motion.wrench)
+    assert found.t is not None
     assert np.array_equal(found.t, Motion.t)
     assert found.R_base_flange == pytest.approx(Motion.R, abs=1e-12)
     assert (found.position is not None) == with_position
