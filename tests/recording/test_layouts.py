@@ -90,6 +90,6 @@ def test_numpy_savetxt_is_read_as_it_comes(tmp_path: Path) -> None:
 def test_info_shows_the_columns_of_every_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for text in ("t;fx\n0,5;1,5\n1,5;2,5\n", "# t fx\n0.5 1.5\n1.5 2.5\n", "t  fx\n0.5  1.5\n1.5 2.5\n"):
         path = written(tmp_path, text)
-        assert run(capsys, "info", path).out == (
+        assert run(capsys, "info", path).out.startswith(
             f"{path}\nTable, 2 rows of 2 columns\n  t, fx\n  times: 1 s\n  rate: 1 Hz, longest gap 1 s at 0.000 s\n"
         )
