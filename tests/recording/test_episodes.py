@@ -131,8 +131,8 @@ def test_info_says_which_episodes_there_are(tmp_path: Path, capsys: pytest.Captu
     assert out.startswith(f"{path}\nTable, 60 rows of 22 columns\n  observation.state[0:7], ")
     assert ", observation.image, points, task, t, episode_index\n" in out
     assert (
-        "  3 episodes, 0, 1, 4: --episode N chooses one; times of the first:\n  times: 1.9 s\n  rate: 10 Hz, longest gap "
-        "0.1 s at 0.500 s\n"
+        "  3 episodes, 0, 1, 4: --episode N chooses one; times of the first:\n"
+        "  times: 1.9 s\n  rate: 10 Hz, longest gap 0.1 s at 0.500 s\n"
     ) in out
     assert table_contents(path).episodes == (0, 1, 4)
 

@@ -57,7 +57,7 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
         lines = "".join(text for _, text, _ in first).split("\n")
         if sum(map(is_row, lines)) >= FIRST_ROWS:
             break
-    found = layout_of(lines, 1, source)
+    found = layout_of(lines, source)
     if found is None:
         said = "found comments only" if any(line.strip() for line in lines) else "the file is empty"
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")

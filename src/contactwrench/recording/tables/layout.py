@@ -40,12 +40,11 @@ class Layout:
     decimal: str
 
 
-def layout_of(lines: Sequence[str], first_row: int, source: str) -> tuple[int, Layout] | None:
+def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
     """The row after which the numbers begin, and the layout.
 
     Args:
-        lines: of the file's first block.
-        first_row: the number of the first of them.
+        lines: the first ones of the file.
         source: the file, as messages name it.
 
     Returns:
@@ -54,7 +53,7 @@ def layout_of(lines: Sequence[str], first_row: int, source: str) -> tuple[int, L
     Raises:
         FileFormatError: where the first row is numbers, and no comment above it names their columns.
     """
-    rows = [(row, line) for row, line in enumerate(lines, start=first_row) if is_row(line)]
+    rows = [(row, line) for row, line in enumerate(lines, start=1) if is_row(line)]
     if rows and rows[0][1].lower().startswith("sep="):
         rows = rows[1:]
     if not rows:
@@ -62,7 +61,7 @@ def layout_of(lines: Sequence[str], first_row: int, source: str) -> tuple[int, L
     row, header = rows[0]
     data = [line for _, line in rows[1:]]
     if any(_numbers_in(each := _split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
-        return row - 1, _named_by_comment(lines[: row - first_row], [header, *data], row, source)
+        return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = cells(header, separator, row, source)
     if data and _are_units(units := _split(data[0], separator), names):
