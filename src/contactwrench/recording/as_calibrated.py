@@ -37,7 +37,7 @@ OF_POSE = ("pose_topic", "frames", "robot")
 GOES_WITH = {"sign": "wrench_columns", "wrench_frame": "wrench_columns", "inverse_orientation": "orientation"}
 """By which option of the columns a table shows that it is written as another one."""
 
-_USUAL = {name: getattr(AS_USUAL, name) for name in OF_MEANING}
+USUAL = {name: getattr(AS_USUAL, name) for name in OF_MEANING}
 OTHERWISE = {
     "sign": "--sign pull",
     "wrench_frame": "--wrench-frame sensor",
@@ -82,31 +82,31 @@ def as_calibrated(
         InputError: an option of the calibration that may or may not hold here; a base that nobody knows against its.
     """
     known = remembered(calibration.provenance)
-    open_to = {name: value for name, value in known.items() if name not in stated}
+    left_open = {name: value for name, value in known.items() if name not in stated}
     of_bag = reader_of(path, options) is bag_blocks
     same_kind = of_bag == ("wrench_topic" in known) or not known.keys() & {"orientation", "wrench_topic"}
-    taken = (_of_bag if of_bag else _of_table)(path, options, stated, open_to if same_kind else {})
+    taken = (_of_bag if of_bag else _of_table)(path, options, stated, left_open if same_kind else {})
     read = replace(options, **taken.values)
-    other_columns = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
-    meant = {name: open_to[name] for name in OF_MEANING if open_to.get(name, _USUAL[name]) != _USUAL[name]}
+    others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
+    meant = {name: left_open[name] for name in OF_MEANING if left_open.get(name, USUAL[name]) != USUAL[name]}
     for name, value in meant.items():
-        if not same_kind or GOES_WITH[name] in other_columns:
+        if not same_kind or GOES_WITH[name] in others:
             found = "other columns" if same_kind else "a bag" if of_bag else "a table"
             raise InputError(
                 f"{path}: found {found}, and a calibration read with {_flags({name: value})}, expected to be told "
                 f"whether that holds here: repeat it, or say {OTHERWISE[name]}"
             )
-    said = {name: value for name, value in taken.values.items() if name not in taken.anyhow}
-    left_out = {name: open_to[name] for name in other_columns if same_kind and name in open_to}
-    if left_out.get("orientation") in RECOGNISED_BY_NAME:  # so is this file's, by other names
-        del left_out["orientation"]
-    notes = [f"read as the calibration was: {_flags({**said, **meant})}"] if said or meant else []
-    notes += [f"the calibration's {_flags(left_out)} left out: its columns are not here"] if left_out else []
+    like_it = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
+    columns_lack = {name: left_open[name] for name in others if same_kind and name in left_open}
+    if columns_lack.get("orientation") in RECOGNISED_BY_NAME:  # and so is this file's
+        del columns_lack["orientation"]
+    notes = [f"read as the calibration was: {_flags(like_it)}"] if like_it else []
+    notes += [f"not read as the calibration was, no columns for {_flags(columns_lack)}"] if columns_lack else []
+    told = {name: (value, getattr(options, name)) for name, value in known.items() if name in stated}
     notes += [
-        f"{_flag(name)} was {_value(known[name])} for the calibration and is {_value(getattr(options, name))} for this "
-        "recording"
-        for name in known
-        if name in stated and getattr(options, name) != known[name]
+        f"{_flag(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
+        for name, (before, now) in told.items()
+        if before != now
     ]
     if not gravity_stated:
         calibration, of_base = in_base_of_recording(calibration, taken.base_frame, str(path))
