@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from tests.assess.test_robot_arms import poses_by_pinocchio, urdf_of
 from tests.support.bags import joint_state, pose_stamped, tf, transform, wrench_stamped, write_bag
-from tests.support.recordings import MATRIX, WRENCH, Run, csv_text, run, run_quietly, written
+from tests.support.recordings import MATRIX, WRENCH, Run, csv_text, run, run_quietly, wrenches_written, written
 from tests.support.rigs import example
 from tests.support.world import Array, readings, tilted_down, with_down
 
@@ -52,12 +52,6 @@ def _bag(path: Path, kind: str, R: Array, joints: Array, wrench: Array, topic: s
         else:
             messages.append(pose_stamped(t, in_frame, np.zeros(3), frame=kind))
     return write_bag(path, messages)
-
-
-def _compensated(done: Run, path: Path) -> Array:
-    assert done.status == 0, done.err
-    rows: Array = np.genfromtxt(path, delimiter=",", names=True, usecols=range(7))
-    return np.column_stack([rows[name] for name in WRENCH])
 
 
 def _notes(done: Run) -> list[str]:
@@ -110,9 +104,9 @@ def test_bases_of_universal_robots_are_turned_into_each_other(
     outputs = []
     for tool, frame in ((of_tool, "sensor"), (of_work, "sensor"), (of_tool, "base"), (of_work, "base")):
         out = tmp_path / "out.csv"
-        flags = ["-c", tools[tool], "-o", out, "--output-frame", frame, *FLAGS[of_work]]
-        done = run(capsys, "compensate", work, *flags)
-        outputs.append(_compensated(done, out))
+        files = ("-c", tools[tool], "-o", out)
+        done = run(capsys, "compensate", work, *files, "--output-frame", frame, *FLAGS[of_work])
+        outputs.append(wrenches_written(out))
         names = {"joints": "ur5e base", "tf base_link": "base_link"}
         said = [TURNED.format(names[of_work], names[tool])] if tool != of_work != "tf base" else []
         assert _notes(done) == said
@@ -135,7 +129,7 @@ def test_what_gave_the_pose_is_taken_from_the_calibration(
     for kind, flags in FLAGS.items():
         work = _bag(tmp_path / f"{kind}.mcap", kind, WORK, WORK_JOINTS, WORK_READINGS)
         done = run(capsys, "compensate", work, "-c", tools[kind], "-o", out)
-        np.testing.assert_allclose(_compensated(done, out), PUSHED, atol=1e-6)
+        np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
         topic = "--pose-topic /joint_states " if kind == "joints" else ""
         assert _notes(done) == [f"Note: read as the calibration was: {topic}{' '.join(flags)}"]
 
@@ -169,12 +163,12 @@ def test_a_base_without_a_name_is_taken_to_be_the_same_and_said(
     assert done.err == "Note: this recording does not name its base: taken to be ur5e base (--base-frame names it)\n"
     done = run(capsys, "compensate", work, "-c", tools["joints"], "-o", out, "--base-frame", "base")
     assert done.err == ""
-    assert np.genfromtxt(out, delimiter=",", skip_header=1)[:, :6] == pytest.approx(PUSHED, abs=1e-6)
+    assert wrenches_written(out) == pytest.approx(PUSHED, abs=1e-6)
     in_base_link = csv_text((*WRENCH, *MATRIX), np.column_stack([WORK_READINGS, (HALF_TURN @ WORK).reshape(-1, 9)]))
     other = written(tmp_path, in_base_link, "other.csv")
     done = run(capsys, "compensate", other, "-c", tools["joints"], "-o", out, "--base-frame", "/base_link")
     assert done.err == TURNED.format("base_link", "ur5e base") + "\n"
-    assert np.genfromtxt(out, delimiter=",", skip_header=1)[:, :6] == pytest.approx(PUSHED, abs=1e-6)
+    assert wrenches_written(out) == pytest.approx(PUSHED, abs=1e-6)
     cw.calibrate(cw.Samples(FREE_READINGS, R), "mount+base").save(tmp_path / "arrays.json")
     bag = _bag(tmp_path / "work.mcap", "base", WORK, WORK_JOINTS, WORK_READINGS)
     done = run(capsys, "compensate", bag, "-c", tmp_path / "arrays.json", "-o", out)
@@ -197,8 +191,8 @@ def test_a_turned_calibration_is_one(tmp_path: Path, tools: dict[str, Path]) -> 
 def test_the_bias_anew_in_the_other_base(tmp_path: Path, capsys: Capture, tools: dict[str, Path]) -> None:
     shift = np.array([0.5, -1.0, 2.0, 0.05, 0.02, -0.03])
     one = _bag(tmp_path / "one.mcap", "tf base_link", R[:2], JOINTS, FREE_READINGS[:2] + shift)
-    flags = ["--prior", tools["joints"], "--frames", "base_link,tool0", "-o", tmp_path / "now.json"]
-    done = run(capsys, "calibrate", one, *flags)
+    files = ("--prior", tools["joints"], "-o", tmp_path / "now.json")
+    done = run(capsys, "calibrate", one, *files, "--frames", "base_link,tool0")
     assert (done.status, _notes(done)) == (0, [TURNED.format("base_link", "ur5e base")])
     now = cw.Calibration.load(tmp_path / "now.json")
     assert now.bias == pytest.approx(RIG.bias + shift, abs=1e-5)
@@ -228,7 +222,7 @@ def test_the_topic_of_the_wrench_is_the_calibrations(tmp_path: Path, capsys: Cap
     both = _two_topics(tmp_path / "both.mcap", "/ft", "/ft_scaled")
     done = run(capsys, "compensate", both, "-c", tool, "-o", out)
     assert _notes(done) == ["Note: read as the calibration was: --wrench-topic /ft"]
-    np.testing.assert_allclose(_compensated(done, out), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
     other = _two_topics(tmp_path / "other.mcap", "/wrench")
     assert run(capsys, "compensate", other, "-c", tool, "-o", out).complaint == (
         f"{other}: found no topic /ft, expected one of /pose (geometry_msgs/PoseStamped), /wrench "
@@ -237,7 +231,7 @@ def test_the_topic_of_the_wrench_is_the_calibrations(tmp_path: Path, capsys: Cap
     )
     done = run(capsys, "compensate", other, "-c", tool, "-o", out, "--wrench-topic", "/wrench")
     assert _notes(done) == ["Note: --wrench-topic was /ft for the calibration and is /wrench for this recording"]
-    np.testing.assert_allclose(_compensated(done, out), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
 
 
 def test_a_sign_from_a_bag_is_asked_for_of_a_table(tmp_path: Path, capsys: Capture) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from tests.support.recordings import WRENCH, Run, csv_text, run, written
+from tests.support.recordings import WRENCH, csv_text, run, wrenches_written, written
 from tests.support.rigs import example
 from tests.support.world import Array, random_rotations, readings
 from tests.support.written import QUAT, column_by_column, euler, in_base_axes, quat, rotvec
@@ -26,12 +26,6 @@ PUSHED = RNG.normal(size=(6, 6)) * [3.0, 3.0, 3.0, 0.2, 0.2, 0.2]
 
 def _table(R: Array, wrench: Array, columns: tuple[str, ...], numbers: Callable[[Array], Array]) -> str:
     return csv_text((*WRENCH, *columns), np.column_stack([wrench, numbers(R)]))
-
-
-def _compensated(done: Run, path: Path) -> Array:
-    assert done.status == 0, done.err
-    rows: Array = np.genfromtxt(path, delimiter=",", names=True)
-    return np.column_stack([rows[name] for name in WRENCH])
 
 
 def _calibrated(capsys: Capture, folder: Path, recording: Path, *flags: str) -> Path:
@@ -75,7 +69,7 @@ def test_what_was_said_to_calibrate_holds_for_the_others(tmp_path: Path, capsys:
     note = f"Note: read as the calibration was: {' '.join(flags)}\n"
     done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
     assert done.err == note
-    np.testing.assert_allclose(_compensated(done, tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
     again = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "again.csv", *flags)
     assert again.err == ""
     assert (tmp_path / "again.csv").read_text() == (tmp_path / "out.csv").read_text()
@@ -97,7 +91,7 @@ def test_what_is_stated_wins_and_is_said(tmp_path: Path, capsys: Capture, reacti
     flags = ("compensate", pulls, "-c", reaction_tool, "-o", tmp_path / "out.csv", "--sign", "pull")
     done = run(capsys, *flags, "--no-inverse-orientation")
     assert done.err == "Note: --sign was reaction for the calibration and is pull for this recording\n"
-    np.testing.assert_allclose(_compensated(done, tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
     inverse = written(
         tmp_path, _table(WORK.transpose(0, 2, 1), readings(RIG, WORK) + PUSHED, QUAT, quat), "inverse.csv"
     )
@@ -106,7 +100,7 @@ def test_what_is_stated_wins_and_is_said(tmp_path: Path, capsys: Capture, reacti
         "Note: --sign was reaction for the calibration and is pull for this recording\n"
         "Note: --inverse-orientation was left out for the calibration and is given for this recording\n"
     )
-    np.testing.assert_allclose(_compensated(done, tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
 
 
 OTHER_COLUMNS = {
@@ -123,7 +117,7 @@ def test_another_file_may_be_written_in_another_way(
     columns, numbers, flags = OTHER_COLUMNS[way]
     work = written(tmp_path, _table(WORK, -readings(RIG, WORK) - PUSHED, columns, numbers), "work.csv")
     done = run(capsys, "compensate", work, "-c", reaction_tool, "-o", tmp_path / "out.csv", *flags)
-    np.testing.assert_allclose(_compensated(done, tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
     differs = "Note: --orientation was quat_xyzw for the calibration and is ur_rotvec:u,v,w for this recording\n"
     assert done.err == "Note: read as the calibration was: --sign reaction\n" + (differs if flags else "")
 
@@ -134,7 +128,7 @@ def test_columns_that_are_not_there_are_left_out_and_said(tmp_path: Path, capsys
     work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
     done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
     assert done.err == "Note: not read as the calibration was, no columns for --orientation ur_rotvec:u,v,w\n"
-    np.testing.assert_allclose(_compensated(done, tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
 
 
 @pytest.mark.parametrize("verb", ["compensate", "verify", "weigh"])
@@ -159,12 +153,17 @@ def test_a_calibration_from_before_and_one_from_arrays_say_nothing(tmp_path: Pat
     work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
     tool = tmp_path / "tool.json"
     calibration = cw.calibrate(cw.Samples(readings(RIG, R), R), "mount")
-    before = {"orientation": "auto", "wrench_frame": "sensor", "sign": "pull", "inverse_orientation": False}
+    before: dict[str, str | int | float | bool | None] = {
+        "orientation": "auto",
+        "wrench_frame": "sensor",
+        "sign": "pull",
+        "inverse_orientation": False,
+    }
     for provenance in (calibration.provenance, {**calibration.provenance, **before}):
         replace(calibration, provenance=provenance).save(tool)
         done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
         assert done.err == ""
-        np.testing.assert_allclose(_compensated(done, tmp_path / "out.csv"), PUSHED, atol=1e-6)
+        np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
     replace(calibration, provenance={**before, "sign": "reaction"}).save(tool)
     done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
     assert done.err == "Note: read as the calibration was: --sign reaction\n"
@@ -192,3 +191,28 @@ def test_which_column_was_taken_for_what_is_said_and_kept(
     for verb in ("compensate", "verify", "weigh"):
         assert run(capsys, verb, free, "-c", tool).err == f"Note: columns: {words}\n", verb
     assert run(capsys, "plan", "--from", free, "-n", "2").err == f"Note: columns: {words}\n"
+
+
+def test_two_files_after_one(tmp_path: Path, capsys: Capture, reaction_tool: Path) -> None:
+    t = 0.5 * np.arange(len(WORK))
+    wrench = np.column_stack([t, -readings(RIG, WORK) - PUSHED])
+    of_wrench = written(tmp_path, csv_text(("t", *WRENCH), wrench), "w.csv")
+    of_pose = written(tmp_path, csv_text(("t", *QUAT), np.column_stack([t, quat(WORK)])), "p.csv")
+    out = tmp_path / "out.csv"
+    done = run(capsys, "compensate", "--wrench", of_wrench, "--pose", of_pose, "-c", reaction_tool, "-o", out)
+    assert done.err.startswith("Note: read as the calibration was: --sign reaction\n")
+    known = wrenches_written(out)
+    np.testing.assert_allclose(known[np.isfinite(known[:, 0])], PUSHED[np.isfinite(known[:, 0])], atol=1e-6)
+    assert np.isfinite(known[:, 0]).sum() >= 4
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("sign", 5), ("inverse_orientation", "yes"), ("frames", "base"), ("orientation", 1.0)]
+)
+def test_a_provenance_that_was_edited(tmp_path: Path, capsys: Capture, name: str, value: str | float) -> None:
+    calibration = cw.calibrate(cw.Samples(readings(RIG, R), R), "mount")
+    tool = tmp_path / "tool.json"
+    replace(calibration, provenance={name: value}).save(tool)
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK), QUAT, quat), "work.csv")
+    complaint = run(capsys, "verify", work, "-c", tool).complaint
+    assert complaint == f"the calibration's provenance has {name} {value!r}, which is none: calibrate again"

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from .difference import Difference, GroupChange
 
 NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
-
 Row = tuple[str, str, str, str]
 """Name, value, standard deviation, unit."""
 

@@ -99,7 +99,14 @@ AS_USUAL = Options()
 
 
 def remembered(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of reading that a calibration's provenance holds, under their names, less those of one file alone."""
+    """The options of reading that a calibration's provenance holds, under their names, less those of one file alone.
+
+    Raises `InputError` for what is no such option.
+    """
     names = (*OF_MEANING, "orientation", "wrench_columns", "time_column", "units", "hdf5", *OF_BAGS)
     kept = {name: provenance[name] for name in names if provenance.get(name) not in (None, "auto")}
+    for name, value in kept.items():
+        kind = bool if name == "inverse_orientation" else str
+        if not isinstance(value, kind) or (name == "frames" and str(value).count(",") != 1):
+            raise InputError(f"the calibration's provenance has {name} {value!r}, which is none: calibrate again")
     return {name: tuple(value.split(",")) if name == "frames" else value for name, value in kept.items()}
