@@ -248,3 +248,15 @@ def test_a_sign_from_a_bag_is_asked_for_of_a_table(tmp_path: Path, capsys: Captu
     assert done.status == 0
     of_bag = run(capsys, "verify", free, "-c", tool)
     assert (of_bag.status, _notes(of_bag)) == (0, ["Note: read as the calibration was: --sign reaction"])
+
+
+def test_an_inverse_orientation_is_in_a_frame_that_is_no_base(tmp_path: Path, capsys: Capture) -> None:
+    tool, out = tmp_path / "tool.json", tmp_path / "out.csv"
+    flags = ("--model", "mount+base", "--inverse-orientation")
+    free = _bag(tmp_path / "free.mcap", "tool0", R.transpose(0, 2, 1), JOINTS, FREE_READINGS)
+    assert run(capsys, "calibrate", free, "-o", tool, *flags).status == 0
+    assert "base_frame" not in cw.Calibration.load(tool).provenance
+    work = _bag(tmp_path / "work.mcap", "flange", WORK.transpose(0, 2, 1), WORK_JOINTS, WORK_READINGS)
+    done = run(capsys, "compensate", work, "-c", tool, "-o", out)
+    assert _notes(done) == ["Note: read as the calibration was: --inverse-orientation"]
+    np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)

@@ -56,13 +56,13 @@ class AsCalibrated:
 
 @dataclass(frozen=True)
 class _Taken:
-    """Options of the calibration that fit the recording, which of them it would be read with `anyhow`, and the base of
-    its orientations.
+    """Options of the calibration that fit the recording, which of them it would be read with `anyhow`, and the base
+    that it names.
     """
 
     values: dict[str, Any]
     anyhow: frozenset[str]
-    base_frame: str | None
+    base_frame: str | None = None
 
 
 def as_calibrated(
@@ -84,37 +84,45 @@ def as_calibrated(
     known = remembered(calibration.provenance)
     left_open = {name: value for name, value in known.items() if name not in stated}
     of_bag = reader_of(path, options) is bag_blocks
-    same_kind = of_bag == ("wrench_topic" in known) or not known.keys() & {"orientation", "wrench_topic"}
-    taken = (_of_bag if of_bag else _of_table)(path, options, stated, left_open if same_kind else {})
+    was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else of_bag
+    fitting = left_open if was_bag == of_bag else {}
+    taken = _of_bag(path, options, stated, fitting) if of_bag else _of_table(path, options, fitting)
     read = replace(options, **taken.values)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
     meant = {name: left_open[name] for name in OF_MEANING if left_open.get(name, USUAL[name]) != USUAL[name]}
     for name, value in meant.items():
-        if not same_kind or GOES_WITH[name] in others:
-            found = "other columns" if same_kind else "a bag" if of_bag else "a table"
+        if was_bag != of_bag or GOES_WITH[name] in others:
+            found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
             raise InputError(
                 f"{path}: found {found}, and a calibration read with {_flags({name: value})}, expected to be told "
                 f"whether that holds here: repeat it, or say {OTHERWISE[name]}"
             )
-    like_it = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
-    columns_lack = {name: left_open[name] for name in others if same_kind and name in left_open}
-    if columns_lack.get("orientation") in RECOGNISED_BY_NAME:  # and so is this file's
-        del columns_lack["orientation"]
-    notes = [f"read as the calibration was: {_flags(like_it)}"] if like_it else []
-    notes += [f"not read as the calibration was, no columns for {_flags(columns_lack)}"] if columns_lack else []
-    told = {name: (value, getattr(options, name)) for name, value in known.items() if name in stated}
-    notes += [
-        f"{_flag(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
-        for name, (before, now) in told.items()
-        if before != now
-    ]
+    read = replace(read, **meant)
+    taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
+    notes = [f"read as the calibration was: {_flags(taken_on)}"] if taken_on else []
+    notes += _differences(options, stated, known, {name: fitting[name] for name in others if name in fitting})
     if not gravity_stated:
-        calibration, of_base = in_base_of_recording(calibration, taken.base_frame, str(path))
+        frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
+        calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
         notes += [of_base] if of_base is not None else []
-    return AsCalibrated(replace(read, **meant), calibration, tuple(notes))
+    return AsCalibrated(read, calibration, tuple(notes))
 
 
-def _of_table(path: Path, options: Options, stated: Collection[str], known: Mapping[str, Any]) -> _Taken:
+def _differences(
+    options: Options, stated: Collection[str], known: Mapping[str, Any], left_out: Mapping[str, Any]
+) -> Iterator[str]:
+    """What was stated otherwise for the calibration, and what of its columns is not in the recording."""
+    auto = left_out.get("orientation") in RECOGNISED_BY_NAME  # and so is the recording's own
+    lacking = {name: value for name, value in left_out.items() if not (auto and name == "orientation")}
+    if lacking:
+        yield f"not read as the calibration was, no columns for {_flags(lacking)}"
+    for name, before in known.items():
+        now = getattr(options, name)
+        if name in stated and now != before:
+            yield f"{_flag(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
+
+
+def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
     """As many of the options of the columns as a table has columns for."""
     names = [name for name in OF_COLUMNS if name in known]
     for count in range(len(names), 0, -1):
@@ -122,10 +130,10 @@ def _of_table(path: Path, options: Options, stated: Collection[str], known: Mapp
             values = {name: known[name] for name in some}
             with suppress(FileFormatError):
                 _roles(path, replace(options, **values))
-                return _Taken(values, _orientation_anyhow(path, options, values), options.base_frame)
+                return _Taken(values, _orientation_anyhow(path, options, values))
     if names:
         _roles(path, options)  # complains of a table that is none
-    return _Taken({}, frozenset(), options.base_frame)
+    return _Taken({}, frozenset())
 
 
 def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any]) -> frozenset[str]:
@@ -159,8 +167,8 @@ def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mappin
             if not values:
                 raise
             raise type(error)(f"{error} (the calibration's recording was read with {_flags(values)})") from None
-        frame = options.base_frame or base_frame(bag, pose, read.frames, arm)
-        return _Taken(values, frozenset(_topics_anyhow(bag, values, wrench, pose[0])), frame)
+        anyhow = frozenset(_topics_anyhow(bag, values, wrench, pose[0]))
+        return _Taken(values, anyhow, base_frame(bag, pose, read.frames, arm))
 
 
 def _topics_anyhow(bag: Bag, values: Mapping[str, Any], wrench: Topic, pose: Topic) -> Iterator[str]:

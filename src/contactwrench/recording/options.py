@@ -65,11 +65,16 @@ class Options:
                 raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
 
     def told(self, found: ReadAs) -> ReadAs:
-        """How a recording was read: what was `found` in it, and these options as far as they say something, plain."""
+        """How a recording was read: what was `found` in it, and these options as far as they say something, plain. The
+        frame in which an inverse orientation is, is the flange.
+        """
         values = {name: getattr(self, name) for name in (*OF_MEANING, *OF_TABLES, *OF_BAGS, "base_frame")}
         stated = {name: value for name, value in values.items() if value not in (None, "auto")}
         plain = {name: ",".join(value) if name == "frames" else value for name, value in stated.items()}
-        return {**found, **plain}
+        known = {
+            name: value for name, value in found.items() if not (self.inverse_orientation and name == "base_frame")
+        }
+        return {**known, **plain}
 
     @property
     def naming(self) -> Naming:
