@@ -135,7 +135,8 @@ def test_compensate_says_what_it_wrote_and_replaces_what_was_there(
         (tmp_path / name).write_bytes(before)
     done = run(capsys, "compensate", folder / "run.mcap", "-c", folder / "panda.json", "-o", tmp_path / name)
     rows = {"out.csv": "20 rows", "out.mcap": "20 messages of /wrench/contact"}[name]
-    assert done == Run(0, f"Wrote the contact wrenches, {rows}, to {tmp_path / name}\n", "")
+    note = "Note: the calibration does not name its base: taken to be base (--base-frame names it)\n"
+    assert done == Run(0, f"Wrote the contact wrenches, {rows}, to {tmp_path / name}\n", note)
     assert (tmp_path / name).read_bytes() != before
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
 

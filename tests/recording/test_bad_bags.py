@@ -296,7 +296,7 @@ def test_types_that_are_not_defined_and_messages_that_are_none(tmp_path: Path) -
     with closing(sqlite3.connect(path)) as base:
         base.execute("UPDATE message_definitions SET encoded_message_definition = 'float64 x'")
         base.commit()
-    assert _refused(path).startswith(f"{path}: topic /wrench, at 0.000 s: found ")
+    assert _refused(path).startswith(f"{path}: topic /pose, at 0.000 s: found ")
 
 
 def test_an_mcap_whose_index_names_no_topics(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,6 +66,12 @@ def written(folder: Path, content: str | bytes, name: str = "poses.csv") -> Path
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
+
+
+def wrenches_written(path: Path) -> Array:
+    """The contact wrenches (n, 6) of a table that `compensate` wrote."""
+    rows: Any = np.genfromtxt(path, delimiter=",", names=True)
+    return np.column_stack([rows[name] for name in WRENCH])
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class Arm(Frozen):
     frame's origin to the next, in its axes: base, joints, flange; `axis` (k, 3) unit vectors in the
     joint's own frame; `R_last_flange` (3, 3) from the flange to the last joint; `limits` (k, 2) rad, lowest and
     highest; `home` (k,) rad, a place to plan around. `source` says where this is from; `joint_names` (k),
-    where it names the joints.
+    where it names the joints; `base_frame` is the base's name.
     """
 
     name: str
@@ -51,6 +51,7 @@ class Arm(Frozen):
     home: Array
     source: str
     joint_names: tuple[str, ...] = ()
+    base_frame: str = ""
 
     def __len__(self) -> int:
         return len(self.axis)
@@ -176,7 +177,10 @@ def _arms(
     offsets = {name: np.zeros((len(twists), 3)) for name in lengths}
     for name, along in lengths.items():
         offsets[name][1:, [0, 2]] = np.transpose(along)
-    return {name: Arm(name, R[:-1], offset, axis, R[-1], *ends, source) for name, offset in offsets.items()}
+    return {
+        name: Arm(name, R[:-1], offset, axis, R[-1], *ends, source, base_frame=f"{name} base")
+        for name, offset in offsets.items()
+    }
 
 
 IIWA_LENGTHS = {

@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.wrench import unit_direction
-from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange
+from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_axes
 from ..subtract import Step, compensate, stepper
 from .difference import Difference, difference
 from .fields import CalibrationFields
@@ -187,6 +187,39 @@ class Calibration(CalibrationFields):
             covariance=self.covariance[np.ix_(keep, keep)],
             parameter_dof=None if self.parameter_dof is None else self.parameter_dof[keep],
             model="mount" if self.model == "mount+base" else self.model,
+        )
+
+    def with_base(self, R_new_base: Array, base_frame: str) -> Calibration:
+        """The calibration for orientations that are stated in another base.
+
+        Args:
+            R_new_base: (3, 3), from the axes of this one's base to those of the new one.
+            base_frame: the new one's name.
+
+        Returns:
+            The same tool, mounting and bias; gravity, with its covariance, and the poses in the new base's axes.
+        """
+        d = R_new_base @ self.gravity_direction
+        to_new = np.eye(len(self.parameters))
+        if self.std["gravity"] is not None:
+            axes, new_axes = (np.stack(horizontal_axes(down), axis=1) for down in (self.gravity_direction, d))
+            places = [self.parameter_names.index(name) for name in GRAVITY]
+            to_new[np.ix_(places, places)] = new_axes.T @ R_new_base @ axes
+        of_rows = np.eye(10)
+        of_rows[:9, :9] = np.kron(R_new_base, np.eye(3))
+        sums = self.moments
+        return replace(
+            self,
+            gravity_direction=d,
+            covariance=to_new @ self.covariance @ to_new.T,
+            poses=tuple(replace(pose, R_base_flange=R_new_base @ pose.R_base_flange) for pose in self.poses),
+            moments=None
+            if sums is None
+            else replace(sums, design=of_rows @ sums.design @ of_rows.T, cross=of_rows @ sums.cross),
+            alternatives=tuple(
+                replace(other, gravity_direction=R_new_base @ other.gravity_direction) for other in self.alternatives
+            ),
+            provenance={**self.provenance, "base_frame": base_frame},
         )
 
     def diff(self, other: Calibration) -> Difference:

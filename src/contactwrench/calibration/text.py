@@ -28,6 +28,7 @@ from .observability import SPOKEN_UNITS
 if TYPE_CHECKING:
     from .difference import Difference, GroupChange
 
+NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
 Row = tuple[str, str, str, str]
 """Name, value, standard deviation, unit."""
 
@@ -159,12 +160,13 @@ def fit_rows(c: CalibrationFields) -> list[list[str]]:
 
 
 def fit_facts(c: CalibrationFields) -> list[str]:
-    """How well the noise is known, and how well the poses are spread."""
+    """How well the noise is known, how well the poses are spread, and where no rows in turn tell a sample's noise."""
     low, high = np.rad2deg(c.observability.tilt_range)
-    return [
-        f"reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom",
-        f"condition number {c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z",
-    ]
+    fit = f"reduced chi-square {c.reduced_chi2:.3g}, {c.dof:.3g} degrees of freedom"
+    spread = (
+        f"condition number {c.observability.condition:.3g}, gravity {low:.0f} to {high:.0f} deg from the flange's z"
+    )
+    return [fit, spread, *([NOISE_IS_LEARNED] if c.still_noise is None else [])]
 
 
 def alternative_rows(c: CalibrationFields) -> list[tuple[str, str, str, str, str]]:

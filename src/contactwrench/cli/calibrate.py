@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ import typer
 from ..files import STDOUT
 from ..geometry.arrays import Array
 from . import options
+from .recordings import Recordings, with_reading_options
 
 KNOWN_HELP = (
     "What is known, with its std; may be repeated. weight=N, mass=KG, com=X,Y,Z (m) or com_mm=X,Y,Z (sensor axes), "
@@ -22,7 +24,7 @@ LENGTHS = {"weight": (1,), "mass": (1,), "com": (3,), "com_mm": (3,), "mount": (
 """What may be known, and of how many numbers."""
 
 
-@options.with_reading_options
+@with_reading_options
 def calibrate(
     *,
     output: Annotated[
@@ -53,6 +55,13 @@ def calibrate(
             metavar="CAL.json", help="Earlier calibration of the same tool: one new pose gives its bias anew."
         ),
     ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|REST",
+            help="Std of one pose's reading, or a recording at rest. [default: from what the fit leaves]",
+        ),
+    ] = None,
     report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
     require_force: Annotated[
         float | None, options.not_negative("N", "Exit 1 if a larger error of the contact force is to be expected.")
@@ -62,32 +71,40 @@ def calibrate(
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 unless the verdict is good.")] = False,
     json: options.Json = False,
-    recordings: options.Recordings,
+    recordings: Recordings,
     gravity: options.Gravity = None,
     g: options.StandardGravity = options.DEFAULT_G,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
+    from ..calibration.calibration import Calibration
     from ..calibration.text import COLUMNS
     from ..report.calibrations import calibrate_recordings
 
     known = known or []
     tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
     _require_compatible(model, gravity, known, prior, tilts)
+    names = _shared_names(recordings.files, shared, model, known, {"--prior": prior, "--report": report})
+    stated_noise = None if noise is None else options.noise_or_file(noise, "a sensor at rest")
+    alike = None if prior is None else recordings.as_calibrated(Calibration.load(prior), None)
+    recordings = recordings if alike is None else replace(recordings, options=alike.options)
     done = calibrate_recordings(
         recordings.files,
         recordings.options,
         recordings.read,
         model=model,
-        shared=_shared_names(recordings.files, shared, model, known, {"--prior": prior, "--report": report}),
+        shared=names,
+        noise=recordings.beside(stated_noise).read() if isinstance(stated_noise, Path) else stated_noise,
         gravity=options.gravity_direction(gravity),
         g=g,
         known=_known_values(known, g),
-        prior=prior,
+        prior=None if alike is None else alike.calibration,
         **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
         output=output,
         report=report,
         required=(require_force, require_torque),
     )
+    for sentence in () if alike is None else alike.notes:
+        options.note(sentence)
     if json or str(output) == STDOUT:
         typer.echo(done.json, nl=False)
     else:

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from ..errors import InputError
 from ..files import STDOUT
 from . import options
 from .progress import progress
+from .recordings import Recordings, with_reading_options
 
 if TYPE_CHECKING:
     from ..calibration.calibration import Calibration
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..geometry.arrays import Array
 
 
-@options.with_reading_options
+@with_reading_options
 def compensate(
     *,
     calibration: options.CalibrationFile,
@@ -82,7 +82,7 @@ def compensate(
             metavar="S", help="By how much later than the pose the wrench is stamped. [default: the calibration's]"
         ),
     ] = None,
-    recording: options.Recordings,
+    recording: Recordings,
     gravity: options.Gravity = None,
     g: options.StandardGravity = options.DEFAULT_G,
 ) -> None:
@@ -101,9 +101,8 @@ def compensate(
     require_distinct(output, {**inputs, "report": report})
     require_distinct(report, inputs)
     require_writable(output, recording.path, recording.options)
-    loaded = Calibration.load(calibration)
-    recording.note_differences(loaded)
-    direction = options.gravity_direction(gravity)
+    loaded, direction = Calibration.load(calibration), options.gravity_direction(gravity)
+    alike = recording.as_calibrated(loaded, direction)
     judging = (noise, drift, sensor_filter, report)
     treatment = Treatment(
         output_frame=output_frame,
@@ -114,13 +113,13 @@ def compensate(
         judged=contact or any(stated is not None for stated in judging),
         sensor_filter=_low_pass(sensor_filter, "--sensor-filter", 1),
         drift=None if drift is None else with_torques(drift),
-        noise=None if noise is None else _noise(noise, recording, loaded.with_gravity(direction)),
+        noise=None if noise is None else _noise(noise, recording, loaded, direction),
     )
     with progress(f"compensating {recording.path.name}") as advance:
         lines, notes = compensate_recording(
-            recording.path, recording.options, loaded, treatment, output, report, advance
+            recording.path, alike.options, alike.calibration, treatment, output, report, advance
         )
-    for sentence in notes:
+    for sentence in (*alike.notes, *notes):
         options.note(sentence)
     for line in lines:
         options.say(line, err=str(output) == STDOUT)
@@ -141,15 +140,12 @@ def _low_pass(text: str | None, option: str, usual_order: int) -> LowPass | None
         raise InputError(f"{option} is {text!r}, expected HZ or HZ:ORDER, as in 20 or 20:4") from None
 
 
-def _noise(text: str, recording: options.Recordings, calibration: Calibration) -> Array:
+def _noise(text: str, recording: Recordings, calibration: Calibration, gravity: Array | None) -> Array:
     """Std (6,) of a sample, or what compensation leaves (n, 6) of a recording of a free tool."""
-    from ..compensate.noise import with_torques
-
-    try:
-        std = float(text)
-    except ValueError:
-        free = recording.read(Path(text), replace(recording.options, pose_file=None))
-        return calibration.compensate(free.wrench, free.R_base_flange)
-    if not 0.0 < std < np.inf:
-        raise InputError(f"--noise is {text}, expected N above 0, or a recording of a free tool")
-    return with_torques(std)
+    stated = options.noise_or_file(text, "a free tool")
+    if not isinstance(stated, Path):
+        return stated
+    beside = recording.beside(stated)
+    alike = beside.as_calibrated(calibration, gravity)
+    free = replace(beside, options=alike.options).read()
+    return alike.calibration.with_gravity(gravity).compensate(free.wrench, free.R_base_flange)

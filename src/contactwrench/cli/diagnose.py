@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from ..errors import InputError
 from . import options
+from .recordings import Recordings, with_reading_options
 
 
-@options.with_reading_options
-def diagnose(*, json: options.Json = False, recording: options.Recordings, gravity: options.Gravity = None) -> None:
+@with_reading_options
+def diagnose(*, json: options.Json = False, recording: Recordings, gravity: options.Gravity = None) -> None:
     """Find the interpretation of FILE that a rigid tool explains, and the options that make it so.
 
     Tries every orientation convention, inverse and unit, both signs, wrenches in base axes, exchanged axes, shifted

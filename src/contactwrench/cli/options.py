@@ -1,15 +1,12 @@
-"""The options that verbs share: how a recording is read, which calibration, what gravity; how a result is printed."""
+"""The options that verbs share: how a recording is written, which calibration and gravity; how a result is printed."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import wraps
-from inspect import Parameter, Signature, signature
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import typer
@@ -18,12 +15,6 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
 from ..geometry.wrench import STANDARD_GRAVITY
-from ..recording.options import Options
-from ..samples.samples import Samples
-from .progress import progress
-
-if TYPE_CHECKING:
-    from ..calibration.calibration import Calibration
 
 Result = TypeVar("Result")
 MOST_COLUMNS = 120
@@ -55,16 +46,27 @@ def above_zero(metavar: str, help: str, *names: str) -> Any:
 RECORDING_HELP = "Recording: a table (CSV, Parquet, HDF5) with fx..tz and an orientation, or a bag."
 File = Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)]
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared.")]
+OR_ITS = "or the calibration's]"
 Orientation = Annotated[
-    str,
+    str | None,
     typer.Option(
         metavar="NAME[:COLUMNS]",
-        help=f"How the file writes R_base_flange: auto, {', '.join(CONVENTIONS)}, or euler:ZYX:deg.",
+        help=f"How the file writes R_base_flange: {', '.join(CONVENTIONS)}, or euler:ZYX:deg. [default: auto, {OR_ITS}",
     ),
 ]
-WrenchFrame = Annotated[str, typer.Option(metavar="sensor|base", help="Axes in which the file gives the wrench.")]
-Sign = Annotated[str, typer.Option(metavar="pull|reaction", help="What acts on the sensor, or its reaction.")]
-InverseOrientation = Annotated[bool, typer.Option("--inverse-orientation", help="The file holds R_flange_base.")]
+WrenchFrame = Annotated[
+    str | None, typer.Option(metavar="sensor|base", help=f"Axes of the file's wrench. [default: sensor, {OR_ITS}")
+]
+Sign = Annotated[
+    str | None,
+    typer.Option(metavar="pull|reaction", help=f"What acts on the sensor, or its reaction. [default: pull, {OR_ITS}"),
+]
+InverseOrientation = Annotated[
+    bool | None,
+    typer.Option(
+        "--inverse-orientation/--no-inverse-orientation", help=f"The file holds R_flange_base. [default: no, {OR_ITS}"
+    ),
+]
 WrenchFile = Annotated[
     Path | None,
     typer.Option("--wrench", metavar="W.csv", help="In place of FILE, with --pose: the table with t and fx..tz."),
@@ -104,6 +106,9 @@ Hdf5 = Annotated[
     ),
 ]
 Episode = Annotated[int | None, typer.Option(metavar="N", help="Of a set of recordings: which one.", min=0)]
+BaseFrame = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Of the orientations. [default: what a bag, or --robot, says]")
+]
 Gravity = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
@@ -122,109 +127,17 @@ OUTPUT_HELP = "an existing file is replaced, once the new one is whole; - is"
 DEFAULT_G = STANDARD_GRAVITY
 
 
-@dataclass(frozen=True)
-class Recordings:
-    """The files that FILE, or --wrench and --pose, name, and how they are written."""
+def noise_or_file(text: str, what: str) -> Array | Path:
+    """What --noise says: std (6,) from a number, N; or the file with a recording of `what`. Raises `InputError`."""
+    from ..compensate.noise import with_torques
 
-    files: tuple[Path, ...]
-    options: Options
-
-    @property
-    def path(self) -> Path:
-        """The only file, or that of the wrenches."""
-        return self.files[0]
-
-    def read(self, path: Path | None = None, options: Options | None = None) -> Samples:
-        """A file as samples; what takes long shows how far it is."""
-        from ..recording.read import read_samples
-
-        path = path or self.path
-        with progress(f"reading {path.name}") as bar:
-            return read_samples(path, options or self.options, bar, note, bar.begin)
-
-    def note_differences(self, calibration: Calibration) -> None:
-        """Say on stderr where the calibration's recording was read otherwise: most often a forgotten option."""
-        for name in ("wrench_frame", "sign", "inverse_orientation"):
-            now = getattr(self.options, name)
-            before = calibration.provenance.get(name, now)
-            if before != now:
-                option = f"--{name.replace('_', '-')}"
-                note(f"{option} was {before} for the calibration and is {now} for this recording")
-
-
-def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb whose parameter `recording`, or `recordings`, is spelled out for typer: FILE, one or several, and the
-    options that say how it is written.
-    """
-    own = signature(verb, eval_str=True).parameters
-    name = "recordings" if "recordings" in own else "recording"
-    reading = dict(signature(_recordings, eval_str=True).parameters)
-    if name == "recordings":
-        reading["file"] = reading["file"].replace(annotation=Files)
-
-    @wraps(verb)
-    def run(**values: Any) -> Any:
-        stated = {option: values.pop(option) for option in reading}
-        recordings = _recordings(**stated)
-        if not recordings.files:
-            raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
-        return verb(**values, **{name: recordings})
-
-    spelled = [each for own_one in own.values() for each in (reading.values() if own_one.name == name else [own_one])]
-    vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in spelled])
-    run.__annotations__ = {each.name: each.annotation for each in spelled}
-    return run
-
-
-def _recordings(
-    file: File = None,
-    orientation: Orientation = "auto",
-    wrench_frame: WrenchFrame = "sensor",
-    sign: Sign = "pull",
-    inverse_orientation: InverseOrientation = False,
-    wrench: WrenchFile = None,
-    pose: PoseFile = None,
-    wrench_topic: WrenchTopic = None,
-    pose_topic: PoseTopic = None,
-    frames: Frames = None,
-    robot: Robot = None,
-    wrench_columns: WrenchColumns = None,
-    time_column: TimeColumn = None,
-    units: Units = None,
-    hdf5: Hdf5 = None,
-    episode: Episode = None,
-) -> Recordings:
-    axes = (orientation, wrench_frame, sign, inverse_orientation)
-    of_bag = (wrench_topic, pose_topic, None if frames is None else _two_names(frames), robot)
-    options = Options(*axes, *of_bag, pose, wrench_columns, time_column, units, hdf5, episode)
-    named = [option for option, path in {"--wrench": wrench, "--pose": pose}.items() if path is not None]
-    if file and named:
-        raise InputError(
-            f"found FILE and {' and '.join(named)}, expected FILE, or --wrench and --pose: leave one of them out"
-        )
-    if len(named) == 1:
-        other = "--pose" if named == ["--wrench"] else "--wrench"
-        raise InputError(f"found {named[0]} without {other}, expected both: add {other}, or give one FILE with all")
-    if wrench is not None:
-        return Recordings((wrench,), options)
-    return Recordings(tuple(file) if isinstance(file, list) else () if file is None else (file,), options)
-
-
-def _two_names(text: str) -> tuple[str, str]:
-    names = [name.strip() for name in text.split(",")]
-    if len(names) != 2 or not all(names):
-        raise InputError(f"--frames is {text!r}, expected two names BASE,FLANGE")
-    return names[0], names[1]
-
-
-def calibration_and_samples(path: Path, gravity: str | None, recording: Recordings) -> tuple[Calibration, Samples]:
-    """A calibration, with the direction that --gravity states, and a recording to hold against it."""
-    from ..calibration.calibration import Calibration
-
-    calibration = Calibration.load(path).with_gravity(gravity_direction(gravity))
-    samples = recording.read()
-    recording.note_differences(calibration)
-    return calibration, samples
+    try:
+        std = float(text)
+    except ValueError:
+        return Path(text)
+    if not 0.0 < std < np.inf:
+        raise InputError(f"--noise is {text}, expected N above 0, or a recording of {what}")
+    return with_torques(std)
 
 
 def numbers(text: str, option: str, expected: str, count: int | None = None, least: float = -np.inf) -> Array:

@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..recording.options import Options
 from . import options
+from .recordings import Recordings
 
 if TYPE_CHECKING:
     from ..assess.robot_arms import Reach
@@ -40,10 +41,10 @@ def plan(
         str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
     ] = "auto",
     json: options.Json = False,
-    orientation: options.Orientation = "auto",
-    wrench_frame: options.WrenchFrame = "sensor",
-    sign: options.Sign = "pull",
-    inverse_orientation: options.InverseOrientation = False,
+    orientation: options.Orientation = None,
+    wrench_frame: options.WrenchFrame = None,
+    sign: options.Sign = None,
+    inverse_orientation: options.InverseOrientation = None,
     gravity: options.Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
@@ -58,13 +59,14 @@ def plan(
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
     urdf = None if robot is None else urdf_file(robot)
     require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
-    how = Options(orientation, wrench_frame, sign, inverse_orientation)
-    if recorded is None and how != Options():
+    stated = (orientation, wrench_frame, sign, inverse_orientation)
+    if recorded is None and any(option is not None for option in stated):
         raise InputError(
             "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
             "none: give --from FILE, or leave them out"
         )
-    samples = None if recorded is None else options.Recordings((recorded,), how).read()
+    how = Options(orientation or "auto", wrench_frame or "sensor", sign or "pull", bool(inverse_orientation))
+    samples = None if recorded is None else Recordings((recorded,), how).read()
     result = choose(
         n,
         expected_tool(samples, model, options.gravity_direction(gravity)),

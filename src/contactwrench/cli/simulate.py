@@ -76,7 +76,7 @@ def simulate(
             "name lists the right ones.",
         ),
     ] = None,
-    orientation: options.Orientation = "auto",
+    orientation: options.Orientation = None,
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
     from ..files import require_distinct
@@ -100,7 +100,7 @@ def simulate(
     grams = options.numbers("0" if load_g is None else load_g, "--load-g", expected_loads, least=0.0)
     loads = tuple((grams / 1000.0).tolist())
     if trajectory is None:
-        recorded = record_poses(rig_settings, _joints(rig_settings, source, orientation, rng), loads, rng=rng)
+        recorded = record_poses(rig_settings, _joints(rig_settings, source, orientation or "auto", rng), loads, rng=rng)
     else:
         recorded = _moving(rig_settings, trajectory, loads, pushes, rng)
     asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 from . import options
+from .recordings import Recordings, calibration_and_samples, with_reading_options
 
 
-@options.with_reading_options
+@with_reading_options
 def verify(
     *,
     calibration: options.CalibrationFile,
@@ -18,7 +19,7 @@ def verify(
         float | None, options.not_negative("NM", "Largest contact torque that may be left in a pose.")
     ] = None,
     json: options.Json = False,
-    recording: options.Recordings,
+    recording: Recordings,
     gravity: options.Gravity = None,
     g: options.WeighingGravity = None,
 ) -> int:
@@ -29,7 +30,7 @@ def verify(
     from ..assess.verify import verify as check
     from ..report.text import verification_json, verification_text
 
-    loaded, samples = options.calibration_and_samples(calibration, gravity, recording)
+    loaded, samples = calibration_and_samples(calibration, gravity, recording)
     result = check(loaded, samples, limit_force=limit_force, limit_torque=limit_torque, g=g)
     options.print_result(result, json, verification_json, verification_text)
     return 0 if result.passed else 1

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from . import options
+from .recordings import Recordings, calibration_and_samples, with_reading_options
 
 
-@options.with_reading_options
+@with_reading_options
 def weigh(
     *,
     calibration: options.CalibrationFile,
     json: options.Json = False,
-    recording: options.Recordings,
+    recording: Recordings,
     gravity: options.Gravity = None,
     g: options.WeighingGravity = None,
 ) -> int:
@@ -21,7 +22,7 @@ def weigh(
     from ..assess.weigh import weigh as weighed
     from ..report.text import held_object_json, held_object_text
 
-    loaded, samples = options.calibration_and_samples(calibration, gravity, recording)
+    loaded, samples = calibration_and_samples(calibration, gravity, recording)
     held = weighed(loaded, samples, g=g)
     options.print_result(held, json, held_object_json, held_object_text)
     return int(held.refused)

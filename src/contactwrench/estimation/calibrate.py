@@ -228,6 +228,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         "rows": len(recorded.samples),
         "g": float(recorded.g),
         **({} if recorded.samples.t is None else {"t_first": _first_time(recorded.samples)}),
+        **recorded.samples.read_as,
         **origin,
     }
     names, R = estimate.names, kept.R_base_flange

@@ -10,11 +10,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
+from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import LONGEST_DELAY, Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..compensate.faults import Reason
@@ -33,6 +35,8 @@ from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
+
+Part = TypeVar("Part", Samples, Streams)
 
 SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 
@@ -99,7 +103,8 @@ def compensated(
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
-    return _smoothed((_plain(calibration, samples, treatment) for samples in chain([first], pairs)), treatment)
+    every = _telling_columns(chain([first], pairs), note)
+    return _smoothed((_plain(calibration, samples, treatment) for samples in every), treatment)
 
 
 def require_writable(output: Path, path: Path, options: Options) -> None:
@@ -140,6 +145,14 @@ def write_compensated(
     return None
 
 
+def _telling_columns(parts: Iterable[Part], note: Tell | None) -> Iterator[Part]:
+    """The same parts of a recording; which columns were taken for what is noted."""
+    for k, part in enumerate(parts):
+        if k == 0 and note is not None and (columns := part.read_as.get("columns")):
+            note(f"columns: {columns}")
+        yield part
+
+
 def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
     return contact_wrenches(calibration, samples, treatment.output_frame, treatment.point, treatment.gravity)
 
@@ -157,10 +170,13 @@ def _paired(
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
-    parts = synchronized(order.listening(batches(path, options, advance=advance)), delay)
+    recording = _telling_columns(batches(path, options, advance=advance), note)
+    parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
     compensator = None
     if treatment.judged:
+        if note is not None and treatment.noise is None and calibration.still_noise is None:
+            note(f"{NOISE_IS_LEARNED}; --noise states it")
         compensator = Compensator(
             calibration,
             delay=0.0,

@@ -12,10 +12,10 @@ from ..errors import FileFormatError
 from ..geometry.arrays import Array
 from .bags.chunks import Logged, Topic
 from .bags.message_layout import written
-from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, definitions, header_stamps, transforms
+from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, Link, definitions, header_stamps, transforms
 from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
-from .bags.transforms import Edge, Link, note
+from .bags.transforms import Edge, note
 from .read import bag_blocks, reader_of
 from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for
 from .tables.episodes import episode_column

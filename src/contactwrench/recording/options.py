@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
+from ..samples.samples import ReadAs
 from .tables.columns import Naming
 from .tables.table import Table
 
 OF_TABLES = ("orientation", "wrench_columns", "time_column", "units", "hdf5", "episode")
 OF_BAGS = ("wrench_topic", "pose_topic", "frames", "robot")
 """Options that only one of the kinds has."""
+
+OF_MEANING = ("sign", "wrench_frame", "inverse_orientation")
+"""What the numbers mean, in a file of any kind."""
 
 IN_BASE_AXES = (
     "found a wrench in base axes without an orientation in its row, expected both in each row: record them together, "
@@ -43,6 +49,7 @@ class Options:
     units: str | None = None
     hdf5: str | None = None
     episode: int | None = None
+    base_frame: str | None = None
 
     def __post_init__(self) -> None:
         for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):
@@ -56,6 +63,18 @@ class Options:
             value = getattr(self, name)
             if value != getattr(AS_USUAL, name):
                 raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
+
+    def told(self, found: ReadAs) -> ReadAs:
+        """How a recording was read: what was `found` in it, and these options as far as they say something, plain. The
+        frame in which an inverse orientation is, is the flange.
+        """
+        values = {name: getattr(self, name) for name in (*OF_MEANING, *OF_TABLES, *OF_BAGS, "base_frame")}
+        stated = {name: value for name, value in values.items() if value not in (None, "auto")}
+        plain = {name: ",".join(value) if name == "frames" else value for name, value in stated.items()}
+        known = {
+            name: value for name, value in found.items() if not (self.inverse_orientation and name == "base_frame")
+        }
+        return {**known, **plain}
 
     @property
     def naming(self) -> Naming:
@@ -78,7 +97,21 @@ class Options:
                 raise FileFormatError(f"{path}: {IN_BASE_AXES}")
             parts = [np.einsum("nij,ni->nj", R, part) for part in (wrench[:, :3], wrench[:, 3:])]
             wrench = np.concatenate(parts, axis=1)
-        return replace(table, wrench=wrench, orientation=R)
+        return replace(table, wrench=wrench, orientation=R, read_as=self.told(table.read_as))
 
 
 AS_USUAL = Options()
+
+
+def remembered(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of reading that a calibration's provenance holds, under their names, less those of one file alone.
+
+    Raises `InputError` for what is no such option.
+    """
+    names = (*OF_MEANING, "orientation", "wrench_columns", "time_column", "units", "hdf5", *OF_BAGS)
+    kept = {name: provenance[name] for name in names if provenance.get(name) not in (None, "auto")}
+    for name, value in kept.items():
+        kind = bool if name == "inverse_orientation" else str
+        if not isinstance(value, kind) or (name == "frames" and str(value).count(",") != 1):
+            raise InputError(f"the calibration's provenance has {name} {value!r}, which is none: calibrate again")
+    return {name: tuple(value.split(",")) if name == "frames" else value for name, value in kept.items()}

@@ -64,6 +64,7 @@ def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance |
         yield Streams(
             replace(block.wrench, wrench=options.pull(block.wrench.wrench)),
             replace(block.orientation, R_base_flange=options.R_base_flange(block.orientation.R_base_flange)),
+            options.told(block.read_as),
         )
 
 
@@ -159,6 +160,8 @@ def read_samples(
     which channels stood at their limits, its readings do.
     """
     blocks = list(reader_of(path, options)(path, options, ROWS, advance))
+    if tell is not None and (columns := blocks[0].read_as.get("columns")):
+        tell(f"columns: {columns}")
     paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
     if len(paired) == len(blocks):
         return _samples(Table.concatenate(paired), path)
@@ -193,6 +196,7 @@ def read(
     units: str | None = None,
     hdf5: str | None = None,
     episode: int | None = None,
+    base_frame: str | None = None,
 ) -> Samples:
     """Read a recording: a table (CSV, Parquet, HDF5), two tables, or a bag.
 
@@ -214,6 +218,7 @@ def read(
         units: of columns whose names do not say, "force=kgf,torque=Nmm".
         hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path,time=/path".
         episode: which one of a set of recordings.
+        base_frame: name of the frame in which the orientations are; None: what a bag, or the robot, says.
 
     Returns:
         Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
@@ -225,22 +230,8 @@ def read(
         MissingExtraError: a package that this kind of file needs is not installed.
     """
     second = None if pose_file is None else Path(pose_file)
-    options = Options(
-        orientation,
-        wrench_frame,
-        sign,
-        inverse_orientation,
-        wrench_topic,
-        pose_topic,
-        frames,
-        robot,
-        second,
-        wrench_columns,
-        time_column,
-        units,
-        hdf5,
-        episode,
-    )
+    axes, of_bag = (orientation, wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
+    options = Options(*axes, *of_bag, second, wrench_columns, time_column, units, hdf5, episode, base_frame)
     return read_samples(path, options)
 
 
@@ -263,7 +254,10 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
     except InputError as error:
         raise FileFormatError(f"{pose_path}: {error}") from None
     saturated = None if wrench.saturated is None else wrench.saturated == 1.0
-    return Streams(WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated), orientation)
+    readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated)
+    columns = dict.fromkeys(str(table.read_as["columns"]) for table in (wrench, pose) if "columns" in table.read_as)
+    of_both = {"columns": "; ".join(columns)} if columns else {}
+    return Streams(readings, orientation, {**wrench.read_as, **pose.read_as, **of_both})
 
 
 def _samples(table: Table, path: str | Path) -> Samples:
@@ -279,7 +273,14 @@ def _samples(table: Table, path: str | Path) -> Samples:
     saturated = None if rows.saturated is None else rows.saturated == 1.0
     try:
         return Samples(
-            rows.wrench, rows.orientation, rows.t, rows.position, rows.load_mass, name_of(path), saturated=saturated
+            rows.wrench,
+            rows.orientation,
+            rows.t,
+            rows.position,
+            rows.load_mass,
+            name_of(path),
+            saturated=saturated,
+            read_as=rows.read_as,
         )
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None

@@ -88,7 +88,8 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     ends = np.array(limits)
     name = f"{Path(path).name}:{tip}"
     lengths = np.array([*offsets, offset])
-    return Arm(name, np.array(R_before), lengths, np.array(axes), R, ends, ends.mean(axis=1), str(path), tuple(names))
+    of_joints = np.array(R_before), lengths, np.array(axes), R, ends, ends.mean(axis=1)
+    return Arm(name, *of_joints, str(path), tuple(names), chain[0].parent)
 
 
 def _joints(path: str | Path) -> list[_Joint]:

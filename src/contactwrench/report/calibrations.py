@@ -11,18 +11,14 @@ from typing import Any
 from ..calibration.calibration import Calibration
 from ..calibration.file import to_json
 from ..calibration.text import describe, verdict_sentences
-from ..errors import FileAccessError
+from ..errors import FileAccessError, InputError
+from ..estimation.noise import NoiseLike
 from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..files import STDOUT, make_folder, require_distinct
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..recording.options import Options
 from ..samples.samples import Samples
-
-OF_THE_FILE = ("orientation", "wrench_frame", "sign", "inverse_orientation")
-"""Options that a calibration keeps, so that a recording that is read otherwise is noticed."""
-OF_THE_RIG = ("robot", "wrench_topic")
-"""Options that it keeps where they are stated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +63,9 @@ def calibrate_recordings(
     shared: tuple[str, ...] = (),
     gravity: Array | None = None,
     g: float = STANDARD_GRAVITY,
+    noise: NoiseLike = None,
     known: dict[str, tuple[Any, Any]] | None = None,
-    prior: Path | None = None,
+    prior: Calibration | None = None,
     mount_tilt_sd: float = MOUNT_TILT_SD,
     base_tilt_sd: float = BASE_TILT_SD,
     output: Path | None = None,
@@ -85,8 +82,9 @@ def calibrate_recordings(
         shared: what the recordings have in common: mount, gravity.
         gravity: its direction (3,) in base axes, where it is known.
         g: m/s^2, of the mass.
+        noise: of one pose's reading, as `calibrate` takes it.
         known: what is known beforehand, as `calibrate` takes it.
-        prior: file with an earlier calibration of the same tool.
+        prior: an earlier calibration of the same tool, in the base of the recording.
         mount_tilt_sd: std of the sensor's tilt, an axis, rad.
         base_tilt_sd: of the base's.
         output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
@@ -102,8 +100,11 @@ def calibrate_recordings(
         require_distinct(output, {**inputs, "report": report})
         require_distinct(report, inputs)
     recordings = [read(file) for file in files]
+    bases = list(dict.fromkeys(str(r.read_as["base_frame"]) for r in recordings if "base_frame" in r.read_as))
+    if "gravity" in shared and len(bases) > 1:
+        raise InputError(f"found orientations in {' and in '.join(bases)}, expected one base that the recordings share")
     tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
-    stated: dict[str, Any] = {"gravity": gravity, "g": g, "known": known or {}, **tilts}
+    stated: dict[str, Any] = {"noise": noise, "gravity": gravity, "g": g, "known": known or {}, **tilts}
     if shared:
         from ..estimation.several_tools import calibrate_shared
 
@@ -111,12 +112,9 @@ def calibrate_recordings(
     else:
         from ..estimation.calibrate import calibrate
 
-        earlier = None if prior is None else Calibration.load(prior)
-        fitted = (calibrate(recordings[0], model, prior=earlier, **stated),)
-    kept = {name: getattr(options, name) for name in OF_THE_FILE}
-    kept |= {name: value for name in OF_THE_RIG if (value := getattr(options, name)) is not None}
-    kept["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-    calibrations = tuple(replace(c, provenance={**c.provenance, **kept}) for c in fitted)
+        fitted = (calibrate(recordings[0], model, prior=prior, **stated),)
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    calibrations = tuple(replace(c, provenance={**c.provenance, "created": created}) for c in fitted)
     if shared and output is not None and paths:
         make_folder(output)
     for path, calibration in zip(paths, calibrations, strict=bool(paths)):

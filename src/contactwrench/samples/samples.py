@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
+
+ReadAs: TypeAlias = Mapping[str, str | int]
+"""How a file was read, by the names of the options of reading."""
 
 LARGEST_READING = 1e9
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
@@ -34,6 +38,8 @@ class Samples(Rows):
         delay: of wrench behind orientation, s, where it was estimated when the two were paired.
         delay_std: of `delay`, s.
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
+        read_as: how their file was read: options of reading, and what was found, under the names that the provenance of
+            a calibration has for them.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
@@ -48,6 +54,7 @@ class Samples(Rows):
     delay: float | None = None
     delay_std: float | None = None
     saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
+    read_as: ReadAs = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,10 +128,13 @@ class OrientationStream(Rows):
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """A recording as it is: what the sensor read, and where the arm was, each at its own times."""
+    """A recording as it is: what the sensor read, and where the arm was, each at its own times; `read_as` as in
+    `Samples`.
+    """
 
     wrench: WrenchStream
     orientation: OrientationStream
+    read_as: ReadAs = field(default_factory=dict)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Streams]) -> Streams:
@@ -132,6 +142,7 @@ class Streams:
         return cls(
             WrenchStream.concatenate([part.wrench for part in parts]),
             OrientationStream.concatenate([part.orientation for part in parts]),
+            parts[0].read_as,
         )
 
 

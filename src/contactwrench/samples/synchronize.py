@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import arcs_through
 from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
-from .samples import Samples, Streams
+from .samples import ReadAs, Samples, Streams
 from .timestamps import counted, notes_of, require_common_span, require_times
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
@@ -133,9 +133,11 @@ class _Pairing:
         self._limits: Limits | None = None
         self._count: Counter[str] = Counter()
         self._holes: Counter[Hole] = Counter()
+        self._read_as: ReadAs = {}
 
     def with_batch(self, batch: Streams, is_last: bool) -> Synchronized:
         """The samples that a batch decides."""
+        self._read_as = batch.read_as
         buffer = self._buffer = with_batch(self._buffer, batch)
         if is_last:
             _require_two_streams(buffer, self._delay)
@@ -173,6 +175,7 @@ class _Pairing:
             self._delay if self._delay_std is not None else None,
             self._delay_std,
             readings.saturated,
+            self._read_as,
         )
 
     def _paired(self, buffer: Buffer, n: int, nodes: Nodes, limits: Limits) -> Synchronized:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,9 @@ STAMP = ("stamp.sec", "stamp.nanosec")
 """Where in a header its stamp is."""
 STAMP_ENDS = 12
 """Bytes of a message up to the end of its header's stamp."""
+
+Link: TypeAlias = tuple[str, str]
+"""Parent and child."""
 
 FORCE_TORQUE = tuple(f"{part}.{axis}" for part in ("force", "torque") for axis in "xyz")
 XYZW, XYZ = tuple("xyzw"), tuple("xyz")
@@ -150,19 +154,20 @@ def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
     return t, values
 
 
-def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[str]]:
-    """The poses of a topic of one of the types `POSES`, and which frames they are of, in words."""
+def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[Link]]:
+    """The poses of a topic of one of the types `POSES`, and which frames they are of: parent and child, empty where the
+    messages name none.
+    """
     orientation, position = POSES[topic.type]
     paths = (*(f"{position}.{part}" for part in XYZ), *(f"{orientation}.{part}" for part in XYZW))
     t, values, texts = numbers(bag, topic, logged, paths)
-    frames = [f"{text['child_frame_id']} in " if "child_frame_id" in text else "a frame in " for text in texts]
-    parents = [text.get("header.frame_id", "") or "no frame" for text in texts]
-    return Placements(t, values[:, 3:], values[:, :3]), [f + p for f, p in zip(frames, parents, strict=True)]
+    frames = [(_frame(text.get("header.frame_id", "")), text.get("child_frame_id", "")) for text in texts]
+    return Placements(t, values[:, 3:], values[:, :3]), frames
 
 
-def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[tuple[str, str], Placements]:
+def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[Link, Placements]:
     """The transforms of a topic: the placement of each child in its parent, by (parent, child), in their order."""
-    parts: dict[tuple[str, str], list[tuple[NDArray[np.intp], Placements]]] = {}
+    parts: dict[Link, list[tuple[NDArray[np.intp], Placements]]] = {}
     for rows, layout, raw in by_layout(bag, topic, logged):
         for at in _transforms_in(layout):
             link = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))

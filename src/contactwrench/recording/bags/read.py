@@ -12,7 +12,7 @@ import numpy as np
 from ...assess.robot_arms import Arm, flange_pose
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array
-from ...samples.samples import OrientationStream, Streams, WrenchStream
+from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read
@@ -85,6 +85,7 @@ def bag_batches(
         raise InputError(f"batch is {batch}, expected 1 or more")
     with opened_bag(path) as bag:
         wrench, pose, source, read_poses = _sources(bag, wrench_topic, pose_topic, frames, arm)
+        read_as = _read_as(wrench, pose, frames, base_frame(bag, pose, frames, arm))
         readings: list[tuple[Array, Array]] = []
         placed: list[Poses] = []
         poses_count, is_first = 0, True
@@ -96,12 +97,12 @@ def bag_batches(
                 advance(part_read(bag, part))
             poses_count += len(placed[-1])
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
-                yield _streams(bag, wrench, source, readings, placed)
+                yield _streams(bag, wrench, source, readings, placed, read_as)
                 readings, placed, is_first = [], [], False
         if not poses_count:
             raise _no_poses(bag, pose[0], source, arm)
         if readings or placed or is_first:
-            yield _streams(bag, wrench, source, readings, placed)
+            yield _streams(bag, wrench, source, readings, placed, read_as)
 
 
 def _sources(
@@ -116,6 +117,27 @@ def _sources(
     return wrench, topics, topics[0].name, _poses_of_topic(bag, topics[0])
 
 
+def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | None, arm: Arm | None) -> str | None:
+    """The name of the frame in which the orientations from `topics` are: the first of `frames`, the base of `arm`, or
+    what the first message says; None where it says nothing.
+    """
+    if frames is not None:
+        return frames[0].removeprefix("/")
+    if arm is not None:
+        return arm.base_frame or None
+    for part in messages(bag, topics):
+        if topics[0] in part:
+            ((parent, _),) = poses(bag, topics[0], part[topics[0]][:1])[1]
+            return parent or None
+    return None
+
+
+def _read_as(wrench: Topic, pose: tuple[Topic, ...], frames: tuple[str, str] | None, base: str | None) -> ReadAs:
+    """The topics and the base frame; transforms between `frames` may come in several topics, all of which are read."""
+    found = {"wrench_topic": wrench.name, "pose_topic": None if frames else pose[0].name, "base_frame": base}
+    return {name: value for name, value in found.items() if value is not None}
+
+
 def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
     seen: dict[str, None] = {}
 
@@ -123,7 +145,7 @@ def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
         if topic not in part:
             return _NO_POSES
         placements, frames = poses(bag, topic, part[topic])
-        seen.update(dict.fromkeys(frames))
+        seen.update(dict.fromkeys(f"{child or 'a frame'} in {parent or 'no frame'}" for parent, child in frames))
         if len(seen) > 1:
             first, second, *_ = seen
             raise FileFormatError(
@@ -172,11 +194,19 @@ def _no_poses(bag: Bag, topic: Topic, source: str, arm: Arm | None) -> FileForma
 _NO_POSES = Poses(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
 
 
-def _streams(bag: Bag, wrench: Topic, source: str, readings: list[tuple[Array, Array]], placed: list[Poses]) -> Streams:
+def _streams(
+    bag: Bag,
+    wrench: Topic,
+    source: str,
+    readings: list[tuple[Array, Array]],
+    placed: list[Poses],
+    read_as: ReadAs,
+) -> Streams:
     t = np.concatenate([np.empty(0), *(t for t, _ in readings)])
     values = np.concatenate([np.empty((0, 6)), *(values for _, values in readings)])
     poses = Poses.concatenate([part for part in placed if len(part)] or [_NO_POSES])
     return Streams(
         WrenchStream(t, values, f"{bag.path} {wrench.name}"),
         OrientationStream(poses.t, poses.R_base_flange, poses.position, f"{bag.path} {source}"),
+        read_as,
     )

@@ -19,15 +19,12 @@ import numpy as np
 from ...errors import FileFormatError
 from ...geometry.arrays import Array, Rows, column
 from .chunks import Topic
-from .messages import NO_PLACEMENTS, Placements, rotations, transforms
+from .messages import NO_PLACEMENTS, Link, Placements, rotations, transforms
 from .open import Bag, Messages, messages
 
 STATIC = "tf_static"
 FORGOTTEN = 10.0
 """s that tf2 keeps transforms for: one that is older than another before it by more is no straggler."""
-
-Link = tuple[str, str]
-"""Parent and child."""
 
 
 @dataclass(frozen=True, eq=False)

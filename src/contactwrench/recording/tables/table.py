@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention
-from ...samples.samples import LARGEST_READING
+from ...samples.samples import LARGEST_READING, ReadAs
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable
 from .csv import open_csv
 from .episodes import one_episode
@@ -36,7 +36,7 @@ class Table(Rows):
 
     `wrench` (n, 6), `orientation` (n, 3, 3), `t` (n,), `position` (n, 3), `load_mass` (n,), `saturated` (n,) 0 or 1. In
     a recording with times a row may lack its wrench, with load and saturation, or its orientation, with the position:
-    NaN. What is in none of the rows is None.
+    NaN. What is in none of the rows is None. `read_as` as in `Samples`.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -45,6 +45,7 @@ class Table(Rows):
     position: Array | None = field(metadata=column(3))
     load_mass: Array | None = field(metadata=column())
     saturated: Array | None = field(metadata=column())
+    read_as: ReadAs
 
     @property
     def has_wrench(self) -> NDArray[np.bool_]:
@@ -136,7 +137,14 @@ def _table(written: WrittenRows) -> Table:
         position=written.position if roles.position else None,
         load_mass=np.where(there, written.load[:, 0], np.nan) if roles.load else None,
         saturated=np.where(there, written.saturated[:, 0], np.nan) if roles.saturated else None,
+        read_as=_read_as(roles),
     )
+
+
+def _read_as(roles: ColumnRoles) -> ReadAs:
+    """What the columns' names told."""
+    orientation = {} if roles.convention is None else {"orientation": roles.convention.name}
+    return {"columns": roles.understood, **orientation} if roles.understood else orientation
 
 
 def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:

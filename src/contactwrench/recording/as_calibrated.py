@@ -1,0 +1,199 @@
+"""A recording read as its calibration's was: an option that nobody stated is the calibration's, where it fits.
+
+Two files of one sensor may be written differently, so a file's columns say whether options of the columns fit. What the
+numbers mean (sign, axes, inverse) no column says: it goes with the columns, and where these are others it is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain, combinations
+from pathlib import Path
+from shlex import join
+from typing import Any
+
+from ..calibration.calibration import Calibration
+from ..errors import ContactWrenchError, FileFormatError, InputError
+from ..geometry.orientation import RECOGNISED_BY_NAME
+from .bags.chunks import Topic
+from .bags.open import Bag, opened_bag
+from .bags.read import base_frame
+from .bags.topics import pose_topics, wrench_topic
+from .base_frames import in_base_of_recording
+from .options import AS_USUAL, OF_MEANING, Options, remembered
+from .read import bag_blocks, reader_of
+from .tables.columns import ColumnRoles
+from .tables.roles import roles_of
+from .tables.table import open_table
+from .urdf import arm_of
+
+OF_COLUMNS = ("units", "hdf5", "orientation", "wrench_columns", "time_column")
+"""Where not all fit, the first are kept first."""
+
+OF_POSE = ("pose_topic", "frames", "robot")
+"""Where a bag has its pose: stated together, and so taken together."""
+
+GOES_WITH = {"sign": "wrench_columns", "wrench_frame": "wrench_columns", "inverse_orientation": "orientation"}
+"""By which option of the columns a table shows that it is written as another one."""
+
+USUAL = {name: getattr(AS_USUAL, name) for name in OF_MEANING}
+OTHERWISE = {
+    "sign": "--sign pull",
+    "wrench_frame": "--wrench-frame sensor",
+    "inverse_orientation": "--no-inverse-orientation",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class AsCalibrated:
+    """How to read a recording, the calibration in the recording's base, and what there is to say of both."""
+
+    options: Options
+    calibration: Calibration
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """Options of the calibration that fit the recording, which of them it would be read with `anyhow`, and the base
+    that it names.
+    """
+
+    values: dict[str, Any]
+    anyhow: frozenset[str]
+    base_frame: str | None = None
+
+
+def as_calibrated(
+    path: Path, options: Options, stated: Collection[str], calibration: Calibration, *, gravity_stated: bool = False
+) -> AsCalibrated:
+    """Complete the options of reading by those of a calibration, and bring that into the recording's base.
+
+    Args:
+        path: the recording.
+        options: how it is written.
+        stated: the names of those options that somebody stated; the others are as usual.
+        calibration: of its tool.
+        gravity_stated: whether the direction of gravity is known in the recording's base, so that no other one matters.
+
+    Raises:
+        FileAccessError, FileFormatError, MissingExtraError: the recording cannot be read so.
+        InputError: an option of the calibration that may or may not hold here; a base that nobody knows against its.
+    """
+    known = remembered(calibration.provenance)
+    left_open = {name: value for name, value in known.items() if name not in stated}
+    of_bag = reader_of(path, options) is bag_blocks
+    was_bag = "wrench_topic" in known if known.keys() & {"orientation", "wrench_topic"} else of_bag
+    fitting = left_open if was_bag == of_bag else {}
+    taken = _of_bag(path, options, stated, fitting) if of_bag else _of_table(path, options, fitting)
+    read = replace(options, **taken.values)
+    others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
+    meant = {name: left_open[name] for name in OF_MEANING if left_open.get(name, USUAL[name]) != USUAL[name]}
+    for name, value in meant.items():
+        if was_bag != of_bag or GOES_WITH[name] in others:
+            found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
+            raise InputError(
+                f"{path}: found {found}, and a calibration read with {_flags({name: value})}, expected to be told "
+                f"whether that holds here: repeat it, or say {OTHERWISE[name]}"
+            )
+    read = replace(read, **meant)
+    taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
+    notes = [f"read as the calibration was: {_flags(taken_on)}"] if taken_on else []
+    notes += _differences(options, stated, known, {name: fitting[name] for name in others if name in fitting})
+    if not gravity_stated:
+        frame = None if read.inverse_orientation else taken.base_frame  # which names the flange then
+        calibration, of_base = in_base_of_recording(calibration, options.base_frame or frame, str(path))
+        notes += [of_base] if of_base is not None else []
+    return AsCalibrated(read, calibration, tuple(notes))
+
+
+def _differences(
+    options: Options, stated: Collection[str], known: Mapping[str, Any], left_out: Mapping[str, Any]
+) -> Iterator[str]:
+    """What was stated otherwise for the calibration, and what of its columns is not in the recording."""
+    auto = left_out.get("orientation") in RECOGNISED_BY_NAME  # and so is the recording's own
+    lacking = {name: value for name, value in left_out.items() if not (auto and name == "orientation")}
+    if lacking:
+        yield f"not read as the calibration was, no columns for {_flags(lacking)}"
+    for name, before in known.items():
+        now = getattr(options, name)
+        if name in stated and now != before:
+            yield f"{_flag(name)} was {_value(before)} for the calibration and is {_value(now)} for this recording"
+
+
+def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
+    """As many of the options of the columns as a table has columns for."""
+    names = [name for name in OF_COLUMNS if name in known]
+    for count in range(len(names), 0, -1):
+        for some in combinations(names, count):
+            values = {name: known[name] for name in some}
+            with suppress(FileFormatError, InputError):
+                _roles(path, replace(options, **values))
+                return _Taken(values, _orientation_anyhow(path, options, values))
+    if names:
+        _roles(path, options)  # complains of a table that is none
+    return _Taken({}, frozenset())
+
+
+def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any]) -> frozenset[str]:
+    """The orientation's name, where the columns tell it."""
+    with suppress(FileFormatError):
+        by_itself = _roles(path, replace(options, **{**values, "orientation": options.orientation})).convention
+        if by_itself is not None and by_itself.name == values.get("orientation"):
+            return frozenset({"orientation"})
+    return frozenset()
+
+
+def _roles(path: Path, options: Options) -> ColumnRoles:
+    """Which columns are what, of two files in that with the orientation. Raises as reading."""
+    if options.pose_file is None:
+        return roles_of(open_table(path, options.naming), options.naming)
+    of_wrench = replace(options.naming, orientation=None)
+    roles_of(open_table(path, of_wrench), of_wrench)
+    return roles_of(open_table(options.pose_file, options.naming), options.naming, wrench=False)
+
+
+def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mapping[str, Any]) -> _Taken:
+    """The topic of the wrench, and where the pose is unless anything of that is stated."""
+    of_pose = () if any(name in stated for name in OF_POSE) else OF_POSE
+    values = {name: known[name] for name in ("wrench_topic", *of_pose) if name in known}
+    read = replace(options, **values)
+    with opened_bag(path) as bag:
+        try:
+            arm = None if read.robot is None else arm_of(read.robot)
+            wrench = wrench_topic(bag, read.wrench_topic)
+            pose = pose_topics(bag, read.pose_topic, read.frames, arm)
+        except ContactWrenchError as error:
+            if not values:
+                raise
+            raise type(error)(f"{error} (the calibration's recording was read with {_flags(values)})") from None
+        anyhow = frozenset(_topics_anyhow(bag, values, wrench, pose[0]))
+        return _Taken(values, anyhow, base_frame(bag, pose, read.frames, arm))
+
+
+def _topics_anyhow(bag: Bag, values: Mapping[str, Any], wrench: Topic, pose: Topic) -> Iterator[str]:
+    """The names of topics that are the only ones."""
+    with suppress(FileFormatError):
+        if wrench_topic(bag, None) == wrench:
+            yield "wrench_topic"
+    with suppress(FileFormatError):
+        if not values.keys() & {"frames", "robot"} and pose_topics(bag, None, None, None) == (pose,):
+            yield "pose_topic"
+
+
+def _flags(values: Mapping[str, Any]) -> str:
+    """Options as on a command line."""
+    words = ([_flag(name)] if value is True else [_flag(name), _value(value)] for name, value in values.items())
+    return join(chain.from_iterable(words))
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "given" if value else "left out"
+    return ",".join(value) if isinstance(value, tuple) else str(value)

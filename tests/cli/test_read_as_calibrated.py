@@ -1,0 +1,218 @@
+"""A calibration remembers how its recording was read: the verbs that take it read alike, and say so; base frames."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from tests.support.recordings import WRENCH, csv_text, run, wrenches_written, written
+from tests.support.rigs import example
+from tests.support.world import Array, random_rotations, readings
+from tests.support.written import QUAT, column_by_column, euler, in_base_axes, quat, rotvec
+
+Capture = pytest.CaptureFixture[str]
+
+RIG, R, RNG = example(3, poses=12)
+WORK = random_rotations(6, RNG)
+PUSHED = RNG.normal(size=(6, 6)) * [3.0, 3.0, 3.0, 0.2, 0.2, 0.2]
+"""Contact wrenches at the orientations `WORK`."""
+
+
+def _table(R: Array, wrench: Array, columns: tuple[str, ...], numbers: Callable[[Array], Array]) -> str:
+    return csv_text((*WRENCH, *columns), np.column_stack([wrench, numbers(R)]))
+
+
+def _calibrated(capsys: Capture, folder: Path, recording: Path, *flags: str) -> Path:
+    target = folder / "tool.json"
+    done = run(capsys, "calibrate", recording, "-o", target, "--model", "mount", *flags)
+    assert done.status == 0, done.err
+    return target
+
+
+def same(R: Array, wrench: Array) -> Array:
+    return wrench
+
+
+def reaction(R: Array, wrench: Array) -> Array:
+    return -wrench
+
+
+WAYS: dict[str, tuple[tuple[str, ...], Callable[[Array], Array], Callable[[Array, Array], Array], list[str]]] = {
+    "reaction": (QUAT, quat, reaction, ["--sign", "reaction"]),
+    "base": (QUAT, quat, in_base_axes, ["--wrench-frame", "base"]),
+    "inverse": (QUAT, lambda R: quat(R.transpose(0, 2, 1)), same, ["--inverse-orientation"]),
+    "yaskawa": (("rx", "ry", "rz"), euler("xyz"), same, ["--orientation", "yaskawa"]),
+    "wrench columns": (QUAT, quat, reaction, ["--wrench-columns", "fx,fy,fz,tx,ty,tz", "--sign", "reaction"]),
+    "columns": (("q0", "q1", "q2", "q3"), quat, same, ["--orientation", "quat_xyzw:q0,q1,q2,q3"]),
+    "franka": (
+        tuple(f"o_t_ee_{k}" for k in range(16)),
+        column_by_column,
+        reaction,
+        ["--orientation", "franka_matrix", "--sign", "reaction"],
+    ),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_was_said_to_calibrate_holds_for_the_others(tmp_path: Path, capsys: Capture, way: str) -> None:
+    columns, numbers, turned, flags = WAYS[way]
+    free = written(tmp_path, _table(R, turned(R, readings(RIG, R)), columns, numbers), "free.csv")
+    touched = readings(RIG, WORK) + PUSHED
+    work = written(tmp_path, _table(WORK, turned(WORK, touched), columns, numbers), "work.csv")
+    tool = _calibrated(capsys, tmp_path, free, *flags)
+    note = f"Note: read as the calibration was: {' '.join(flags)}\n"
+    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    assert done.err == note
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    again = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "again.csv", *flags)
+    assert again.err == ""
+    assert (tmp_path / "again.csv").read_text() == (tmp_path / "out.csv").read_text()
+    verified = run(capsys, "verify", free, "-c", tool, "--limit-force", "0.001")
+    assert (verified.status, verified.err) == (0, note)
+    assert run(capsys, "weigh", work, "-c", tool, "--json").err == note
+
+
+@pytest.fixture
+def reaction_tool(tmp_path: Path, capsys: Capture) -> Path:
+    """Calibrated from quaternions and reactions."""
+    return _calibrated(
+        capsys, tmp_path, written(tmp_path, _table(R, -readings(RIG, R), QUAT, quat)), "--sign", "reaction"
+    )
+
+
+def test_what_is_stated_wins_and_is_said(tmp_path: Path, capsys: Capture, reaction_tool: Path) -> None:
+    pulls = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "pulls.csv")
+    flags = ("compensate", pulls, "-c", reaction_tool, "-o", tmp_path / "out.csv", "--sign", "pull")
+    done = run(capsys, *flags, "--no-inverse-orientation")
+    assert done.err == "Note: --sign was reaction for the calibration and is pull for this recording\n"
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    inverse = written(
+        tmp_path, _table(WORK.transpose(0, 2, 1), readings(RIG, WORK) + PUSHED, QUAT, quat), "inverse.csv"
+    )
+    done = run(capsys, *flags[:1], inverse, *flags[2:], "--inverse-orientation")
+    assert done.err == (
+        "Note: --sign was reaction for the calibration and is pull for this recording\n"
+        "Note: --inverse-orientation was left out for the calibration and is given for this recording\n"
+    )
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+
+
+OTHER_COLUMNS = {
+    "told by their names": (("a", "b", "c"), euler("ZYX"), []),
+    "stated": (("u", "v", "w"), rotvec, ["--orientation", "ur_rotvec:u,v,w"]),
+}
+
+
+@pytest.mark.parametrize("way", OTHER_COLUMNS)
+def test_another_file_may_be_written_in_another_way(
+    tmp_path: Path, capsys: Capture, reaction_tool: Path, way: str
+) -> None:
+    """The sign is the sensor's, and its columns are the same."""
+    columns, numbers, flags = OTHER_COLUMNS[way]
+    work = written(tmp_path, _table(WORK, -readings(RIG, WORK) - PUSHED, columns, numbers), "work.csv")
+    done = run(capsys, "compensate", work, "-c", reaction_tool, "-o", tmp_path / "out.csv", *flags)
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    differs = "Note: --orientation was quat_xyzw for the calibration and is ur_rotvec:u,v,w for this recording\n"
+    assert done.err == "Note: read as the calibration was: --sign reaction\n" + (differs if flags else "")
+
+
+def test_columns_that_are_not_there_are_left_out_and_said(tmp_path: Path, capsys: Capture) -> None:
+    free = written(tmp_path, _table(R, readings(RIG, R), ("u", "v", "w"), rotvec), "free.csv")
+    tool = _calibrated(capsys, tmp_path, free, "--orientation", "ur_rotvec:u,v,w")
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
+    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    assert done.err == "Note: not read as the calibration was, no columns for --orientation ur_rotvec:u,v,w\n"
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+
+
+@pytest.mark.parametrize("verb", ["compensate", "verify", "weigh"])
+def test_an_inverse_that_may_or_may_not_hold_is_asked_for(tmp_path: Path, capsys: Capture, verb: str) -> None:
+    free = written(tmp_path, _table(R.transpose(0, 2, 1), readings(RIG, R), QUAT, quat), "free.csv")
+    tool = _calibrated(capsys, tmp_path, free, "--inverse-orientation")
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK), ("a", "b", "c"), euler("ZYX")), "work.csv")
+    assert run(capsys, verb, work, "-c", tool).complaint == (
+        f"{work}: found other columns, and a calibration read with --inverse-orientation, expected to be told whether "
+        "that holds here: repeat it, or say --no-inverse-orientation"
+    )
+    assert run(capsys, verb, work, "-c", tool, "--no-inverse-orientation").status == 0
+
+
+def test_a_file_that_is_no_recording_is_refused_as_usual(tmp_path: Path, capsys: Capture, reaction_tool: Path) -> None:
+    bad = written(tmp_path, csv_text(WRENCH, readings(RIG, WORK)), "bad.csv")
+    complaint = run(capsys, "verify", bad, "-c", reaction_tool).complaint
+    assert complaint == run(capsys, "calibrate", bad).complaint
+
+
+def test_a_calibration_from_before_and_one_from_arrays_say_nothing(tmp_path: Path, capsys: Capture) -> None:
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
+    tool = tmp_path / "tool.json"
+    calibration = cw.calibrate(cw.Samples(readings(RIG, R), R), "mount")
+    before: dict[str, str | int | float | bool | None] = {
+        "orientation": "auto",
+        "wrench_frame": "sensor",
+        "sign": "pull",
+        "inverse_orientation": False,
+    }
+    for provenance in (calibration.provenance, {**calibration.provenance, **before}):
+        replace(calibration, provenance=provenance).save(tool)
+        done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+        assert done.err == ""
+        np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+    replace(calibration, provenance={**before, "sign": "reaction"}).save(tool)
+    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    assert done.err == "Note: read as the calibration was: --sign reaction\n"
+
+
+def test_python_keeps_how_a_file_was_read(tmp_path: Path) -> None:
+    free = written(tmp_path, _table(R, -readings(RIG, R), QUAT, quat), "free.csv")
+    samples = cw.read(free, sign="reaction", base_frame="cell")
+    kept = {"orientation": "quat_xyzw", "sign": "reaction", "wrench_frame": "sensor", "inverse_orientation": False}
+    assert samples.read_as == {**kept, "base_frame": "cell"}
+    provenance = cw.calibrate(samples, "mount").provenance
+    assert {name: provenance[name] for name in kept} == kept
+    assert cw.Samples(readings(RIG, R), R).read_as == {}
+
+
+def test_which_column_was_taken_for_what_is_said_and_kept(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = 'fx from "Force X (N)"'
+    monkeypatch.setattr("contactwrench.recording.tables.columns.ColumnRoles.understood", words)
+    free = written(tmp_path, _table(R, readings(RIG, R), QUAT, quat), "free.csv")
+    tool = tmp_path / "tool.json"
+    assert run(capsys, "calibrate", free, "-o", tool).err == f"Note: columns: {words}\n"
+    assert json.loads(tool.read_text())["provenance"]["columns"] == words
+    for verb in ("compensate", "verify", "weigh"):
+        assert run(capsys, verb, free, "-c", tool).err == f"Note: columns: {words}\n", verb
+    assert run(capsys, "plan", "--from", free, "-n", "2").err == f"Note: columns: {words}\n"
+
+
+def test_two_files_after_one(tmp_path: Path, capsys: Capture, reaction_tool: Path) -> None:
+    t = 0.5 * np.arange(len(WORK))
+    wrench = np.column_stack([t, -readings(RIG, WORK) - PUSHED])
+    of_wrench = written(tmp_path, csv_text(("t", *WRENCH), wrench), "w.csv")
+    of_pose = written(tmp_path, csv_text(("t", *QUAT), np.column_stack([t, quat(WORK)])), "p.csv")
+    out = tmp_path / "out.csv"
+    done = run(capsys, "compensate", "--wrench", of_wrench, "--pose", of_pose, "-c", reaction_tool, "-o", out)
+    assert done.err.startswith("Note: read as the calibration was: --sign reaction\n")
+    known = wrenches_written(out)
+    np.testing.assert_allclose(known[np.isfinite(known[:, 0])], PUSHED[np.isfinite(known[:, 0])], atol=1e-6)
+    assert np.isfinite(known[:, 0]).sum() >= 4
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("sign", 5), ("inverse_orientation", "yes"), ("frames", "base"), ("orientation", 1.0)]
+)
+def test_a_provenance_that_was_edited(tmp_path: Path, capsys: Capture, name: str, value: str | float) -> None:
+    calibration = cw.calibrate(cw.Samples(readings(RIG, R), R), "mount")
+    tool = tmp_path / "tool.json"
+    replace(calibration, provenance={name: value}).save(tool)
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK), QUAT, quat), "work.csv")
+    complaint = run(capsys, "verify", work, "-c", tool).complaint
+    assert complaint == f"the calibration's provenance has {name} {value!r}, which is none: calibrate again"
