@@ -34,6 +34,7 @@ class Samples(Rows):
         delay: of wrench behind orientation, s, where it was estimated when the two were paired.
         delay_std: of `delay`, s.
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
+        doubt: what may be wrong in how a file was read, one sentence; empty: nothing.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
@@ -48,6 +49,7 @@ class Samples(Rows):
     delay: float | None = None
     delay_std: float | None = None
     saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
