@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from ..errors import InputError
 from . import options
 
 
 @options.with_reading_options
-def diagnose(*, json: options.Json = False, recording: options.Recordings, gravity: options.Gravity = None) -> None:
+def diagnose(
+    *,
+    model: Annotated[str, typer.Option(metavar="M", help="Of `calibrate`: auto, yaw, mount or mount+base.")] = "auto",
+    json: options.Json = False,
+    recording: options.Recordings,
+    gravity: options.Gravity = None,
+) -> None:
     """Find the interpretation of FILE that a rigid tool explains, and the options that make it so.
 
     Tries every orientation convention, inverse and unit, both signs, wrenches in base axes, exchanged axes, shifted
@@ -23,5 +33,5 @@ def diagnose(*, json: options.Json = False, recording: options.Recordings, gravi
             f"{recording.path}: found the wrenches of two files, expected one with wrench and orientation in a row: "
             "diagnose a recording of still poses in one table"
         )
-    ranked = rank(interpretations(recording.path, recording.options, options.gravity_direction(gravity)))
+    ranked = rank(interpretations(recording.path, recording.options, options.gravity_direction(gravity)), model)
     options.print_result(ranked, json, diagnosis_json, diagnosis_text)

@@ -52,8 +52,8 @@ MOST_MOVED = 1.0 / 3.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
-OF_NO_TOOL = (Kind.POOR_FIT, Kind.FAR_CENTRE_OF_MASS)
-"""Kinds that say nothing where no tool is found, and less is left than one weighs: no reading of the file mends that."""
+OF_READING = (Kind.POOR_FIT, Kind.FAR_CENTRE_OF_MASS)
+"""Of a file that is read wrongly: where no tool is found and less is left than one weighs, no reading mends that."""
 
 Row: TypeAlias = tuple[bool, Callable[[Kind, str], Finding], Kind, str]
 WEAK, DOUBTFUL = Finding.weak, Finding.doubtful
@@ -84,7 +84,8 @@ def doubts(
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
     found = _those_that_hold(rows)
     if any(finding.severity is Severity.WEAK for finding in of_payload):
-        return of_payload + [each for each in found if each.kind not in OF_NO_TOOL or estimate.force_left > LIGHTEST_TOOL]
+        too_little = estimate.force_left < LIGHTEST_TOOL
+        return of_payload + [finding for finding in found if not (too_little and finding.kind in OF_READING)]
     return of_payload + uncertain_parameters(estimate, readings, trade_offs) + found
 
 
