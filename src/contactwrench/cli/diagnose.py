@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from ..errors import InputError
 from . import options
 
 
@@ -27,11 +26,5 @@ def diagnose(
     from ..recording.interpretations import interpretations
     from ..report.diagnosis import diagnosis_json, diagnosis_text
 
-    if recording.options.pose_file is not None:
-        # The rows of two do not belong together as written; which do is not known before the orientation is.
-        raise InputError(
-            f"{recording.path}: found the wrenches of two files, expected one with wrench and orientation in a row: "
-            "diagnose a recording of still poses in one table"
-        )
     ranked = rank(interpretations(recording.path, recording.options, options.gravity_direction(gravity)), model)
     options.print_result(ranked, json, diagnosis_json, diagnosis_text)

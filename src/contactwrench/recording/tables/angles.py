@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from ...geometry.arrays import Array
-from .columns import ANGLE, Naming, orientation_columns, shown
+from .columns import Naming, shown
+from .orientations import orientation_columns
 from .table import open_table
+from .units import ANGLE
 
 HALF_A_TURN = 3.15
 """A bit more than pi: angles in degrees go beyond it wherever an arm turns enough to calibrate, those in radians do
@@ -36,9 +38,9 @@ def angles_in_doubt(path: str | Path, naming: Naming, R_base_flange: Array) -> s
     if len(R_base_flange) < FEWEST_ROWS or float(np.einsum("nii->n", R_base_flange).min()) < 1.0 + 2.0 * np.cos(widest):
         return ""
     table = open_table(path)
-    convention, columns = orientation_columns(table, naming.orientation or "auto")
+    convention, columns = orientation_columns(table, naming)
     in_degrees = convention.angle_unit is not None and all(column.per_si == ANGLE["deg"] for column in columns)
-    if not in_degrees or "angle=" in (naming.units or "") or any("deg" in column.name for column in columns):
+    if not in_degrees or any(column.unit for column in columns):
         return ""
     angles = np.concatenate([body.numbers(columns, columns) for body in table.bodies(columns)])
     if not (np.nanmax(np.abs(angles)) <= HALF_A_TURN and np.nanmax(np.ptp(angles, axis=0)) > LEAST_TURN):
