@@ -306,8 +306,8 @@ def test_a_file_that_nothing_explains_well(capsys: pytest.CaptureFixture[str]) -
     )
     assert (
         "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the "
-        "recording, an arm that still moved, a cable that pulls, a tool too light for the sensor, or a controller that already "
-        "subtracts its payload (record what the sensor itself reads)."
+        "recording, an arm that still moved, a cable that pulls, a tool too light for the sensor, or a "
+        "controller that already subtracts its payload (record what the sensor itself reads)."
     ) in " ".join(lines)
 
 

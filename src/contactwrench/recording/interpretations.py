@@ -33,6 +33,11 @@ SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
 MOST_POSES = 300
 """A longer recording is thinned: a wrong interpretation shows in a few dozen poses."""
 
+ROWS_LOOKED_AT = 10_000
+JUMPS = 3.0
+"""Times the shortest path, from which on an orientation jumps by its convention: angles beyond a half turn begin anew.
+"""
+
 TURNED_AXES = (*map("".join, permutations("XYZ")), *(f"{a}{b}{a}" for a, b in permutations("XYZ", 2)))
 FORMULAS_OF_ANGLES = (*TURNED_AXES, *(letters.lower() for letters in TURNED_AXES), "rotvec")
 PROBE = np.array([[0.3, -0.5, 0.7]])
@@ -90,17 +95,33 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
 
 def _turning(rows: Written) -> Array | None:
     """Rotations (n, 3, 3) of the orientation's numbers that tell one stop from the next: as stated, unless these may be
-    radians that are read in degrees; None where no convention makes any.
+    radians that are read in degrees, or jump where the numbers are stitched together; else by the convention by which
+    the arm turns least. None where no convention makes any.
     """
     may_be_radians = all(np.abs(numbers).max(initial=0.0) <= LONGEST_ROTATION_VECTOR for _, numbers in rows.sets)
-    if rows.stated is not None and not (rows.in_degrees and may_be_radians):
+    some = slice(None, None, 1 + len(rows.wrench) // ROWS_LOOKED_AT)
+    tried: list[tuple[float, Callable[[Array], Array], Array]] = []
+    for names, numbers in rows.sets:
+        attempts = [(to_matrices, values) for *_, to_matrices, values in _candidates(names, numbers, rows.convention)]
+        largest = max((float(np.abs(values).max(initial=0.0)) for _, values in attempts), default=0.0)
+        for to_matrices, values in attempts:
+            with suppress(InputError):
+                if float(np.abs(values).max(initial=0.0)) >= 0.5 * largest:  # of two units the one that turns more
+                    tried.append((_path(to_matrices(values[some])), to_matrices, values))
+    tried.sort(key=lambda attempt: attempt[0])
+    trusted = rows.stated is not None and not (rows.in_degrees and may_be_radians)
+    if rows.stated is not None and trusted and (not tried or _path(rows.stated[some]) <= JUMPS * tried[0][0]):
         return rows.stated
-    tried = [attempt for names, numbers in rows.sets for attempt in _candidates(names, numbers, rows.convention)]
-    for _, _, _, to_matrices, values in reversed(tried):  # radians come last
+    for _, to_matrices, values in tried:
         with suppress(InputError):
             turning: Array = to_matrices(values)
             return turning
     return rows.stated
+
+
+def _path(R: Array) -> float:
+    """How far an arm turns from row to row, in all."""
+    return float(np.sqrt(np.sum(np.diff(R, axis=0) ** 2, axis=(1, 2))).sum())
 
 
 def _turned_and_shifted(

@@ -19,7 +19,7 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import Convention
 from ..samples.recorded_poses import is_stream, recorded_poses
 from ..samples.samples import Samples
-from .options import Options
+from .options import IN_BASE_AXES, Options
 from .read import bag_blocks, name_of, read_streams, reader_of
 from .tables.columns import Column, ColumnRoles, Naming, OpenTable
 from .tables.orientations import orientation_columns, whole_sets
@@ -117,6 +117,8 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
         raise FileFormatError(
             f"{path}: found no column t, expected one in each of two files, on one clock: add the times"
         )
+    elif options.wrench_frame == "base":
+        raise FileFormatError(f"{path}: {IN_BASE_AXES}")
     else:
         place = _nearest(t[free], pose_t[posed])
     numbers = _joined([block.orientation[block.has_orientation] for block in pose_blocks])[place]
