@@ -73,10 +73,12 @@ def found_in(folder: Path, content: str, gravity: Array | None = None, **stated:
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", BY_FLAGS)
 def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Any tool, any mounting: with the flags of the verdict, `calibrate` finds the tool."""
+    """Any tool, any mounting: `calibrate` names `diagnose`, and with the flags of its verdict finds the tool."""
     wrong, flags = BY_FLAGS[mistake]
     rig, R, rng = example(list(BY_FLAGS).index(mistake), poses=15)
     path = written(tmp_path, wrong.text(R, noisy_readings(rig, R, NOISE, rng)))
+    first = run(capsys, "calibrate", path)
+    assert "contactwrench diagnose" in first.out + first.err or flags in first.err
     done = run(capsys, "diagnose", path)
     assert done.status == 0
     verdict = done.out.splitlines()[0]
@@ -320,7 +322,9 @@ def test_numbers_that_are_no_orientation_as_stated_are_diagnosed(
     lines = run(capsys, "diagnose", path).out.splitlines()
     assert lines[0].startswith("as given: cannot be read; with `--orientation yaskawa`: 0.")
     assert lines[2].startswith(f"As given: {path}: row ")
-    assert lines[2].endswith("if these are angles in degrees, say whose (--orientation yaskawa or staubli)")
+    assert lines[2].endswith(
+        "if these are angles in degrees, say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)"
+    )
 
 
 def test_columns_that_auto_does_not_know_are_diagnosed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
