@@ -87,6 +87,7 @@ def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsy
     calibration = json.loads(run(capsys, "calibrate", path, "--json", *shlex.split(flags)).out)
     assert calibration["weight"] == pytest.approx(rig.weight, abs=0.1)
     left = float(verdict.rpartition(": ")[2].split()[0])
+    assert np.linalg.norm(calibration["residual_rms"][:3]) <= 1.1 * left
     assert left == pytest.approx(np.sqrt(3.0) * NOISE[0], rel=0.35)
 
 
