@@ -44,7 +44,8 @@ def reaction(R: Array, wrench: Array) -> Array:
 
 
 def in_newton_millimetres(R: Array, wrench: Array) -> Array:
-    return wrench * np.repeat([1.0, 1e3], 3)
+    scaled: Array = wrench * np.repeat([1.0, 1e3], 3)
+    return scaled
 
 
 WAYS: dict[str, tuple[tuple[str, ...], Callable[[Array], Array], Callable[[Array, Array], Array], list[str]]] = {

@@ -197,7 +197,7 @@ def test_a_rotation_vector_of_more_than_a_turn_is_refused_as_angles_in_degrees()
     assert caught.value.row == 0
     assert str(caught.value) == (
         "orientation 0 is a rotation vector of 184.353 rad, expected at most a whole turn: if these are angles in "
-        "degrees, say whose (--orientation yaskawa or staubli)"
+        "degrees, say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)"
     )
 
 

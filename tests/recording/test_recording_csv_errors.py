@@ -247,7 +247,7 @@ def test_angles_in_degrees_are_not_read_as_a_rotation_vector_in_radians(tmp_path
     table = "fx,fy,fz,tx,ty,tz,rx,ry,rz\n1,2,3,4,5,6,0,0,0\n1,2,3,4,5,6,0,90,0\n"
     assert refusal(written(tmp_path, table)) == (
         "row 3, columns rx,ry,rz: found a rotation vector of 90 rad, expected at most a whole turn: if these are "
-        "angles in degrees, say whose (--orientation yaskawa or staubli)"
+        "angles in degrees, say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)"
     )
 
 

@@ -393,13 +393,6 @@ def test_flags_that_do_not_go_together(
     assert not Path("out.csv").exists()
 
 
-def test_diagnose_takes_one_table(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(capsys, "diagnose", "--wrench", "w.csv", "--pose", "p.csv").complaint == (
-        "w.csv: found the wrenches of two files, expected one with wrench and orientation in a row: diagnose a "
-        "recording of still poses in one table"
-    )
-
-
 def test_diagnose_passes_over_rows_that_lack_something(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = PANDA.read_text().splitlines()
     start = next(k for k, line in enumerate(lines) if not line.startswith("#"))

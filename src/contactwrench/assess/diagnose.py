@@ -4,15 +4,14 @@ Every interpretation that a person could have meant is tried, one of the orienta
 wrench's, and ranked by what a rigid tool leaves of it: first all of them in closed form (screening.py), then the best
 by the fit that `calibrate` makes.
 
-The model is `mount`: the mounting is free, the base is upright or as stated. With the base free too, a convention with
-its axes renamed fits as well as the right one, on a robot whose base lies on its side; so a base that leans is tried
-for the best interpretation and the stated one only, has to leave decisively less, and counts as a change. The affine
-model never enters: it would explain what no tool can.
+The model is the one that `calibrate` is asked for, `auto` as a rule, so that what is recommended is what `calibrate`
+then fits. A base that it finds to lean counts as a change: with axes renamed, a convention fits a robot whose base lies
+on its side as well as the right one. The affine model never enters: it would explain what no tool can.
 
 Of thousands of interpretations one may win by chance. They are compared by their marginal likelihood, which counts the
 few degrees of freedom that few poses leave, and by their prior: each change from what was stated has a probability of
 1 in 20. The stated one is given up only against overwhelming odds, also with the pose left out that fits it worst, as
-it may be in contact, and with a base that leans, and where the other leaves less than half.
+it may be in contact, and where the other leaves less than half.
 """
 
 from __future__ import annotations
@@ -21,18 +20,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..calibration.observability import LEVER
-from ..errors import InputError, UnobservableError
-from ..estimation.initial_guess import SEARCH_OF_MODEL, explained_by_guess
+from ..errors import InputError, UnobservableError, refuse
+from ..estimation.estimate import RigidEstimate
 from ..estimation.noise import PoseReadings
 from ..estimation.priors import Question
 from ..estimation.rigid import estimated
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange
-from .interpretations import COST_OF_CHANGE, LEANING_FLAG, Interpretation, Interpretations, as_read
+from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
 
+MODELS = ("auto", "yaw", "mount", "mount+base")
+"""Of a rigid tool, with one weight."""
+
 FEWEST_POSES = 5
+MOST_RANKED = 6
+"""Interpretations besides the stated one that are fitted by the model that is asked for, the best by `mount`."""
 
 DECISIVE = 20.0
 """-2 log of the odds that a stated interpretation must be worse by, its prior counted: 1 to 22,000."""
@@ -49,8 +52,8 @@ explained by no weight at all.
 """
 
 SURE_WEIGHT = 3.0
-WORTH_LEANING = 0.7
-"""Of the readings' scatter, that the nearest of a few dozen directions of gravity explains."""
+ANYWHERE = 0.5
+"""Probability of a base that points anywhere, from which on `auto` takes it to lean."""
 
 TIE_REACH = 1.5
 """In changes: members of a class that are less likely than its best by more are not worth a line."""
@@ -72,10 +75,10 @@ class Explanation:
     """What a rigid tool makes of an interpretation.
 
     `force_left` N and `torque_left` N m: root mean square of the norm of what is left in a pose, the fitted parameters
-    counted; `weight` N; `com` (3,) m; `lean` rad, of gravity from the stated direction, zero unless the base is free;
-    `odds` -2 log of the odds against it, up to a constant, the costs of its changes counted. Of the stated
-    interpretation also `odds_in_contact`, the same where the pose that fits it worst is in contact, and the same
-    interpretation with the base `leaning`, None where that explains nothing.
+    counted; `weight` N; `com` (3,) m; `lean` rad, of gravity from the stated direction, zero unless the base is found
+    to lean; `cost` of its changes, the lean among them; `odds` -2 log of the odds against it, up to a constant, the
+    cost counted. Of the stated interpretation also `odds_in_contact`, the same where the pose that fits it worst is in
+    contact.
     """
 
     interpretation: Interpretation
@@ -84,14 +87,19 @@ class Explanation:
     weight: float
     com: Array
     lean: float
+    cost: float
     odds: float
     odds_in_contact: float = np.inf
-    leaning: Explanation | None = None
 
     @property
     def explained(self) -> bool:
         """Whether a tool is there and leaves little of its weight."""
         return self.force_left < WELL_EXPLAINED * self.weight
+
+    @property
+    def explains_nothing(self) -> bool:
+        """Whether no tool is there, or so much of its weight is left that any other file would do as well."""
+        return not self.force_left <= LEFT_BY_NO_TOOL * self.weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +107,11 @@ class Diagnosis:
     """`given`: the stated interpretation, None where it cannot be read. `best`: the one to use, which is the stated one
     unless another is decisively better. `ranked`: the best of each class, best first. `alike`: those that
     free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the `observations`
-    that would decide between those. `n` poses, `tried` interpretations.
+    that would decide between those. `n` poses, `tried` interpretations, fitted by `model`.
     """
 
     source: str
+    model: str
     n: int
     tried: int
     given: Explanation | None
@@ -119,12 +128,20 @@ class Diagnosis:
         return self.best is self.given
 
 
-def diagnose(file: Interpretations) -> Diagnosis:
+def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     """Rank all ways to read a file by what a rigid tool leaves of them.
 
-    Raises `UnobservableError` for fewer than 5 poses, and `InputError` where no interpretation makes rotations.
+    Args:
+        file: what it holds, and all ways to read it.
+        model: that `calibrate` will be asked for: auto, yaw, mount or mount+base.
+
+    Raises:
+        InputError: another model, or no interpretation makes rotations.
+        UnobservableError: fewer than 5 poses.
     """
     n = len(file.wrench)
+    other = f"model {model!r} tells no reading from another, expected one of {', '.join(MODELS)}: take auto"
+    refuse((model not in MODELS, other))
     if n < FEWEST_POSES:
         raise UnobservableError(
             f"{file.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "
@@ -136,23 +153,24 @@ def diagnose(file: Interpretations) -> Diagnosis:
             "hold an orientation"
         )
     screening = screened(file)
-    given = None if file.given is None else _excused(file, _explained(file, file.given))
+    given = None if file.given is None else _excused(file, _explained(file, file.given, model))
     fits = [] if given is None else [given]
-    fits += [_explained(file, file.interpretation(*place)) for place in screening.classes()]
-    likeliest = min(fits, key=lambda fit: fit.odds)
-    leaning = [] if likeliest is given else [(_leaning(file, likeliest.interpretation), likeliest)]
-    leaning += [] if given is None else [(given.leaning, given)]
-    fits += [fit for fit, upright in leaning if fit is not None and _decisively_better(fit, upright)]
+    promising = [_explained(file, file.interpretation(*place), "mount") for place in screening.classes()]
+    promising.sort(key=lambda fit: fit.odds)
+    fits += [_explained(file, fit.interpretation, model) for fit in promising[:MOST_RANKED]]
     fits.sort(key=lambda fit: fit.odds)
-    as_good = (fit for fit in fits if not any(_decisively_better(other, fit) for other in fits))
-    best = _in_likeliest_unit(file, min(as_good, key=lambda fit: fit.interpretation.cost))
+    as_good = [fit for fit in fits if not any(_decisively_better(other, fit) for other in fits)]
+    chosen = given if given in as_good else min(as_good, key=lambda fit: fit.cost)
+    best = _in_likeliest_unit(file, chosen)
     ranked: dict[Interpretation, Explanation] = {}
     for fit in (best, *fits):
         ranked.setdefault(fit.interpretation, fit)
     alike = _alike(file, screening, best, fits)
-    likely = [interpretation for interpretation in alike if interpretation.cost <= best.interpretation.cost + TIE_REACH]
+    likely = [] if best.explains_nothing else [each for each in alike if each.cost <= best.cost + TIE_REACH]
+    leans = any(fit.lean > 0.0 for fit in (best, *fits) if fit is best or fit.interpretation in likely)
     return Diagnosis(
         source=file.source,
+        model=model,
         n=n,
         tried=screening.odds.size,
         given=given,
@@ -160,47 +178,56 @@ def diagnose(file: Interpretations) -> Diagnosis:
         ranked=tuple(ranked.values()),
         alike=tuple(alike),
         likely=len(likely),
-        observations=file.observations(best.interpretation, likely),
+        observations=file.observations(best.interpretation, likely, leans),
         complaint=file.complaint,
     )
 
 
-def _explained(file: Interpretations, interpretation: Interpretation, model: str = "mount") -> Explanation:
+def _explained(file: Interpretations, interpretation: Interpretation, model: str) -> Explanation:
     """What the fit of a rigid tool makes of an interpretation. Of the degrees of freedom each parameter takes its share
     where the readings settle it: torques that settle the mounting explain nothing by being explained.
     """
     R, wrench = as_read(file, interpretation)
     down = -file.down if interpretation.reversed_gravity else file.down
-    tool, left, taken, sure = _fitted(R, wrench, model, down)
-    lean = 0.0
-    if model == "mount+base":
-        lean = float(np.arccos(np.clip(tool.gravity_direction @ down, -1.0, 1.0)))
-        cost = interpretation.cost + LEANING_BASE * (1.0 + lean / (0.5 * np.pi))
-        interpretation = replace(interpretation, flags=(*interpretation.flags, LEANING_FLAG), cost=cost)
+    tool, left, taken, sure, lean = _fitted(R, wrench, model, down)
+    cost = interpretation.cost + (LEANING_BASE * (1.0 + lean / MOST_LEAN) if lean > 0.0 else 0.0)
     squares = _of_kinds(left)
     dof = np.maximum(3.0 * len(R) - taken, LEAST_DOF)
-    of_base = len(GRAVITY) if model == "mount+base" else 0
+    of_base = len(GRAVITY) if lean > 0.0 else 0
     force_left, torque_left = np.sqrt(3.0 * squares / (3.0 * len(R) - PARAMETERS - of_base))
     squares = np.maximum(squares, NOTHING_LEFT**2 * _of_kinds(wrench))
     scatter = scatter_of(file.wrench, file.wrenches[interpretation.wrench].matrix)[0]
-    odds = float(misfit(squares, dof, scatter))
-    odds += COST_OF_CHANGE * (interpretation.cost + NO_TOOL * (not sure))
+    odds = float(misfit(squares, dof, scatter)) + COST_OF_CHANGE * (cost + NO_TOOL * (not sure))
     com = read_only(tool.com)
-    return Explanation(interpretation, float(force_left), float(torque_left), tool.weight, com, lean, odds)
+    return Explanation(interpretation, float(force_left), float(torque_left), tool.weight, com, lean, cost, odds)
 
 
-def _fitted(R_base_flange: Array, wrench: Array, model: str, down: Array) -> tuple[RigidTool, Array, Array, bool]:
+def _fitted(
+    R_base_flange: Array, wrench: Array, model: str, down: Array
+) -> tuple[RigidTool, Array, Array, bool, float]:
     """The rigid tool, what it leaves (n, 6), the degrees of freedom (2,) that its parameters take of forces and of
-    torques, and whether its weight is sure; a tool of no weight where none fits.
+    torques, whether its weight is sure, and by how much (rad) the base leans; a tool of no weight where none fits.
     """
     if float(np.mean(np.var(gravity_in_flange(R_base_flange, down), axis=0))) > LEAST_TILT:
         readings = PoseReadings(R_base_flange, wrench, np.zeros_like(wrench))
         fit = estimated(readings, Question(model, down), plain=True)
+        lean = _lean(fit, model, down)
+        if lean > MOST_LEAN:
+            fit, lean = estimated(readings, Question("mount", down), plain=True), 0.0
         if fit.tool.weight > 0.0:
             sure = fit.tool.weight > SURE_WEIGHT * float(np.sqrt(fit.covariance[0, 0]))
-            return fit.tool, fit.residuals, 3.0 * len(wrench) - fit.readings_left, sure
+            return fit.tool, fit.residuals, 3.0 * len(wrench) - fit.readings_left, sure, lean
     bias = wrench.mean(axis=0)
-    return RigidTool(0.0, np.zeros(3), bias, np.eye(3), down), wrench - bias, np.full(2, 3.0), False
+    none = RigidTool(0.0, np.zeros(3), bias, np.eye(3), down)
+    return none, wrench - bias, np.full(2, 3.0), False, 0.0
+
+
+def _lean(fit: RigidEstimate, model: str, down: Array) -> float:
+    """The angle (rad) of gravity from the stated direction; 0 where the model holds it, or keeps it close."""
+    by_belief = fit.beliefs is not None and fit.beliefs.any_base > ANYWHERE
+    if not (by_belief if model == "auto" else model == "mount+base"):
+        return 0.0
+    return float(np.arccos(np.clip(fit.tool.gravity_direction @ down, -1.0, 1.0)))
 
 
 def _of_kinds(values: Array) -> Array:
@@ -210,7 +237,7 @@ def _of_kinds(values: Array) -> Array:
 
 
 def _excused(file: Interpretations, given: Explanation) -> Explanation:
-    """The stated interpretation with its best excuse: a right file may have a pose in contact, or a base that leans."""
+    """The stated interpretation with its excuse: a right file may have a pose in contact."""
     interpretation = given.interpretation
     o, w = file.orientations[interpretation.orientation], file.wrenches[interpretation.wrench]
     n = len(o.R_base_flange)
@@ -218,26 +245,12 @@ def _excused(file: Interpretations, given: Explanation) -> Explanation:
     squares, dof = screen(others, [w], file.wrench, file.down)
     without = misfit(squares, dof, scatter_of(file.wrench, w.matrix))[:, 0, interpretation.place[2]]
     in_contact = float(without.min()) + COST_OF_CHANGE * (interpretation.cost + POSE_IN_CONTACT)
-    return replace(given, odds_in_contact=in_contact, leaning=_leaning(file, interpretation))
-
-
-def _leaning(file: Interpretations, interpretation: Interpretation) -> Explanation | None:
-    """The fit with the direction of gravity free; None where no direction on the stated side explains the file."""
-    R, wrench = as_read(file, interpretation)
-    down = -file.down if interpretation.reversed_gravity else file.down
-    scatter = (wrench - wrench.mean(axis=0)) / np.repeat([1.0, LEVER], 3)
-    if explained_by_guess(R, wrench, SEARCH_OF_MODEL["mount+base"], down) < WORTH_LEANING * float(np.sum(scatter**2)):
-        return None
-    leaning = _explained(file, interpretation, "mount+base")
-    return leaning if leaning.lean <= MOST_LEAN else None
+    return replace(given, odds_in_contact=in_contact)
 
 
 def _decisively_better(one: Explanation, other: Explanation) -> bool:
     """Whether `other` is to be given up for `one`, which must explain the file for that, and not just less badly."""
-    excused = min(other.odds, other.odds_in_contact)
-    if other.leaning is not None and one.interpretation.place != other.interpretation.place:
-        excused = min(excused, other.leaning.odds)
-    if one is other or excused - one.odds < DECISIVE or one.force_left > LEFT_BY_NO_TOOL * one.weight:
+    if one is other or min(other.odds, other.odds_in_contact) - one.odds < DECISIVE or one.explains_nothing:
         return False
     less_force = one.force_left < LESS_THAN_HALF * other.force_left
     return less_force or one.torque_left < LESS_THAN_HALF * other.torque_left
@@ -246,7 +259,7 @@ def _decisively_better(one: Explanation, other: Explanation) -> bool:
 def _in_likeliest_unit(file: Interpretations, best: Explanation) -> Explanation:
     """The same tool with the torque in another unit, where its centre of mass is then the likelier one."""
     own, factor = best.interpretation, file.torque_unit.factor
-    if best.force_left > LEFT_BY_NO_TOOL * best.weight or _oddity_of(factor * best.com) >= _oddity_of(best.com):
+    if best.explains_nothing or _oddity_of(factor * best.com) >= _oddity_of(best.com):
         return best
     return replace(
         best,
@@ -270,7 +283,7 @@ def _alike(
     own = best.interpretation
     alike = [fit.interpretation for fit in fits if not _decisively_better(best, fit)]
     other_unit = own.torque_factor != 1.0
-    for place in [] if LEANING_FLAG in own.flags else np.argwhere(screening.class_of(own.place)).tolist():
+    for place in [] if best.lean > 0.0 else np.argwhere(screening.class_of(own.place)).tolist():
         alike += [file.interpretation(*place, by_gravity=turned, other_unit=other_unit) for turned in (False, True)]
     others = {(interpretation.flags, interpretation.mends): interpretation for interpretation in alike}
     others.pop((own.flags, own.mends), None)

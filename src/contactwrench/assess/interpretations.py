@@ -23,8 +23,6 @@ REVERSED_SIGN = 1.0
 REVERSED_GRAVITY = 1.2
 """What a change costs, in changes as likely as a wrong flag."""
 
-LEANING_FLAG = "--model mount+base"
-
 PUSH = (
     "push the tool by hand along +x, +y and +z of the sensor: if fx, fy and fz rise, each in its turn, sign and axes "
     "are as the file names them; if all fall, --sign reaction; if one falls, it is reversed; if another one moves, the "
@@ -141,8 +139,8 @@ class Interpretations:
         factor = self.torque_unit.factor if other_unit else 1.0
         return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 
-    def observations(self, best: Interpretation, others: Sequence[Interpretation]) -> tuple[str, ...]:
-        """What would tell the best from the others."""
+    def observations(self, best: Interpretation, others: Sequence[Interpretation], leans: bool) -> tuple[str, ...]:
+        """What would tell the best from the others, by one of which the base `leans`."""
 
         def forces(interpretation: Interpretation) -> Array:
             return self.wrenches[interpretation.wrench].matrix[:3] * (-1.0 if interpretation.negated else 1.0)
@@ -151,7 +149,7 @@ class Interpretations:
             PUSH: any(not np.array_equal(forces(other), forces(best)) for other in others),
             SEE_COM: any(other.wrench != best.wrench or other.torque_factor != best.torque_factor for other in others),
             SEE_POSE: any(other.orientation != best.orientation for other in others),
-            SEE_BASE: any(LEANING_FLAG in other.flags or other.reversed_gravity for other in (best, *others)),
+            SEE_BASE: leans or any(other.reversed_gravity for other in (best, *others)),
         }
         return tuple(observation for observation, decides in decisive.items() if decides)
 

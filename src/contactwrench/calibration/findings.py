@@ -25,6 +25,7 @@ class Severity(StrEnum):
 class Kind(StrEnum):
     """What a finding is of."""
 
+    ANGLES_IN_DOUBT = "angles_in_doubt"
     SATURATED_ROWS = "saturated_rows"
     LOADED_ROWS = "loaded_rows"
     STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
@@ -41,6 +42,7 @@ class Kind(StrEnum):
     SIGN_NOT_CONFIRMED = "sign_not_confirmed"
     MIRRORED_AXIS = "mirrored_axis"
     UNCERTAIN_PARAMETER = "uncertain_parameter"
+    PAYLOAD_SUBTRACTED = "payload_subtracted"
     ADVICE = "advice"
     FEW_DEGREES_OF_FREEDOM = "few_degrees_of_freedom"
     UNEQUAL_NOISE = "unequal_noise"
@@ -73,6 +75,7 @@ class Doubt(StrEnum):
 BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
 DOUBT_OF_KIND = {
     Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
+    Kind.ANGLES_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
     **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }

@@ -17,7 +17,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.fields import Alternative
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import describe
-from ..errors import UnobservableError, refuse
+from ..errors import AmbiguityError, UnobservableError, refuse
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
@@ -90,10 +90,13 @@ def calibrate(
         question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
+    likelier = f"; but {samples.doubt}" if samples.doubt else ""
     try:
         return assembled(recorded, question, origin)
     except UnobservableError as error:
-        raise UnobservableError(f"{error}{recorded.what_was_still}") from None
+        raise UnobservableError(f"{error}{recorded.what_was_still}{likelier}") from None
+    except AmbiguityError as error:
+        raise AmbiguityError(f"{error}{likelier}") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +206,10 @@ def _first_time(samples: Samples) -> float:
 
 
 def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The rows without load and saturation, and what there is to say of the samples."""
+    doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
     samples, notes = samples.unsaturated()
-    findings = tuple(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes)
+    findings = (*doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
         return samples, findings
     free = samples.load_mass == 0.0

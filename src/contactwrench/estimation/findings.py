@@ -22,6 +22,7 @@ from .affine import force_matrix
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .priors import Question, rows_of
+from .subtracted_payload import LIGHTEST_TOOL, LIKELIEST_CAUSE, weighs_next_to_nothing
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
@@ -51,6 +52,9 @@ MOST_MOVED = 1.0 / 3.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
+OF_READING = (Kind.POOR_FIT, Kind.FAR_CENTRE_OF_MASS)
+"""Of a file that is read wrongly: where no tool is found and less is left than one weighs, no reading mends that."""
+
 Row: TypeAlias = tuple[bool, Callable[[Kind, str], Finding], Kind, str]
 WEAK, DOUBTFUL = Finding.weak, Finding.doubtful
 NOTE, WARNING, REFUSED = (
@@ -67,8 +71,10 @@ def doubts(
     estimate: Estimate, readings: PoseReadings, question: Question, trade_offs: tuple[str, ...]
 ) -> list[Finding]:
     """What an estimate from `readings`, those kept, cannot be trusted with."""
+    of_payload: list[Finding] = []
     rows = _uncertain_noise(estimate, stated=question.noise is not None and question.model != "paper")
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
+        of_payload = _subtracted_payload(estimate, readings)
         rows += [*_read_wrongly(estimate), _cross_talk(estimate, readings)]
     rows.append(_correlated_poses(estimate))
     if isinstance(estimate, RigidEstimate) and question.earlier is not None:
@@ -76,7 +82,22 @@ def doubts(
     else:
         text = "no pose can be left out for a held-out error: record more poses"
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
-    return uncertain_parameters(estimate, readings, trade_offs) + _those_that_hold(rows)
+    found = _those_that_hold(rows)
+    if any(finding.severity is Severity.WEAK for finding in of_payload):
+        too_little = estimate.force_left < LIGHTEST_TOOL
+        return of_payload + [finding for finding in found if not (too_little and finding.kind in OF_READING)]
+    return of_payload + uncertain_parameters(estimate, readings, trade_offs) + found
+
+
+def _subtracted_payload(fit: RigidEstimate, readings: PoseReadings) -> list[Finding]:
+    """Next to no weight, though the poses would show one."""
+    if not weighs_next_to_nothing(fit.tool, readings.R_base_flange):
+        return []
+    weight, std = fit.tool.weight, float(np.sqrt(fit.covariance[0, 0]))
+    found = f"weight {weight:.2g} +- {std:.2g} N is next to nothing, though the poses tilt the tool"
+    if std > WEIGHT_SHARE * weight:
+        return [WEAK(Kind.PAYLOAD_SUBTRACTED, f"{found}: {LIKELIEST_CAUSE}")]
+    return [NOTE(Kind.PAYLOAD_SUBTRACTED, f"{found}; if it weighs more, {LIKELIEST_CAUSE}")]
 
 
 def uncertain_parameters(fit: Estimate, readings: PoseReadings, trade_offs: tuple[str, ...]) -> list[Finding]:

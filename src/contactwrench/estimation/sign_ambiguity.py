@@ -18,10 +18,12 @@ from ..errors import AmbiguityError, UnobservableError
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool
 from .estimate import RigidEstimate
+from .findings import POOR_SHARE
 from .initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from .noise import PoseReadings
 from .priors import Question, rows_of
 from .rigid import estimated
+from .subtracted_payload import LIGHTEST_TOOL, LIKELIEST_CAUSE
 
 FEWEST_POSES_WITH_BASE = 4
 HELD_GRAVITY = ("yaw", "mount")
@@ -56,20 +58,21 @@ def checked(estimate: RigidEstimate, readings: PoseReadings, question: Question)
     if estimate.weight_z is not None:
         as_yaw = replace(question, model="yaw", noise=None)
         findings = check_sign(estimated(readings, as_yaw, plain=True), readings, "yaw", as_yaw)
-        require_positive_weight(estimate.weight_z, stated, PAPER_HINT)
+        require_positive_weight(estimate.weight_z, stated, estimate.force_left, PAPER_HINT)
         return findings
     if question.earlier is not None:
-        require_positive_weight(tool.weight, stated)
+        require_positive_weight(tool.weight, stated, estimate.force_left)
         return ()
     model = question.model if question.model != "auto" else _model_freed(estimate)
     kept = readings.select(estimate.kept)
     require_answerable(estimate, kept, model, question)
     if model not in HELD_GRAVITY:
-        require_stated_side(tool, stated, float(np.sqrt(np.linalg.eigvalsh(estimate.covariance[-2:, -2:])[-1])))
+        std = float(np.sqrt(np.linalg.eigvalsh(estimate.covariance[-2:, -2:])[-1]))
+        require_stated_side(tool, stated, std, estimate.force_left)
     if not estimate.kept.all():
         check_sign(estimate, readings, model, question)
     findings = check_sign(estimate, kept, model, question)
-    require_positive_weight(tool.weight, stated)
+    require_positive_weight(tool.weight, stated, estimate.force_left)
     return findings
 
 
@@ -101,7 +104,7 @@ def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: s
     if not (estimate.singular_values[-1] > 0.0 and there_is_a_weight):
         raise UnobservableError(
             "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
-            "columns hold what the sensor read"
+            f"columns hold what the sensor read: {LIKELIEST_CAUSE}"
         )
 
 
@@ -134,7 +137,7 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
             f"a tool explains these readings only with a negative weight: {left:.3g} N are left as given, "
             f"{left_negated:.3g} N with force and torque negated; either the sensor reports the reaction (--sign "
             f"reaction), or gravity points the other way (--gravity {negated(stated)}), or one axis is "
-            "mirrored; free air cannot tell, one push by hand can"
+            f"mirrored; free air cannot tell, one push by hand can{_otherwise(rival.tool.weight, left_negated)}"
         )
     explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ stated >= 0.0
@@ -142,9 +145,9 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
     return (NOT_CONFIRMED,) if tie else ()
 
 
-def require_stated_side(tool: RigidTool, stated: Array, std: float) -> None:
+def require_stated_side(tool: RigidTool, stated: Array, std: float, left: float) -> None:
     """Raise `AmbiguityError` if gravity was found surely more than 90 deg from the stated direction (3,): a robot on a
-    wall is right there, give or take `std` rad.
+    wall is right there, give or take `std` rad. `left` N in the poses.
     """
     angle = np.rad2deg(np.arccos(np.clip(tool.gravity_direction @ stated, -1.0, 1.0)))
     if angle > 90.0 + SURE_SIDE * np.rad2deg(std):
@@ -152,18 +155,32 @@ def require_stated_side(tool: RigidTool, stated: Array, std: float) -> None:
         raise AmbiguityError(
             f"gravity comes out {angle:.0f} deg from the stated direction: either the sensor reports the reaction "
             f"(--sign reaction), or the base is mounted that way (--gravity {found}); free air cannot tell, one push "
-            "by hand can"
+            f"by hand can{_otherwise(tool.weight, left)}"
         )
 
 
-def require_positive_weight(weight: float, gravity_direction: Array, hint: str = "") -> None:
-    """Raise `AmbiguityError` for a weight (N) that is not above zero; `hint` is one of the model's own."""
+def require_positive_weight(weight: float, gravity_direction: Array, left: float, hint: str = "") -> None:
+    """Raise `AmbiguityError` for a weight (N) that is not above zero, with `left` N in the poses; `hint` is one of the
+    model's own.
+    """
     if weight <= 0.0:
         raise AmbiguityError(
             f"the weight comes out as {weight:.3g} N, expected above 0: {hint}either the sensor reports the reaction "
             f"(--sign reaction), or gravity points the other way (--gravity {negated(gravity_direction)}), or the "
-            "poses cannot tell; one push by hand decides"
+            f"poses cannot tell; one push by hand decides{_otherwise(weight, left)}"
         )
+
+
+def _otherwise(weight: float, left: float) -> str:
+    """What else a sign that is wrong may come from, where there is next to no weight (N), or much is `left` (N)."""
+    if max(abs(weight), left) < LIGHTEST_TOOL:
+        return f"; of so little weight {LIKELIEST_CAUSE}"
+    if left > POOR_SHARE * abs(weight):
+        return (
+            f"; but {left:.2g} N are left so too, and likelier the file is read wrongly: contactwrench diagnose tries "
+            "the other ways to read it"
+        )
+    return ""
 
 
 def negated(direction: Array) -> str:

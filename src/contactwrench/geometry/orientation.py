@@ -140,7 +140,7 @@ def _from_rotation_vector(vectors: Array) -> Array:
         row = int(np.argmax(wrong))
         raise InputError(
             f"orientation {row} is a rotation vector of {length[row]:.6g} rad, expected at most a whole turn: if these "
-            "are angles in degrees, say whose (--orientation yaskawa or staubli)",
+            "are angles in degrees, say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)",
             row,
         )
     matrices: Array = Rotation.from_rotvec(vectors).as_matrix()

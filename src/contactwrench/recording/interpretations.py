@@ -8,9 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise, permutations
+from itertools import permutations
 from pathlib import Path
 from typing import TypeAlias
 
@@ -22,23 +21,22 @@ from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
 from .options import AS_USUAL, Options
-from .read import bag_blocks, name_of, reader_of
-from .tables.columns import Column, Naming
+from .tables.columns import Column
 from .tables.names import stated_unit
-from .tables.orientations import orientation_columns, whole_sets
-from .tables.roles import roles_beside, wrench_columns
-from .tables.table import open_table, rotations, written_rows
 from .tables.units import ANGLE
+from .written_poses import Written, poses_of, rows_as_written
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
 """What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
 
-MOST_ROWS = 20_000
 MOST_POSES = 300
 """A longer recording is thinned: a wrong interpretation shows in a few dozen poses."""
 
-STILL = float(np.deg2rad(0.2))
+ROWS_LOOKED_AT = 10_000
+JUMPS = 3.0
+"""Times the shortest path, from which on an orientation jumps by its convention: angles beyond a half turn begin anew.
+"""
 
 TURNED_AXES = (*map("".join, permutations("XYZ")), *(f"{a}{b}{a}" for a, b in permutations("XYZ", 2)))
 FORMULAS_OF_ANGLES = (*TURNED_AXES, *(letters.lower() for letters in TURNED_AXES), "rotvec")
@@ -48,47 +46,28 @@ _Attempt: TypeAlias = tuple[str, tuple[str, ...], float, Callable[[Array], Array
 """What --orientation takes for it, mends and cost, a formula, and the numbers that may make rotations by it."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Written:
-    """What a table holds of contact-free poses before anything is made of their orientation.
-
-    `wrench` (n, 6) N and N m of the poses. `sets` of columns that could be an orientation, by their names in the file,
-    and their numbers (n, k) as they stand: one that was asked for or that the names tell, which `convention` makes the
-    rotations `stated` (n, 3, 3) of; else all. `complaint`: why there is no convention, or no rotation.
-    """
-
-    wrench: Array
-    wrench_columns: tuple[Column, ...]
-    sets: tuple[tuple[tuple[str, ...], Array], ...]
-    convention: Convention | None
-    stated: Array | None
-    complaint: str | None
-
-
 def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Array | None = None) -> Interpretations:
     """All interpretations of a file: of its orientation, times those of its wrench.
 
-    Rows with a load or a saturated channel are left out; rows that follow each other at one orientation are averaged.
+    The poses are those that `calibrate` takes, each visit to an orientation for itself. Of a wrench without an
+    orientation in its row, a bag's or one of two files, base axes are no interpretation: nothing reads it so.
 
     Args:
-        path: a table.
+        path: a recording.
         options: the stated interpretation.
         gravity: (3,) the stated direction, base axes.
 
     Raises:
         FileAccessError: where the file cannot be read.
-        FileFormatError: for a bag, and where columns are missing or hold no numbers, or all rows have a load.
-        InputError: for options that are none.
+        FileFormatError: where columns are missing or hold no numbers, or all rows have a load.
+        InputError: for options that are none, and for a stream in which the arm never stands still.
     """
-    if reader_of(path, options) is bag_blocks:
-        raise FileFormatError(
-            f"{path}: found a bag, expected a table: its messages say how an orientation is written, try --sign and "
-            "--inverse-orientation"
-        )
-    written = _written(path, options.naming)
-    n = len(written.wrench)
-    if not n:
+    rows = rows_as_written(path, options)
+    if not len(rows.wrench):
         raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
+    turning = _turning(rows)
+    written = rows if turning is None else poses_of(rows, turning)
+    n = len(written.wrench)
     picked = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(np.intp))
     stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
     candidates: list[OrientationInterpretation] = []
@@ -103,10 +82,10 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     for each in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda o: o.cost):
         distinct.setdefault(repr(each.rows).encode() + np.round(each.R_base_flange, 9).tobytes(), each)
     return Interpretations(
-        source=name_of(path),
+        source=written.source,
         wrench=written.wrench[picked],
         orientations=tuple(distinct.values()),
-        wrenches=tuple(_of_wrench(options.wrench_frame)),
+        wrenches=tuple(_of_wrench(options.wrench_frame, written.in_rows)),
         sign=options.sign,
         gravity=gravity,
         torque_unit=_other_torque_unit(written.wrench_columns[3:]),
@@ -114,65 +93,35 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     )
 
 
-def _written(path: str | Path, naming: Naming) -> _Written:
-    """Read a table without making rotations of its orientation, but for those that it states. Raises as `read`, but not
-    for numbers that are no rotation, nor where `auto` cannot choose between columns that all could be one.
-
-    Of a recording with times only rows that have a wrench and an orientation are kept, and none with a saturated
-    channel or a load; a long one is thinned.
+def _turning(rows: Written) -> Array | None:
+    """Rotations (n, 3, 3) of the orientation's numbers that tell one stop from the next: as stated, unless these may be
+    radians that are read in degrees, or jump where the numbers are stitched together; else by the convention by which
+    the arm turns least. None where no convention makes any.
     """
-    table = open_table(path, naming)
-    of_wrench = wrench_columns(table, naming)
-    convention, complaint = None, None
-    try:
-        convention, angles = orientation_columns(table, naming)
-        sets = [angles]
-    except FileFormatError as error:
-        complaint = str(error)
-        sets = whole_sets(table, naming) if naming.orientation == "auto" else []
-        if not sets:
-            raise
-    as_they_stand = [replace(column, per_si=1.0) for columns in sets for column in columns]
-    roles = replace(roles_beside(table, naming, of_wrench, None, as_they_stand), t=())
-    parts, stated = [], []
-    for body in table.bodies(roles.columns):
-        rows = written_rows(body, roles)
-        kept = rows.has_wrench & rows.has_orientation & ~(rows.saturated == 1.0).any(axis=1)
-        parts.append((rows.wrench[kept], rows.load[kept], rows.orientation[kept]))
-        if convention is not None and complaint is None:
-            in_si = parts[-1][2] / np.array([column.per_si for column in sets[0]])
-            try:
-                stated.append(rotations(convention, sets[0], in_si, body, kept))
-            except FileFormatError as error:
-                complaint = str(error)
-    wrench, load, numbers = (np.concatenate(values) for values in zip(*parts, strict=True))
-    free = np.flatnonzero(load[:, 0] == 0.0) if roles.load else np.arange(len(wrench))
-    free = free[:: 1 + len(free) // MOST_ROWS]
-    of_sets = np.split(numbers, np.cumsum([len(columns) for columns in sets])[:-1].tolist(), axis=1)
-    middle, means = _still_poses(wrench[free], [of_set[free] for of_set in of_sets])
-    middle = free[middle]
-    names = [tuple(column.name for column in columns) for columns in sets]
-    return _Written(
-        wrench=means,
-        wrench_columns=tuple(of_wrench),
-        sets=tuple(zip(names, [of_set[middle] for of_set in of_sets], strict=True)),
-        convention=convention,
-        stated=np.concatenate(stated)[middle] if complaint is None else None,
-        complaint=complaint,
-    )
+    may_be_radians = all(np.abs(numbers).max(initial=0.0) <= LONGEST_ROTATION_VECTOR for _, numbers in rows.sets)
+    some = slice(None, None, 1 + len(rows.wrench) // ROWS_LOOKED_AT)
+    tried: list[tuple[float, Callable[[Array], Array], Array]] = []
+    for names, numbers in rows.sets:
+        attempts = [(to_matrices, values) for *_, to_matrices, values in _candidates(names, numbers, rows.convention)]
+        largest = max((float(np.abs(values).max(initial=0.0)) for _, values in attempts), default=0.0)
+        for to_matrices, values in attempts:
+            with suppress(InputError):
+                if float(np.abs(values).max(initial=0.0)) >= 0.5 * largest:  # of two units the one that turns more
+                    tried.append((_path(to_matrices(values[some])), to_matrices, values))
+    tried.sort(key=lambda attempt: attempt[0])
+    trusted = rows.stated is not None and not (rows.in_degrees and may_be_radians)
+    if rows.stated is not None and trusted and (not tried or _path(rows.stated[some]) <= JUMPS * tried[0][0]):
+        return rows.stated
+    for _, to_matrices, values in tried:
+        with suppress(InputError):
+            turning: Array = to_matrices(values)
+            return turning
+    return rows.stated
 
 
-def _still_poses(wrench: Array, sets: list[Array]) -> tuple[NDArray[np.intp], Array]:
-    """The middle row (m,) of all rows in turn at one orientation, and their mean wrench (m, 6)."""
-    in_deg = [part.shape[1] == 3 and np.abs(part).max(initial=0.0) > LONGEST_ROTATION_VECTOR for part in sets]
-    rows = np.hstack([np.deg2rad(part) if deg else part for part, deg in zip(sets, in_deg, strict=True)]).tolist()
-    starts: list[int] = []
-    for k, row in enumerate(rows):
-        if not starts or any(abs(a - b) > STILL for a, b in zip(row, rows[starts[-1]], strict=True)):
-            starts.append(k)
-    segments = list(pairwise([*starts, len(rows)]))
-    means = [wrench[a:b].mean(axis=0) for a, b in segments]
-    return np.array([(a + b) // 2 for a, b in segments], dtype=np.intp), np.array(means).reshape(-1, 6)
+def _path(R: Array) -> float:
+    """How far an arm turns from row to row, in all."""
+    return float(np.sqrt(np.sum(np.diff(R, axis=0) ** 2, axis=(1, 2))).sum())
 
 
 def _turned_and_shifted(
@@ -252,9 +201,9 @@ def _flag(named: Convention, columns: tuple[str, ...]) -> str:
     return named.name if _bare(columns) == named.columns else f"{named.name}:{','.join(columns)}"
 
 
-def _of_wrench(stated_frame: str) -> Iterator[WrenchInterpretation]:
+def _of_wrench(stated_frame: str, in_rows: bool) -> Iterator[WrenchInterpretation]:
     """Every interpretation of the wrench but for its sign, the stated one first."""
-    for frame in (stated_frame, "base" if stated_frame == "sensor" else "sensor"):
+    for frame in (stated_frame, "base" if stated_frame == "sensor" else "sensor") if in_rows else ("sensor",):
         flags = ("--wrench-frame base",) if frame == "base" else ()
         for mends, cost, matrix in _axes(frame):
             yield WrenchInterpretation(flags, mends, cost + FRAME * (frame != stated_frame), matrix, frame == "base")
@@ -293,6 +242,8 @@ def _blocks(of_force: Array, of_torque: Array) -> Array:
 
 def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:
     """N mm where the file states N m, and the other way round."""
+    if not torque:
+        return TorqueUnit(1e-3, "the torque in N mm", TORQUE_UNIT)
     in_nmm = torque[0].per_si == 1e3
     factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
     new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))

@@ -18,6 +18,7 @@ from ..errors import FileFormatError, InputError
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
+from .tables.angles import angles_in_doubt
 from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
@@ -164,7 +165,7 @@ def read_samples(
         tell(f"columns: {columns}")
     paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
     if len(paired) == len(blocks):
-        return _samples(Table.concatenate(paired), path)
+        return _with_doubt(_samples(Table.concatenate(paired), path), path, options)
     from ..samples.delay import on_one_clock
 
     if begin is not None:
@@ -176,7 +177,15 @@ def read_samples(
     if tell is not None:
         for note in notes:
             tell(note)
-    return samples
+    return _with_doubt(samples, path, options)
+
+
+def _with_doubt(samples: Samples, path: str | Path, options: Options) -> Samples:
+    """The samples with what is doubtful in how they were read."""
+    if reader_of(path, options) is bag_blocks:
+        return samples
+    doubt = angles_in_doubt(options.pose_file or path, options.naming, samples.R_base_flange)
+    return replace(samples, doubt=doubt) if doubt else samples
 
 
 def read(

@@ -14,7 +14,8 @@ from .text import json_text
 
 LIKELY_CAUSES = (
     "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the recording, "
-    "an arm that still moved, a cable that pulls, or a tool too light for the sensor."
+    "an arm that still moved, a cable that pulls, a tool too light for the sensor, or a controller that already "
+    "subtracts its payload (record what the sensor itself reads)."
 )
 
 
@@ -26,6 +27,8 @@ def verdict(diagnosis: Diagnosis) -> str:
     else:
         torque_too = not diagnosis.read_rightly and given.force_left < 2.0 * best.force_left
         as_given = f"as given: {_left(given, torque_too)} left"
+    if given is None and best.explains_nothing:
+        return f"{as_given}; no other reading explains it: the best leaves {_left(best, False)}, {_share(best)}"
     if given is None or not diagnosis.read_rightly:
         better = f"{_how(best.interpretation, given)}: {_left(best, given is not None and torque_too)} left"
         doubt = "" if best.explained else f", still {_share(best)}"
@@ -51,11 +54,9 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         "",
         f"  {'N left':>8}  {'mN m left':>9}  {'weight N':>8}  {'com mm':^22}  interpretation",
     ]
-    lines += [line for fit in rows for line in _row(fit, "as given" if fit is d.given else _label(fit.interpretation))]
-    leaning = [fit for fit in rows if fit.lean > 0.0]
-    lines += [
-        f"  with --model mount+base gravity is {np.rad2deg(fit.lean):.1f} deg from the stated one" for fit in leaning
-    ]
+    for fit in rows:
+        leans = f", the base leaning {np.rad2deg(fit.lean):.1f} deg" if fit.lean > 0.0 else ""
+        lines += _row(fit, ("as given" if fit is d.given else _label(fit.interpretation)) + leans)
     if not d.best.explained:
         lines += ["", LIKELY_CAUSES]
     if d.likely:
@@ -73,6 +74,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "read_rightly": d.read_rightly,
         "explained": d.best.explained,
         "source": d.source,
+        "model": d.model,
         "n": d.n,
         "tried": d.tried,
         "complaint": d.complaint,

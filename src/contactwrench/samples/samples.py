@@ -40,6 +40,7 @@ class Samples(Rows):
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
         read_as: how their file was read: options of reading, and what was found, under the names that the provenance of
             a calibration has for them.
+        doubt: what may be wrong in how a file was read, one sentence; empty: nothing.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
@@ -55,6 +56,7 @@ class Samples(Rows):
     delay_std: float | None = None
     saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
     read_as: ReadAs = field(default_factory=dict)
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,0 +1,29 @@
+"""A tool that weighs next to nothing: most often a controller has taken its payload off the readings already."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.arrays import Array
+from ..model import RigidTool, gravity_in_flange
+
+LIGHTEST_TOOL = 0.5
+"""N: few tools weigh less, and what a controller leaves of one whose payload it subtracts mostly does."""
+
+WIDE_TILT = 0.1
+"""Standard deviation of gravity's direction, seen from the flange, along the second of its main axes: poses tilted by
+some 10 deg to all sides show the weight of a tool.
+"""
+
+LIKELIEST_CAUSE = (
+    "likeliest the controller or driver subtracts the payload, or zeroes at each pose: record what the sensor itself "
+    "reads (UR e-Series: ft_raw_wrench of RTDE; KUKA, FANUC, ABB: the sensor's raw signal, not an external force; "
+    "Franka has no wrench sensor, its O_F_ext_hat_K is an estimate)"
+)
+
+
+def weighs_next_to_nothing(tool: RigidTool, R_base_flange: Array) -> bool:
+    """Whether poses (n, 3, 3) that tilt the tool widely show next to no weight."""
+    r = gravity_in_flange(R_base_flange, tool.gravity_direction)
+    spread = np.linalg.svd(r - r.mean(axis=0), compute_uv=False) / np.sqrt(len(r))
+    return abs(tool.weight) < LIGHTEST_TOOL and len(spread) > 1 and bool(spread[1] > WIDE_TILT)

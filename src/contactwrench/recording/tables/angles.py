@@ -1,0 +1,53 @@
+"""Angles that are read in degrees and look like radians."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...geometry.arrays import Array
+from .columns import Naming, shown
+from .orientations import orientation_columns
+from .table import open_table
+from .units import ANGLE
+
+HALF_A_TURN = 3.15
+"""A bit more than pi: angles in degrees go beyond it wherever an arm turns enough to calibrate, those in radians do
+not.
+"""
+
+LEAST_TURN = 0.3
+"""By how much some angle differs from row to row, in radians that poses tell anything, in degrees not."""
+
+FEWEST_ROWS = 5
+
+
+def angles_in_doubt(path: str | Path, naming: Naming, R_base_flange: Array) -> str:
+    """What to say of a table's angles if none of them, read in degrees, goes beyond half a turn of radians.
+
+    Args:
+        path: the table that holds the orientation.
+        naming: which columns are what, as far as it was stated.
+        R_base_flange: what was read from it, (n, 3, 3).
+
+    Returns:
+        A sentence; empty where nothing is in doubt, or where file or flags state the unit.
+    """
+    widest = 3.0 * np.deg2rad(HALF_A_TURN)
+    if len(R_base_flange) < FEWEST_ROWS or float(np.einsum("nii->n", R_base_flange).min()) < 1.0 + 2.0 * np.cos(widest):
+        return ""
+    table = open_table(path)
+    convention, columns = orientation_columns(table, naming)
+    in_degrees = convention.angle_unit is not None and all(column.per_si == ANGLE["deg"] for column in columns)
+    if not in_degrees or any(column.unit for column in columns):
+        return ""
+    angles = np.concatenate([body.numbers(columns, columns) for body in table.bodies(columns)])
+    if not (np.nanmax(np.abs(angles)) <= HALF_A_TURN and np.nanmax(np.ptp(angles, axis=0)) > LEAST_TURN):
+        return ""
+    in_rad = "--units angle=rad" if convention.name != "euler" else "rad in place of deg in --orientation"
+    return (
+        f"the angles {', '.join(shown(column.name) for column in columns)} are likely in radians: none is beyond "
+        f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with {in_rad}; if they are degrees, say "
+        "--units angle=deg; contactwrench diagnose tries both"
+    )
