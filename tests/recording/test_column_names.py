@@ -249,6 +249,16 @@ UNDECIDED = [
         f"{WORDS},time,t_sec,t_nsec,{Q}",
         'found "t_sec" and "time" for t, expected one: choose with --time-column t_sec',
     ),
+    (
+        f"Fx_counts,Fy,Fz,torque_x,torque_y,torque_z,force_x,{Q}",
+        'found "force_x" and "Fy", not named alike, expected the columns of one set: if they are, say --wrench-columns '
+        "force_x,Fy,Fz,torque_x,torque_y,torque_z",
+    ),
+    (
+        f"{WORDS},rot_x,rot_y,rot_z,qw",
+        'found "rot_x" and "qw", not named alike, expected the columns of one set: if they are, say --orientation '
+        "quat_xyzw:rot_x,rot_y,rot_z,qw",
+    ),
     (f"{WORDS},quat_x,quat_y,quat_z", "found no column qw, expected all of quat_xyzw: add it"),
 ]
 
@@ -260,11 +270,13 @@ def test_what_cannot_be_decided_is_named_with_the_option_that_decides(
     assert refusal(tmp_path, header, ",".join("0" for _ in header.split(","))) == message
 
 
-def test_a_column_in_a_unit_that_is_known_comes_before_one_that_is_not(tmp_path: Path) -> None:
-    header = f"Fx (counts),Fy (counts),Fz (counts),mx [uT],my [uT],mz [uT],{SPELLINGS[4]},T (°C),Time (s),{Q}"
-    samples = cw.read(table(tmp_path, header))
-    assert samples.wrench.tolist() == [[7.0, 8.0, 9.0, 10.0, 11.0, 12.0]]
-    assert samples.t == [14.0]
+def test_raw_counts_beside_newtons_are_chosen_by_option(tmp_path: Path) -> None:
+    newtons = "Fx (N),Fy (N),Fz (N),Tx (Nm),Ty (Nm),Tz (Nm)"
+    header = f"Fx (counts),Fy (counts),Fz (counts),{newtons},T (°C),Time (s),{Q}"
+    assert refusal(tmp_path, header).startswith('found "Fx (counts)" and "Fx (N)" for fx, expected one: choose with')
+    samples = cw.read(table(tmp_path, header), wrench_columns=newtons)
+    assert samples.wrench.tolist() == [[4.0, 5.0, 6.0, 7.0, 8.0, 9.0]]
+    assert samples.t == [11.0]
 
 
 @pytest.mark.parametrize(

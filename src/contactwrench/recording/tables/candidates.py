@@ -57,16 +57,11 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
             for column in by_part[part]
             if not column.said.letter or (beside_forces and not (beside_an_imu and column.name.lower()[0] == "m"))
         ]
-    return {part: sorted(_with_known_units(columns), key=_place) for part, columns in by_part.items() if columns}
+    return {part: sorted(columns, key=_place) for part, columns in by_part.items() if columns}
 
 
 def _place(column: Candidate) -> int:
     return column.place
-
-
-def _with_known_units(columns: list[Candidate]) -> list[Candidate]:
-    """Those whose unit is known, if any: of force in N and in counts the one in N. Where none is, it is refused."""
-    return [column for column in columns if _has_known_unit(column.said)] or columns
 
 
 def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:
@@ -188,6 +183,16 @@ def require_units(table: OpenTable, columns: Iterable[Column], default: str = ""
         raise FileFormatError(
             f"{table.source}: column {shown(other.name)} is in {other.unit} and {shown(silent.name)} says no unit, "
             f"expected one for each: state it with --units {quantity}=UNIT"
+        )
+
+
+def require_one_set(table: OpenTable, columns: list[Candidate], option: str) -> None:
+    """Raise `FileFormatError` where the parts of one vector are not named alike: they may be of two."""
+    other = next((each for each in columns if each.said.of != columns[0].said.of), None)
+    if other is not None:
+        raise FileFormatError(
+            f"{table.source}: found {quoted([columns[0], other])}, not named alike, expected the columns of one set: "
+            f"if they are, say {option}"
         )
 
 

@@ -115,8 +115,8 @@ class Meaning:
     """What a header says.
 
     `part`: by its usual name, `fx`; of a numbered column its vector, as in `VECTORS`, and `index`. `unit`: a key of
-    `UNITS`, "" where none is stated, or what stands in brackets and is none. `of`: the other words, alike for
-    columns of one set. `letter`: whether one letter is all that says so, as in `mx`.
+    `UNITS`, "" where none is stated, or what stands in brackets and is none. `of`: the words, without axis and unit,
+    alike for columns of one set. `letter`: whether one letter is all that says so, as in `mx`.
     """
 
     part: str
@@ -203,7 +203,8 @@ def _part(words: list[str], header: str) -> Meaning | None:
             return Meaning("t", unit, " ".join([*topic, *others, axis]))
         letter = match.re.groups > len(match.re.groupindex) and match[1] is not None
         explicit = {"wrench", "ft", "fts", "ftsensor"} & set(others)
-        return Meaning(part.format(axis), "", " ".join([*topic, *others]), None, letter and not explicit)
+        of = " ".join([*topic, *others, left.removesuffix(axis).removeprefix(axis)])
+        return Meaning(part.format(axis), "", of, None, letter and not explicit)
     return None
 
 

@@ -15,6 +15,7 @@ from .candidates import (
     lacking,
     named,
     quoted,
+    require_one_set,
     require_units,
     undecided,
     usual,
@@ -75,6 +76,8 @@ def _angles(
     for part in chosen.columns:
         if len(several := by_part[part]) > 1:
             raise undecided(table, several, part, _by_names(chosen, by_part))
+    if not all(each.is_usual for each in made):
+        require_one_set(table, columns, _by_names(chosen, by_part))
     require_units(table, made, chosen.angle_unit or "")
     if chosen.name == "ur_rotvec" and any(each.unit == "deg" for each in made):
         raise FileFormatError(

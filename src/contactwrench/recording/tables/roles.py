@@ -21,6 +21,7 @@ from .candidates import (
     named,
     perhaps_torque,
     quoted,
+    require_one_set,
     require_units,
     stamps,
     undecided,
@@ -118,9 +119,12 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
             choices[part] = [*choices[part], candidate]
     for part, several in choices.items():
         if len(several) > 1:
-            first = as_listed(choices[each][0] for each in WRENCH_COLUMNS)
-            raise undecided(table, several, part, f"--wrench-columns {first}")
-    chosen = made([choices[part][0] for part in WRENCH_COLUMNS])
+            six = as_listed(choices[each][0] for each in WRENCH_COLUMNS)
+            raise undecided(table, several, part, f"--wrench-columns {six}")
+    firsts = [choices[part][0] for part in WRENCH_COLUMNS]
+    for part_of in (firsts[:3], firsts[3:]):
+        require_one_set(table, part_of, f"--wrench-columns {as_listed(firsts)}")
+    chosen = made(firsts)
     require_units(table, chosen[:3])
     require_units(table, chosen[3:])
     force, torque = chosen[0], next((c for c in chosen[3:] if not c.unit), None)
