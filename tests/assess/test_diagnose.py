@@ -54,6 +54,7 @@ BY_FLAGS = {
     "inverse": (Written(MATRIX, lambda R: R.transpose(0, 2, 1).reshape(-1, 9)), "--inverse-orientation"),
     "reaction": (replace(RIGHT, wrench=lambda R, wrench: -wrench), "--sign reaction"),
     "base axes": (replace(RIGHT, wrench=in_base_axes), "--wrench-frame base"),
+    "in N mm": (replace(RIGHT, wrench=lambda R, wrench: wrench * np.repeat([1.0, 1e3], 3)), "--units torque=Nmm"),
     "order, inverse, sign and frame": (
         Written(
             ("a", "b", "c"),
@@ -99,10 +100,6 @@ def exchanged(*order: int) -> Callable[[Array, Array], Array]:
 
 
 IN_WORDS = {
-    "in N mm": (
-        lambda R, wrench: wrench * np.repeat([1.0, 1e3], 3),
-        "the torque in N mm (rename tx, ty, tz to tx_nmm, ty_nmm, tz_nmm)",
-    ),
     "fy, fz": (exchanged(0, 2, 1, 3, 4, 5), "fy and fz exchanged"),
     "tx, ty": (exchanged(0, 1, 2, 4, 3, 5), "tx and ty exchanged"),
     "force, torque": (exchanged(3, 4, 5, 0, 1, 2), "force and torque exchanged"),

@@ -64,10 +64,13 @@ class WrenchInterpretation:
 
 @dataclass(frozen=True)
 class TorqueUnit:
-    """Another unit of the torque, in the unit that was stated: only the centre of mass can tell."""
+    """Another unit of the torque, in the unit that was stated: only the centre of mass can tell. `flags` or `mends`
+    make it so.
+    """
 
     factor: float
-    mend: str
+    flags: tuple[str, ...]
+    mends: tuple[str, ...]
     cost: float
 
 
@@ -135,7 +138,8 @@ class Interpretations:
             flags = (*flags, f"--gravity {negated(self.down if by_gravity else -self.down)}")
         cost = o.cost + w.cost + REVERSED_SIGN * (reaction != (self.sign == "reaction"))
         cost += REVERSED_GRAVITY * by_gravity + self.torque_unit.cost * other_unit
-        mends = (*o.mends, *w.mends, *([self.torque_unit.mend] if other_unit else []))
+        flags = (*flags, *(self.torque_unit.flags if other_unit else ()))
+        mends = (*o.mends, *w.mends, *(self.torque_unit.mends if other_unit else ()))
         factor = self.torque_unit.factor if other_unit else 1.0
         return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 

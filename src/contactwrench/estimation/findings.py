@@ -206,8 +206,8 @@ def _read_wrongly(fit: RigidEstimate) -> list[Row]:
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
     )
     far = (
-        f"the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then rename their "
-        "columns tx_nmm ty_nmm tz_nmm; contactwrench diagnose tries this and other ways to read the file"
+        f"the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then say "
+        "--units torque=Nmm; contactwrench diagnose tries this and other ways to read the file"
     )
     return [
         (share > POOR_SHARE, WEAK, Kind.POOR_FIT, poor),

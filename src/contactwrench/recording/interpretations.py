@@ -88,7 +88,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
         wrenches=tuple(_of_wrench(options.wrench_frame, written.in_rows)),
         sign=options.sign,
         gravity=gravity,
-        torque_unit=_other_torque_unit(written.wrench_columns[3:]),
+        torque_unit=_other_torque_unit(written.wrench_columns[3:], options.units),
         complaint=written.complaint,
     )
 
@@ -240,12 +240,15 @@ def _blocks(of_force: Array, of_torque: Array) -> Array:
     return np.block([[of_force, zero], [zero, of_torque]])
 
 
-def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:
-    """N mm where the file states N m, and the other way round."""
+def _other_torque_unit(torque: tuple[Column, ...], units: str | None) -> TorqueUnit:
+    """N mm where the file states N m, and the other way round; an option does where no name states a unit."""
     if not torque:
-        return TorqueUnit(1e-3, "the torque in N mm", TORQUE_UNIT)
+        return TorqueUnit(1e-3, (), ("the torque in N mm",), TORQUE_UNIT)
+    if not any(column.unit for column in torque):
+        stated = ",".join([*([] if units is None else [units]), "torque=Nmm"])
+        return TorqueUnit(1e-3, (f"--units {stated}",), (), TORQUE_UNIT)
     in_nmm = torque[0].per_si == 1e3
     factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
     new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
     mend = f"the torque in {unit} (rename {', '.join(column.name for column in torque)} to {new})"
-    return TorqueUnit(factor, mend, TORQUE_UNIT)
+    return TorqueUnit(factor, (), (mend,), TORQUE_UNIT)
