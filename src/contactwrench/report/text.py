@@ -5,12 +5,9 @@ A sentence is one line of the text, however long; tables are at most 80 columns 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import fields
 from datetime import UTC, datetime
-from itertools import groupby
-from operator import itemgetter
 from typing import Any
 
 import msgspec
@@ -22,6 +19,7 @@ from ..calibration.difference import Difference, GroupChange
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
+from ..recording.tables.columns import with_slices
 from ..statistics import counted, meaningful_digits, percent
 
 NAME_AND_TYPE, TYPE_WIDTH = 34, 16
@@ -243,7 +241,7 @@ def _frames(frames: tuple[FrameContent, ...]) -> Iterator[str]:
 def _table(contents: TableContents) -> Iterator[str]:
     yield contents.path
     yield f"Table, {contents.rows:,} rows of {len(contents.columns)} columns"
-    yield f"  {', '.join(_with_slices(contents.columns))}"
+    yield f"  {', '.join(with_slices(contents.columns))}"
     if len(contents.episodes) > 1:
         few = ", ".join(map(str, contents.episodes[:MOST_EPISODES]))
         more = ", ..." if len(contents.episodes) > MOST_EPISODES else ""
@@ -261,15 +259,6 @@ def _times(contents: TableContents) -> Iterator[str]:
     rhythm = contents.rhythm
     yield f"  times: {rhythm.last:.6g} s{_since(contents.start)}"
     yield f"  rate: {_rate(rhythm)} Hz, longest gap {_gap(rhythm)}" if rhythm.rate else "  rate: not known"
-
-
-def _with_slices(columns: tuple[str, ...]) -> Iterator[str]:
-    """The columns' names, elements of a list that follow each other as one slice of it."""
-    parts = [re.fullmatch(r"(.*)\[(\d+)\]", name) for name in columns]
-    of_list = [part and (part[1], int(part[2]) - k) for k, part in enumerate(parts)]
-    for one, group in groupby(zip(columns, parts, of_list, strict=True), key=itemgetter(2)):
-        names, indices = zip(*((name, part and int(part[2])) for name, part, _ in group), strict=True)
-        yield from names if one is None else [f"{one[0]}[{indices[0]}:{indices[-1] + 1}]"]
 
 
 def _rate(rhythm: Rhythm) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import groupby, takewhile
+from operator import itemgetter
 from typing import NoReturn, Protocol, TypeAlias
 
 import numpy as np
@@ -174,6 +176,8 @@ def _of_one_kind(columns: tuple[Column, ...]) -> str:
     names = [f'"{shown(column.name)}"' for column in columns]
     if columns[-1].role == NANOSECONDS:
         return f"t from {' and '.join(names)}"
+    if len(sliced := list(with_slices(column.name for column in columns))) == 1 < len(columns):
+        return f'{columns[0].role}..{columns[-1].role} from "{shown(sliced[0])}"{units[0]}'
     if len(columns) > 1 and len(set(units)) == 1 and _in_turn([column.name for column in columns]):
         return f"{columns[0].role}..{columns[-1].role} from {names[0]}..{names[-1]}{units[0]}"
     taken = zip(columns, names, units, strict=True)
@@ -208,9 +212,19 @@ def places_of(names: Iterable[str], source: str) -> dict[str, int]:
     return places
 
 
+def with_slices(names: Iterable[str]) -> Iterator[str]:
+    """Columns' names, elements of a list that follow each other as one slice of it."""
+    parts = [(name, re.fullmatch(r"(.*)\[(\d+)\]", name)) for name in names]
+    of_list = [(part and (part[1], int(part[2]) - k), name) for k, (name, part) in enumerate(parts)]
+    for one, group in groupby(of_list, key=itemgetter(0)):
+        members = [name for _, name in group]
+        first = 0 if one is None else int(members[0][len(one[0]) + 1 : -1])
+        yield from members if one is None else [f"{one[0]}[{first}:{first + len(members)}]"]
+
+
 def listed(places: Iterable[str]) -> str:
     """The columns' names as a message can show them."""
-    names = [shown(name) for name in places]
+    names = [shown(name) for name in with_slices(places)]
     return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
 
 
