@@ -53,9 +53,13 @@ def test_radians_that_are_read_in_degrees_are_said(convention: str, seed: int, t
     if calibration is None:
         assert refusal.endswith(f"; but {said}")
     else:
+        assert calibration.verdict != "good"
         (finding,) = (finding for finding in calibration.findings if finding.kind is Kind.ANGLES_IN_DOUBT)
         assert (finding.severity, finding.text) == (Severity.DOUBTFUL, f"doubtful: {said}")
-        assert calibration.verdict != "good"
+    mended = cw.calibrate(cw.read(path, orientation=convention, units="angle=rad"))
+    assert mended.weight == pytest.approx(rig.weight, abs=4.0 * mended.std["weight"])
+    assert mended.verdict == "good"
+    assert cw.read(path, orientation=convention, units="angle=deg").doubt == ""
 
 
 def test_a_fit_that_is_good_by_chance_is_doubtful(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,6 +109,5 @@ def test_euler_letters_and_two_files_are_looked_at_too(tmp_path: Path) -> None:
     wrench = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([t, rng.normal(size=(40, 6))])), "w.csv")
     pose = written(tmp_path, csv_text(("t", "e1", "e2", "e3"), np.column_stack([t, angles])), "p.csv")
     samples = cw.read(wrench, orientation="euler:ZYX:deg", pose_file=pose)
-    assert samples.doubt.startswith("the angles e1, e2, e3 are likely in radians: none is beyond 3.15, and euler reads")
-    assert "read them with rad in place of deg in --orientation" in samples.doubt
+    assert samples.doubt == doubt("e1, e2, e3", "euler")
     assert cw.read(wrench, orientation="euler:ZYX:rad", pose_file=pose).doubt == ""

@@ -28,6 +28,7 @@ def _stated(flags: tuple[str, ...]) -> dict[str, object]:
 HEADERS = {
     "angles": (("rx", "ry", "rz"), euler("ZYX")),
     "angles in rad": (("rx", "ry", "rz"), euler("ZYX", degrees=False)),
+    "angles by an option": (("rx", "ry", "rz"), euler("ZYX")),
     "angles with their unit": (("a_deg", "b_deg", "c_deg"), euler("ZYX")),
     "quaternion": (QUAT, quat),
     "matrix": (MATRIX, lambda R: R.reshape(-1, 9)),
@@ -41,10 +42,11 @@ def test_flags_make_the_reading_that_they_stand_for(header: str, tmp_path: Path)
     R = random_rotations(6, np.random.default_rng(0))
     path = written(tmp_path, Written(columns, numbers).text(R, np.ones((6, 6))))
     tried = 0
-    stated = Options("franka_matrix" if header == "pose" else "auto")
-    for reading in interpretations(path, stated).orientations:
+    units = "angle=deg" if header == "angles by an option" else None
+    file = interpretations(path, Options("franka_matrix" if header == "pose" else "auto", units=units))
+    for k, reading in enumerate(file.orientations):
         if not reading.mends:
-            made = cw.read(path, **_stated(reading.flags))  # type: ignore[arg-type]
+            made = cw.read(path, **_stated(file.interpretation(k, 0, 0).flags))  # type: ignore[arg-type]
             assert made.R_base_flange == pytest.approx(reading.R_base_flange, abs=1e-9)
             tried += 1
     assert tried >= 2

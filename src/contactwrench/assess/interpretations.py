@@ -38,8 +38,8 @@ SEE_BASE = "see how the robot's base stands: upright, leaning, on a wall or on t
 class OrientationInterpretation:
     """Of the orientation: `R_base_flange` (m, 3, 3), belonging to the file's readings in `rows` (m).
 
-    `flags` make it so on the command line; `mends` is what else to change in the file, in words; `cost` is 0 for what
-    was stated, about 1 for each change.
+    `flags` make it so on the command line, with `units` of angles where these are not empty; `mends` is what else to
+    change in the file, in words; `cost` is 0 for what was stated, about 1 for each change.
     """
 
     flags: tuple[str, ...]
@@ -47,6 +47,7 @@ class OrientationInterpretation:
     cost: float
     R_base_flange: Array
     rows: slice | NDArray[np.bool_] = field(default_factory=lambda: slice(None))
+    units: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +65,13 @@ class WrenchInterpretation:
 
 @dataclass(frozen=True)
 class TorqueUnit:
-    """Another unit of the torque, in the unit that was stated: only the centre of mass can tell. `flags` or `mends`
-    make it so.
+    """Another unit of the torque, in the unit that was stated: only the centre of mass can tell. `units` make it so on
+    the command line; where they are empty, as the file states its unit, what `mend` says.
     """
 
     factor: float
-    flags: tuple[str, ...]
-    mends: tuple[str, ...]
+    units: str
+    mend: str
     cost: float
 
 
@@ -102,8 +103,9 @@ class Interpretation:
 class Interpretations:
     """A file's readings `wrench` (n, 6), N and N m as stated, and all ways to read them, the stated ones first.
 
-    `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as stated, or None; `torque_unit` the
-    other one; `complaint` why the stated orientation cannot be read, which is then none of `orientations`.
+    `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as stated, or None; `units` as stated,
+    `torque_unit` the other one; `complaint` why the stated orientation cannot be read, which is then none of
+    `orientations`.
     """
 
     source: str
@@ -112,6 +114,7 @@ class Interpretations:
     wrenches: tuple[WrenchInterpretation, ...]
     sign: str
     gravity: Array | None
+    units: tuple[str, ...]
     torque_unit: TorqueUnit
     complaint: str | None
 
@@ -136,10 +139,12 @@ class Interpretations:
         flags = (*o.flags, *w.flags, *(["--sign reaction"] if reaction else []))
         if by_gravity or self.gravity is not None:
             flags = (*flags, f"--gravity {negated(self.down if by_gravity else -self.down)}")
+        of_torque = self.torque_unit.units if other_unit else ""
+        units = {pair.partition("=")[0]: pair for pair in (*self.units, o.units, of_torque) if pair}
+        flags = (*flags, *([f"--units {','.join(units.values())}"] if units else []))
         cost = o.cost + w.cost + REVERSED_SIGN * (reaction != (self.sign == "reaction"))
         cost += REVERSED_GRAVITY * by_gravity + self.torque_unit.cost * other_unit
-        flags = (*flags, *(self.torque_unit.flags if other_unit else ()))
-        mends = (*o.mends, *w.mends, *(self.torque_unit.mends if other_unit else ()))
+        mends = (*o.mends, *w.mends, *([self.torque_unit.mend] if other_unit and not of_torque else []))
         factor = self.torque_unit.factor if other_unit else 1.0
         return Interpretation(flags, mends, cost, orientation, wrench, reaction, by_gravity, factor)
 

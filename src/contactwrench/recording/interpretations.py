@@ -11,6 +11,7 @@ from contextlib import suppress
 from functools import cache
 from itertools import permutations
 from pathlib import Path
+from shlex import quote
 from typing import TypeAlias
 
 import numpy as np
@@ -23,7 +24,7 @@ from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convent
 from .options import AS_USUAL, Options
 from .tables.columns import Column
 from .tables.names import stated_unit
-from .tables.units import ANGLE
+from .tables.units import ANGLE, stated_units, symbol
 from .written_poses import Written, poses_of, rows_as_written
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
@@ -42,8 +43,9 @@ TURNED_AXES = (*map("".join, permutations("XYZ")), *(f"{a}{b}{a}" for a, b in pe
 FORMULAS_OF_ANGLES = (*TURNED_AXES, *(letters.lower() for letters in TURNED_AXES), "rotvec")
 PROBE = np.array([[0.3, -0.5, 0.7]])
 
-_Attempt: TypeAlias = tuple[str, tuple[str, ...], float, Callable[[Array], Array], Array]
-"""What --orientation takes for it, mends and cost, a formula, and the numbers that may make rotations by it."""
+_Attempt: TypeAlias = tuple[str, str, tuple[str, ...], float, Callable[[Array], Array], Array]
+"""What --orientation and --units take for it, mends and cost, a formula, and the numbers that may make rotations by it.
+"""
 
 
 def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Array | None = None) -> Interpretations:
@@ -69,15 +71,18 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     written = rows if turning is None else poses_of(rows, turning)
     n = len(written.wrench)
     picked = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(np.intp))
-    stated_flags = () if options.orientation == "auto" else (f"--orientation {options.orientation}",)
+    stated_flags = () if options.orientation == "auto" else (f"--orientation {quote(options.orientation)}",)
+    units = stated_units(options.units)
     candidates: list[OrientationInterpretation] = []
     if written.stated is not None:
         candidates.append(OrientationInterpretation(stated_flags, (), 0.0, written.stated))
     for columns, numbers in written.sets:
-        for option, mends, cost, to_matrices, values in _candidates(columns, numbers, written.convention):
+        tried = _candidates(columns, numbers, written.convention, units.get("angle", ""))
+        for option, of_angle, mends, cost, to_matrices, values in tried:
             with suppress(InputError):
-                flags = (f"--orientation {option}",)
-                candidates.append(OrientationInterpretation(flags, mends, cost, to_matrices(values)))
+                flags = (f"--orientation {quote(option)}",)
+                made = OrientationInterpretation(flags, mends, cost, to_matrices(values), units=of_angle)
+                candidates.append(made)
     distinct: dict[bytes, OrientationInterpretation] = {}
     for each in sorted(_turned_and_shifted(candidates, options.inverse_orientation, picked), key=lambda o: o.cost):
         distinct.setdefault(repr(each.rows).encode() + np.round(each.R_base_flange, 9).tobytes(), each)
@@ -88,7 +93,8 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
         wrenches=tuple(_of_wrench(options.wrench_frame, written.in_rows)),
         sign=options.sign,
         gravity=gravity,
-        torque_unit=_other_torque_unit(written.wrench_columns[3:], options.units),
+        units=tuple(f"{quantity}={symbol(unit)}" for quantity, unit in units.items()),
+        torque_unit=_other_torque_unit(written.wrench_columns[3:]),
         complaint=written.complaint,
     )
 
@@ -102,7 +108,9 @@ def _turning(rows: Written) -> Array | None:
     some = slice(None, None, 1 + len(rows.wrench) // ROWS_LOOKED_AT)
     tried: list[tuple[float, Callable[[Array], Array], Array]] = []
     for names, numbers in rows.sets:
-        attempts = [(to_matrices, values) for *_, to_matrices, values in _candidates(names, numbers, rows.convention)]
+        attempts = [
+            (to_matrices, values) for *_, to_matrices, values in _candidates(names, numbers, rows.convention, "")
+        ]
         largest = max((float(np.abs(values).max(initial=0.0)) for _, values in attempts), default=0.0)
         for to_matrices, values in attempts:
             with suppress(InputError):
@@ -136,24 +144,30 @@ def _turned_and_shifted(
                 cost = made.cost + INVERSE * (is_inverse != inverse) + SHIFTED * bool(shift)
                 there = np.flatnonzero((picked >= shift) & (picked - shift < len(R)))
                 rows = slice(int(there[0]), int(there[-1]) + 1) if len(there) else slice(0, 0)
-                yield OrientationInterpretation(flags, mends, cost, R[picked[there] - shift], rows)
+                yield OrientationInterpretation(flags, mends, cost, R[picked[there] - shift], rows, made.units)
 
 
-def _candidates(names: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Attempt]:
+def _candidates(
+    names: tuple[str, ...], numbers: Array, stated: Convention | None, by_option: str
+) -> Iterator[_Attempt]:
     """Angles; quaternions with their scalar in any place that a mistake brings it to; matrices by rows or columns."""
     if (k := len(names)) == 3:
-        yield from _of_angles(names, numbers, stated)
+        yield from _of_angles(names, numbers, stated, by_option)
         return
     as_they_stand = list(range(k))
     another = {4: [3, 0, 1, 2], 16: [4 * i + j for j in range(4) for i in range(4)]}.get(k, as_they_stand)
     for named in CONVENTIONS.values():
         for order in (as_they_stand, another) if len(named.columns) == k else ():
             columns = tuple(names[place] for place in order)
-            yield (_flag(named, columns), (), NAMED, named.to_matrices, numbers[:, order])
+            yield (_flag(named, columns), "", (), NAMED, named.to_matrices, numbers[:, order])
 
 
-def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | None) -> Iterator[_Attempt]:
-    """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians."""
+def _of_angles(
+    columns: tuple[str, ...], numbers: Array, stated: Convention | None, by_option: str
+) -> Iterator[_Attempt]:
+    """Every Euler sequence about turned and about fixed axes, and the rotation vector, in degrees and in radians; one
+    unit may be stated by the columns' names, or `by_option`.
+    """
     suffixes = [unit if (unit := stated_unit("angle", name)) in ANGLE else "" for name in columns]
     said = suffixes[0] if len(set(suffixes)) == 1 else ""
     for unit in ANGLE:
@@ -167,14 +181,18 @@ def _of_angles(columns: tuple[str, ...], numbers: Array, stated: Convention | No
             to_matrices = _to_matrices(letters)
             named = _named(letters)
             same = stated is not None and bool(np.allclose(stated.to_matrices(PROBE), to_matrices(PROBE)))
-            fitting = tuple(c for c in named if said or c.angle_unit == unit)
-            usual = said or (stated.angle_unit if same and stated else named[0].angle_unit if named else unit)
+            fitting = tuple(c for c in named if said or by_option or c.angle_unit == unit)
+            usual = (
+                said or by_option or (stated.angle_unit if same and stated else named[0].angle_unit if named else unit)
+            )
             cost = (0.0 if same else NAMED if named else GENERIC) + UNIT * (unit != usual)
-            must_rename = (bool(said) and unit != said) or (not fitting and letters == "rotvec")
+            must_rename, of_angle = bool(said) and unit != said, ""
             names, fitting = (renamed, named) if must_rename else (columns, fitting)
+            if by_option or (not fitting and letters == "rotvec"):
+                of_angle, fitting = f"angle={unit}", named
             best = min(fitting, key=lambda c: c.columns != _bare(names), default=None)
             flag = _flag(best, names) if best else f"euler:{letters}:{unit}:{','.join(names)}"
-            yield (flag, (rename,) if must_rename else (), cost, to_matrices, angles)
+            yield (flag, of_angle, (rename,) if must_rename else (), cost, to_matrices, angles)
 
 
 @cache
@@ -240,15 +258,14 @@ def _blocks(of_force: Array, of_torque: Array) -> Array:
     return np.block([[of_force, zero], [zero, of_torque]])
 
 
-def _other_torque_unit(torque: tuple[Column, ...], units: str | None) -> TorqueUnit:
-    """N mm where the file states N m, and the other way round; an option does where no name states a unit."""
+def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:
+    """N mm where the file states N m, and the other way round."""
     if not torque:
-        return TorqueUnit(1e-3, (), ("the torque in N mm",), TORQUE_UNIT)
-    if not any(column.unit for column in torque):
-        stated = ",".join([*([] if units is None else [units]), "torque=Nmm"])
-        return TorqueUnit(1e-3, (f"--units {stated}",), (), TORQUE_UNIT)
-    in_nmm = torque[0].per_si == 1e3
-    factor, unit = (1e3, "N m") if in_nmm else (1e-3, "N mm")
+        return TorqueUnit(1e-3, "", "the torque in N mm", TORQUE_UNIT)
+    in_nmm, per_si = torque[0].per_si == 1e3, torque[0].per_si
+    factor, unit = (per_si, "N m") if in_nmm else (1e-3 * per_si, "N mm")
+    if not any(stated_unit("torque", column.name) for column in torque):
+        return TorqueUnit(factor, f"torque={symbol(unit).capitalize()}", "", TORQUE_UNIT)
     new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
     mend = f"the torque in {unit} (rename {', '.join(column.name for column in torque)} to {new})"
-    return TorqueUnit(factor, (), (mend,), TORQUE_UNIT)
+    return TorqueUnit(factor, "", mend, TORQUE_UNIT)

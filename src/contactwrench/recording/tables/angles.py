@@ -45,9 +45,8 @@ def angles_in_doubt(path: str | Path, naming: Naming, R_base_flange: Array) -> s
     angles = np.concatenate([body.numbers(columns, columns) for body in table.bodies(columns)])
     if not (np.nanmax(np.abs(angles)) <= HALF_A_TURN and np.nanmax(np.ptp(angles, axis=0)) > LEAST_TURN):
         return ""
-    in_rad = "--units angle=rad" if convention.name != "euler" else "rad in place of deg in --orientation"
     return (
         f"the angles {', '.join(shown(column.name) for column in columns)} are likely in radians: none is beyond "
-        f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with {in_rad}; if they are degrees, say "
-        "--units angle=deg; contactwrench diagnose tries both"
+        f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with --units angle=rad; if they are degrees, "
+        "say --units angle=deg; contactwrench diagnose tries both"
     )
