@@ -66,6 +66,23 @@ def test_a_stream_read_wrongly_is_mended_by_the_flags(
     assert calibration["weight"] == pytest.approx(TOOL_WEIGHT, abs=0.1)
 
 
+def test_columns_times_and_units_that_options_state_are_kept(
+    moved: Moved, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ("g1", "g2", "g3", "g4", "g5", "g6")
+    wrench = moved.wrench * np.repeat([1e-3, 1e3], 3)
+    rows = np.column_stack([1e3 * moved.t, wrench, euler("xyz")(moved.R)])
+    path = written(tmp_path, csv_text(("when", *names, "a", "b", "c"), rows))
+    stated = ("--wrench-columns", ",".join(names), "--time-column", "when:ms")
+    found = json.loads(program(capsys, "diagnose", path, *stated, "--units", "force=kN", "--json").out)
+    flags = ["--orientation fanuc_wpr:a,b,c", "--units force=kn,torque=Nmm"]
+    assert (found["n"], found["best"]["flags"], found["best"]["mends"]) == (STOPS, flags, [])
+    mended = shlex.split(" ".join(flags))
+    calibration = json.loads(program(capsys, "calibrate", path, *stated, *mended, "--json").out)
+    assert calibration["verdict"] == "good"
+    assert calibration["weight"] == pytest.approx(TOOL_WEIGHT, abs=0.1)
+
+
 def test_two_files_are_diagnosed_by_the_moment(
     moved: Moved, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
