@@ -328,3 +328,10 @@ def test_calibrate_and_compensate_read_hdf5(tmp_path: Path, capsys: pytest.Captu
     done = run(capsys, "compensate", path, "--hdf5", "wrench=/ft,pose=/R", "-c", tool, "-o", out)
     assert done.status == 0
     assert len(out.read_text().splitlines()) == len(panda) + 1
+
+
+def test_radians_that_are_read_in_degrees_are_said_of_the_datasets_that_were_chosen(tmp_path: Path) -> None:
+    angles = np.random.default_rng(0).uniform(-3.0, 3.0, size=(60, 3))
+    path = stored(tmp_path, {"ft/wrench": Motion.wrench, "robot/abc": angles, "robot/quat": QUAT})
+    samples = cw.read(path, hdf5="wrench=/ft/wrench,pose=/robot/abc", orientation="kuka_abc")
+    assert "likely in radians: none is beyond 3.15, and kuka_abc reads degrees" in samples.doubt

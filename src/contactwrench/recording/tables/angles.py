@@ -37,7 +37,7 @@ def angles_in_doubt(path: str | Path, naming: Naming, R_base_flange: Array) -> s
     widest = 3.0 * np.deg2rad(HALF_A_TURN)
     if len(R_base_flange) < FEWEST_ROWS or float(np.einsum("nii->n", R_base_flange).min()) < 1.0 + 2.0 * np.cos(widest):
         return ""
-    table = open_table(path)
+    table = open_table(path, naming)
     convention, columns = orientation_columns(table, naming)
     in_degrees = convention.angle_unit is not None and all(column.per_si == ANGLE["deg"] for column in columns)
     if not in_degrees or any(column.unit for column in columns):
