@@ -274,29 +274,17 @@ def test_unequal_gains_are_said_with_the_singular_values_and_equal_ones_are_not(
 
 def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:
     """0.6 N of 20: in doubt, both count, and the std tells of the 0.3 N by which the bias would be off."""
+    apart = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
     for seed in range(6):
         rig, _, rng = _rig(seed)
         rig, R = replace(rig, weight=20.0), SIX_SPREAD
         wrench = noisy_readings(rig, R, NOISE, rng)
-        wrench[3, :3] += 0.6 * np.array([0.6, 0.0, 0.8])
+        wrench[3] += apart
         calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S[:6]))
         assert calibration.verdict.startswith("doubtful")
         assert any(finding.kind is Kind.POSE_IN_DOUBT for finding in calibration.findings)
-        between = rig.bias[:3] + 0.3 * np.array([0.6, 0.0, 0.8])
+        between = rig.bias[:3] + 0.5 * apart[:3]
         assert np.linalg.norm(calibration.bias[:3] - between) < 3.0 * np.linalg.norm(calibration.std["bias"][:3])
-
-
-def test_where_the_last_pose_is_left_out_the_bias_is_that_of_the_last_one_kept() -> None:
-    """What it did afterwards nobody knows: that is said, and makes no std of newtons."""
-    for seed in range(4):
-        rig, R, rng = _rig(seed)
-        wrench = noisy_readings(rig, R, NOISE, rng)
-        wrench[[7, 23]] += 60.0 * NOISE * rng.normal(size=(2, 6))
-        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S))
-        assert {7, 23} <= set(_left_out(calibration))
-        assert any("the last one, was left out" in text for text in calibration.warnings)
-        assert np.all(calibration.std["bias"][:3] < 2.0 * NOISE[:3])
-        assert np.all(np.abs(calibration.bias - rig.bias) < 4.0 * calibration.std["bias"])
 
 
 def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:

@@ -132,18 +132,16 @@ def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
 
 
 def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
-    """Of each member: the weighted mean (m, 15) of orientation and error that the bias of the last pose kept is read
-    off, and its variance (m,) in units of a reading's.
+    """Of each member: the weighted mean (m, 15) of orientation and error that the last bias is read off, and its
+    variance (m,) in units of a reading's.
     """
     kernels, kept = table.kernels, table.kept
     n = int(kept.sum())
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[kept]
     mean, own = {}, {}
     for k in np.unique(table.members.kernel):
-        drift = kernels.drifts[kernels.drift[k]]
-        columns = drift.columns[kept]
         of_one = precision_times(
-            columns - columns[-1] if drift.kind in BIAS_MOVED else columns,
+            kernels.drifts[kernels.drift[k]].columns[kept],
             float(kernels.strength[k]),
             problem.relative[kept],
             np.ones((n, 1)),

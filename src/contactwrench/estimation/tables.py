@@ -30,10 +30,10 @@ from .noise import NoiseModel
 from .outliers import log_density_outlying, log_prior_outlying
 from .priors import Question
 
-FAR = 9.0
+FAR = 10.0
 """Natural logarithm of the odds at which a rival is no longer looked at."""
 
-NEAR = 11.0
+NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
 
 LOOK = 4
@@ -51,7 +51,7 @@ BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
 
 
-SHARE_OF_WEIGHT: dict[Kind | None, float] = {Kind.GAIN: 0.02, Kind.ROBOT: 0.01, Kind.CABLE: 0.05, Kind.TWO_LEVELS: 0.02}
+SHARE_OF_WEIGHT: dict[Kind | None, float] = {Kind.GAIN: 0.01, Kind.ROBOT: 0.01, Kind.CABLE: 0.05, Kind.TWO_LEVELS: 0.02}
 """Scale of the error, of a half-normal prior: sensors have gains and cross-talk of a percent or two, robots
 orientations good to half a degree, cables and backlash move a reading by some percent of the weight."""
 
