@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import AmbiguityError
+from tests.support.poses import SIX_SPREAD
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
 
@@ -268,3 +270,35 @@ def test_unequal_gains_are_said_with_the_singular_values_and_equal_ones_are_not(
     assert warning.endswith("compare --model affine")
     values = [float(v) for v in warning.partition("singular values ")[2].partition(" N")[0].split(", ")]
     assert values == pytest.approx([11.0, 10.0, 9.5], abs=0.1)
+
+
+def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:
+    """0.6 N of 20: in doubt, both count, and the std tells of the 0.3 N by which the bias would be off."""
+    apart = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
+    for seed in range(6):
+        rig, _, rng = _rig(seed)
+        rig, R = replace(rig, weight=20.0), SIX_SPREAD
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        wrench[3] += apart
+        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S[:6]))
+        assert calibration.verdict.startswith("doubtful")
+        assert any(finding.kind is Kind.POSE_IN_DOUBT for finding in calibration.findings)
+        between = rig.bias[:3] + 0.5 * apart[:3]
+        assert np.linalg.norm(calibration.bias[:3] - between) < 3.0 * np.linalg.norm(calibration.std["bias"][:3])
+
+
+def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:
+    """0.3 deg that go on from pose to pose: no reading tells them from a turned mounting."""
+    squared = []
+    for seed in range(12):
+        rig, R, rng = _rig(seed)
+        rig = replace(rig, weight=20.0)
+        turns = np.deg2rad(0.3) * rng.normal(size=(24, 3))
+        for k in range(1, 24):
+            turns[k] = 0.85 * turns[k - 1] + np.sqrt(1.0 - 0.85**2) * turns[k]
+        wrench = noisy_readings(rig, R @ Rotation.from_rotvec(turns).as_matrix(), NOISE, rng)
+        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S))
+        off = (calibration.predict(R) - readings(rig, R))[:, :3]
+        squared.append(np.sum(off**2) / np.sum(calibration.wrench_std(R)[:, :3] ** 2))
+    assert np.median(squared) < 1.5
+    assert np.max(squared) < 9.0

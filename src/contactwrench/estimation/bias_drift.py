@@ -20,8 +20,8 @@ STRENGTHS = np.geomspace(1.0, 1000.0, 7)
 """Standard deviation of the change over the whole recording, in units of a pose's noise: from what does not show to
 what nobody would use."""
 
-PROBABILITY = {Kind.BIAS_DRIFTED: 0.06, Kind.BIAS_WANDERED: 0.06, Kind.BIAS_STEPPED: 0.04}
-"""Before the readings; of a step, that it happened anywhere."""
+ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.13, Kind.BIAS_STEPPED: 0.09}
+"""Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
 
 TIME_CONSTANTS = (np.inf, 1.0, 1.0 / 3.0, 0.1)
 """Of a warming sensor, in lengths of the recording; without end: a steady drift."""
@@ -49,7 +49,7 @@ class Drift:
 @dataclass(frozen=True, eq=False)
 class Kernels:
     """Covariances across poses, each a drift and a strength: index `drift` (k,) into `drifts`, `strength` (k,) in units
-    of the noise, the logarithm of the prior probability `log_prior` (k,).
+    of the noise, the logarithm of the prior odds `log_prior` (k,) against a steady bias.
     """
 
     drifts: tuple[Drift, ...]
@@ -68,31 +68,30 @@ class Kernels:
 
 
 def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float]]:
-    """How the bias of n poses may have moved, and the logarithm of the probability of each; `time` (n,) s, None where
-    the order of the poses says nothing.
+    """How the bias of n poses may have moved, and the logarithm of the odds of each; `time` (n,) s, None where the
+    order of the poses says nothing.
     """
     if time is None or n <= FEWEST_POSES:
         return [], []
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
     drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)[:, None]) for tau in TIME_CONSTANTS]
-    each = [float(np.log(PROBABILITY[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
+    each = [float(np.log(ODDS[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
     places = _places(n)
     drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
     drifts += [Drift(Kind.BIAS_STEPPED, (np.arange(n) < k)[:, None].astype(np.float64), int(k)) for k in places]
-    each.append(float(np.log(PROBABILITY[Kind.BIAS_WANDERED])))
-    each += [float(np.log(PROBABILITY[Kind.BIAS_STEPPED] / len(places)))] * len(places)
+    each.append(float(np.log(ODDS[Kind.BIAS_WANDERED])))
+    each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * len(places)
     return drifts, each
 
 
 def kernels_of(n: int, drifts: list[Drift], log_prior: list[float], steady: bool = True) -> Kernels:
-    """Every drift of n poses at every strength; first a `steady` bias, with what is left of the probability."""
-    rest = np.log1p(-min(float(np.sum(np.exp(log_prior))), 0.9)) if log_prior else 0.0
+    """Every drift of n poses at every strength; first a `steady` bias."""
     moving = np.arange(1, len(drifts) + 1)
     kernels = Kernels(
         (Drift(None, np.zeros((n, 0))), *drifts),
         np.r_[0, np.repeat(moving, len(STRENGTHS))].astype(np.intp),
         np.r_[0.0, np.tile(STRENGTHS, len(moving))],
-        np.r_[rest, np.repeat(np.array(log_prior, dtype=np.float64), len(STRENGTHS)) - np.log(len(STRENGTHS))],
+        np.r_[0.0, np.repeat(np.array(log_prior, dtype=np.float64), len(STRENGTHS)) - np.log(len(STRENGTHS))],
     )
     return kernels if steady else kernels.select(np.arange(1, len(kernels.drift)))
 

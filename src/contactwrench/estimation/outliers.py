@@ -22,10 +22,11 @@ PROBABILITY = 0.4
 
 MOST_SHARE = 0.34
 ON_A_LEVEL = 0.3
-"""Of the poses: more than so many that are all off by the same are on a level of their own, as backlash makes it."""
+"""Of the poses: more than so many that are all off by the same are on a level of their own, as backlash makes it; so
+may be a single one, which is alike to none."""
 
-TWO_LEVELS = 0.3
-"""Probability that there are two levels; each pose is on either alike."""
+TWO_LEVELS = 0.2
+"""Odds that there are two levels, before the readings; each pose is on either alike."""
 
 WIDTHS = np.geomspace(3.5, 3500.0, 7)
 """Of the wide distribution, times the noise: one for all such poses, or one for each."""
@@ -52,8 +53,8 @@ def log_prior_outlying(n: int, k: int) -> float:
 
 
 def log_prior_two_levels(n: int, k: int) -> float:
-    """Logarithm of the probability that of n poses a given set of k, the smaller one, is on a level of its own."""
-    if k < 2 or k <= ON_A_LEVEL * n:
+    """Logarithm of the odds that of n poses a given set of k, the smaller one, is on a level of its own."""
+    if k < 1 or 1 < k <= ON_A_LEVEL * n:
         return -np.inf
     return float(np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0))
 

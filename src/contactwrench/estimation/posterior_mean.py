@@ -123,11 +123,10 @@ def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
         for member in range(len(table.members.kernel)):
             drift, strength = table.kernel_of(member)
             if drift.kind in DIFFER_ANEW:
-                share = float(np.mean(np.sum((drift.columns - drift.columns.mean(axis=0)) ** 2, axis=1)))
                 if drift.kind is Kind.TWO_LEVELS:
                     added += weight[k] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
                 else:
-                    added += weight[k] * share * strength**2 * table.members.variance[member]
+                    added += weight[k] * strength**2 * table.members.variance[member]
             k += 1
     return added
 

@@ -20,7 +20,7 @@ from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .least_squares import gram
 from .moments import moments_of
 from .noise import NoiseModel, PoseReadings, relative_variances
-from .orientation_errors import PROBABILITY, orientation_errors
+from .orientation_errors import ODDS, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question
@@ -92,7 +92,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
         for kind, drift in orientation_errors(readings.R_base_flange, question.gravity_direction).items():
             if kind is not Kind.ROBOT or readings.time is not None:  # what follows from pose to pose needs an order
                 drifts.append(drift)
-                log_prior.append(float(np.log(PROBABILITY[kind])))
+                log_prior.append(float(np.log(ODDS[kind])))
     return Problem(
         readings.R_base_flange,
         readings.wrench,

@@ -22,7 +22,7 @@ from ..model import (
     stepped,
     wrench_matrix,
 )
-from .bias_drift import Drift, Kernels
+from .bias_drift import STRENGTHS, Drift, Kernels
 from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, gram, solved
 from .moments import moments_of, precision_times
@@ -30,10 +30,10 @@ from .noise import NoiseModel
 from .outliers import log_density_outlying, log_prior_outlying
 from .priors import Question
 
-FAR = 9.0
+FAR = 10.0
 """Natural logarithm of the odds at which a rival is no longer looked at."""
 
-NEAR = 11.0
+NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
 
 LOOK = 4
@@ -51,9 +51,9 @@ BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
 
 
-SHARE_OF_WEIGHT: dict[Kind | None, float] = {Kind.GAIN: 0.02, Kind.ROBOT: 0.02, Kind.CABLE: 0.15}
-"""Standard deviation of the error: sensors have gains and cross-talk of a percent or two, robots orientations good to a
-degree, and no cable pulls as much as the tool weighs."""
+SHARE_OF_WEIGHT: dict[Kind | None, float] = {Kind.GAIN: 0.01, Kind.ROBOT: 0.01, Kind.CABLE: 0.05, Kind.TWO_LEVELS: 0.02}
+"""Scale of the error, of a half-normal prior: sensors have gains and cross-talk of a percent or two, robots
+orientations good to half a degree, cables and backlash move a reading by some percent of the weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +158,14 @@ def table_at(
 
 
 def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
-    """Logarithm of the prior of how large an error is that goes with the orientation, as a share of the weight (m,)."""
-    widest = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.inf) for drift in kernels.drifts])[kernels.drift]
+    """Logarithm of the prior (m,) of how large an error is as a share of the weight, over that of `STRENGTHS`."""
+    scales = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.nan) for drift in kernels.drifts])[kernels.drift]
     noise = np.sqrt(members.variance[:, :3].mean(axis=1))
     weight = np.maximum(np.abs(tool.weight + members.step[:, 0]), 1e-12)
-    share = kernels.strength[members.kernel] * noise / weight
-    return np.asarray(-0.5 * (share / widest[members.kernel]) ** 2)
+    share = kernels.strength[members.kernel] * noise / (weight * scales[members.kernel])
+    even = 1.0 / (len(STRENGTHS) * np.log(STRENGTHS[1] / STRENGTHS[0]))  # density of the logarithm
+    plausible = np.log(np.sqrt(2.0 / np.pi) * share / even) - 0.5 * share**2
+    return np.where(np.isnan(share), 0.0, plausible)
 
 
 def _of_the_rest(problem: Problem, table: Table) -> float:
