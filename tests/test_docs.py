@@ -1,13 +1,14 @@
 """The documentation holds: every link resolves, every block of code runs, and what a page shows is what comes out.
 
 A page's blocks run in order, in one namespace and one folder, which holds the recordings that `contactwrench demo`
-writes. In a ```console block every line `$ contactwrench ...` must exit with status 0, or with the one that a line
-`$ echo $?` after it shows. What follows a command, or a ```text block that follows a ```python block, must be the
-output: words exactly, numbers within 2 % or a digit of the last place; a line `...` stands for any lines. A command
-with nothing after it may print what it likes.
+writes, and for a page of docs/robots/ what that robot's own recorder writes. In a ```console block every line
+`$ contactwrench ...` must exit with status 0, or with the one that a line `$ echo $?` after it shows. What follows a
+command, or a ```text block that follows a ```python block, must be the output: words exactly, numbers within 2 % or a
+digit of the last place; a line `...` stands for any lines. A command with nothing after it may print what it likes.
 
-After a change of the program's output: `python tests/test_docs.py` writes the new output into docs/*.md; read the
-difference before you keep it. A line `?` is replaced by the output; beside a line `...` only numbers are renewed.
+After a change of the program's output: `python -m tests.test_docs`, of all pages or of those that are named, writes the
+new output into docs/; read the difference before you keep it. A line `?` is replaced by the output; beside a line `...`
+only numbers are renewed.
 """
 
 from __future__ import annotations
@@ -26,13 +27,15 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
+import numpy as np
 import pytest
 
 import contactwrench
 from contactwrench.cli.main import main
+from tests.support.brands import BRANDS, EXAMPLES
 
 ROOT = Path(__file__).resolve().parent.parent
-DOCS = sorted((ROOT / "docs").glob("*.md"))
+DOCS = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *DOCS]
 DATA = Path(contactwrench.__file__).parent / "data"
 
@@ -81,7 +84,8 @@ def test_links_resolve(page: Path) -> None:
 
 def test_every_page_is_in_the_index() -> None:
     index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
-    assert [page.name for page in DOCS if page.name != "README.md" and f"({page.name})" not in index] == []
+    names = [page.relative_to(ROOT / "docs").as_posix() for page in DOCS]
+    assert [name for name in names if name != "README.md" and f"({name})" not in index] == []
 
 
 def test_the_api_page_has_every_public_name() -> None:
@@ -134,12 +138,20 @@ def commands(body: str, line: int) -> Iterator[Shown]:
         yield Shown(line, "console", source, output, status)
 
 
-def run(text: str, where: str) -> list[tuple[re.Match[str], list[Shown]]]:
-    """Run a page's blocks in the current folder; `actual` of each is filled in."""
+def provide_recordings(page: Path) -> None:
+    """Put what the page's blocks read into the current folder."""
     copied = Path("contactwrench-demo")
     copied.mkdir()
     for name in ("panda_mini45.csv", "paper_six_poses.csv"):
         shutil.copy(DATA / name, copied / name)
+    if page.parent.name == "robots":
+        BRANDS[page.stem](Path(), EXAMPLES[page.stem], np.random.default_rng(0))
+
+
+def run(page: Path) -> list[tuple[re.Match[str], list[Shown]]]:
+    """Run a page's blocks in the current folder; `actual` of each is filled in."""
+    text, where = page.read_text(encoding="utf-8"), page.name
+    provide_recordings(page)
     namespace: dict[str, Any] = {"__name__": "__page__"}
     done = list(blocks(text))
     for _, items in done:
@@ -219,7 +231,7 @@ def folder(path: Path) -> Iterator[None]:
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
 def test_blocks_run_and_show_their_output(page: Path, tmp_path: Path) -> None:
     with folder(tmp_path):
-        done = run(page.read_text(encoding="utf-8"), page.name)
+        done = run(page)
     for _, items in done:
         for item in items:
             runs = item.kind == "python" or item.source.startswith(COMMAND)
@@ -243,9 +255,10 @@ def test_outputs_are_compared(shown: str, actual: str, same: bool) -> None:
     assert is_shown(shown, actual) is same
 
 
-def renewed(text: str, where: str) -> str:
+def renewed(page: Path) -> str:
     """The page with the outputs that it shows as they come out now."""
-    for block, items in reversed(run(text, where)):
+    text = page.read_text(encoding="utf-8")
+    for block, items in reversed(run(page)):
         body = ""
         for item in items:
             body += f"{item.source}\n" if item.kind == "console" else ""
@@ -261,10 +274,9 @@ def renewed(text: str, where: str) -> str:
 
 
 if __name__ == "__main__":
-    for doc in DOCS:
-        before = doc.read_text(encoding="utf-8")
+    for doc in [Path(name).resolve() for name in sys.argv[1:]] or DOCS:
         with tempfile.TemporaryDirectory() as scratch, folder(Path(scratch)):
-            after = renewed(before, doc.name)
-        if after != before:
+            after = renewed(doc)
+        if after != doc.read_text(encoding="utf-8"):
             doc.write_text(after, encoding="utf-8")
             print(f"renewed {doc.relative_to(ROOT)}")
