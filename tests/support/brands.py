@@ -27,7 +27,7 @@ GRIPPER = Rig(
     R_flange_sensor=Rotation.from_euler("ZYX", [30.0, 0.3, -0.2], degrees=True).as_matrix(),
     down=DOWN,
 )
-"""1.15 kg on a sensor that is turned by 30 degrees, on a level base."""
+"""Of 1.15 kg, on a sensor that is turned by 30 degrees, on a level base."""
 
 UPSIDE_DOWN = Rotation.from_euler("x", 180.0, degrees=True)
 """Of a flange that points down."""
@@ -57,9 +57,9 @@ def tilted(n: int, rng: np.random.Generator) -> Rotation:
 
 def taught(rig: Rig, rng: np.random.Generator, n: int = 12) -> Recorded:
     """A row a pose: the mean of a second's readings."""
-    R = tilted(n, rng).as_matrix()
-    position = np.array([0.45, -0.1, 0.5]) + rng.uniform(-0.15, 0.15, (n, 3))
-    return Recorded(np.arange(n) * 20.0, R, position, noisy_readings(rig, R, NOISE / 5.0, rng))
+    R: Array = tilted(n, rng).as_matrix()
+    position: Array = np.array([0.45, -0.1, 0.5]) + rng.uniform(-0.15, 0.15, (n, 3))
+    return Recorded(np.linspace(0.0, 240.0, n), R, position, noisy_readings(rig, R, NOISE / 5.0, rng))
 
 
 def stop_and_go(
@@ -110,7 +110,7 @@ def kuka_krc(folder: Path, rig: Rig, rng: np.random.Generator) -> None:
     for k, (x, abc) in enumerate(
         zip(1000.0 * run.position, run.rotation.as_euler("ZYX", degrees=True), strict=True), 1
     ):
-        numbers = zip("XYZABC", np.float32([*x, *abc]), strict=True)
+        numbers = zip("XYZABC", np.array([*x, *abc], np.float32).tolist(), strict=True)
         placed = ",".join(f"{letter} {value:.9G}" for letter, value in numbers)
         external = ",".join(f"E{j} 0.0" for j in range(1, 7))
         lines.append(f"DECL E6POS XP{k}={{{placed},S 2,T 10,{external}}}")
