@@ -145,7 +145,7 @@ def provide_recordings(page: Path) -> None:
     for name in ("panda_mini45.csv", "paper_six_poses.csv"):
         shutil.copy(DATA / name, copied / name)
     if page.parent.name == "robots":
-        BRANDS[page.stem](Path(), EXAMPLES[page.stem], np.random.default_rng(0))
+        BRANDS[page.stem](Path(), EXAMPLES[page.stem], np.random.default_rng(list(BRANDS).index(page.stem)))
 
 
 def run(page: Path) -> list[tuple[re.Match[str], list[Shown]]]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import io
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from contactwrench import Calibration
+from contactwrench.geometry.wrench import STANDARD_GRAVITY
 from tests.cli.test_first_files import assert_the_tool
 from tests.support.brands import BRANDS
-from tests.support.world import random_rig
+from tests.support.controllers import READERS, Load
+from tests.support.world import Array, Rig, random_rig
 from tests.test_docs import COMMAND, ROOT, blocks, folder, run_command
 
 PAGES = ROOT / "docs" / "robots"
-CALIBRATE = f"{COMMAND} calibrate "
 
 
 def test_every_page_has_its_recorder() -> None:
@@ -23,7 +25,7 @@ def test_every_page_has_its_recorder() -> None:
 
 
 @pytest.mark.parametrize("brand", BRANDS)
-def test_a_page_identifies_any_tool(brand: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_page_identifies_any_tool_and_its_payload(brand: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(list(BRANDS).index(brand))
     rig = random_rig(rng)
     with folder(tmp_path):
@@ -32,14 +34,38 @@ def test_a_page_identifies_any_tool(brand: str, tmp_path: Path, capsys: pytest.C
             for item in items:
                 if item.kind == "python" and "recording.csv" in item.source:
                     exec(compile(item.source, brand, "exec"), {})
-                elif item.source.startswith(CALIBRATE):
-                    status = run_command(item.source, io.StringIO())
-                    assert status == 0
+                elif item.source.startswith(f"{COMMAND} calibrate"):
+                    assert run_command(item.source, io.StringIO()) == 0
+                elif item.source.startswith(f"{COMMAND} export"):
+                    assert_the_payload(item.source, rig)
     assert_the_tool(Calibration.load(tmp_path / "tool.json"), rig)
 
 
+def assert_the_payload(command: str, rig: Rig) -> None:
+    """What the robot's own reader makes of it is the tool with the sensor that the flags state, within 5 mm and 1 %."""
+    words = shlex.split(command)
+    flags = dict(zip(words[4::2], words[5::2], strict=True))
+    read = READERS.get(flags["--to"])
+    if read is None:
+        return
+    out = io.StringIO()
+    assert run_command(f"{command} -o payload.txt", out) == 0, out.getvalue()
+    load, hung = read(Path("payload.txt").read_text()), hanging(rig, flags)
+    assert abs(load.mass - hung.mass) < 0.01 * hung.mass
+    assert np.abs(load.com - hung.com).max() < 0.005
+
+
+def hanging(rig: Rig, flags: dict[str, str]) -> Load:
+    def vector(flag: str) -> Array:
+        return np.array([float(part) for part in flags.get(flag, "0,0,0").split(",")])
+
+    tool, sensor = rig.weight / STANDARD_GRAVITY, float(flags["--sensor-mass"])
+    com = tool * (vector("--sensor-offset") + rig.R_flange_sensor @ rig.com) + sensor * vector("--sensor-com")
+    return Load(tool + sensor, com / (tool + sensor))
+
+
 @pytest.mark.parametrize("brand", ["kuka-iiwa", "franka", "xarm", "my-own"])
-def test_the_recorder_writes_what_the_pages_program_does(brand: str, tmp_path: Path) -> None:
+def test_the_recorder_writes_the_columns_of_the_pages_program(brand: str, tmp_path: Path) -> None:
     text = (PAGES / f"{brand}.md").read_text(encoding="utf-8")
     rng = np.random.default_rng(0)
     BRANDS[brand](tmp_path, random_rig(rng), rng)
