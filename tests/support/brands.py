@@ -62,13 +62,11 @@ def taught(rig: Rig, rng: np.random.Generator, n: int = 12) -> Recorded:
     return Recorded(np.linspace(0.0, 240.0, n), R, position, noisy_readings(rig, R, NOISE / 5.0, rng))
 
 
-def stop_and_go(
-    rig: Rig, rng: np.random.Generator, rate: float, stops: int = 12, push: float = 0.0, start: float = 0.0
-) -> Recorded:
-    """An arm that stops for 2.5 s at each pose and takes 1.5 s to the next; from the third stop's middle on, for a
-    second, something pushes the sensor along its -z by so many N.
+def stop_and_go(rig: Rig, rng: np.random.Generator, rate: float, push: float = 0.0, start: float = 0.0) -> Recorded:
+    """An arm that stops for 2.5 s at each of twelve poses and takes 1.5 s to the next; at work, with a push along the
+    sensor's -z of so many N for a second of the third stop, at four.
     """
-    still, move = 2.5, 1.5
+    still, move, stops = 2.5, 1.5, 4 if push else 12
     knots = np.arange(stops) * (still + move)
     t = np.arange(round(rate * (knots[-1] + still))) / rate
     stop, since = np.divmod(t, still + move)
@@ -100,7 +98,8 @@ def ur(folder: Path, rig: Rig, rng: np.random.Generator) -> None:
         with (folder / name).open("w", newline="") as file:
             writer = csv.writer(file, delimiter=" ")
             writer.writerow(["timestamp", *vectors])
-            writer.writerows(np.column_stack([run.t, run.position, run.rotation.as_rotvec(), run.wrench + zero]).tolist())
+            rotvec = run.rotation.as_rotvec()
+            writer.writerows(np.column_stack([run.t, run.position, rotvec, run.wrench + zero]).tolist())
 
 
 def write_wrench(folder: Path, run: Recorded) -> None:
