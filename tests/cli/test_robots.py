@@ -34,11 +34,20 @@ def test_a_page_identifies_any_tool_and_its_payload(brand: str, tmp_path: Path) 
             for item in items:
                 if item.kind == "python" and "recording.csv" in item.source:
                     exec(compile(item.source, brand, "exec"), {})
-                elif item.source.startswith(f"{COMMAND} calibrate"):
+                elif item.source.startswith((f"{COMMAND} calibrate", f"{COMMAND} compensate")):
                     assert run_command(item.source, io.StringIO()) == 0
                 elif item.source.startswith(f"{COMMAND} export"):
                     assert_the_payload(item.source, rig)
+        if Path("contact.csv").exists():
+            assert_the_push(Path("contact.csv"))
     assert_the_tool(Calibration.load(tmp_path / "tool.json"), rig)
+
+
+def assert_the_push(path: Path) -> None:
+    """In one second of working, 8 N along the sensor's -z; nothing in the rest, the arm's moves included."""
+    fz = np.genfromtxt(path, delimiter=",", names=True)["fz"]
+    assert abs(fz[fz < -4.0].mean() + 8.0) < 0.5
+    assert np.abs(fz[fz > -4.0]).mean() < 0.5
 
 
 def assert_the_payload(command: str, rig: Rig) -> None:
