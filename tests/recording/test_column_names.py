@@ -102,7 +102,7 @@ def test_units_of_force(tmp_path: Path, unit: str, newton: float, form: str) -> 
 )
 def test_units_of_torque(tmp_path: Path, unit: str, newton_metre: float) -> None:
     torque = ",".join(f"M{axis} [{unit}]" for axis in "xyz")
-    samples = cw.read(table(tmp_path, f"Fx,Fy,Fz,{torque},{Q}"))
+    samples = cw.read(table(tmp_path, f"Fx [N],Fy [N],Fz [N],{torque},{Q}"))
     assert samples.wrench[0] == pytest.approx([1, 2, 3, *(newton_metre * np.array([4, 5, 6]))], rel=1e-14)
 
 
@@ -171,7 +171,7 @@ def test_what_was_understood_is_one_line_and_nothing_of_usual_names(tmp_path: Pa
     assert understood(
         tmp_path, f"Fx (kN),Fy (N),Fz (N),tx,ty,tz,{Q}".replace("tx,ty,tz", "Tx (Nm),Ty (Nm),Tz (Nm)")
     ) == ('fx from "Fx (kN)" in kN, fy from "Fy (N)", fz from "Fz (N)", tx..tz from "Tx (Nm)".."Tz (Nm)"')
-    assert understood(tmp_path, f"{WRENCH},{Q}", units="force=kgf") == (
+    assert understood(tmp_path, f"{WRENCH},{Q}", units="force=kgf,torque=Nm") == (
         'fx..fz from "fx".."fz" in kgf, tx..tz from "tx".."tz"'
     )
 
@@ -238,6 +238,20 @@ UNDECIDED = [
         "column Fx (lbf) is in lbf and Tx says no unit, expected one for each: state it with --units torque=UNIT",
     ),
     (
+        f"Fx,Fy,Fz,Mx (lbf in),My (lbf in),Mz (lbf in),{Q}",
+        "column Mx (lbf in) is in lbf in and Fx says no unit, expected one for each: state it with --units force=UNIT",
+    ),
+    (
+        f"Fx,Fy,Fz,Tx (mm),Ty (mm),Tz (mm),{Q}",
+        "found no column tx, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
+        "--wrench-columns A,B,C,D,E,F (found Fx, Fy, Fz, Tx (mm), Ty (mm), Tz (mm), qx, qy, qz, qw)",
+    ),
+    (
+        f"raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz,{Q}",
+        'found "raw_fx" and "ati_tx", not named alike, expected the columns of one set: if they are, say '
+        "--wrench-columns raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz",
+    ),
+    (
         f"{WORDS},roll_rad,pitch,yaw",
         "column roll_rad is in rad and pitch says no unit, expected one for each: state it with --units angle=UNIT",
     ),
@@ -298,7 +312,11 @@ A_TO_F = "a,b,c,d,e,f"
     ("header", "stated", "wrench"),
     [
         (f"f,e,d,c,b,a,{Q}", {"wrench_columns": A_TO_F}, [6, 5, 4, 3, 2, 1]),
-        (f"A (kN),B (kN),C (kN),D,E,F,{Q}", {"wrench_columns": "a (kn),b (kn),c (kn),d,e,f"}, [1e3, 2e3, 3e3, 4, 5, 6]),
+        (
+            f"A (kN),B (kN),C (kN),D,E,F,{Q}",
+            {"wrench_columns": "a (kn),b (kn),c (kn),d,e,f", "units": "torque=Nm"},
+            [1e3, 2e3, 3e3, 4, 5, 6],
+        ),
         (f"{A_TO_F},{Q}", {"wrench_columns": A_TO_F, "units": "torque=Nmm"}, [1, 2, 3, 4e-3, 5e-3, 6e-3]),
         (f"Fx,Fy,Fz,Tx,Ty,Tz,{Q}", {"units": "force=kgf,torque=N mm"}, [9.80665, 19.6133, 29.41995, 4e-3, 5e-3, 6e-3]),
         (f"Fx (counts),Fy (counts),Fz (counts),Tx,Ty,Tz,{Q}", {"units": "force=N"}, [1, 2, 3, 4, 5, 6]),
@@ -380,6 +398,21 @@ REFUSED_OPTIONS: list[tuple[str, dict[str, str], str]] = [
         {"units": "force=kgf"},
         "column Fx (N): found N in its name and --units force=kgf, expected one of them: leave the option out or "
         "correct it",
+    ),
+    (
+        f"Fx [kN],Fy,Fz,Tx,Ty,Tz,{Q}",
+        {"wrench_columns": "Fx,Fy,Fz,Tx,Ty,Tz"},
+        "column Fx [kN] is in kN and Fy says no unit, expected one for each: state it with --units force=UNIT",
+    ),
+    (
+        f"{A_TO_F},{Q}",
+        {"wrench_columns": A_TO_F, "units": "force=kgf"},
+        "column a is in kgf and d says no unit, expected one for each: state it with --units torque=UNIT",
+    ),
+    (
+        f"{WORDS},A (rad),B,C",
+        {"orientation": "euler:ZYX:deg:A (rad),B,C"},
+        "column A (rad) is in rad and B says no unit, expected one for each: state it with --units angle=UNIT",
     ),
     (
         f"{WORDS},Time (ms),{Q}",

@@ -116,12 +116,14 @@ class Meaning:
 
     `part`: by its usual name, `fx`; of a numbered column its vector, as in `VECTORS`, and `index`. `unit`: a key of
     `UNITS`, "" where none is stated, or what stands in brackets and is none. `of`: the words, without axis and unit,
-    alike for columns of one set. `letter`: whether one letter is all that says so, as in `mx`.
+    alike for columns of one set; `sensor`: those without the quantity, alike for force and torque. `letter`: whether
+    one letter is all that says so, as in `mx`.
     """
 
     part: str
     unit: str
     of: str = ""
+    sensor: str = ""
     index: int | None = None
     letter: bool = False
 
@@ -203,8 +205,9 @@ def _part(words: list[str], header: str) -> Meaning | None:
             return Meaning("t", unit, " ".join([*topic, *others, axis]))
         letter = match.re.groups > len(match.re.groupindex) and match[1] is not None
         explicit = {"wrench", "ft", "fts", "ftsensor"} & set(others)
-        of = " ".join([*topic, *others, left.removesuffix(axis).removeprefix(axis)])
-        return Meaning(part.format(axis), "", of, None, letter and not explicit)
+        sensor = " ".join([*topic, *others])
+        of = f"{sensor} {left.removesuffix(axis).removeprefix(axis)}"
+        return Meaning(part.format(axis), "", of, sensor, None, letter and not explicit)
     return None
 
 
@@ -212,10 +215,11 @@ def _numbered(words: list[str], index: int) -> Meaning | None:
     """A numbered column, or an element of a list."""
     of = "_".join(words)
     if of in ESTIMATES:
-        return Meaning(of, "", of, index)
-    for left in ("".join(words), _split(words, _OF_LISTS)[0]):
+        return Meaning(of, "", of, of, index)
+    named, others = _split(words, _OF_LISTS)
+    for left in ("".join(words), named):
         if left in VECTORS and (left != "tcppose" or "actual" in words):
-            return Meaning(left, "", of, index)
+            return Meaning(left, "", of, " ".join(others), index)
     return None
 
 

@@ -78,7 +78,7 @@ def _angles(
             raise undecided(table, several, part, _by_names(chosen, by_part))
     if not all(each.is_usual for each in made):
         require_one_set(table, columns, _by_names(chosen, by_part))
-    require_units(table, made, chosen.angle_unit or "")
+    require_units(table, made, "angle")
     if chosen.name == "ur_rotvec" and any(each.unit == "deg" for each in made):
         raise FileFormatError(
             f"{table.source}: found {quoted(columns)} in degrees, expected a rotation vector (UR) in rad: if these are "
@@ -105,8 +105,7 @@ def _stated_orientation(table: OpenTable, naming: Naming, text: str) -> tuple[Co
             raise lacking(table, name, f"{wanted} for {chosen.name}", mend)
         columns.append(found)
     made = _in_their_units(table, naming, replace(chosen, columns=roles), columns)
-    if by_name:
-        require_units(table, made, chosen.angle_unit or "")
+    require_units(table, made, "angle")
     return chosen, made
 
 
