@@ -11,6 +11,7 @@ import pytest
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileFormatError
 from contactwrench.recording.options import Options
+from contactwrench.recording.read import read_streams
 from contactwrench.recording.tables.columns import Naming
 from contactwrench.recording.tables.roles import roles_of
 from contactwrench.recording.tables.table import open_table
@@ -247,6 +248,10 @@ UNDECIDED = [
         "--wrench-columns A,B,C,D,E,F (found Fx, Fy, Fz, Tx (mm), Ty (mm), Tz (mm), qx, qy, qz, qw)",
     ),
     (
+        f"tx,ty,tz,{Q},fx,fy,fz,mx,my,mz",
+        'found "tx" and "mx" for tx, expected one: choose with --wrench-columns fx,fy,fz,tx,ty,tz',
+    ),
+    (
         f"raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz,{Q}",
         'found "raw_fx" and "ati_tx", not named alike, expected the columns of one set: if they are, say '
         "--wrench-columns raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz",
@@ -363,6 +368,16 @@ def test_the_column_of_times_is_named_with_its_unit(
     found = cw.read(table(tmp_path, f"{WRENCH},{name},{Q}"), **stated).t
     assert found == pytest.approx([t], rel=1e-14)
     assert cw.read(table(tmp_path, f"{WRENCH},time,{Q}"), time_column="none").t is None
+
+
+def test_of_two_files_the_columns_of_the_wrench_are_none_of_the_poses(tmp_path: Path) -> None:
+    """Both may have columns a, b and c."""
+    wrench = written(tmp_path, f"t,{A_TO_F}\n0,1,2,3,4,5,6\n1,2,3,4,5,6,7\n", "wrench.csv")
+    poses = written(tmp_path, "t,a,b,c\n0,20,-35,110\n1,20,-35,110\n", "poses.csv")
+    found = read_streams(wrench, Options(pose_file=poses, wrench_columns=A_TO_F))
+    assert found.wrench.wrench.tolist() == [[1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]]
+    alone = cw.read(table(tmp_path, f"{WRENCH},a,b,c", "1,2,3,4,5,6,20,-35,110"))
+    assert found.orientation.R_base_flange[0] == pytest.approx(alone.R_base_flange[0], abs=1e-15)
 
 
 REFUSED_OPTIONS: list[tuple[str, dict[str, str], str]] = [

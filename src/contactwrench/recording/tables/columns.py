@@ -1,4 +1,4 @@
-"""Columns of a table in a file of any kind, and which of them are what."""
+"""Columns of a table in a file of any kind, what was stated of them, and which were taken for what."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ Advance: TypeAlias = Callable[[float], None]
 """Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
 WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
+POSITION = ("x", "y", "z")
 NANOSECONDS = "nanosec"
 """The role of the second column of times, where they are written as two."""
 

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from .columns import NANOSECONDS, WRENCH_COLUMNS
+from .columns import NANOSECONDS, POSITION, WRENCH_COLUMNS
 from .units import MEGANEWTON, SPELLED, plain, unit_of
 
 _ANY_UNIT = {word for spelled in SPELLED.values() for word in spelled}
@@ -20,12 +20,11 @@ _SECONDS = (SECONDS, "secs")
 _NANOSECONDS = (NANOSECONDS, "nanosecs", "nsec", "nsecs")
 """Of a stamp in two columns, its fields in ROS 2 and 1."""
 
-_AXES = ("x", "y", "z")
 QUANTITIES = {
     **dict.fromkeys(WRENCH_COLUMNS[:3], "force"),
     **dict.fromkeys(WRENCH_COLUMNS[3:], "torque"),
     **dict.fromkeys(("a", "b", "c", "w", "p", "r", "o", "rx", "ry", "rz", "roll", "pitch", "yaw"), "angle"),
-    **dict.fromkeys(_AXES, "length"),
+    **dict.fromkeys(POSITION, "length"),
     **dict.fromkeys(("t", SECONDS, NANOSECONDS), "time"),
     "load": "load",
 }
@@ -42,13 +41,13 @@ VECTORS: dict[str, tuple[str, ...]] = {
     "force": WRENCH_COLUMNS[:3],
     "torque": WRENCH_COLUMNS[3:],
     "moment": WRENCH_COLUMNS[3:],
-    "position": _AXES,
-    "pos": _AXES,
+    "position": POSITION,
+    "pos": POSITION,
     "rpy": ("roll", "pitch", "yaw"),
     "rotvec": ("rx", "ry", "rz"),
     "quatxyzw": ("qx", "qy", "qz", "qw"),
     "quatwxyz": ("qw", "qx", "qy", "qz"),
-    "tcppose": (*_AXES, "rx", "ry", "rz"),
+    "tcppose": (*POSITION, "rx", "ry", "rz"),
     "otee": tuple(f"o_t_ee_{k}" for k in range(16)),
 }
 """Of numbered columns, and of the elements of a list: the parts in their order, by the words without their blanks.
@@ -251,7 +250,7 @@ def _words(header: str) -> tuple[list[str], str | None]:
     def within(match: re.Match[str]) -> str:
         nonlocal unit
         content = match[1].strip()
-        if content.isdecimal() or content.lower() in _AXES:
+        if content.isdecimal() or content.lower() in POSITION:
             return f" {content} "
         if content in ("", "-"):  # no unit
             return " "

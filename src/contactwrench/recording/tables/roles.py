@@ -7,6 +7,7 @@ Where two columns could be one thing, neither is taken: the message says which o
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from operator import attrgetter
 
 from ...errors import FileFormatError, InputError
@@ -29,7 +30,18 @@ from .candidates import (
     undecided,
     usual,
 )
-from .columns import NANOSECONDS, SATURATED, WRENCH_COLUMNS, Column, ColumnRoles, Naming, OpenTable, listed, shown
+from .columns import (
+    NANOSECONDS,
+    POSITION,
+    SATURATED,
+    WRENCH_COLUMNS,
+    Column,
+    ColumnRoles,
+    Naming,
+    OpenTable,
+    listed,
+    shown,
+)
 from .names import ESTIMATES, QUANTITIES
 from .orientations import orientation_columns
 from .units import stated_units, unit_of
@@ -53,6 +65,8 @@ def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> Column
         FileFormatError: for a column that is missing, times of two files among them, or could be two things.
         InputError: for options that are none.
     """
+    if not wrench:
+        naming = replace(naming, wrench_columns=None)
     of_wrench = wrench_columns(table, naming) if wrench else []
     chosen, angles = (None, []) if naming.orientation is None else orientation_columns(table, naming)
     roles = roles_beside(table, naming, of_wrench, chosen, angles)
@@ -106,9 +120,12 @@ def _wrench_by_names(table: OpenTable) -> list[Candidate]:
     """The columns fx..tz by their usual names, else by what their headers say."""
     by_usual_names = [usual(table, part, QUANTITIES[part]) for part in WRENCH_COLUMNS]
     whole = [candidate for candidate in by_usual_names if candidate is not None]
-    if len(whole) == len(by_usual_names):
-        return whole
     by_part = candidates(table)
+    if len(whole) == len(by_usual_names):
+        alone = [part for part in WRENCH_COLUMNS if len(by_part[part]) == 1]
+        if alone == list(WRENCH_COLUMNS[:3]):  # fx with tx, which may be a translation, and with mx
+            raise undecided(table, by_part["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
+        return whole
     controllers = estimates(by_part)
     missing = [part for part in WRENCH_COLUMNS if part not in by_part]
     if controllers and len(missing) == len(WRENCH_COLUMNS):
@@ -222,17 +239,16 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[C
 
 def position_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
     """The columns x y z if all are there, each once and of one set, and at none of the places `taken`; else none."""
-    parts = ("x", "y", "z")
-    found = [usual(table, part, "length") for part in parts]
+    found = [usual(table, part, "length") for part in POSITION]
     if None in found:
         by_part = candidates(table)
-        found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in parts]
+        found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in POSITION]
         found = found if len({each.said.of for each in found if each is not None}) == 1 else []
     whole = [each for each in found if each is not None and each.place not in taken]
-    if len(whole) < len(parts):
+    if len(whole) < len(POSITION):
         return ()
     units = stated_units(naming.units)
-    made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, parts, strict=True))
+    made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, POSITION, strict=True))
     if not all(each.is_usual for each in made):
         require_units(table, made, "length")
     return made

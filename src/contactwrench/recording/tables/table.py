@@ -1,7 +1,6 @@
 """What the rows of a recording's table hold, whatever kind of file it is.
 
-How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.py; which of them is what, for
-columns.py.
+How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.py; which of them is what, for roles.py.
 """
 
 from __future__ import annotations
