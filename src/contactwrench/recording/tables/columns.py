@@ -164,7 +164,7 @@ class ColumnRoles:
         return *self.t, *self.of_wrench, *self.of_pose
 
 
-def taken_for(columns: tuple[Column, ...]) -> str:
+def taken_for(columns: Sequence[Column]) -> str:
     """What columns of one kind, or of several one after the other, were taken for."""
     if all(column.is_usual for column in columns):
         return " ".join(column.name for column in columns)
@@ -172,7 +172,7 @@ def taken_for(columns: tuple[Column, ...]) -> str:
     return ", ".join(map(_of_one_kind, parts)) if columns else ""
 
 
-def _of_one_kind(columns: tuple[Column, ...]) -> str:
+def _of_one_kind(columns: Sequence[Column]) -> str:
     units = [f" in {unit_shown(column.per_si, column.unit)}" if column.per_si != 1.0 else "" for column in columns]
     names = [f'"{shown(column.name)}"' for column in columns]
     if columns[-1].role == NANOSECONDS:

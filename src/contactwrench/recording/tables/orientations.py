@@ -21,7 +21,7 @@ from .candidates import (
     usual,
 )
 from .columns import Column, Naming, OpenTable, listed, shown
-from .units import per_si, stated_units
+from .units import stated_units
 
 
 def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, list[Column]]:
@@ -156,7 +156,4 @@ def numbered_angles(table: OpenTable, names: list[str]) -> tuple[Column, ...]:
     whole = [each for each in found if each is not None]
     if len(whole) < len(names):
         return ()
-    return tuple(
-        Column(each.place, each.name, per_si("angle", each.said.unit or "rad"), name, each.said.unit)
-        for each, name in zip(whole, names, strict=True)
-    )
+    return tuple(column(table, each, name, "angle", {}, "rad") for each, name in zip(whole, names, strict=True))

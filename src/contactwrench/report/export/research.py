@@ -90,11 +90,10 @@ def _rh20t(c: Calibration, setup: Setup) -> Parameters:
 
 
 TARGETS = (
-    Target("mc_rtc", "mc_rtc's force sensors", "", "--sensor-offset", "a base that leans", _mc_rtc, below),
+    Target("mc_rtc", "mc_rtc's force sensors", "--sensor-offset", "a base that leans", _mc_rtc, below),
     Target(
         "hrpsys",
         "hrpsys' RemoveForceSensorLinkOffset",
-        ".txt",
         "the sensor's frame in the model",
         "a base that leans (without an acceleration sensor)",
         _hrpsys,
@@ -103,11 +102,10 @@ TARGETS = (
     Target(
         "yarp",
         "whole-body-estimators' wholebodydynamics (YARP)",
-        ".xml",
         "the tool in the URDF",
         "",
         _yarp,
         in_xml,
     ),
-    Target("rh20t", "RH20T's API", ".json", "", "", _rh20t, in_json),
+    Target("rh20t", "RH20T's API", "", "", _rh20t, in_json),
 )

@@ -152,18 +152,16 @@ def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _target(
-    name: str, program: str, suffix: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]
-) -> Target:
-    return Target(name, program, suffix, NEEDS, LOSES, parameters, commented(mark))
+def _target(name: str, program: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]) -> Target:
+    return Target(name, program, NEEDS, LOSES, parameters, commented(mark))
 
 
 TARGETS = (
-    _target("ur", "Universal Robots: URScript and PolyScope", ".script", "#", _ur),
-    _target("franka", "Franka: SetLoad", ".yaml", "#", _franka),
-    _target("kuka", "KUKA: load data of KR C and LBR iiwa", ".dat", ";", _kuka),
-    _target("abb", "ABB: loaddata of RAPID", ".mod", "!", _abb),
-    _target("fanuc", "FANUC: payload schedule", ".txt", "#", _fanuc),
-    _target("xarm", "UFACTORY xArm: Python SDK", ".py", "#", _xarm),
-    _target("fairino", "Fairino: Python SDK", ".py", "#", _fairino),
+    _target("ur", "Universal Robots: URScript and PolyScope", "#", _ur),
+    _target("franka", "Franka: SetLoad", "#", _franka),
+    _target("kuka", "KUKA: load data of KR C and LBR iiwa", ";", _kuka),
+    _target("abb", "ABB: loaddata of RAPID", "!", _abb),
+    _target("fanuc", "FANUC: payload schedule", "#", _fanuc),
+    _target("xarm", "UFACTORY xArm: Python SDK", "#", _xarm),
+    _target("fairino", "Fairino: Python SDK", "#", _fairino),
 )

@@ -185,7 +185,6 @@ TARGETS = (
     Target(
         "admittance_controller",
         "ros2_controllers' admittance_controller (ROS 2)",
-        ".yaml",
         "the sensor's frame in the URDF",
         "the bias, a base that leans",
         _admittance_controller,
@@ -193,7 +192,6 @@ TARGETS = (
     Target(
         "force_torque_sensor_broadcaster",
         "force_torque_sensor_broadcaster of ros2_controllers, control_filters (ROS 2)",
-        ".yaml",
         "the sensor's frame in the URDF",
         "",
         _broadcaster,
@@ -201,7 +199,6 @@ TARGETS = (
     Target(
         "force_torque_tools",
         "force_torque_tools' gravity_compensation (ROS 1)",
-        ".yaml",
         "the sensor's frame in the URDF, an accelerometer",
         "",
         _force_torque_tools,
@@ -209,7 +206,6 @@ TARGETS = (
     Target(
         "ft_tools_ros2",
         "ft_tools_ros2's ft_estimation_node (ROS 2)",
-        ".yaml",
         "the sensor's frame in the URDF",
         "a base that leans (a parameter of its node)",
         _ft_tools_ros2,
@@ -217,7 +213,6 @@ TARGETS = (
     Target(
         "cartesian_controllers",
         "cartesian_controllers' cartesian_force_controller (ROS 1)",
-        ".yaml",
         "the sensor's frame in the URDF, a taring",
         "the bias (tared)",
         _cartesian_controllers,
