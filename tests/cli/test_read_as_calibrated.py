@@ -133,6 +133,24 @@ def test_another_file_may_be_written_in_another_way(
     assert done.err == "Note: read as the calibration was: --sign reaction\n" + (differs if flags else "")
 
 
+@pytest.mark.parametrize("turned_round", [False, True])
+def test_a_sign_is_asked_for_where_the_wrench_bears_other_names(
+    tmp_path: Path, capsys: Capture, turned_round: bool
+) -> None:
+    """Two columns of one sensor, or two sensors, have each a sign of their own, whoever finds them by their names."""
+    raw = tuple(f"ft_raw_wrench_{k}" for k in range(6))
+    ours, other = (WRENCH, raw) if turned_round else (raw, WRENCH)
+    free = written(tmp_path, csv_text((*ours, *QUAT), np.column_stack([-readings(RIG, R), quat(R)])), "free.csv")
+    tool = _calibrated(capsys, tmp_path, free, "--sign", "reaction")
+    assert run(capsys, "verify", free, "-c", tool).status == 0
+    work = written(tmp_path, csv_text((*other, *QUAT), np.column_stack([readings(RIG, R), quat(R)])), "work.csv")
+    assert run(capsys, "verify", work, "-c", tool).complaint == (
+        f"{work}: found other columns, and a calibration read with --sign reaction, expected to be told whether that "
+        "holds here: repeat it, or say --sign pull"
+    )
+    assert run(capsys, "verify", work, "-c", tool, "--sign", "pull").status == 0
+
+
 def test_columns_that_are_not_there_are_left_out_and_said(tmp_path: Path, capsys: Capture) -> None:
     free = written(tmp_path, _table(R, readings(RIG, R), ("u", "v", "w"), rotvec), "free.csv")
     tool = _calibrated(capsys, tmp_path, free, "--orientation", "ur_rotvec:u,v,w")

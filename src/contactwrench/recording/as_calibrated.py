@@ -24,8 +24,8 @@ from .bags.topics import pose_topics, wrench_topic
 from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
 from .read import bag_blocks, reader_of
-from .tables.columns import ColumnRoles
-from .tables.roles import roles_of
+from .tables.columns import ColumnRoles, taken_for
+from .tables.roles import roles_of, wrench_columns
 from .tables.table import open_table
 from .urdf import arm_of
 
@@ -90,9 +90,13 @@ def as_calibrated(
     taken = _of_bag(path, options, stated, fitting) if of_bag else _of_table(path, options, fitting)
     read = replace(options, **taken.values)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
+    changed = set(others)
     meant = {name: left_open[name] for name in OF_MEANING if left_open.get(name, USUAL[name]) != USUAL[name]}
+    by_names = not (of_bag or was_bag or read.wrench_columns or "units" in others)
+    if meant and by_names and _wrench_has_other_names(path, read, calibration):
+        changed.add("wrench_columns")
     for name, value in meant.items():
-        if was_bag != of_bag or GOES_WITH[name] in others:
+        if was_bag != of_bag or GOES_WITH[name] in changed:
             found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
             raise InputError(
                 f"{path}: found {found}, and a calibration read with {_flags({name: value})}, expected to be told "
@@ -135,6 +139,15 @@ def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
     if names:
         _roles(path, options)  # complains of a table that is none
     return _Taken({}, frozenset())
+
+
+def _wrench_has_other_names(path: Path, options: Options, calibration: Calibration) -> bool:
+    """Whether the columns of a table's wrench, found by their names, bear others than those of the calibration."""
+    columns = wrench_columns(open_table(path, options.naming), options.naming)
+    known = str(calibration.provenance.get("columns", ""))
+    return (
+        known.startswith("fx") if all(each.is_usual for each in columns) else not known.startswith(taken_for(columns))
+    )
 
 
 def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any]) -> frozenset[str]:
