@@ -122,9 +122,10 @@ def _wrench_by_names(table: OpenTable) -> list[Candidate]:
     whole = [candidate for candidate in by_usual_names if candidate is not None]
     by_part = candidates(table)
     if len(whole) == len(by_usual_names):
-        alone = [part for part in WRENCH_COLUMNS if len(by_part[part]) == 1]
-        if alone == list(WRENCH_COLUMNS[:3]):  # fx with tx, which may be a translation, and with mx
-            raise undecided(table, by_part["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
+        by_axis = {part: [each for each in by_part[part] if each.said.index is None] for part in WRENCH_COLUMNS}
+        if [part for part, several in by_axis.items() if len(several) > 1] == list(WRENCH_COLUMNS[3:]):
+            # one fx, with tx, which may be a translation, and with mx
+            raise undecided(table, by_axis["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
         return whole
     controllers = estimates(by_part)
     missing = [part for part in WRENCH_COLUMNS if part not in by_part]
