@@ -208,12 +208,10 @@ def test_python_keeps_how_a_file_was_read(tmp_path: Path) -> None:
     assert cw.Samples(readings(RIG, R), R).read_as == {}
 
 
-def test_which_column_was_taken_for_what_is_said_and_kept(
-    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words = 'fx from "Force X (N)"'
-    monkeypatch.setattr("contactwrench.recording.tables.columns.ColumnRoles.understood", words)
-    free = written(tmp_path, _table(R, readings(RIG, R), QUAT, quat), "free.csv")
+def test_which_column_was_taken_for_what_is_said_and_kept(tmp_path: Path, capsys: Capture) -> None:
+    raw = tuple(f"ft_raw_wrench_{k}" for k in range(6))
+    words = 'fx..fz from "ft_raw_wrench_0".."ft_raw_wrench_2", tx..tz from "ft_raw_wrench_3".."ft_raw_wrench_5"'
+    free = written(tmp_path, csv_text((*raw, *QUAT), np.column_stack([readings(RIG, R), quat(R)])), "free.csv")
     tool = tmp_path / "tool.json"
     assert run(capsys, "calibrate", free, "-o", tool).err == f"Note: columns: {words}\n"
     assert json.loads(tool.read_text())["provenance"]["columns"] == words

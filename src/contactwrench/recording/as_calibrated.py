@@ -38,7 +38,6 @@ OF_POSE = ("pose_topic", "frames", "robot")
 GOES_WITH = {"sign": "wrench_columns", "wrench_frame": "wrench_columns", "inverse_orientation": "orientation"}
 """By which option of the columns a table shows that it is written as another one."""
 
-USUAL = {name: getattr(AS_USUAL, name) for name in OF_MEANING}
 OTHERWISE = {
     "sign": "--sign pull",
     "wrench_frame": "--wrench-frame sensor",
@@ -91,7 +90,7 @@ def as_calibrated(
     read = replace(options, **taken.values)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
     changed = set(others)
-    meant = {name: left_open[name] for name in OF_MEANING if left_open.get(name, USUAL[name]) != USUAL[name]}
+    meant = {n: value for n, value in left_open.items() if n in OF_MEANING and value != getattr(AS_USUAL, n)}
     by_names = not (of_bag or was_bag or read.wrench_columns or "units" in others)
     if meant and by_names and _wrench_has_other_names(path, read, calibration):
         changed.add("wrench_columns")

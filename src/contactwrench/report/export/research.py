@@ -11,9 +11,8 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...geometry.wrench import STANDARD_GRAVITY
 from ...model import wrench_matrix
-from .ros import mounting_remark
 from .target import Parameters, Setup, Target, below, in_json, in_xml
-from .tool import DOWN, number, numbers, rigid_tool, roll_pitch_yaw, sensor_offset
+from .tool import DOWN, mounting_remark, number, numbers, rigid_tool, roll_pitch_yaw, sensor_offset
 
 FIXED_GRAVITY = f"such that mass x {STANDARD_GRAVITY} m/s^2, this program's gravity, is the weight"
 

@@ -13,20 +13,14 @@ import numpy as np
 
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Array
-from ...model import RigidTool, wrench_matrix
+from ...model import wrench_matrix
 from ...recording.base_frames import R_between
 from .losses import largest_error
 from .target import Parameters, Setup, Target
-from .tool import DOWN, number, numbers, rigid_tool, roll_pitch_yaw
+from .tool import DOWN, mounting_remark, number, numbers, rigid_tool
 
 NODE_GRAVITY = 9.81
 """m/s^2: the default of `gravity_in_reference_frame` of ft_tools_ros2."""
-
-
-def mounting_remark(tool: RigidTool, frame: str) -> str:
-    """How the sensor's frame has to stand in the robot's description."""
-    rpy = numbers(roll_pitch_yaw(tool.R_flange_sensor), " ")
-    return f'the robot\'s description must turn {frame} against the flange of the recording by rpy="{rpy}" (rad, URDF)'
 
 
 def _recorded_base(c: Calibration) -> str:
