@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
+from ...recording.base_frames import AGAINST_CONTROLLER
 from .payload import fixed, payload_on_flange
 from .target import Parameters, Setup, Target, commented
 
@@ -30,7 +33,8 @@ def _ur(calibration: Calibration, setup: Setup) -> Parameters:
     """
     payload = payload_on_flange(calibration, setup, "ur")
     mass, cog = fixed(payload.mass, 8), _listed(payload.com)
-    upward = -calibration.g * calibration.gravity_direction
+    R_controller_base = AGAINST_CONTROLLER.get(str(calibration.provenance.get("base_frame")), np.eye(3))
+    upward = -calibration.g * R_controller_base @ calibration.gravity_direction
     x, y, z = (f"{part:.2f}" for part in (IN_MM * payload.com).tolist())
     return payload.parameters(
         f"set_payload({mass}, [{cog}])\n",
