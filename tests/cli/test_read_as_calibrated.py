@@ -151,6 +151,17 @@ def test_a_sign_is_asked_for_where_the_wrench_bears_other_names(
     assert run(capsys, "verify", work, "-c", tool, "--sign", "pull").status == 0
 
 
+def test_units_of_columns_that_are_not_there_say_nothing_of_others(tmp_path: Path, capsys: Capture) -> None:
+    in_kgf = np.column_stack([readings(RIG, R) / 9.80665, quat(R)])
+    free = written(tmp_path, csv_text(("a", "b", "c", "d", "e", "f", *QUAT), in_kgf), "free.csv")
+    flags = ["--units", "force=kgf,torque=kgfm", "--wrench-columns", "a,b,c,d,e,f"]
+    tool = _calibrated(capsys, tmp_path, free, *flags)
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
+    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    assert done.err == f"Note: not read as the calibration was, no columns for {' '.join(flags)}\n"
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+
+
 def test_columns_that_are_not_there_are_left_out_and_said(tmp_path: Path, capsys: Capture) -> None:
     free = written(tmp_path, _table(R, readings(RIG, R), ("u", "v", "w"), rotvec), "free.csv")
     tool = _calibrated(capsys, tmp_path, free, "--orientation", "ur_rotvec:u,v,w")

@@ -127,10 +127,14 @@ def _differences(
 
 
 def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
-    """As many of the options of the columns as a table has columns for."""
+    """As many of the options of the columns as a table has columns for; the units of columns that are not there say
+    nothing of others.
+    """
     names = [name for name in OF_COLUMNS if name in known]
     for count in range(len(names), 0, -1):
         for some in combinations(names, count):
+            if "units" in some and "wrench_columns" in names and "wrench_columns" not in some:
+                continue
             values = {name: known[name] for name in some}
             with suppress(FileFormatError, InputError):
                 _roles(path, replace(options, **values))
