@@ -151,6 +151,20 @@ def test_a_sign_is_asked_for_where_the_wrench_bears_other_names(
     assert run(capsys, "verify", work, "-c", tool, "--sign", "pull").status == 0
 
 
+def test_units_are_asked_for_where_the_wrench_bears_other_names(tmp_path: Path, capsys: Capture) -> None:
+    in_nmm = in_newton_millimetres(R, readings(RIG, R))
+    tool = _calibrated(
+        capsys, tmp_path, written(tmp_path, _table(R, in_nmm, QUAT, quat), "free.csv"), "--units", "torque=Nmm"
+    )
+    raw = tuple(f"ft_raw_wrench_{k}" for k in range(6))
+    work = written(tmp_path, csv_text((*raw, *QUAT), np.column_stack([readings(RIG, R), quat(R)])), "work.csv")
+    assert run(capsys, "verify", work, "-c", tool).complaint == (
+        f"{work}: found other columns, and a calibration read with --units torque=Nmm, expected to be told whether "
+        "that holds here: repeat it, or say --units force=N,torque=Nm"
+    )
+    assert run(capsys, "verify", work, "-c", tool, "--units", "force=N,torque=Nm").status == 0
+
+
 def test_units_of_columns_that_are_not_there_say_nothing_of_others(tmp_path: Path, capsys: Capture) -> None:
     in_kgf = np.column_stack([readings(RIG, R) / 9.80665, quat(R)])
     free = written(tmp_path, csv_text(("a", "b", "c", "d", "e", "f", *QUAT), in_kgf), "free.csv")

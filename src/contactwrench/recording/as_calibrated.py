@@ -1,7 +1,8 @@
 """A recording read as its calibration's was: an option that nobody stated is the calibration's, where it fits.
 
 Two files of one sensor may be written differently, so a file's columns say whether options of the columns fit. What the
-numbers mean (sign, axes, inverse) no column says: it goes with the columns, and where these are others it is asked for.
+numbers mean (sign, axes, inverse, a stated unit) no column says: it goes with the columns, and where these are others
+it is asked for.
 """
 
 from __future__ import annotations
@@ -35,13 +36,19 @@ OF_COLUMNS = ("units", "hdf5", "orientation", "wrench_columns", "time_column")
 OF_POSE = ("pose_topic", "frames", "robot")
 """Where a bag has its pose: stated together, and so taken together."""
 
-GOES_WITH = {"sign": "wrench_columns", "wrench_frame": "wrench_columns", "inverse_orientation": "orientation"}
+GOES_WITH = {
+    "sign": "wrench_columns",
+    "wrench_frame": "wrench_columns",
+    "inverse_orientation": "orientation",
+    "units": "wrench_columns",
+}
 """By which option of the columns a table shows that it is written as another one."""
 
 OTHERWISE = {
     "sign": "--sign pull",
     "wrench_frame": "--wrench-frame sensor",
     "inverse_orientation": "--no-inverse-orientation",
+    "units": "--units force=N,torque=Nm",
 }
 
 
@@ -92,9 +99,11 @@ def as_calibrated(
     changed = set(others)
     meant = {n: value for n, value in left_open.items() if n in OF_MEANING and value != getattr(AS_USUAL, n)}
     by_names = not (of_bag or was_bag or read.wrench_columns or "units" in others)
-    if meant and by_names and _wrench_has_other_names(path, read, calibration):
+    units = taken.values.get("units", "")
+    asked = meant | ({"units": units} if "force" in units or "torque" in units else {})
+    if asked and by_names and _wrench_has_other_names(path, read, calibration):
         changed.add("wrench_columns")
-    for name, value in meant.items():
+    for name, value in asked.items():
         if was_bag != of_bag or GOES_WITH[name] in changed:
             found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
             raise InputError(
@@ -147,10 +156,9 @@ def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
 def _wrench_has_other_names(path: Path, options: Options, calibration: Calibration) -> bool:
     """Whether the columns of a table's wrench, found by their names, bear others than those of the calibration."""
     columns = wrench_columns(open_table(path, options.naming), options.naming)
-    known = str(calibration.provenance.get("columns", ""))
-    return (
-        known.startswith("fx") if all(each.is_usual for each in columns) else not known.startswith(taken_for(columns))
-    )
+    known = str(calibration.provenance.get("columns", "")).lower()
+    usual = all(each.is_usual for each in columns)
+    return known.startswith("fx") if usual else not known.startswith(taken_for(columns).lower())
 
 
 def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any]) -> frozenset[str]:
