@@ -9,6 +9,7 @@ import contactwrench as cw
 from contactwrench.report.export.exported import exported
 from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
+from tests.support.exports import unwrapped
 from tests.support.recordings import Run, run
 from tests.support.rigs import example, noisy
 
@@ -40,7 +41,7 @@ def test_what_is_stated_reaches_the_format(tool: Path, capsys: Capture) -> None:
     done = run(capsys, "export", tool, "--to", "mc_rtc", *flags)
     stated = {"sensor_offset": np.array([0.01, 0.0, 0.07]), "tool_mass": 0.9, "sensor_name": "RightHand"}
     assert done.out == written(tool, "mc_rtc", **stated)
-    assert done.err.startswith("Note: with these parameters the contact force is off by up to ")
+    assert "\nNote: with these parameters the contact force is off by up to " in done.err
     flags = ["--sensor-frame", "wrist", "--base-frame", "world"]
     done = run(capsys, "export", tool, "--to", "admittance_controller", *flags)
     assert done.out == written(tool, "admittance_controller", sensor_frame="wrist", base_frame="world")
@@ -48,10 +49,22 @@ def test_what_is_stated_reaches_the_format(tool: Path, capsys: Capture) -> None:
 
 def test_what_is_lost_is_noted_where_it_is_more_than_the_calibration_s_own_error(tool: Path, capsys: Capture) -> None:
     done = run(capsys, "export", tool, "--to", "admittance_controller")
-    said = next(line for line in done.out.splitlines() if "with these parameters" in line)
-    assert done.err == f"Note: {said.removeprefix('# ')}\n"
+    first, said = done.err.splitlines()
+    assert first.startswith("Note: the bias is not in here, this program has no parameter for it: `offset` of force_")
+    assert f"# {said.removeprefix('Note: ')}" in unwrapped(done.out).splitlines()
     bias = float(np.linalg.norm(cw.Calibration.load(tool).bias[:3]))
     assert f"off by up to {bias:.4g} N" in said
+
+
+def test_a_format_s_name_is_taken_in_any_case(tool: Path, capsys: Capture) -> None:
+    assert run(capsys, "export", tool, "--to", "RH20T").out == written(tool, "rh20t")
+
+
+def test_what_a_format_does_not_use_is_said(tool: Path, capsys: Capture) -> None:
+    flags = ["--sensor-mass", "0.3", "--sensor-frame", "wrist", "--base-frame", "world"]
+    done = run(capsys, "export", tool, "--to", "ft_tools_ros2", *flags)
+    assert done.out == written(tool, "ft_tools_ros2", sensor_frame="wrist")
+    assert "Note: not used by ft_tools_ros2: --sensor-mass, --base-frame" in done.err.splitlines()
 
 
 def test_every_format_is_listed(capsys: Capture) -> None:
@@ -82,6 +95,14 @@ def test_every_format_is_listed(capsys: Capture) -> None:
          "above 0: try 'contactwrench export --help'"),
         (["TOOL", "--to", "rh20t", "--sensor-mass", "-1"], "Invalid value for '--sensor-mass': found -1, expected a "
          "number of 0 or more: try 'contactwrench export --help'"),
+        (["TOOL", "--to", "ur", "--sensor-mass", "350"],
+         "--sensor-mass is 350, expected kg, from 0 to 200: is it in g?"),
+        (["TOOL", "--to", "ur", "--tool-mass", "1e308"],
+         "--tool-mass is 1e+308, expected kg, from 0 to 200: is it in g?"),
+        (["TOOL", "--to", "mc_rtc", "--sensor-offset", "0,0,45"],
+         "--sensor-offset is 0,0,45, expected m, each at most 2: is it in mm?"),
+        (["TOOL", "--to", "ur", "--sensor-com", "0,-1e300,2"],
+         "--sensor-com is 0,-1e+300,2, expected m, each at most 2: is it in mm?"),
     ],
 )  # fmt: skip
 def test_bad_use_is_one_line(arguments: list[str], complaint: str, tool: Path, capsys: Capture) -> None:

@@ -3,6 +3,8 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,13 +23,16 @@ from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
 from contactwrench.report.export.tool import number, roll_pitch_yaw
 from tests.support.calibrations import exact_calibration
+from tests.support.exports import unwrapped
 from tests.support.recordings import PANDA, rx, ry, rz
 from tests.support.rigs import seeds
-from tests.support.world import Array, random_rig, random_rotations
+from tests.support.world import Array, random_rig, random_rotations, readings
 
 RIGID = ("admittance_controller", "force_torque_sensor_broadcaster", "force_torque_tools", "ft_tools_ros2",
          "cartesian_controllers", "mc_rtc", "hrpsys", "yarp", "rh20t")  # fmt: skip
 SETUP = Setup(sensor_offset=np.zeros(3))
+PAYLOADS = ("ur", "franka", "kuka", "abb", "fanuc", "xarm", "fairino")
+STATED = Setup(sensor_mass=0.3, sensor_com=np.zeros(3), sensor_offset=np.zeros(3))
 
 
 def calibration(seed: int = 0, sign: str = "pull") -> cw.Calibration:
@@ -86,11 +91,9 @@ def test_roll_pitch_yaw_make_the_rotation_again(angles: tuple[float, float, floa
 
 def test_the_header_says_who_made_it_of_what_and_what_it_is_worth() -> None:
     c = cw.calibrate(cw.read(PANDA))
-    head = [
-        line
-        for line in exported(TARGETS["ft_tools_ros2"], c, Setup(), "gripper.json").text.splitlines()
-        if line[0] == "#"
-    ]
+    text = exported(TARGETS["ft_tools_ros2"], c, Setup(), "gripper.json").text
+    assert max(map(len, text.splitlines())) <= 102
+    head = [line for line in unwrapped(text).splitlines() if line[0] == "#"]
     assert head[0] == (
         f"# parameters of ft_tools_ros2's ft_estimation_node (ROS 2), made by contactwrench {cw.__version__} from "
         "gripper.json"
@@ -138,11 +141,11 @@ def test_a_wrench_in_base_axes_is_to_be_turned_first(name: str) -> None:
     c = calibration()
     done = exported(TARGETS[name], replace(c, provenance={**c.provenance, "wrench_frame": "base"}), SETUP, "t.json")
     said = (
-        "the recording's wrench was in base axes (--wrench-frame base): turn it into sensor axes before this program "
-        "reads it"
+        "the recording's wrench was in base axes (--wrench-frame base): turn it into flange axes, by R_base_flange "
+        "transposed, before this program reads it; what is called sensor axes here are the flange's"
     )
     assert said in done.notes
-    assert said.replace("--", "- -" if name == "yarp" else "--") in done.text
+    assert said.replace("--", "- -" if name == "yarp" else "--") in unwrapped(done.text)
 
 
 @pytest.mark.parametrize("name", [name for name in RIGID if name not in ("mc_rtc", "rh20t")])
@@ -151,4 +154,102 @@ def test_names_are_those_that_are_stated(name: str) -> None:
     text = exported(TARGETS[name], calibration(), setup, "t.json").text
     named = re.search(r"wrist_ft|wrist_frame", text)
     assert named
-    assert not re.search(r"ft_sensor\b(?!_ref_link|:)|ft_frame|base_link", text.replace("robot_base_link", ""))
+    assert not re.search(
+        r"ft_sensor\b(?!_ref_link|:)|ft_frame|base_link", re.sub("robot_base_link|ft_sensor.name", "", text)
+    )
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_format_uses_of_the_setup_what_it_says(name: str) -> None:
+    """Whatever else is stated changes nothing; what it uses does."""
+    target, c = TARGETS[name], calibration()
+    other: dict[str, Any] = {
+        "sensor_mass": 0.4,
+        "sensor_com": np.full(3, 0.02),
+        "sensor_offset": np.full(3, 0.03),
+        "sensor_name": "wrist_ft",
+        "sensor_frame": "wrist_frame",
+        "base_frame": "world",
+    }
+
+    def said(setup: Setup) -> tuple[object, ...]:
+        parameters = target.parameters(c, setup)
+        return parameters.body, parameters.remarks
+
+    changing = {each for each, value in other.items() if said(replace(STATED, **{each: value})) != said(STATED)}
+    assert changing == set(target.uses)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_stated_mass_that_is_far_from_the_identified_is_doubted(name: str) -> None:
+    """By a fifth; or by a tenth and five standard deviations."""
+    c = calibration()
+
+    def doubted(share: float, of_std: float) -> bool:
+        assert c.mass is not None
+        std = abs(share - 1.0) * c.mass * c.g / of_std
+        known = replace(c, covariance=c.covariance * (std / c.std["weight"]) ** 2)
+        done = exported(TARGETS[name], known, replace(STATED, tool_mass=share * c.mass), "t.json")
+        notes = [note for note in done.notes if note.startswith("--tool-mass is ")]
+        assert all(note in unwrapped(done.text) or name in ("hrpsys", "yarp") for note in notes)
+        return bool(notes)
+
+    assert doubted(1.25, 2.0)
+    assert doubted(0.85, 6.0)
+    assert not doubted(0.85, 4.0)
+    assert not doubted(1.05, 9.0)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize(("delay", "said"), [
+    (0.08, "stamped 80 ms later than the orientation: look the orientation up that much earlier, this file does not"),
+    (-0.012, "stamped 12 ms earlier than the orientation: look the orientation up that much later, this file does not"),
+])  # fmt: skip
+def test_a_delay_is_for_the_program_to_make_up_for(name: str, delay: float, said: str) -> None:
+    late = replace(calibration(), delay=delay, delay_std=0.001)
+    done = exported(TARGETS[name], late, STATED, "t.json")
+    assert any(said in note for note in done.notes) == (name not in PAYLOADS)
+    assert "applied" not in done.text
+    hardly = exported(TARGETS[name], replace(late, delay_std=0.1), STATED, "t.json")
+    assert not any("stamped" in note for note in hardly.notes)
+
+
+@pytest.mark.parametrize("name", ["c", "python", "matlab", "rh20t"])
+def test_readings_in_base_axes_are_turned_into_flange_axes(name: str, tmp_path: Path) -> None:
+    """Turned as the header says, a free tool reads zero with the parameters of any rig that was recorded so."""
+    rng = np.random.default_rng(3)
+    rig, R = random_rig(rng), random_rotations(24, rng)
+    rig = replace(rig, bias=np.zeros(6))  # turned with the wrench it is no bias of the flange's axes
+    in_base = np.concatenate([np.einsum("nij,nj->ni", R @ rig.R_flange_sensor, part) for part in
+                              np.split(readings(rig, R), 2, axis=1)], axis=1)  # fmt: skip
+    header = "fx,fy,fz,tx,ty,tz," + ",".join(f"r{i}{j}" for i in "123" for j in "123")
+    path = tmp_path / "base.csv"
+    np.savetxt(path, np.column_stack([in_base, R.reshape(-1, 9)]), delimiter=",", header=header, comments="")
+    c = cw.calibrate(cw.read(path, wrench_frame="base"), "mount")
+    done = exported(TARGETS[name], c, Setup(), "t.json")
+    assert any("turn it into flange axes, by R_base_flange transposed, before" in note for note in done.notes)
+    parameters = TARGETS[name].parameters(c, Setup())
+    assert parameters.B is not None
+    assert parameters.gravity_direction is not None
+    r = np.einsum("nji,j->ni", R, parameters.gravity_direction)
+    turned = np.concatenate([np.einsum("nji,nj->ni", R, part) for part in np.split(in_base, 2, axis=1)], axis=1)
+    assert np.abs(turned - r @ parameters.B[:, :3].T - parameters.B[:, 3]).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("recorded", "stated", "expected"),
+    [
+        (None, None, "base_link"),
+        ("/world", None, "world"),
+        ("panda_link0", None, "panda_link0"),
+        ("ur5e base", None, "base_link"),
+        ("panda_link0", "table", "table"),
+    ],
+)
+@pytest.mark.parametrize("name", ["admittance_controller", "force_torque_sensor_broadcaster"])
+def test_the_base_is_the_recording_s(name: str, recorded: str | None, stated: str | None, expected: str) -> None:
+    c = calibration()
+    provenance = {**c.provenance, **({} if recorded is None else {"base_frame": recorded})}
+    text = exported(TARGETS[name], replace(c, provenance=provenance), Setup(base_frame=stated), "t.json").text
+    field = "world_frame: " if name.startswith("force") else "fixed_world_frame:\n      frame:\n        id: "
+    assert f'{field}"{expected}"' in text

@@ -18,6 +18,7 @@ from contactwrench.report.export.code import in_c
 from contactwrench.report.export.exported import exported
 from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
+from tests.support.exports import unwrapped
 from tests.support.rigs import noise_free
 from tests.support.world import Array, random_rig, random_rotations, tilted_down, with_down
 
@@ -37,7 +38,7 @@ def calibrated(model: str) -> cw.Calibration:
 
 
 def written(name: str, calibration: cw.Calibration, setup: Setup | None = None) -> str:
-    return exported(TARGETS[name], calibration, setup or Setup(), "cal.json").text
+    return unwrapped(exported(TARGETS[name], calibration, setup or Setup(), "cal.json").text)
 
 
 def pushed(n: int) -> tuple[Array, Array]:
@@ -167,7 +168,7 @@ def test_what_was_done_to_the_recording_is_to_be_done_to_every_reading(name: str
     calibration = calibrated("mount")
     said: dict[str, dict[str, str | int | float | None]] = {
         "negate force and torque before": {"sign": "reaction"},
-        "turn it into sensor axes before": {"wrench_frame": "base"},
+        "turn it into flange axes, by R_base_flange transposed, before": {"wrench_frame": "base"},
         "the robot reports R_flange_base (--inverse-orientation): hand over its transpose": {
             "inverse_orientation": True
         },

@@ -15,6 +15,7 @@ from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
 from tests.support import oracles
 from tests.support.calibrations import exact_calibration
+from tests.support.exports import unwrapped
 from tests.support.oracles import Contact
 from tests.support.world import Array, Rig, random_rig, random_rotations, readings, tilted_down
 
@@ -60,7 +61,9 @@ def example(seed: int, lean: bool) -> tuple[Rig, float, Array]:
 
 def stated(text: str, before: str = "with these parameters") -> tuple[float, float]:
     """The largest error of force and torque that a file states; none where it says nothing."""
-    found = re.search(before + r" the contact force is off by up to (\S+) N and the torque by up to (\S+) N m", text)
+    found = re.search(
+        before + r" the contact force is off by up to (\S+) N and the torque by up to (\S+) N m", unwrapped(text)
+    )
     return (float(found.group(1)), float(found.group(2))) if found else (0.0, 0.0)
 
 

@@ -16,8 +16,10 @@ from contactwrench.geometry.wrench import STANDARD_GRAVITY
 from contactwrench.report.export.exported import exported
 from contactwrench.report.export.target import Setup
 from contactwrench.report.export.targets import TARGETS
+from contactwrench.statistics import three_digits
 from tests.support.controllers import READERS, Load
-from tests.support.rigs import noise_free
+from tests.support.exports import unwrapped
+from tests.support.rigs import noise_free, noisy
 from tests.support.world import Array, Rig, random_rig, random_rotations, tilted_down, with_down
 
 G = STANDARD_GRAVITY
@@ -43,7 +45,8 @@ def written(name: str, calibration: cw.Calibration, setup: Setup = STATED) -> tu
     parameters = target.parameters(calibration, setup)
     assert parameters.B is None
     assert parameters.gravity_direction is None
-    return exported(target, calibration, setup, "cal.json").text, "\n".join(parameters.remarks)
+    said = "\n".join([*parameters.cautions, *parameters.remarks])
+    return exported(target, calibration, setup, "cal.json").text, said
 
 
 def hanging(rig: Rig, setup: Setup, R_base_flange: Array) -> Array:
@@ -95,7 +98,7 @@ def test_the_remarks_are_comments_and_say_what_is_not_there(name: str) -> None:
     mark = {"kuka": "; ", "abb": "! "}.get(name, "# ")
     comments = [line for line in text.splitlines() if line.startswith(mark)]
     assert text.startswith("\n".join(comments))
-    assert {f"{mark}{remark}" for remark in remarks.splitlines()} <= set(comments)
+    assert {f"{mark}{remark}" for remark in remarks.splitlines()} <= set(unwrapped(text).splitlines())
     assert "a calibration finds no moments of inertia: those written are 0, a point mass" in remarks
     assert "from the readings of a sensor outside nothing is subtracted, and its bias is not in here" in remarks
     assert max(map(len, text.splitlines())) < 471  # what KRL takes in a line
@@ -154,9 +157,34 @@ def test_a_weighed_tool_takes_the_place_of_the_identified_one() -> None:
     R = random_rotations(40, np.random.default_rng(1))
     heavier = replace(rig, weight=rig.weight + 0.05 * G)
     assert np.abs(READERS["ur"](text).wrench(R, rig.down, G) - hanging(heavier, STATED, R)).max() < 1e-6
-    force, torque = stated_error(remarks)
+    found = re.search(
+        r"changes the identified weight by (\S+) N and its torque about the sensor by up to (\S+) N m", remarks
+    )
+    assert found
+    force, torque = map(float, found.groups())
+    assert "leans" not in remarks
     assert abs(force - 0.05 * G) < 0.005 * force
     assert abs(torque - 0.05 * G * np.linalg.norm(rig.com)) < 0.005 * torque
+
+
+@EVERY_ROBOT
+def test_what_the_lean_and_the_stated_mass_do_is_told_apart(name: str) -> None:
+    rig, calibration = calibrated(2)
+    assert calibration.mass is not None
+    _, remarks = written(name, calibration, replace(STATED, tool_mass=1.02 * calibration.mass))
+    assert stated_error(remarks) == stated_error(written(name, calibration)[1])
+    assert f"--tool-mass changes the identified weight by {three_digits(0.02 * rig.weight)} N" in remarks
+
+
+@EVERY_ROBOT
+def test_a_lean_is_said_where_it_is_more_than_the_calibration_s_own_error(name: str) -> None:
+    rng = np.random.default_rng(4)
+    for tilt, told in ((0.05, True), (1e-5, False)):
+        rig = with_down(random_rig(rng), tilted_down(tilt, rng))
+        done = exported(TARGETS[name], cw.calibrate(noisy(rig, random_rotations(20, rng), rng), "mount+base"), STATED,
+                        "cal.json")  # fmt: skip
+        assert ("leans" in unwrapped(done.text)) == told
+        assert any("tells it how the base leans" in note for note in done.notes) == told
 
 
 def test_tool_and_sensor_are_joined_as_the_makers_of_sensors_join_them() -> None:

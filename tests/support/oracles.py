@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 from ruamel.yaml import YAML
 
+from tests.support.exports import unwrapped
 from tests.support.recordings import rx, ry, rz
 from tests.support.world import Array
 
@@ -26,14 +27,14 @@ Contact: TypeAlias = Callable[[Array, Array], Array]
 
 def numbers_behind(text: str, words: str) -> list[float]:
     """The numbers, with commas or blanks between, in the brackets or quotes that follow some words of a file."""
-    found = re.search(re.escape(words) + r'[\["]([^\]"]*)[\]"]', text)
+    found = re.search(re.escape(words) + r'[\["]([^\]"]*)[\]"]', unwrapped(text))
     assert found, words
     return [float(part) for part in found.group(1).replace(",", " ").split()]
 
 
 def described_mounting(text: str) -> Array:
     """`R_flange_sensor` as the file says that URDF's `rpy` must be."""
-    found = re.search(r'by rpy=\\?"([^"\\]*)\\?"', text)
+    found = re.search(r'by rpy=\\?"([^"\\]*)\\?"', unwrapped(text))
     assert found
     roll, pitch, yaw = (float(angle) for angle in found.group(1).split())
     return rz(yaw) @ ry(pitch) @ rx(roll)
@@ -249,7 +250,7 @@ def yarp(text: str) -> Contact:
     if "FT_SECONDARY_CALIBRATION" in groups:
         C = _listed(groups["FT_SECONDARY_CALIBRATION"], 36).reshape(6, 6)
     offset = _listed(groups["FT_OFFSET"], 6)
-    found = re.search(r"have a mass of (\S+) kg", text)
+    found = re.search(r"have a mass of (\S+) kg", unwrapped(text))
     assert found
     com = np.array(numbers_behind(text, "their centre of mass at "))
     gravity = next(_values(each) for each in device.findall("param") if each.attrib["name"] == "fixedFrameGravity")

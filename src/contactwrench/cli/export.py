@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -34,9 +34,16 @@ def export(
     sensor_offset: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="The sensor's origin from the flange's, m, flange axes.")
     ] = None,
-    sensor_name: Annotated[str, typer.Option(metavar="NAME", help="The sensor's, in that program.")] = "ft_sensor",
-    sensor_frame: Annotated[str, typer.Option(metavar="NAME", help="Its frame's, in that program.")] = "ft_frame",
-    base_frame: Annotated[str, typer.Option(metavar="NAME", help="The base's frame, in that program.")] = "base_link",
+    sensor_name: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The sensor's, in that program. [default: ft_sensor]")
+    ] = None,
+    sensor_frame: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Its frame's, in that program. [default: ft_frame]")
+    ] = None,
+    base_frame: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="The base's, in that program. [default: the recording's, or base_link]"),
+    ] = None,
 ) -> None:
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
     from ..calibration.calibration import Calibration
@@ -52,17 +59,25 @@ def export(
         raise InputError("expected CAL.json and --to FORMAT: contactwrench export --list names the formats")
     target = target_named(to)
     require_distinct(output, {"calibration that is read": file})
-    places = _point(sensor_com, "--sensor-com"), _point(sensor_offset, "--sensor-offset")
-    names = (sensor_name, "--sensor-name"), (sensor_frame, "--sensor-frame"), (base_frame, "--base-frame")
-    setup = Setup(tool_mass, sensor_mass, *places, *(_name(name, option) for name, option in names))
-    done = exported(target, Calibration.load(file), setup, str(file))
+    every = {
+        "tool_mass": tool_mass,
+        "sensor_mass": sensor_mass,
+        "sensor_com": _point(sensor_com, "--sensor-com"),
+        "sensor_offset": _point(sensor_offset, "--sensor-offset"),
+        "sensor_name": _name(sensor_name, "--sensor-name"),
+        "sensor_frame": _name(sensor_frame, "--sensor-frame"),
+        "base_frame": _name(base_frame, "--base-frame"),
+    }
+    stated: dict[str, Any] = {name: value for name, value in every.items() if value is not None}
+    done = exported(target, Calibration.load(file), Setup(**stated), str(file))
     write_text(output, done.text)
-    for text in done.notes:
+    unused = [f"--{name.replace('_', '-')}" for name in stated if name not in ("tool_mass", *target.uses)]
+    for text in (*done.notes, *([f"not used by {target.name}: {', '.join(unused)}"] if unused else [])):
         options.note(text)
 
 
-def _name(name: str, option: str) -> str:
-    if not re.fullmatch(r"[\w./-]+", name):
+def _name(name: str | None, option: str) -> str | None:
+    if name is not None and not re.fullmatch(r"[\w./-]+", name):
         raise InputError(f"{option} is {name!r}, expected a name of letters, digits and _ . / -")
     return name
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from textwrap import wrap
 
 from ...calibration.calibration import Calibration
 from ...calibration.findings import Severity
 from ...calibration.text import headline, parameter_rows
-from ...statistics import two_digits
+from ...compensate.filters import delay_of
+from ...statistics import meaningful_digits, two_digits
 from ...version import __version__
 from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup, Target
@@ -15,6 +18,11 @@ from .target import Parameters, Setup, Target
 OF_THE_RECORDING = (
     "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
 )
+COLUMNS = 100
+COPIED = re.compile(r'\w\([^()]*\)|\[[^]]*\]|"[^"]*"')
+"""What a person copies out of a sentence, in one piece: a call, a list, a quotation."""
+MASS_APART, MASS_SURELY_APART, STANDARD_DEVIATIONS = 0.2, 0.1, 5.0
+"""In shares of the identified mass: so far off, a stated one is doubted; or less far, by so many of its std."""
 
 
 @dataclass(frozen=True)
@@ -39,26 +47,56 @@ def exported(target: Target, calibration: Calibration, setup: Setup, source: str
     """
     parameters = target.parameters(calibration, setup)
     weak = [finding.text for finding in calibration.findings if finding.severity is Severity.WEAK]
-    other = _other_readings(calibration, parameters)
+    other = [*_other_mass(calibration, setup), *_other_readings(calibration, parameters)]
+    first = [*parameters.cautions, *weak, *other]
     loss, matters = _loss(calibration, parameters)
-    said = [*weak, *parameters.remarks, *([] if parameters.B is None else [OF_THE_RECORDING]), *other, *loss]
+    then = [*parameters.remarks, *([] if parameters.B is None else [OF_THE_RECORDING]), *loss]
     if target.with_header is None:
-        return Exported(parameters.body, tuple(said))
-    header = [" ".join(line.splitlines()) for line in (*_origin(target, calibration, source), *said)]
-    notes = [*weak, *other, *(loss if matters else [])]
-    return Exported(target.with_header(header, parameters.body), tuple(notes))
+        return Exported(parameters.body, (*first, *then))
+    sentences = (*_origin(target, calibration, source), *first, *_identified(calibration), *then)
+    header = [line for sentence in sentences for line in _wrapped(sentence)]
+    return Exported(target.with_header(header, parameters.body), (*first, *(loss if matters else [])))
+
+
+def _wrapped(sentence: str) -> list[str]:
+    """A sentence in lines of a header, which hang; what is copied from it is not broken."""
+    whole = COPIED.sub(lambda found: found.group().replace(" ", "\xa0"), " ".join(sentence.splitlines()))
+    lines = wrap(whole, COLUMNS, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return [line.replace("\xa0", " ") for line in lines]
 
 
 def _origin(target: Target, c: Calibration, source: str) -> list[str]:
-    """Who made it, of what, and every identified number with its standard deviation."""
+    """Who made it, and of what."""
     created, recording = (str(c.provenance.get(name, "")) for name in ("created", "source"))
     of = "".join([f", of {recording}" if recording else "", f", {created}" if created else ""])
-    rows = parameter_rows(c)
     return [
         f"parameters of {target.program}, made by contactwrench {__version__} from {source}",
         f"{headline(c)}{of}",
         f"verdict {'; '.join([c.verdict, *c.doubts])}",
-        *(f"  {name} {value} {'+- ' + std + ' ' if std else ''}{unit}" for name, value, std, unit in rows),
+    ]
+
+
+def _identified(c: Calibration) -> list[str]:
+    """Every identified number with its standard deviation; of a delay not that it is applied, which no file does."""
+    rows = parameter_rows(c)
+    return [
+        f"  {name} {value} {'+- ' + std + ' ' if std else ''}{unit.partition(';')[0] if name == 'delay' else unit}"
+        for name, value, std, unit in rows
+    ]
+
+
+def _other_mass(c: Calibration, setup: Setup) -> list[str]:
+    """That the mass as weighed is another than the identified one."""
+    if setup.tool_mass is None or c.mass is None:
+        return []
+    std = c.std["weight"] / c.g
+    apart = abs(setup.tool_mass - c.mass)
+    if apart <= MASS_APART * c.mass and (apart <= MASS_SURELY_APART * c.mass or apart <= STANDARD_DEVIATIONS * std):
+        return []
+    identified = " +- ".join(meaningful_digits(c.mass, std))
+    return [
+        f"--tool-mass is {setup.tool_mass:g} kg, the calibration identified {identified} kg: another tool, another "
+        "unit, or a calibration that is wrong"
     ]
 
 
@@ -67,14 +105,21 @@ def _other_readings(c: Calibration, parameters: Parameters) -> list[str]:
     cautions: list[str] = []
     if parameters.B is None:
         return cautions
+    delay = 1e3 * delay_of(c)
+    if delay != 0.0:
+        later, earlier = ("later", "earlier") if delay > 0.0 else ("earlier", "later")
+        cautions.append(
+            f"the wrench is stamped {abs(delay):.4g} ms {later} than the orientation: look the orientation up that "
+            f"much {earlier}, this file does not do it"
+        )
     if c.provenance.get("sign") == "reaction" and not parameters.takes_reaction:
         cautions.append(
             "the sensor gives the reaction (--sign reaction): negate force and torque before this program reads them"
         )
     if c.provenance.get("wrench_frame") == "base":
         cautions.append(
-            "the recording's wrench was in base axes (--wrench-frame base): turn it into sensor axes before this "
-            "program reads it"
+            "the recording's wrench was in base axes (--wrench-frame base): turn it into flange axes, by R_base_flange "
+            "transposed, before this program reads it; what is called sensor axes here are the flange's"
         )
     return cautions
 

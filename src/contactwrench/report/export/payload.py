@@ -9,7 +9,6 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...errors import InputError
 from ...geometry.arrays import Frozen, Vector
-from ...model import wrench_matrix
 from ...statistics import three_digits
 from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup
@@ -25,16 +24,17 @@ COM = "--sensor-com X,Y,Z (m, flange axes, from the flange's origin to their cen
 class Payload(Frozen):
     """All that hangs on the flange: `mass` kg; `com` (3,) m, flange axes, from the flange's origin; `tool_mass` kg of
     it on the tool's side of the sensor, with its centre of mass `tool_com` (3,) m, sensor axes, from the sensor's
-    origin; `weight_error` N and `torque_error` N m: how far off, at most, a controller that assumes gravity along -z of
-    its base then is of the tool's weight and of its torque about the sensor's origin.
+    origin. `of_lean`: how far off, at most, a controller that assumes gravity along -z of its base is of the identified
+    weight, N, and of its torque about the sensor's origin, N m, None where the calibration's own std is larger;
+    `of_mass`: what the stated mass changes of the two, None where none was stated.
     """
 
     mass: float
     com: Vector
     tool_mass: float
     tool_com: Vector
-    weight_error: float
-    torque_error: float
+    of_lean: tuple[float, float] | None
+    of_mass: tuple[float, float] | None
 
     def parameters(self, body: str, unit: str, upright: str, *remarks: str) -> Parameters:
         """What a controller gets: its `body`, lengths in `unit`, and `upright`, which tells it how the base leans."""
@@ -48,14 +48,21 @@ class Payload(Frozen):
             "for the robot's own motion, hand guiding and collision detection, and for a sensor inside it; from the "
             "readings of a sensor outside nothing is subtracted, and its bias is not in here",
         ]
-        if max(self.weight_error, self.torque_error) > ROUNDING:
-            force, torque = three_digits(self.weight_error), three_digits(self.torque_error)
-            lines.append(
+        cautions = []
+        if self.of_lean is not None:
+            force, torque = map(three_digits, self.of_lean)
+            cautions.append(
                 f"a controller that takes gravity to be along -z of its base is off by up to {force} N in the "
                 f"identified weight and {torque} N m in its torque about the sensor; {upright} tells it how the base "
                 "leans"
             )
-        return Parameters(body, (*lines, *remarks))
+        if self.of_mass is not None:
+            force, torque = map(three_digits, self.of_mass)
+            lines.append(
+                f"--tool-mass changes the identified weight by {force} N and its torque about the sensor by up to "
+                f"{torque} N m"
+            )
+        return Parameters(body, (*lines, *remarks), cautions=tuple(cautions))
 
 
 def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Payload:
@@ -82,8 +89,17 @@ def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Pa
     tool_mass = tool.weight / calibration.g
     mass = tool_mass + sensor_mass
     moment = tool_mass * (offset + tool.R_flange_sensor @ tool.com) + sensor_mass * sensor_com
-    off = largest_error(calibration, wrench_matrix(tool), DOWN)
-    return Payload(mass, moment / mass, tool_mass, tool.com, *off)
+    of_lean = largest_error(calibration, calibration.B, DOWN)
+    own = np.maximum(calibration.largest_std, ROUNDING)
+    changed = abs(tool_mass - calibration.mass) * calibration.g if setup.tool_mass and calibration.mass else 0.0
+    return Payload(
+        mass,
+        moment / mass,
+        tool_mass,
+        tool.com,
+        of_lean if np.greater(of_lean, own).any() else None,
+        (changed, changed * float(np.linalg.norm(tool.com))) if changed > ROUNDING else None,
+    )
 
 
 def fixed(value: float, digits: int) -> str:

@@ -89,7 +89,15 @@ def _rh20t(c: Calibration, setup: Setup) -> Parameters:
 
 
 TARGETS = (
-    Target("mc_rtc", "mc_rtc's force sensors", "--sensor-offset", "a base that leans", _mc_rtc, below),
+    Target(
+        "mc_rtc",
+        "mc_rtc's force sensors",
+        "--sensor-offset",
+        "a base that leans",
+        _mc_rtc,
+        below,
+        ("sensor_offset", "sensor_name"),
+    ),
     Target(
         "hrpsys",
         "hrpsys' RemoveForceSensorLinkOffset",
@@ -97,6 +105,7 @@ TARGETS = (
         "a base that leans (without an acceleration sensor)",
         _hrpsys,
         None,
+        ("sensor_name",),
     ),
     Target(
         "yarp",
@@ -105,6 +114,7 @@ TARGETS = (
         "",
         _yarp,
         in_xml,
+        ("sensor_name",),
     ),
     Target("rh20t", "RH20T's API", "", "", _rh20t, in_json),
 )

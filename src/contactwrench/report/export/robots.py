@@ -13,6 +13,7 @@ from .payload import fixed, payload_on_flange
 from .target import Parameters, Setup, Target, commented
 
 NEEDS = "--sensor-offset, --sensor-mass, --sensor-com"
+USES = ("sensor_offset", "sensor_mass", "sensor_com")
 LOSES = "the bias, a base that leans (a setting of the robot)"
 IN_MM, IN_CM = 1e3, 1e2
 
@@ -157,7 +158,7 @@ def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
 
 
 def _target(name: str, program: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]) -> Target:
-    return Target(name, program, NEEDS, LOSES, parameters, commented(mark))
+    return Target(name, program, NEEDS, LOSES, parameters, commented(mark), USES)
 
 
 TARGETS = (

@@ -7,6 +7,7 @@ against the flange as the calibration found it: no parameter file holds that.
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,21 +20,37 @@ from .losses import largest_error
 from .target import Parameters, Setup, Target
 from .tool import DOWN, mounting_remark, number, numbers, rigid_tool
 
+FRAME = r"[\w./-]+"
+"""The name of a frame, in ROS."""
 NODE_GRAVITY = 9.81
 """m/s^2: the default of `gravity_in_reference_frame` of ft_tools_ros2."""
+BROADCASTER = "force_torque_sensor_broadcaster"
+"""It exports what it makes of the readings, with `offset` and `multiplier` and before its filters, to other controllers
+as BROADCASTER/SENSOR: ros-controls/ros2_controllers, its `on_export_state_interfaces`.
+"""
+
+
+def _base_frame(c: Calibration, setup: Setup) -> str:
+    """The name of the base in ROS: as stated, or the recording's where that is one; "ur5e base" is a maker's."""
+    own = _own_base(c)
+    return setup.base_frame or (own if re.fullmatch(FRAME, own) else "base_link")
+
+
+def _own_base(c: Calibration) -> str:
+    return str(c.provenance.get("base_frame") or "").removeprefix("/")
 
 
 def _recorded_base(c: Calibration) -> str:
-    own = c.provenance.get("base_frame")
+    own = _own_base(c)
     return f"the base of the recording's orientations{f', {own}' if own else ''}"
 
 
 def _gravity_in(frame: str, c: Calibration) -> tuple[Array, str]:
     """The direction of gravity (3,) in a program's base frame, and how that stands to the recording's, or has to."""
-    own = str(c.provenance.get("base_frame", ""))
+    own = _own_base(c)
     R_frame_own = R_between(frame, own)
     if frame == own or R_frame_own is None:
-        return c.gravity_direction, f"{frame} is {_recorded_base(c)}"
+        return c.gravity_direction, f"taken for granted: {frame} is {_recorded_base(c)} (--base-frame names another)"
     return R_frame_own @ c.gravity_direction, f"gravity_field was turned into {frame} from {_recorded_base(c)}"
 
 
@@ -43,6 +60,7 @@ def _xyz(values: Array) -> str:
 
 def _admittance_controller(c: Calibration, setup: Setup) -> Parameters:
     tool = rigid_tool(c, setup, "admittance_controller")
+    base = _base_frame(c, setup)
     frame = json.dumps(setup.sensor_frame)
     body = f"""admittance_controller:
   ros__parameters:
@@ -52,7 +70,7 @@ def _admittance_controller(c: Calibration, setup: Setup) -> Parameters:
         id: {frame}
     fixed_world_frame:
       frame:
-        id: {json.dumps(setup.base_frame)}
+        id: {json.dumps(base)}
     gravity_compensation:
       frame:
         id: {frame}
@@ -63,21 +81,27 @@ def _admittance_controller(c: Calibration, setup: Setup) -> Parameters:
     remarks = (
         "CoG.pos in m from the sensor's origin, sensor axes; CoG.force is the weight, N",
         mounting_remark(tool, setup.sensor_frame),
-        f"gravity is -z of {setup.base_frame}, which is {_recorded_base(c)}: another fixed world frame is turned the "
-        "wrong way by this program",
-        f"it knows no bias: subtract [{numbers(tool.bias)}] (N, N m) before it reads the sensor",
+        f"gravity is -z of {base}, which is {_recorded_base(c)}: another fixed world frame is turned the wrong way by "
+        "this program",
     )
-    return Parameters(body, remarks, wrench_matrix(replace(tool, bias=np.zeros(6))), DOWN)
+    bias = (
+        f"the bias is not in here, this program has no parameter for it: `offset` of {BROADCASTER} takes it (export "
+        f"--to {BROADCASTER} writes it); set ft_sensor.name here to {BROADCASTER}/{setup.sensor_name}, which that "
+        f"program exports, or let the driver subtract [{numbers(tool.bias)}] (N, N m)"
+    )
+    unbiased = wrench_matrix(replace(tool, bias=np.zeros(6)))
+    return Parameters(body, remarks, unbiased, DOWN, cautions=(bias,))
 
 
 def _broadcaster(c: Calibration, setup: Setup) -> Parameters:
-    tool = rigid_tool(c, setup, "force_torque_sensor_broadcaster")
+    tool = rigid_tool(c, setup, BROADCASTER)
+    base = _base_frame(c, setup)
     reaction = c.provenance.get("sign") == "reaction"
     offset = tool.bias if reaction else -tool.bias
-    direction, of_base = _gravity_in(setup.base_frame, c)
+    direction, of_base = _gravity_in(base, c)
     turned = _xyz(-np.ones(3))
     multiplier = f"\n    multiplier:\n      force: {turned}\n      torque: {turned}" if reaction else ""
-    body = f"""force_torque_sensor_broadcaster:
+    body = f"""{BROADCASTER}:
   ros__parameters:
     sensor_name: {json.dumps(setup.sensor_name)}
     frame_id: {json.dumps(setup.sensor_frame)}
@@ -89,7 +113,7 @@ def _broadcaster(c: Calibration, setup: Setup) -> Parameters:
         name: "gravity_compensation"
         type: "control_filters/GravityCompensationWrench"
         params:
-          world_frame: {json.dumps(setup.base_frame)}
+          world_frame: {json.dumps(base)}
           sensor_frame: {json.dumps(setup.sensor_frame)}
           tool:
             mass: {number(tool.weight / c.g)}
@@ -98,8 +122,7 @@ def _broadcaster(c: Calibration, setup: Setup) -> Parameters:
 """
     remarks = (
         "offset, N and N m, is added: it is minus the bias; the contact wrench is on the topic wrench_filtered",
-        "mass in kg; CoG in m from the sensor's origin, sensor axes; gravity_field in m/s^2, axes of "
-        f"{setup.base_frame}",
+        f"mass in kg; CoG in m from the sensor's origin, sensor axes; gravity_field in m/s^2, axes of {base}",
         mounting_remark(tool, setup.sensor_frame),
         of_base,
         *(["multiplier, after the offset, turns the reaction that the sensor gives into what acts on it"] * reaction),
@@ -182,13 +205,15 @@ TARGETS = (
         "the sensor's frame in the URDF",
         "the bias, a base that leans",
         _admittance_controller,
+        uses=("sensor_name", "sensor_frame", "base_frame"),
     ),
     Target(
-        "force_torque_sensor_broadcaster",
+        BROADCASTER,
         "force_torque_sensor_broadcaster of ros2_controllers, control_filters (ROS 2)",
         "the sensor's frame in the URDF",
         "",
         _broadcaster,
+        uses=("sensor_name", "sensor_frame", "base_frame"),
     ),
     Target(
         "force_torque_tools",
@@ -196,6 +221,7 @@ TARGETS = (
         "the sensor's frame in the URDF, an accelerometer",
         "",
         _force_torque_tools,
+        uses=("sensor_frame",),
     ),
     Target(
         "ft_tools_ros2",
@@ -203,6 +229,7 @@ TARGETS = (
         "the sensor's frame in the URDF",
         "a base that leans (a parameter of its node)",
         _ft_tools_ros2,
+        uses=("sensor_frame",),
     ),
     Target(
         "cartesian_controllers",
@@ -210,5 +237,6 @@ TARGETS = (
         "the sensor's frame in the URDF, a taring",
         "the bias (tared)",
         _cartesian_controllers,
+        uses=("sensor_frame",),
     ),
 )

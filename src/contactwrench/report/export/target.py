@@ -7,11 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+
 from ...calibration.calibration import Calibration
+from ...errors import InputError
 from ...geometry.arrays import Frozen, Matrix, Vector
 
 WithHeader: TypeAlias = Callable[[Sequence[str], str], str]
 """How the lines of a header and the body make a file."""
+FARTHEST, HEAVIEST = 2.0, 200.0
+"""m and kg: beyond, what hangs on a robot's flange was stated in mm or in g."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +25,8 @@ class Setup(Frozen):
 
     `tool_mass` kg, as weighed on scales, in place of the identified one; `sensor_mass` kg and `sensor_com` (3,) m from
     the flange's origin, flange axes; `sensor_offset` (3,) m, from the flange's origin to the sensor's, flange axes;
-    names of the sensor, of its frame and of the base's in the program's configuration.
+    names of the sensor, of its frame and of the base's in the program's configuration, that of the base None: the
+    recording's. Raises `InputError` for a length or a mass that can only be in another unit.
     """
 
     tool_mass: float | None = None
@@ -29,7 +35,17 @@ class Setup(Frozen):
     sensor_offset: Vector | None = None
     sensor_name: str = "ft_sensor"
     sensor_frame: str = "ft_frame"
-    base_frame: str = "base_link"
+    base_frame: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for option, mass in (("--tool-mass", self.tool_mass), ("--sensor-mass", self.sensor_mass)):
+            if mass is not None and not 0.0 <= mass <= HEAVIEST:
+                raise InputError(f"{option} is {mass:g}, expected kg, from 0 to {HEAVIEST:g}: is it in g?")
+        for option, point in (("--sensor-offset", self.sensor_offset), ("--sensor-com", self.sensor_com)):
+            if point is not None and not (np.abs(point) <= FARTHEST).all():
+                found = ",".join(f"{part:g}" for part in point.tolist())
+                raise InputError(f"{option} is {found}, expected m, each at most {FARTHEST:g}: is it in mm?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +56,8 @@ class Parameters(Frozen):
     what is assumed; `B` (6, 4) and `gravity_direction` (3,): the program subtracts `B @ [r, 1]` from the readings, pull
     sign and sensor axes, N and N m, with `r = R_base_flange.T @ gravity_direction`. Both are None for a program that
     subtracts nothing from them, as a robot's controller that moves a payload. `takes_reaction`: the file is for the
-    readings as they come from the sensor, also where they have the other sign.
+    readings as they come from the sensor, also where they have the other sign. `cautions`: sentences without which the
+    file does harm, for the person who asked for it too.
     """
 
     body: str
@@ -48,6 +65,7 @@ class Parameters(Frozen):
     B: Matrix | None = None
     gravity_direction: Vector | None = None
     takes_reaction: bool = False
+    cautions: tuple[str, ...] = ()
 
 
 def commented(mark: str) -> WithHeader:
@@ -85,7 +103,7 @@ class Target:
     `name` on the command line; `program` that reads it, in words; `needs` beside the calibration
     and `loses` of it, in a few words, empty for nothing; `parameters` of a calibration, which raises `InputError` for
     what is needed and not stated, and for a calibration of which the program could make nothing; `with_header`, None
-    where a comment has no room in the file.
+    where a comment has no room in the file; `uses` of `Setup`, beside the tool's mass.
     """
 
     name: str
@@ -94,3 +112,4 @@ class Target:
     loses: str
     parameters: Callable[[Calibration, Setup], Parameters]
     with_header: WithHeader | None = HASH
+    uses: tuple[str, ...] = ()

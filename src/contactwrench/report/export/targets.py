@@ -10,10 +10,10 @@ TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *
 
 
 def target_named(name: str) -> Target:
-    """A format. Raises `InputError`, naming all, for a name that is none."""
-    if name not in TARGETS:
+    """A format, its name in any case. Raises `InputError`, naming all, for a name that is none."""
+    if name.lower() not in TARGETS:
         raise InputError(f"--to is {name!r}, expected one of {', '.join(TARGETS)}: contactwrench export --list")
-    return TARGETS[name]
+    return TARGETS[name.lower()]
 
 
 def list_text() -> str:
