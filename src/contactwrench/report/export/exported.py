@@ -6,11 +6,13 @@ import re
 from dataclasses import dataclass
 from textwrap import wrap
 
+import numpy as np
+
 from ...calibration.calibration import Calibration
 from ...calibration.findings import Severity
 from ...calibration.text import headline, parameter_rows
 from ...compensate.filters import delay_of
-from ...statistics import meaningful_digits, two_digits
+from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__
 from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup, Target
@@ -47,10 +49,16 @@ def exported(target: Target, calibration: Calibration, setup: Setup, source: str
     """
     parameters = target.parameters(calibration, setup)
     weak = [finding.text for finding in calibration.findings if finding.severity is Severity.WEAK]
-    other = [*_other_mass(calibration, setup), *_other_readings(calibration, parameters)]
-    first = [*parameters.cautions, *weak, *other]
+    mass, doubted = _stated_mass(calibration, setup)
+    other = _other_readings(calibration, parameters)
+    first = [*parameters.cautions, *weak, *(mass if doubted else []), *other]
     loss, matters = _loss(calibration, parameters)
-    then = [*parameters.remarks, *([] if parameters.B is None else [OF_THE_RECORDING]), *loss]
+    then = [
+        *([] if doubted else mass),
+        *parameters.remarks,
+        *([] if parameters.B is None else [OF_THE_RECORDING]),
+        *loss,
+    ]
     if target.with_header is None:
         return Exported(parameters.body, (*first, *then))
     sentences = (*_origin(target, calibration, source), *first, *_identified(calibration), *then)
@@ -85,19 +93,19 @@ def _identified(c: Calibration) -> list[str]:
     ]
 
 
-def _other_mass(c: Calibration, setup: Setup) -> list[str]:
-    """That the mass as weighed is another than the identified one."""
-    if setup.tool_mass is None or c.mass is None:
-        return []
-    std = c.std["weight"] / c.g
-    apart = abs(setup.tool_mass - c.mass)
-    if apart <= MASS_APART * c.mass and (apart <= MASS_SURELY_APART * c.mass or apart <= STANDARD_DEVIATIONS * std):
-        return []
-    identified = " +- ".join(meaningful_digits(c.mass, std))
-    return [
-        f"--tool-mass is {setup.tool_mass:g} kg, the calibration identified {identified} kg: another tool, another "
-        "unit, or a calibration that is wrong"
-    ]
+def _stated_mass(c: Calibration, setup: Setup) -> tuple[list[str], bool]:
+    """What the mass as weighed changes, nothing where none was stated; and whether it can hardly be the same tool's."""
+    if setup.tool_mass is None or c.mass is None or c.com is None:
+        return [], False
+    std, apart = c.std["weight"] / c.g, abs(setup.tool_mass - c.mass)
+    doubted = apart > MASS_APART * c.mass or apart > max(MASS_SURELY_APART * c.mass, STANDARD_DEVIATIONS * std)
+    force, torque = (three_digits(apart * c.g * arm) for arm in (1.0, float(np.linalg.norm(c.com))))
+    text = (
+        f"the tool's mass is as stated (--tool-mass), {setup.tool_mass:g} kg, the identified one "
+        f"{' +- '.join(meaningful_digits(c.mass, std))} kg: its weight changes by {force} N, its torque about the "
+        f"sensor by up to {torque} N m"
+    )
+    return [f"{text}: another tool, another unit, or a calibration that is wrong" if doubted else text], doubted
 
 
 def _other_readings(c: Calibration, parameters: Parameters) -> list[str]:

@@ -25,8 +25,7 @@ class Payload(Frozen):
     """All that hangs on the flange: `mass` kg; `com` (3,) m, flange axes, from the flange's origin; `tool_mass` kg of
     it on the tool's side of the sensor, with its centre of mass `tool_com` (3,) m, sensor axes, from the sensor's
     origin. `of_lean`: how far off, at most, a controller that assumes gravity along -z of its base is of the identified
-    weight, N, and of its torque about the sensor's origin, N m, None where the calibration's own std is larger;
-    `of_mass`: what the stated mass changes of the two, None where none was stated.
+    weight, N, and of its torque about the sensor's origin, N m, None where the calibration's own std is larger.
     """
 
     mass: float
@@ -34,7 +33,6 @@ class Payload(Frozen):
     tool_mass: float
     tool_com: Vector
     of_lean: tuple[float, float] | None
-    of_mass: tuple[float, float] | None
 
     def parameters(self, body: str, unit: str, upright: str, *remarks: str) -> Parameters:
         """What a controller gets: its `body`, lengths in `unit`, and `upright`, which tells it how the base leans."""
@@ -55,12 +53,6 @@ class Payload(Frozen):
                 f"a controller that takes gravity to be along -z of its base is off by up to {force} N in the "
                 f"identified weight and {torque} N m in its torque about the sensor; {upright} tells it how the base "
                 "leans"
-            )
-        if self.of_mass is not None:
-            force, torque = map(three_digits, self.of_mass)
-            lines.append(
-                f"--tool-mass changes the identified weight by {force} N and its torque about the sensor by up to "
-                f"{torque} N m"
             )
         return Parameters(body, (*lines, *remarks), cautions=tuple(cautions))
 
@@ -91,15 +83,7 @@ def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Pa
     moment = tool_mass * (offset + tool.R_flange_sensor @ tool.com) + sensor_mass * sensor_com
     of_lean = largest_error(calibration, calibration.B, DOWN)
     own = np.maximum(calibration.largest_std, ROUNDING)
-    changed = abs(tool_mass - calibration.mass) * calibration.g if setup.tool_mass and calibration.mass else 0.0
-    return Payload(
-        mass,
-        moment / mass,
-        tool_mass,
-        tool.com,
-        of_lean if np.greater(of_lean, own).any() else None,
-        (changed, changed * float(np.linalg.norm(tool.com))) if changed > ROUNDING else None,
-    )
+    return Payload(mass, moment / mass, tool_mass, tool.com, of_lean if np.greater(of_lean, own).any() else None)
 
 
 def fixed(value: float, digits: int) -> str:
