@@ -96,7 +96,7 @@ def test_every_format_is_listed(capsys: Capture) -> None:
         (["TOOL", "--to", "rh20t", "--sensor-mass", "-1"], "Invalid value for '--sensor-mass': found -1, expected a "
          "number of 0 or more: try 'contactwrench export --help'"),
         (["TOOL", "--to", "ur", "--sensor-mass", "350"],
-         "--sensor-mass is 350, expected kg, from 0 to 200: is it in g?"),
+         "--sensor-mass is 350, expected kg, from 0 to 50: is it in g?"),
         (["TOOL", "--to", "ur", "--tool-mass", "1e308"],
          "--tool-mass is 1e+308, expected kg, from 0 to 200: is it in g?"),
         (["TOOL", "--to", "mc_rtc", "--sensor-offset", "0,0,45"],

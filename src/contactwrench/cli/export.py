@@ -77,7 +77,9 @@ def export(
 
 
 def _name(name: str | None, option: str) -> str | None:
-    if name is not None and not re.fullmatch(r"[\w./-]+", name):
+    from ..report.export.target import NAME
+
+    if name is not None and not re.fullmatch(NAME, name):
         raise InputError(f"{option} is {name!r}, expected a name of letters, digits and _ . / -")
     return name
 

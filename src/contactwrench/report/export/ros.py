@@ -17,11 +17,9 @@ from ...geometry.arrays import Array
 from ...model import wrench_matrix
 from ...recording.base_frames import R_between
 from .losses import largest_error
-from .target import Parameters, Setup, Target
+from .target import NAME, Parameters, Setup, Target
 from .tool import DOWN, mounting_remark, number, numbers, rigid_tool
 
-FRAME = r"[\w./-]+"
-"""The name of a frame, in ROS."""
 NODE_GRAVITY = 9.81
 """m/s^2: the default of `gravity_in_reference_frame` of ft_tools_ros2."""
 BROADCASTER = "force_torque_sensor_broadcaster"
@@ -33,7 +31,7 @@ as BROADCASTER/SENSOR: ros-controls/ros2_controllers, its `on_export_state_inter
 def _base_frame(c: Calibration, setup: Setup) -> str:
     """The name of the base in ROS: as stated, or the recording's where that is one; "ur5e base" is a maker's."""
     own = _own_base(c)
-    return setup.base_frame or (own if re.fullmatch(FRAME, own) else "base_link")
+    return setup.base_frame or (own if re.fullmatch(NAME, own) else "base_link")
 
 
 def _own_base(c: Calibration) -> str:

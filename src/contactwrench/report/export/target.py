@@ -15,7 +15,9 @@ from ...geometry.arrays import Frozen, Matrix, Vector
 
 WithHeader: TypeAlias = Callable[[Sequence[str], str], str]
 """How the lines of a header and the body make a file."""
-FARTHEST, HEAVIEST = 2.0, 200.0
+NAME = r"[\w./-]+"
+"""What a name in a program's configuration is made of, that of a frame in ROS too."""
+FARTHEST, HEAVIEST, HEAVIEST_SENSOR = 2.0, 200.0, 50.0
 """m and kg: beyond, what hangs on a robot's flange was stated in mm or in g."""
 
 
@@ -39,9 +41,10 @@ class Setup(Frozen):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for option, mass in (("--tool-mass", self.tool_mass), ("--sensor-mass", self.sensor_mass)):
-            if mass is not None and not 0.0 <= mass <= HEAVIEST:
-                raise InputError(f"{option} is {mass:g}, expected kg, from 0 to {HEAVIEST:g}: is it in g?")
+        tool, sensor = ("--tool-mass", self.tool_mass, HEAVIEST), ("--sensor-mass", self.sensor_mass, HEAVIEST_SENSOR)
+        for option, mass, most in (tool, sensor):
+            if mass is not None and not 0.0 <= mass <= most:
+                raise InputError(f"{option} is {mass:g}, expected kg, from 0 to {most:g}: is it in g?")
         for option, point in (("--sensor-offset", self.sensor_offset), ("--sensor-com", self.sensor_com)):
             if point is not None and not (np.abs(point) <= FARTHEST).all():
                 found = ",".join(f"{part:g}" for part in point.tolist())
