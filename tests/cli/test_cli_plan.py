@@ -40,7 +40,7 @@ def test_a_plan_is_a_table_of_poses_and_what_they_are_worth(capsys: pytest.Captu
 def test_poses_after_a_recording_say_what_was_before(capsys: pytest.CaptureFixture[str]) -> None:
     shown = lines(run(capsys, "plan", "-n", "2", "--from", PAPER, "--model", "mount").out)
     assert shown[0] == "Plan of 2 poses after 6, model mount"
-    assert shown[1].startswith(f"  fitted to {PAPER}: a tool of 6.85 N, a noise of ")
+    assert shown[1].startswith(f"  fitted to {PAPER}: a tool of 6.86 N, a noise of ")
     assert [line.split()[0] for line in shown[-2:]] == ["before", "after"]
 
 

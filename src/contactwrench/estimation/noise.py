@@ -187,8 +187,8 @@ class NoiseModel:
         """
         if self.stated is not None:
             return np.broadcast_to(np.log(self.start), at_tool.shape)
-        level = np.repeat(at_tool.reshape(-1, 2, 3).mean(axis=2), 3, axis=1)
-        return np.asarray(np.log(np.maximum(np.minimum(level, self.start), self.least)))
+        level = np.minimum((at_tool / self.start).mean(axis=1, keepdims=True), 1.0)
+        return np.asarray(np.log(np.maximum(level * self.start, self.least)))
 
     def improved(self, log_variance: Array, squares: Array, dof: Array, first: bool) -> Array:
         """The logarithms of the variances (m, 6) after a step towards their optimum, given the sums of squares and the
