@@ -18,7 +18,7 @@ from ..errors import FileFormatError, InputError
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
-from .tables.angles import angles_in_doubt
+from .tables.angles import angles_in_doubt, turns_little
 from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
@@ -182,9 +182,9 @@ def read_samples(
 
 def _with_doubt(samples: Samples, path: str | Path, options: Options) -> Samples:
     """The samples with what is doubtful in how they were read."""
-    if reader_of(path, options) is bag_blocks:
+    if reader_of(path, options) is bag_blocks or not turns_little(samples.R_base_flange):
         return samples
-    doubt = angles_in_doubt(options.pose_file or path, options.naming, samples.R_base_flange)
+    doubt = angles_in_doubt(options.pose_file or path, options.naming)
     return replace(samples, doubt=doubt) if doubt else samples
 
 

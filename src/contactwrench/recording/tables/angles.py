@@ -23,26 +23,31 @@ LEAST_TURN = 0.3
 FEWEST_ROWS = 5
 
 
-def angles_in_doubt(path: str | Path, naming: Naming, R_base_flange: Array) -> str:
-    """What to say of a table's angles if none of them, read in degrees, goes beyond half a turn of radians.
+def turns_little(R_base_flange: Array) -> bool:
+    """Whether none of some orientations (n, 3, 3) turns more than angles that are beyond half a turn in no unit can."""
+    widest = 3.0 * np.deg2rad(HALF_A_TURN)
+    return bool((np.einsum("nii->n", R_base_flange) >= 1.0 + 2.0 * np.cos(widest)).all())
+
+
+def angles_in_doubt(path: str | Path, naming: Naming) -> str:
+    """What to say of a table's angles if none of them, read in degrees, goes beyond half a turn of radians; where the
+    orientations turn more than a little there is nothing to say (see `turns_little`).
 
     Args:
         path: the table that holds the orientation.
         naming: which columns are what, as far as it was stated.
-        R_base_flange: what was read from it, (n, 3, 3).
 
     Returns:
         A sentence; empty where nothing is in doubt, or where file or flags state the unit.
     """
-    widest = 3.0 * np.deg2rad(HALF_A_TURN)
-    if len(R_base_flange) < FEWEST_ROWS or float(np.einsum("nii->n", R_base_flange).min()) < 1.0 + 2.0 * np.cos(widest):
-        return ""
     table = open_table(path, naming)
     convention, columns = orientation_columns(table, naming)
     in_degrees = convention.angle_unit is not None and all(column.per_si == ANGLE["deg"] for column in columns)
     if not in_degrees or any(column.unit for column in columns):
         return ""
     angles = np.concatenate([body.numbers(columns, columns) for body in table.bodies(columns)])
+    if len(angles) < FEWEST_ROWS or np.isnan(angles).all():
+        return ""
     if not (np.nanmax(np.abs(angles)) <= HALF_A_TURN and np.nanmax(np.ptp(angles, axis=0)) > LEAST_TURN):
         return ""
     return (
