@@ -24,7 +24,7 @@ from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
-from .tables.table import Table, merged, tables
+from .tables.table import Table, merged, read_as_of_both, tables
 
 Tell = Callable[[str], None]
 
@@ -264,9 +264,7 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
         raise FileFormatError(f"{pose_path}: {error}") from None
     saturated = None if wrench.saturated is None else wrench.saturated == 1.0
     readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated)
-    columns = dict.fromkeys(str(table.read_as["columns"]) for table in (wrench, pose) if "columns" in table.read_as)
-    of_both = {"columns": "; ".join(columns)} if columns else {}
-    return Streams(readings, orientation, {**wrench.read_as, **pose.read_as, **of_both})
+    return Streams(readings, orientation, read_as_of_both(wrench, pose))
 
 
 def _samples(table: Table, path: str | Path) -> Samples:

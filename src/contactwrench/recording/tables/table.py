@@ -143,9 +143,22 @@ def _table(written: WrittenRows) -> Table:
 
 
 def _read_as(roles: ColumnRoles) -> ReadAs:
-    """What the columns' names told."""
-    orientation = {} if roles.convention is None else {"orientation": roles.convention.name}
-    return {"columns": roles.understood, **orientation} if roles.understood else orientation
+    """What the columns' names told, and which units were stated."""
+    told = {
+        "columns": roles.understood,
+        "units_read": ",".join(f"{quantity}={unit}" for quantity, unit in roles.units_read.items()),
+        "orientation": "" if roles.convention is None else roles.convention.name,
+    }
+    return {name: what for name, what in told.items() if what}
+
+
+def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
+    """What two tables told, or one of which some rows have wrenches and others poses."""
+    joined = {}
+    for name, mark in (("columns", "; "), ("units_read", ",")):
+        if told := dict.fromkeys(str(table.read_as[name]) for table in (wrench, pose) if name in table.read_as):
+            joined[name] = mark.join(told)
+    return {**wrench.read_as, **pose.read_as, **joined}
 
 
 def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
