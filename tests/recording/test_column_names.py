@@ -222,12 +222,13 @@ UNDECIDED = [
     ),
     (
         f"Fx (counts),Fy (counts),Fz (counts),Tx,Ty,Tz,{Q}",
-        "column Fx (counts): found the unit counts, expected one of N, kN, mN, kgf, gf, lbf: state it with --units "
-        "force=UNIT",
+        "column Fx (counts): found the unit counts, expected one of N, kN, mN, kgf, gf, lbf: convert the column "
+        "to one of these, or rename it if counts is no unit",
     ),
     (
         f"Fx (MN),Fy (MN),Fz (MN),Tx,Ty,Tz,{Q}",
-        "column Fx (MN): found the unit MN, expected one of N, kN, mN, kgf, gf, lbf: state it with --units force=UNIT",
+        "column Fx (MN): found the unit MN, expected one of N, kN, mN, kgf, gf, lbf: convert the column to one "
+        "of these, or rename it if MN is no unit",
     ),
     (
         f"Fx (kN),Fy,Fz,Tx (Nm),Ty (Nm),Tz (Nm),{Q}",
@@ -243,7 +244,8 @@ UNDECIDED = [
     ),
     (
         f"{WORDS},Time (min),{Q}",
-        "column Time (min): found the unit min, expected one of s, ms, us, ns: state it with --time-column NAME:UNIT",
+        "column Time (min): found the unit min, expected one of s, ms, us, ns: convert the column to one of "
+        "these, or rename it if min is no unit",
     ),
     (
         f"{WORDS},time,t_sec,t_nsec,{Q}",
@@ -268,6 +270,49 @@ def test_what_cannot_be_decided_is_named_with_the_option_that_decides(
     tmp_path: Path, header: str, message: str
 ) -> None:
     assert refusal(tmp_path, header, ",".join("0" for _ in header.split(","))) == message
+
+
+@pytest.mark.parametrize("unit", ["daN", "V", "counts"])
+def test_a_unit_that_is_not_known_is_not_overruled(tmp_path: Path, unit: str) -> None:
+    header = f"Fx [{unit}],Fy [{unit}],Fz [{unit}],Tx,Ty,Tz,{Q}"
+    for stated in ({}, {"units": "force=N"}, {"wrench_columns": f"Fx [{unit}],Fy [{unit}],Fz [{unit}],Tx,Ty,Tz"}):
+        assert refusal(tmp_path, header, **stated) == (
+            f"column Fx [{unit}]: found the unit {unit}, expected one of N, kN, mN, kgf, gf, lbf: convert the column to "
+            f"one of these, or rename it if {unit} is no unit"
+        )
+
+
+@pytest.mark.parametrize(
+    ("force", "torque"),
+    [("ft1.F{}", "ft2.T{}"), ("ft1_force_{}", "ft2_torque_{}"), ("/ft1/wrench/force/{}", "/ft2/wrench/torque/{}")],
+)
+def test_force_of_one_sensor_and_torque_of_another_are_no_wrench(tmp_path: Path, force: str, torque: str) -> None:
+    names = [*map(force.format, "xyz"), *map(torque.format, "xyz")]
+    header = ",".join([*names, Q])
+    assert refusal(tmp_path, header) == (
+        f'found "{names[0]}" and "{names[3]}", not named alike, expected the columns of one set: if they are, say '
+        f"--wrench-columns {','.join(names)}"
+    )
+    samples = cw.read(table(tmp_path, header), wrench_columns=",".join(names))
+    assert samples.wrench.tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+
+
+@pytest.mark.parametrize(
+    ("force", "torque"),
+    [
+        ("force.{}", "torque.{}"),
+        ("Kraft {}", "M{} [Nm]"),
+        ("F{} [N]", "M{} [Nm]"),
+        ("ft1.force.{}", "ft1.moment.{}"),
+        ("F{}_raw", "T{}_raw"),
+        ("force[{}]", "torque[{}]"),
+        ("ft_force_{}", "ft_torque_{}"),
+    ],
+)
+def test_force_and_torque_of_one_sensor_are_paired(tmp_path: Path, force: str, torque: str) -> None:
+    axes = "012" if force in ("force[{}]", "ft_force_{}") else "xyz"
+    header = ",".join([*map(force.format, axes), *map(torque.format, axes), Q])
+    assert cw.read(table(tmp_path, header)).wrench.tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
 
 
 def test_raw_counts_beside_newtons_are_chosen_by_option(tmp_path: Path) -> None:
@@ -301,7 +346,6 @@ A_TO_F = "a,b,c,d,e,f"
         (f"A (kN),B (kN),C (kN),D,E,F,{Q}", {"wrench_columns": "a (kn),b (kn),c (kn),d,e,f"}, [1e3, 2e3, 3e3, 4, 5, 6]),
         (f"{A_TO_F},{Q}", {"wrench_columns": A_TO_F, "units": "torque=Nmm"}, [1, 2, 3, 4e-3, 5e-3, 6e-3]),
         (f"Fx,Fy,Fz,Tx,Ty,Tz,{Q}", {"units": "force=kgf,torque=N mm"}, [9.80665, 19.6133, 29.41995, 4e-3, 5e-3, 6e-3]),
-        (f"Fx (counts),Fy (counts),Fz (counts),Tx,Ty,Tz,{Q}", {"units": "force=N"}, [1, 2, 3, 4, 5, 6]),
         (
             ",".join(f"observation.state[{k}]" for k in range(8)) + f",{Q}",
             {"wrench_columns": "observation.state[2:8]"},

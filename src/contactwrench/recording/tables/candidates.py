@@ -155,11 +155,11 @@ def column(
     """
     stated, by_option = candidate.said.unit, units.get(quantity)
     if stated not in UNITS[quantity]:
-        if stated and by_option is None:
-            option = "--time-column NAME:UNIT" if quantity == "time" else f"--units {quantity}=UNIT"
+        if stated:
             raise FileFormatError(
                 f"{table.source}: column {shown(candidate.name)}: found the unit {shown(stated)}, expected one of "
-                f"{known_units(quantity)}: state it with {option}"
+                f"{known_units(quantity)}: convert the column to one of these, or rename it if {shown(stated)} is no "
+                "unit"
             )
         stated = ""
     if stated and by_option is not None and by_option != stated:
@@ -188,7 +188,25 @@ def require_units(table: OpenTable, columns: Iterable[Column], default: str = ""
 
 def require_one_set(table: OpenTable, columns: list[Candidate], option: str) -> None:
     """Raise `FileFormatError` where the parts of one vector are not named alike: they may be of two."""
-    other = next((each for each in columns if each.said.of != columns[0].said.of), None)
+    _require_alike(table, columns, option, [each.said.of for each in columns])
+
+
+def require_one_sensor(table: OpenTable, columns: list[Candidate], option: str) -> None:
+    """The same for a force and a torque, whose own words may differ: `force.x` and `torque.x`, not those of `ft1` and
+    `ft2`.
+    """
+    _require_alike(table, columns, option, [_without_quantity(each.said) for each in columns])
+
+
+def _without_quantity(said: Meaning) -> str:
+    """The words that tell one sensor from another: without `force`, `f`, `Kraft`."""
+    words = re.split("[ _]", said.of)
+    own = words[:-1] if said.index is None else [word for word in words if word not in ("force", "torque", "moment")]
+    return " ".join(own)
+
+
+def _require_alike(table: OpenTable, columns: list[Candidate], option: str, words: list[str]) -> None:
+    other = next((each for each, own in zip(columns, words, strict=True) if own != words[0]), None)
     if other is not None:
         raise FileFormatError(
             f"{table.source}: found {quoted([columns[0], other])}, not named alike, expected the columns of one set: "
