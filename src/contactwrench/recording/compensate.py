@@ -31,9 +31,9 @@ from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .options import Options
 from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
-from .tables.angles import angles_in_doubt, turns_little
 from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
@@ -147,12 +147,15 @@ def write_compensated(
 
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell | None) -> Iterator[Part]:
-    """The same parts of a recording; which columns were taken for what is noted, and angles in doubt."""
-    little = reader_of(path, options) is not bag_blocks
+    """The same parts of a recording; which columns were taken for what is noted, and units that are in doubt."""
+    of_table = little = reader_of(path, options) is not bag_blocks
     for k, part in enumerate(parts):
         if k == 0 and note is not None and (columns := part.read_as.get("columns")):
             note(f"columns: {columns}")
-        R = part.R_base_flange if isinstance(part, Samples) else part.orientation.R_base_flange
+        paired = isinstance(part, Samples)
+        t, R = (part.t, part.R_base_flange) if paired else (part.wrench.t, part.orientation.R_base_flange)
+        if k == 0 and note is not None and of_table and (doubt := times_in_doubt(path, options.naming, t)):
+            note(doubt)
         little = little and turns_little(R)
         yield part
     if little and note is not None and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):

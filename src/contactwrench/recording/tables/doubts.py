@@ -1,4 +1,4 @@
-"""Angles that are read in degrees and look like radians."""
+"""Numbers without a stated unit that look like another one: radians read as degrees, ms read as seconds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from ...geometry.arrays import Array
 from .columns import Naming, shown
 from .orientations import orientation_columns
+from .roles import time_columns
 from .table import open_table
 from .units import ANGLE
 
@@ -21,6 +22,11 @@ LEAST_TURN = 0.3
 """By how much some angle differs from row to row, in radians that poses tell anything, in degrees not."""
 
 FEWEST_ROWS = 5
+
+FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
+"""So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
+numbers, or go on for longer than so many s.
+"""
 
 
 def turns_little(R_base_flange: Array) -> bool:
@@ -54,4 +60,23 @@ def angles_in_doubt(path: str | Path, naming: Naming) -> str:
         f"the angles {', '.join(shown(column.name) for column in columns)} are likely in radians: none is beyond "
         f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with --units angle=rad; if they are degrees, "
         "say --units angle=deg; contactwrench diagnose tries both"
+    )
+
+
+def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
+    """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in doubt,
+    or where file or flags state the unit.
+    """
+    if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
+        return ""
+    step = float(np.median(np.diff(t)))
+    if step < SLOWEST_STEP or (np.any(t % 1.0) and t[-1] - t[0] <= LONGEST):
+        return ""
+    columns = time_columns(open_table(path, naming), naming)
+    if not columns or columns[0].unit:
+        return ""
+    unit = next((unit for longest, unit in ((1e3, "ms"), (1e6, "us")) if step < longest), "ns")
+    return (
+        f"the times {shown(columns[0].name)} are likely in {unit}: read as s, {len(t)} rows come {step:g} s apart: read "
+        f"them with --units time={unit}; if they are seconds, say --units time=s"
     )
