@@ -240,9 +240,7 @@ UNITS = {
 """How the calibration's file states its units: names of the wrench and of the orientation, force per N, flags."""
 
 
-def _in_nmm(
-    names: tuple[str, ...], of_pose: tuple[str, ...], R: Array, wrench: Array, per_newton: float = 1.0
-) -> str:
+def _in_nmm(names: tuple[str, ...], of_pose: tuple[str, ...], R: Array, wrench: Array, per_newton: float = 1.0) -> str:
     numbers = quat(R) if len(of_pose) == 4 else euler("ZYX", degrees=False)(R)
     scaled = wrench * np.repeat([per_newton, 1e3], 3)
     return csv_text((*names, *of_pose), np.column_stack([scaled, numbers]))

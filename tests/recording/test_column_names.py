@@ -473,3 +473,32 @@ def test_a_list_column_named_like_a_wrench_is_one_in_any_file(tmp_path: Path) ->
     path = table(tmp_path, ",".join(f"wrench[{k}]" for k in range(7)) + f",{Q}")
     with pytest.raises(FileFormatError, match="found no column fx"):
         cw.read(path)
+
+
+@pytest.mark.parametrize(
+    ("names", "perhaps"),
+    [
+        ("q1,q2,q3,q4", "abb_quat:q1,q2,q3,q4"),
+        ("Q0,Q1,Q2,Q3", "quat_wxyz:Q0,Q1,Q2,Q3 or quat_xyzw:Q0,Q1,Q2,Q3"),
+        ("w,x,y,z", "quat_wxyz:w,x,y,z"),
+        ("pose[0],pose[1],pose[2],pose[3]", "quat_xyzw:pose[0:4] or quat_wxyz:pose[0:4]"),
+    ],
+)
+def test_four_columns_that_may_be_a_quaternion_are_asked_for(tmp_path: Path, names: str, perhaps: str) -> None:
+    assert f"or say --orientation NAME:COLUMNS, perhaps {perhaps}, or give two files" in refusal(
+        tmp_path, f"{WRENCH},{names}"
+    )
+    for option in perhaps.split(" or "):
+        assert len(cw.read(table(tmp_path, f"{WRENCH},{names}"), orientation=option)) == 1
+
+
+def test_a_list_is_named_by_its_elements(tmp_path: Path) -> None:
+    header = f"{WRENCH},pose[0],pose[1],pose[2],pose[3]"
+    assert refusal(tmp_path, header, orientation="quat_xyzw:pose") == (
+        "found the list pose, expected 4 columns: say --orientation quat_xyzw:pose[0:4]"
+    )
+
+
+def test_poses_alone_or_wrenches_alone_are_one_of_two_files(tmp_path: Path) -> None:
+    assert ", or give two files with --wrench W.csv --pose P.csv (found t, qx" in refusal(tmp_path, f"t,{Q}")
+    assert ", or give two files with --wrench W.csv --pose P.csv (found t, fx" in refusal(tmp_path, f"t,{WRENCH}")

@@ -38,9 +38,7 @@ def test_times_that_are_no_seconds_are_said(
         assert "likely in" not in run(capsys, verb, path, "-c", tool, "--units", f"time={unit}").err
 
 
-@pytest.mark.parametrize(
-    "t", [np.arange(0.0, 40.0, 0.05), np.arange(0.0, 2000.0, 10.3), np.arange(0.0, 2000.0, 10.0)]
-)
+@pytest.mark.parametrize("t", [np.arange(0.0, 40.0, 0.05), np.arange(0.0, 2000.0, 10.3), np.arange(0.0, 2000.0, 10.0)])
 def test_seconds_are_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str], t: Array) -> None:
     rig, R, _ = example(3, poses=12)
     R = R[np.arange(len(t)) * 12 // len(t)]
