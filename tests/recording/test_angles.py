@@ -137,7 +137,7 @@ def test_degrees_that_are_read_as_radians_are_refused(tmp_path: Path, capsys: py
         done = run(capsys, verb, degrees, "-c", tool)
         assert done.status == 2
         assert done.err.splitlines()[-1] == (
-            f"contactwrench: {degrees}: row 2, columns a,b,c: found an angle of {widest:.6g} rad, expected at most a whole "
-            "turn: if these are degrees, read them with --units angle=deg"
+            f"contactwrench: {degrees}: row 2, columns a,b,c: found an angle of {widest:.6g} rad, expected at most a "
+            "whole turn: if these are degrees, read them with --units angle=deg"
         )
         assert run(capsys, verb, degrees, "-c", tool, "--units", "angle=deg").status == 0

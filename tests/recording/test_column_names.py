@@ -277,8 +277,8 @@ def test_a_unit_that_is_not_known_is_not_overruled(tmp_path: Path, unit: str) ->
     header = f"Fx [{unit}],Fy [{unit}],Fz [{unit}],Tx,Ty,Tz,{Q}"
     for stated in ({}, {"units": "force=N"}, {"wrench_columns": f"Fx [{unit}],Fy [{unit}],Fz [{unit}],Tx,Ty,Tz"}):
         assert refusal(tmp_path, header, **stated) == (
-            f"column Fx [{unit}]: found the unit {unit}, expected one of N, kN, mN, kgf, gf, lbf: convert the column to "
-            f"one of these, or rename it if {unit} is no unit"
+            f"column Fx [{unit}]: found the unit {unit}, expected one of N, kN, mN, kgf, gf, lbf: convert the column "
+            f"to one of these, or rename it if {unit} is no unit"
         )
 
 

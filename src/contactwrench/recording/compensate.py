@@ -152,11 +152,11 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
     for k, part in enumerate(parts):
         if k == 0 and note is not None and (columns := part.read_as.get("columns")):
             note(f"columns: {columns}")
-        paired = isinstance(part, Samples)
-        t, R = (part.t, part.R_base_flange) if paired else (part.wrench.t, part.orientation.R_base_flange)
+        t = part.t if isinstance(part, Samples) else part.wrench.t
+        poses = part if isinstance(part, Samples) else part.orientation
         if k == 0 and note is not None and of_table and (doubt := times_in_doubt(path, options.naming, t)):
             note(doubt)
-        little = little and turns_little(R)
+        little = little and turns_little(poses.R_base_flange)
         yield part
     if little and note is not None and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
         note(doubt)

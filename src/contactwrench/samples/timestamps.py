@@ -163,8 +163,8 @@ def _another_unit(wrench: Stamps, orientation: Stamps) -> str:
         for factor, unit in UNITS.items():
             if 0.8 < spans[longer] / (factor * spans[shorter]) < 1.25:
                 return (
-                    f"the {longer}'s stamps look like {unit}, {factor:.0f} times as long, give them in s, or name their "
-                    f"column t_{unit}"
+                    f"the {longer}'s stamps look like {unit}, {factor:.0f} times as long, give them in s, or name "
+                    f"their column t_{unit}"
                 )
     return ""
 

@@ -159,7 +159,7 @@ class ColumnRoles:
 
     @property
     def units_read(self) -> dict[str, str]:
-        """The units that somebody stated and that are not the usual ones, as `--units` takes them, by their quantity."""
+        """The stated units that are not the usual ones, as `--units` takes them, by their quantity."""
         usual_angle = self.convention.angle_unit if self.convention is not None else None
         return {
             quantity: symbol(columns[0].unit)

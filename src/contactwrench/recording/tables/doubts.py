@@ -64,8 +64,8 @@ def angles_in_doubt(path: str | Path, naming: Naming) -> str:
 
 
 def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
-    """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in doubt,
-    or where file or flags state the unit.
+    """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in
+    doubt, or where file or flags state the unit.
     """
     if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
         return ""
@@ -77,6 +77,6 @@ def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
         return ""
     unit = next((unit for longest, unit in ((1e3, "ms"), (1e6, "us")) if step < longest), "ns")
     return (
-        f"the times {shown(columns[0].name)} are likely in {unit}: read as s, {len(t)} rows come {step:g} s apart: read "
-        f"them with --units time={unit}; if they are seconds, say --units time=s"
+        f"the times {shown(columns[0].name)} are likely in {unit}: read as s, {len(t)} rows come {step:g} s apart: "
+        f"read them with --units time={unit}; if they are seconds, say --units time=s"
     )

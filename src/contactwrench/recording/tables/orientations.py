@@ -23,7 +23,6 @@ from .candidates import (
 from .columns import WRENCH_COLUMNS, Column, Naming, OpenTable, listed, shown
 from .units import per_si, stated_units
 
-
 QUATERNIONS = (
     ("abb_quat", ("q1", "q2", "q3", "q4")),
     ("quat_wxyz", ("q0", "q1", "q2", "q3")),
