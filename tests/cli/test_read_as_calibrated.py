@@ -133,6 +133,49 @@ def test_another_file_may_be_written_in_another_way(
     assert done.err == "Note: read as the calibration was: --sign reaction\n" + (differs if flags else "")
 
 
+@pytest.mark.parametrize("turned_round", [False, True])
+def test_a_sign_is_asked_for_where_the_wrench_bears_other_names(
+    tmp_path: Path, capsys: Capture, turned_round: bool
+) -> None:
+    """Two columns of one sensor, or two sensors, have each a sign of their own, whoever finds them by their names."""
+    raw = tuple(f"ft_raw_wrench_{k}" for k in range(6))
+    ours, other = (WRENCH, raw) if turned_round else (raw, WRENCH)
+    free = written(tmp_path, csv_text((*ours, *QUAT), np.column_stack([-readings(RIG, R), quat(R)])), "free.csv")
+    tool = _calibrated(capsys, tmp_path, free, "--sign", "reaction")
+    assert run(capsys, "verify", free, "-c", tool).status == 0
+    work = written(tmp_path, csv_text((*other, *QUAT), np.column_stack([readings(RIG, R), quat(R)])), "work.csv")
+    assert run(capsys, "verify", work, "-c", tool).complaint == (
+        f"{work}: found other columns, and a calibration read with --sign reaction, expected to be told whether that "
+        "holds here: repeat it, or say --sign pull"
+    )
+    assert run(capsys, "verify", work, "-c", tool, "--sign", "pull").status == 0
+
+
+def test_units_are_asked_for_where_the_wrench_bears_other_names(tmp_path: Path, capsys: Capture) -> None:
+    in_nmm = in_newton_millimetres(R, readings(RIG, R))
+    tool = _calibrated(
+        capsys, tmp_path, written(tmp_path, _table(R, in_nmm, QUAT, quat), "free.csv"), "--units", "torque=Nmm"
+    )
+    raw = tuple(f"ft_raw_wrench_{k}" for k in range(6))
+    work = written(tmp_path, csv_text((*raw, *QUAT), np.column_stack([readings(RIG, R), quat(R)])), "work.csv")
+    assert run(capsys, "verify", work, "-c", tool).complaint == (
+        f"{work}: found other columns, and a calibration read with --units torque=Nmm, expected to be told whether "
+        "that holds here: repeat it, or say --units force=N,torque=Nm"
+    )
+    assert run(capsys, "verify", work, "-c", tool, "--units", "force=N,torque=Nm").status == 0
+
+
+def test_units_of_columns_that_are_not_there_say_nothing_of_others(tmp_path: Path, capsys: Capture) -> None:
+    in_kgf = np.column_stack([readings(RIG, R) / 9.80665, quat(R)])
+    free = written(tmp_path, csv_text(("a", "b", "c", "d", "e", "f", *QUAT), in_kgf), "free.csv")
+    flags = ["--units", "force=kgf,torque=kgfm", "--wrench-columns", "a,b,c,d,e,f"]
+    tool = _calibrated(capsys, tmp_path, free, *flags)
+    work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
+    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    assert done.err == f"Note: not read as the calibration was, no columns for {' '.join(flags)}\n"
+    np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+
+
 def test_columns_that_are_not_there_are_left_out_and_said(tmp_path: Path, capsys: Capture) -> None:
     free = written(tmp_path, _table(R, readings(RIG, R), ("u", "v", "w"), rotvec), "free.csv")
     tool = _calibrated(capsys, tmp_path, free, "--orientation", "ur_rotvec:u,v,w")
@@ -190,12 +233,10 @@ def test_python_keeps_how_a_file_was_read(tmp_path: Path) -> None:
     assert cw.Samples(readings(RIG, R), R).read_as == {}
 
 
-def test_which_column_was_taken_for_what_is_said_and_kept(
-    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words = 'fx from "Force X (N)"'
-    monkeypatch.setattr("contactwrench.recording.tables.columns.ColumnRoles.understood", words)
-    free = written(tmp_path, _table(R, readings(RIG, R), QUAT, quat), "free.csv")
+def test_which_column_was_taken_for_what_is_said_and_kept(tmp_path: Path, capsys: Capture) -> None:
+    raw = tuple(f"ft_raw_wrench_{k}" for k in range(6))
+    words = 'fx..fz from "ft_raw_wrench_0".."ft_raw_wrench_2", tx..tz from "ft_raw_wrench_3".."ft_raw_wrench_5"'
+    free = written(tmp_path, csv_text((*raw, *QUAT), np.column_stack([readings(RIG, R), quat(R)])), "free.csv")
     tool = tmp_path / "tool.json"
     assert run(capsys, "calibrate", free, "-o", tool).err == f"Note: columns: {words}\n"
     assert json.loads(tool.read_text())["provenance"]["columns"] == words
@@ -230,10 +271,8 @@ def test_a_provenance_that_was_edited(tmp_path: Path, capsys: Capture, name: str
 
 
 NMM = ("fx", "fy", "fz", "mx [Nmm]", "my [Nmm]", "mz [Nmm]")
-PLAIN = ("fx", "fy", "fz", "mx", "my", "mz")
 UNITS = {
     "in the names": (NMM, QUAT, 1.0, []),
-    "by option": (PLAIN, QUAT, 1.0, ["--units", "torque=Nmm"]),
     "of force too": (("fx [kgf]", "fy [kgf]", "fz [kgf]", *NMM[3:]), QUAT, 1.0 / 9.80665, []),
     "of angles": (NMM, ("a_rad", "b_rad", "c_rad"), 1.0, []),
 }
@@ -258,17 +297,16 @@ def test_columns_that_state_no_unit_are_not_taken_for_the_usual_one(tmp_path: Pa
     wanted = [("force", "kgf", "Fx")] * (per_newton != 1.0) + [("torque", "nmm", "Tx")]
     wanted += [("angle", "rad", "a")] * (len(of_pose) == 3)
     units = [f"{quantity}={symbol}" for quantity, symbol, _ in wanted]
-    for known, (quantity, symbol, column) in enumerate(wanted):
-        stated = ["--units", ",".join(units[:known])] if known else []
-        for verb in ("compensate", "verify", "weigh"):
-            done = run(capsys, verb, work, "-c", tool, *stated)
-            name = {"nmm": "N mm"}.get(symbol, symbol)
-            assert (done.status, done.err.splitlines()[-1]) == (
-                2,
-                f"contactwrench: {work}: found no unit of the {quantity} in {column}, and a calibration whose "
-                f"{quantity} was read in {name}, expected to be told which: say --units {quantity}={symbol}, or "
-                "another unit",
-            )
+    quantity, symbol, column = wanted[0]
+    name = {"nmm": "N mm"}.get(symbol, symbol)
+    for verb in ("compensate", "verify", "weigh"):
+        done = run(capsys, verb, work, "-c", tool)
+        assert (done.status, done.err) == (
+            2,
+            f"contactwrench: {work}: found no unit of the {quantity} in {column}, and a calibration whose {quantity} was "
+            f"read in {name}, expected to be told which: say --units {quantity}={symbol}, or another unit\n",
+        )
+    assert run(capsys, "compensate", work, "-c", tool, "--units", units[0]).status == 2 * (len(units) > 1)
     out = tmp_path / "out.csv"
     done = run(capsys, "compensate", work, "-c", tool, "-o", out, "--units", ",".join(units))
     assert done.status == 0, done.err

@@ -13,7 +13,7 @@ from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import AmbiguityError
 from tests.support.poses import SIX_SPREAD
 from tests.support.rigs import NOISE, example, noisy
-from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
+from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
 BAD = [3, 8, 9, 20]
 RIGID = ("auto", "yaw", "mount", "mount+base")
@@ -270,6 +270,18 @@ def test_unequal_gains_are_said_with_the_singular_values_and_equal_ones_are_not(
     assert warning.endswith("compare --model affine")
     values = [float(v) for v in warning.partition("singular values ")[2].partition(" N")[0].split(", ")]
     assert values == pytest.approx([11.0, 10.0, 9.5], abs=0.1)
+
+
+def test_a_heavy_tool_on_a_quiet_sensor_shows_no_gain() -> None:
+    """A weight of 24,000 times the noise: what is known beforehand must not outweigh the readings on the way."""
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        rig, R = replace(random_rig(rng), weight=80.0), random_rotations(24, rng)
+        calibration = cw.calibrate(cw.Samples(noisy_readings(rig, R, NOISE / 15.0, rng), R))
+        assert calibration.verdict == "good"
+        assert calibration.findings == ()
+        assert calibration.weight == pytest.approx(80.0, abs=4.0 * calibration.std["weight"])
+        assert calibration.std["weight"] < 0.005
 
 
 def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:

@@ -11,6 +11,7 @@ import pytest
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError, FileFormatError
 from contactwrench.recording.options import Options
+from contactwrench.recording.read import read_streams
 from contactwrench.recording.tables.columns import Naming
 from contactwrench.recording.tables.roles import roles_of
 from contactwrench.recording.tables.table import open_table
@@ -102,7 +103,7 @@ def test_units_of_force(tmp_path: Path, unit: str, newton: float, form: str) -> 
 )
 def test_units_of_torque(tmp_path: Path, unit: str, newton_metre: float) -> None:
     torque = ",".join(f"M{axis} [{unit}]" for axis in "xyz")
-    samples = cw.read(table(tmp_path, f"Fx,Fy,Fz,{torque},{Q}"))
+    samples = cw.read(table(tmp_path, f"Fx [N],Fy [N],Fz [N],{torque},{Q}"))
     assert samples.wrench[0] == pytest.approx([1, 2, 3, *(newton_metre * np.array([4, 5, 6]))], rel=1e-14)
 
 
@@ -171,7 +172,7 @@ def test_what_was_understood_is_one_line_and_nothing_of_usual_names(tmp_path: Pa
     assert understood(
         tmp_path, f"Fx (kN),Fy (N),Fz (N),tx,ty,tz,{Q}".replace("tx,ty,tz", "Tx (Nm),Ty (Nm),Tz (Nm)")
     ) == ('fx from "Fx (kN)" in kN, fy from "Fy (N)", fz from "Fz (N)", tx..tz from "Tx (Nm)".."Tz (Nm)"')
-    assert understood(tmp_path, f"{WRENCH},{Q}", units="force=kgf") == (
+    assert understood(tmp_path, f"{WRENCH},{Q}", units="force=kgf,torque=Nm") == (
         'fx..fz from "fx".."fz" in kgf, tx..tz from "tx".."tz"'
     )
 
@@ -237,6 +238,24 @@ UNDECIDED = [
     (
         f"Fx (lbf),Fy (lbf),Fz (lbf),Tx,Ty,Tz,{Q}",
         "column Fx (lbf) is in lbf and Tx says no unit, expected one for each: state it with --units torque=UNIT",
+    ),
+    (
+        f"Fx,Fy,Fz,Mx (lbf in),My (lbf in),Mz (lbf in),{Q}",
+        "column Mx (lbf in) is in lbf in and Fx says no unit, expected one for each: state it with --units force=UNIT",
+    ),
+    (
+        f"Fx,Fy,Fz,Tx (mm),Ty (mm),Tz (mm),{Q}",
+        "found no column tx, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
+        "--wrench-columns A,B,C,D,E,F (found Fx, Fy, Fz, Tx (mm), Ty (mm), Tz (mm), qx, qy, qz, qw)",
+    ),
+    (
+        f"tx,ty,tz,{Q},fx,fy,fz,mx,my,mz",
+        'found "tx" and "mx" for tx, expected one: choose with --wrench-columns fx,fy,fz,tx,ty,tz',
+    ),
+    (
+        f"raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz,{Q}",
+        'found "raw_fx" and "ati_tx", not named alike, expected the columns of one set: if they are, say '
+        "--wrench-columns raw_fx,raw_fy,raw_fz,ati_tx,ati_ty,ati_tz",
     ),
     (
         f"{WORDS},roll_rad,pitch,yaw",
@@ -342,7 +361,11 @@ A_TO_F = "a,b,c,d,e,f"
     ("header", "stated", "wrench"),
     [
         (f"f,e,d,c,b,a,{Q}", {"wrench_columns": A_TO_F}, [6, 5, 4, 3, 2, 1]),
-        (f"A (kN),B (kN),C (kN),D,E,F,{Q}", {"wrench_columns": "a (kn),b (kn),c (kn),d,e,f"}, [1e3, 2e3, 3e3, 4, 5, 6]),
+        (
+            f"A (kN),B (kN),C (kN),D,E,F,{Q}",
+            {"wrench_columns": "a (kn),b (kn),c (kn),d,e,f", "units": "torque=Nm"},
+            [1e3, 2e3, 3e3, 4, 5, 6],
+        ),
         (f"{A_TO_F},{Q}", {"wrench_columns": A_TO_F, "units": "torque=Nmm"}, [1, 2, 3, 4e-3, 5e-3, 6e-3]),
         (f"Fx,Fy,Fz,Tx,Ty,Tz,{Q}", {"units": "force=kgf,torque=N mm"}, [9.80665, 19.6133, 29.41995, 4e-3, 5e-3, 6e-3]),
         (
@@ -390,6 +413,16 @@ def test_the_column_of_times_is_named_with_its_unit(
     assert cw.read(table(tmp_path, f"{WRENCH},time,{Q}"), time_column="none").t is None
 
 
+def test_of_two_files_the_columns_of_the_wrench_are_none_of_the_poses(tmp_path: Path) -> None:
+    """Both may have columns a, b and c."""
+    wrench = written(tmp_path, f"t,{A_TO_F}\n0,1,2,3,4,5,6\n1,2,3,4,5,6,7\n", "wrench.csv")
+    poses = written(tmp_path, "t,a,b,c\n0,20,-35,110\n1,20,-35,110\n", "poses.csv")
+    found = read_streams(wrench, Options(pose_file=poses, wrench_columns=A_TO_F))
+    assert found.wrench.wrench.tolist() == [[1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]]
+    alone = cw.read(table(tmp_path, f"{WRENCH},a,b,c", "1,2,3,4,5,6,20,-35,110"))
+    assert found.orientation.R_base_flange[0] == pytest.approx(alone.R_base_flange[0], abs=1e-15)
+
+
 REFUSED_OPTIONS: list[tuple[str, dict[str, str], str]] = [
     (
         f"{A_TO_F},{Q}",
@@ -423,6 +456,21 @@ REFUSED_OPTIONS: list[tuple[str, dict[str, str], str]] = [
         {"units": "force=kgf"},
         "column Fx (N): found N in its name and --units force=kgf, expected one of them: leave the option out or "
         "correct it",
+    ),
+    (
+        f"Fx [kN],Fy,Fz,Tx,Ty,Tz,{Q}",
+        {"wrench_columns": "Fx,Fy,Fz,Tx,Ty,Tz"},
+        "column Fx [kN] is in kN and Fy says no unit, expected one for each: state it with --units force=UNIT",
+    ),
+    (
+        f"{A_TO_F},{Q}",
+        {"wrench_columns": A_TO_F, "units": "force=kgf"},
+        "column a is in kgf and d says no unit, expected one for each: state it with --units torque=UNIT",
+    ),
+    (
+        f"{WORDS},A (rad),B,C",
+        {"orientation": "euler:ZYX:deg:A (rad),B,C"},
+        "column A (rad) is in rad and B says no unit, expected one for each: state it with --units angle=UNIT",
     ),
     (
         f"{WORDS},Time (ms),{Q}",

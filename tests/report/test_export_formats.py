@@ -113,6 +113,18 @@ def test_a_free_tool_on_a_base_that_leans_reads_zero(name: str, seed: int) -> No
         assert np.abs(contact(raw, each)).max() < CLOSE
 
 
+def test_gravity_is_written_in_the_base_that_is_named() -> None:
+    """A controller of Universal Robots has its base half a turn about z from what ROS calls base_link."""
+    rig, g, R = example(4, lean=True)
+    calibration = exact_calibration(rig, g=g)
+    calibration = replace(calibration, provenance={**calibration.provenance, "base_frame": "ur5e base"})
+    done = exported(TARGETS["force_torque_sensor_broadcaster"], calibration, SETUP, "tool.json")
+    contact = oracles.force_torque_sensor_broadcaster(done.text)
+    assert "turned into base_link from the base of the recording's orientations, ur5e base" in done.text
+    for raw, each in zip(readings(rig, R), np.diag([-1.0, -1.0, 1.0]) @ R, strict=True):
+        assert np.abs(contact(raw, each)).max() < CLOSE
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", [name for name in JUDGES if name not in TAKES_A_LEAN])
 def test_a_free_tool_is_off_by_what_the_file_states(name: str, seed: int) -> None:

@@ -136,6 +136,16 @@ def test_the_commands_for_a_tilted_base_point_the_way_their_manuals_say() -> Non
     assert np.allclose(ast.literal_eval(direction.group(1)), rig.down, atol=1e-8)
 
 
+def test_gravity_of_a_universal_robot_is_in_its_controllers_base() -> None:
+    """Half a turn about z from what ROS calls base_link, in which a bag may have the orientations."""
+    rig, calibration = calibrated(4)
+    for frame, sign in (("base_link", -1.0), ("base", 1.0), ("ur5e base", 1.0)):
+        named = replace(calibration, provenance={**calibration.provenance, "base_frame": frame})
+        acceleration = re.search(r"set_gravity\((\[.+?\])\)", written("ur", named)[1])
+        assert acceleration
+        assert np.allclose(ast.literal_eval(acceleration.group(1)), -G * rig.down * [sign, sign, 1.0], atol=1e-5)
+
+
 def test_a_weighed_tool_takes_the_place_of_the_identified_one() -> None:
     rig, calibration = calibrated(3, 0.0)
     assert calibration.mass is not None

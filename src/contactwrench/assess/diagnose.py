@@ -140,7 +140,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
         UnobservableError: fewer than 5 poses.
     """
     n = len(file.wrench)
-    other = f"model {model!r} tells no reading from another, expected one of {', '.join(MODELS)}: take auto"
+    other = f"model {model!r} tells no interpretation from another, expected one of {', '.join(MODELS)}: take auto"
     refuse((model not in MODELS, other))
     if n < FEWEST_POSES:
         raise UnobservableError(

@@ -19,6 +19,10 @@ from ..statistics import two_digits
 STRENGTHS = np.geomspace(1.0, 1000.0, 7)
 """Standard deviation of the change over the whole recording, in units of a pose's noise: from what does not show to
 what nobody would use."""
+FEW_COLUMNS, MOST_OF_MANY = 3, 50.0
+"""What has more columns can take up all that is left of few readings: strengths beyond are one model with ever less
+noise, and would count several times.
+"""
 
 ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.13, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
@@ -44,6 +48,11 @@ class Drift:
     kind: Kind | None
     columns: Array
     first_after: int | None = None
+
+    @property
+    def strengths(self) -> Array:
+        """How strong it may be, in units of the noise."""
+        return STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS[STRENGTHS < MOST_OF_MANY]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +95,13 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
 
 def kernels_of(n: int, drifts: list[Drift], log_prior: list[float], steady: bool = True) -> Kernels:
     """Every drift of n poses at every strength; first a `steady` bias."""
-    moving = np.arange(1, len(drifts) + 1)
+    strengths = [drift.strengths for drift in drifts]
+    each = np.array([len(of_drift) for of_drift in strengths], dtype=np.intp)
     kernels = Kernels(
         (Drift(None, np.zeros((n, 0))), *drifts),
-        np.r_[0, np.repeat(moving, len(STRENGTHS))].astype(np.intp),
-        np.r_[0.0, np.tile(STRENGTHS, len(moving))],
-        np.r_[0.0, np.repeat(np.array(log_prior, dtype=np.float64), len(STRENGTHS)) - np.log(len(STRENGTHS))],
+        np.r_[0, np.repeat(np.arange(1, len(drifts) + 1), each)].astype(np.intp),
+        np.concatenate([[0.0], *strengths]),
+        np.r_[0.0, np.repeat(np.array(log_prior, dtype=np.float64) - np.log(each), each)],
     )
     return kernels if steady else kernels.select(np.arange(1, len(kernels.drift)))
 

@@ -91,7 +91,7 @@ def solved(
     information, pull = priors.information[hypothesis], priors.pull[hypothesis]
     flat = own.reshape(len(own), 6, -1)
     of_axis = own[..., :p, :p].reshape(len(own), 6, -1)
-    log_variance = np.broadcast_to(np.log(noise.start), (len(kernel), 6))
+    log_variance = noise.first(own[:, :, -1, -1] / max(moments.n - 1.0, 1.0))
     for k in range(passes):
         variance = np.exp(log_variance)
         weighted = ((1.0 / variance)[:, None, :] @ flat).reshape(-1, p + 1, p + 1)

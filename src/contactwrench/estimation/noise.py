@@ -181,6 +181,15 @@ class NoiseModel:
     stated: StatedNoise | None
     start: Array
 
+    def first(self, at_tool: Array) -> Array:
+        """The logarithms (m, 6) of the variances to begin with, given the mean squares (m, 6) of what the tool leaves
+        where all is linearised: from far above the noise, what is known beforehand would outweigh the readings.
+        """
+        if self.stated is not None:
+            return np.broadcast_to(np.log(self.start), at_tool.shape)
+        level = np.repeat(at_tool.reshape(-1, 2, 3).mean(axis=2), 3, axis=1)
+        return np.asarray(np.log(np.maximum(np.minimum(level, self.start), self.least)))
+
     def improved(self, log_variance: Array, squares: Array, dof: Array, first: bool) -> Array:
         """The logarithms of the variances (m, 6) after a step towards their optimum, given the sums of squares and the
         dof (m, 6) of the axes; the `first` step begins with one level for each group.

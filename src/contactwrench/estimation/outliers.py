@@ -25,7 +25,7 @@ ON_A_LEVEL = 0.3
 """Of the poses: more than so many that are all off by the same are on a level of their own, as backlash makes it; so
 may be a single one, which is alike to none."""
 
-TWO_LEVELS = 0.2
+TWO_LEVELS = 0.4
 """Odds that there are two levels, before the readings; each pose is on either alike."""
 
 WIDTHS = np.geomspace(3.5, 3500.0, 7)

@@ -158,13 +158,14 @@ def table_at(
 
 
 def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
-    """Logarithm of the prior (m,) of how large an error is as a share of the weight, over that of `STRENGTHS`."""
+    """Logarithm of the prior (m,) of how large an error is as a share of the weight, over that of its strengths."""
     scales = np.array([SHARE_OF_WEIGHT.get(drift.kind, np.nan) for drift in kernels.drifts])[kernels.drift]
     noise = np.sqrt(members.variance[:, :3].mean(axis=1))
     weight = np.maximum(np.abs(tool.weight + members.step[:, 0]), 1e-12)
     share = kernels.strength[members.kernel] * noise / (weight * scales[members.kernel])
-    even = 1.0 / (len(STRENGTHS) * np.log(STRENGTHS[1] / STRENGTHS[0]))  # density of the logarithm
-    plausible = np.log(np.sqrt(2.0 / np.pi) * share / even) - 0.5 * share**2
+    apart = np.log(STRENGTHS[1] / STRENGTHS[0])
+    even = 1.0 / (apart * np.array([len(drift.strengths) for drift in kernels.drifts]))  # density of the logarithm
+    plausible = np.log(np.sqrt(2.0 / np.pi) * share / even[kernels.drift[members.kernel]]) - 0.5 * share**2
     return np.where(np.isnan(share), 0.0, plausible)
 
 

@@ -1,7 +1,8 @@
 """A recording read as its calibration's was: an option that nobody stated is the calibration's, where it fits.
 
 Two files of one sensor may be written differently, so a file's columns say whether options of the columns fit. What the
-numbers mean (sign, axes, inverse) no column says: it goes with the columns, and where these are others it is asked for.
+numbers mean (sign, axes, inverse, a stated unit) no column says: it goes with the columns, and where these are others
+it is asked for.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
 from .read import bag_blocks, reader_of
 from .tables.columns import ColumnRoles, shown, taken_for
-from .tables.roles import roles_of
+from .tables.roles import roles_of, wrench_columns
 from .tables.table import open_table
 from .tables.units import per_si, stated_units, symbol
 from .urdf import arm_of
@@ -36,14 +37,19 @@ OF_COLUMNS = ("units", "hdf5", "orientation", "wrench_columns", "time_column")
 OF_POSE = ("pose_topic", "frames", "robot")
 """Where a bag has its pose: stated together, and so taken together."""
 
-GOES_WITH = {"sign": "wrench_columns", "wrench_frame": "wrench_columns", "inverse_orientation": "orientation"}
+GOES_WITH = {
+    "sign": "wrench_columns",
+    "wrench_frame": "wrench_columns",
+    "inverse_orientation": "orientation",
+    "units": "wrench_columns",
+}
 """By which option of the columns a table shows that it is written as another one."""
 
-USUAL = {name: getattr(AS_USUAL, name) for name in OF_MEANING}
 OTHERWISE = {
     "sign": "--sign pull",
     "wrench_frame": "--wrench-frame sensor",
     "inverse_orientation": "--no-inverse-orientation",
+    "units": "--units force=N,torque=Nm",
 }
 
 
@@ -91,9 +97,15 @@ def as_calibrated(
     taken = _of_bag(path, options, stated, fitting) if of_bag else _of_table(path, options, fitting)
     read = replace(options, **taken.values)
     others = [name for name in OF_COLUMNS if getattr(read, name) != known.get(name, getattr(AS_USUAL, name))]
-    meant = {name: left_open[name] for name in OF_MEANING if left_open.get(name, USUAL[name]) != USUAL[name]}
-    for name, value in meant.items():
-        if was_bag != of_bag or GOES_WITH[name] in others:
+    changed = set(others)
+    meant = {n: value for n, value in left_open.items() if n in OF_MEANING and value != getattr(AS_USUAL, n)}
+    by_names = not (of_bag or was_bag or read.wrench_columns or "units" in others)
+    units = taken.values.get("units", "")
+    asked = meant | ({"units": units} if "force" in units or "torque" in units else {})
+    if asked and by_names and _wrench_has_other_names(path, read, calibration):
+        changed.add("wrench_columns")
+    for name, value in asked.items():
+        if was_bag != of_bag or GOES_WITH[name] in changed:
             found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
             raise InputError(
                 f"{path}: found {found}, and a calibration read with {_flags({name: value})}, expected to be told "
@@ -101,7 +113,7 @@ def as_calibrated(
             )
     read = replace(read, **meant)
     if not (of_bag or was_bag):
-        _require_units(path, read, options, calibration.provenance)
+        _require_units(path, read, calibration.provenance)
     taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
     notes = [f"read as the calibration was: {_flags(taken_on)}"] if taken_on else []
     notes += _differences(options, stated, known, {name: fitting[name] for name in others if name in fitting})
@@ -127,10 +139,14 @@ def _differences(
 
 
 def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
-    """As many of the options of the columns as a table has columns for."""
+    """As many of the options of the columns as a table has columns for; the units of columns that are not there say
+    nothing of others.
+    """
     names = [name for name in OF_COLUMNS if name in known]
     for count in range(len(names), 0, -1):
         for some in combinations(names, count):
+            if "units" in some and "wrench_columns" in names and "wrench_columns" not in some:
+                continue
             values = {name: known[name] for name in some}
             with suppress(FileFormatError, InputError):
                 _roles(path, replace(options, **values))
@@ -138,6 +154,14 @@ def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
     if names:
         _roles(path, options)  # complains of a table that is none
     return _Taken({}, frozenset())
+
+
+def _wrench_has_other_names(path: Path, options: Options, calibration: Calibration) -> bool:
+    """Whether the columns of a table's wrench, found by their names, bear others than those of the calibration."""
+    columns = wrench_columns(open_table(path, options.naming), options.naming)
+    known = str(calibration.provenance.get("columns", "")).lower()
+    usual = all(each.is_usual for each in columns)
+    return known.startswith("fx") if usual else not known.startswith(taken_for(columns).lower())
 
 
 def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any]) -> frozenset[str]:
@@ -149,28 +173,19 @@ def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any])
     return frozenset()
 
 
-def _require_units(path: Path, read: Options, options: Options, provenance: Mapping[str, Any]) -> None:
-    """Raise `InputError` where the calibration's columns stated a unit and those of a table state none, or where the
-    unit that was stated for the calibration's columns would be taken for others.
+def _require_units(path: Path, read: Options, provenance: Mapping[str, Any]) -> None:
+    """Raise `InputError` where the names of the calibration's columns stated an unusual unit and those of a table state
+    none.
     """
-    before = stated_units(provenance.get("units_read"))
-    if not before:
-        return
-    roles, by_itself = _roles(path, read), None
-    with suppress(FileFormatError):
-        by_itself = _roles(path, replace(read, units=options.units))
-    for quantity, columns in roles.with_units.items():
-        unit = before.get(quantity, "")
-        own = by_itself.with_units[quantity] if by_itself is not None else ()
-        if not unit or (own and (all(column.unit for column in own) or own[0].per_si == per_si(quantity, unit))):
-            continue
-        vector = roles.wrench if columns != roles.orientation else roles.orientation
-        if columns[0].unit and taken_for(vector).lower() in str(provenance.get("columns", "")).lower():
-            continue  # the same columns, in the unit that was stated for them
-        raise InputError(
-            f"{path}: found no unit of the {quantity} in {shown(columns[0].name)}, and a calibration whose {quantity} "
-            f"was read in {unit}, expected to be told which: say --units {quantity}={symbol(unit)}, or another unit"
-        )
+    by_option = stated_units(provenance.get("units"))
+    before = {q: unit for q, unit in stated_units(provenance.get("units_read")).items() if q not in by_option}
+    for quantity, columns in _roles(path, read).with_units.items() if before else ():
+        unit, silent = before.get(quantity), next((column for column in columns if not column.unit), None)
+        if unit is not None and silent is not None and silent.per_si != per_si(quantity, unit):
+            raise InputError(
+                f"{path}: found no unit of the {quantity} in {shown(silent.name)}, and a calibration whose {quantity} "
+                f"was read in {unit}, expected to be told which: say --units {quantity}={symbol(unit)}, or another unit"
+            )
 
 
 def _roles(path: Path, options: Options) -> ColumnRoles:

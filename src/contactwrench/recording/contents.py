@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from .tables.roles import time_columns, wrench_columns
 from .tables.table import in_seconds, in_si, open_set
 
 HEADER = "std_msgs/msg/Header"
+NO_TIMES = "found none: add a column t, or name one with --time-column"
 
 
 @dataclass(frozen=True)
@@ -153,19 +155,20 @@ def _counted(
 
 def _reading_of_table(table: OpenTable) -> tuple[tuple[Column, ...], tuple[str, ...]]:
     """The columns of the times, and what is taken for what when nothing is asked for, or why that cannot be said."""
-
-    def said(choose: Callable[[], Sequence[Column]]) -> tuple[tuple[Column, ...], str]:
-        try:
-            columns = tuple(choose())
-        except FileFormatError as error:
-            return (), str(error).removeprefix(f"{table.source}: ")
-        return columns, taken_for(columns)
-
-    _, wrench = said(lambda: wrench_columns(table, AS_NAMED))
-    _, orientation = said(lambda: orientation_columns(table, AS_NAMED)[1])
-    t_columns, times = said(lambda: time_columns(table, AS_NAMED))
-    times = times or "found none: add a column t, or name one with --time-column"
+    t_columns: tuple[Column, ...] = ()
+    with suppress(FileFormatError):
+        t_columns = time_columns(table, AS_NAMED)
+    wrench = _or_why_not(lambda: taken_for(wrench_columns(table, AS_NAMED)), table.source)
+    orientation = _or_why_not(lambda: taken_for(orientation_columns(table, AS_NAMED)[1]), table.source)
+    times = _or_why_not(lambda: taken_for(time_columns(table, AS_NAMED)) or NO_TIMES, table.source)
     return t_columns, (f"wrench: {wrench}", f"orientation: {orientation}", f"times: {times}")
+
+
+def _or_why_not(said: Callable[[], str], source: str) -> str:
+    try:
+        return said()
+    except FileFormatError as error:
+        return str(error).removeprefix(f"{source}: ")
 
 
 def rhythm(t: Array, start: float, shown_at: Array | None = None) -> Rhythm:
@@ -212,12 +215,6 @@ def _gives(msgtype: str) -> str:
 
 def _reading(bag: Bag) -> tuple[str, ...]:
     """Which topics are read when nothing is asked for, or why that cannot be said."""
-
-    def said(choose: Callable[[], Iterable[Topic]]) -> str:
-        try:
-            return ", ".join(topic.name for topic in choose())
-        except FileFormatError as error:
-            return str(error).removeprefix(f"{bag.path}: ")
-
-    wrench, pose = said(lambda: [wrench_topic(bag, None)]), said(lambda: pose_topics(bag, None, None, None))
+    wrench = _or_why_not(lambda: wrench_topic(bag, None).name, str(bag.path))
+    pose = _or_why_not(lambda: ", ".join(topic.name for topic in pose_topics(bag, None, None, None)), str(bag.path))
     return f"wrench: {wrench}", f"pose: {pose}"

@@ -94,7 +94,8 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
     table = open_table(path, naming)
     pose_table = table if options.pose_file is None else open_table(options.pose_file, naming)
     of_wrench = wrench_columns(table, naming)
-    convention, sets, complaint = _orientation(pose_table, naming)
+    beside_the_wrench = naming if pose_table is table else replace(naming, wrench_columns=None)
+    convention, sets, complaint = _orientation(pose_table, beside_the_wrench)
     columns = [column for columns in sets for column in columns]
     as_they_stand = [replace(column, per_si=1.0) for column in columns]
     if pose_table is table:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 from ...errors import FileFormatError, InputError
 from .columns import NANOSECONDS, WRENCH_COLUMNS, Column, OpenTable, listed, shown
-from .names import ESTIMATES, QUANTITIES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
-from .units import UNITS, known_units, per_si, symbol
+from .names import ESTIMATES, SECONDS, VECTORS, Meaning, meaning, quantity_of, stated_unit
+from .units import UNITS, known_units, per_si, symbol, unit_of
 
 LONGEST_SLICE = 1000
 """Elements of a list that an option may name at once."""
@@ -36,7 +37,7 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
     numbered: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
     for name, place in table.places.items():
         said = meaning(name)
-        if said is not None and (_has_known_unit(said) or quantity_of(said) in ("force", "torque", "time")):
+        if said is not None and _could_be(said):
             candidate = Candidate(name, place, said)
             if said.index is None:
                 by_part[said.part].append(candidate)
@@ -71,9 +72,14 @@ def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:
     return [Candidate(name, place, told) for name, place, told in said if told and told.letter and told.part in parts]
 
 
-def _has_known_unit(said: Meaning) -> bool:
-    """Whether the unit that a header states is one of its quantity, or none is stated."""
-    return not said.unit or said.unit in UNITS[quantity_of(said)]
+def _could_be(said: Meaning) -> bool:
+    """Whether a column is what its header says, by its unit: one of the quantity, or none. One that nobody knows is to
+    be stated, of a reading and of a time; `Tx (mm)` is no reading.
+    """
+    quantity = quantity_of(said)
+    if not said.unit or said.unit in UNITS[quantity] or quantity == "time":
+        return True
+    return quantity in ("force", "torque") and not any(unit_of(other, said.unit) for other in ("length", "angle"))
 
 
 def estimates(by_part: dict[str, list[Candidate]]) -> dict[str, list[Candidate]]:
@@ -171,42 +177,29 @@ def column(
     return Column(candidate.place, candidate.name, per_si(quantity, unit or default), role, unit)
 
 
-def require_units(table: OpenTable, columns: Iterable[Column], default: str = "") -> None:
+def require_units(table: OpenTable, columns: Sequence[Column], quantity: str) -> None:
     """Raise `FileFormatError` where some columns of one quantity state another unit than the usual one, and others
     none: nobody knows what those hold.
     """
-    columns = list(columns)
-    quantity = QUANTITIES[columns[0].role] if columns and columns[0].role in QUANTITIES else ""
-    other = next((c for c in columns if c.unit and per_si(quantity, c.unit) != per_si(quantity, default)), None)
     silent = next((c for c in columns if not c.unit), None)
+    other = next((c for c in columns if c.unit and silent is not None and c.per_si != silent.per_si), None)
     if other is not None and silent is not None:
-        raise FileFormatError(
-            f"{table.source}: column {shown(other.name)} is in {other.unit} and {shown(silent.name)} says no unit, "
-            f"expected one for each: state it with --units {quantity}=UNIT"
-        )
+        raise silence(table, other, silent, quantity)
 
 
-def require_one_set(table: OpenTable, columns: list[Candidate], option: str) -> None:
-    """Raise `FileFormatError` where the parts of one vector are not named alike: they may be of two."""
-    _require_alike(table, columns, option, [each.said.of for each in columns])
+def silence(table: OpenTable, other: Column, silent: Column, quantity: str) -> FileFormatError:
+    """A column of a quantity that says no unit beside an `other` that says an unusual one."""
+    return FileFormatError(
+        f"{table.source}: column {shown(other.name)} is in {other.unit} and {shown(silent.name)} says no unit, "
+        f"expected one for each: state it with --units {quantity}=UNIT"
+    )
 
 
-def require_one_sensor(table: OpenTable, columns: list[Candidate], option: str) -> None:
-    """The same for a force and a torque, whose own words may differ: `force.x` and `torque.x`, not those of `ft1` and
-    `ft2`.
-    """
-    _require_alike(table, columns, option, [_without_quantity(each.said) for each in columns])
-
-
-def _without_quantity(said: Meaning) -> str:
-    """The words that tell one sensor from another: without `force`, `f`, `Kraft`."""
-    words = re.split("[ _]", said.of)
-    own = words[:-1] if said.index is None else [word for word in words if word not in ("force", "torque", "moment")]
-    return " ".join(own)
-
-
-def _require_alike(table: OpenTable, columns: list[Candidate], option: str, words: list[str]) -> None:
-    other = next((each for each, own in zip(columns, words, strict=True) if own != words[0]), None)
+def require_one_set(
+    table: OpenTable, columns: list[Candidate], option: str, words: Callable[[Meaning], str] = attrgetter("of")
+) -> None:
+    """Raise `FileFormatError` where columns are not named alike, in some of their `words`: they may be of two sets."""
+    other = next((each for each in columns if words(each.said) != words(columns[0].said)), None)
     if other is not None:
         raise FileFormatError(
             f"{table.source}: found {quoted([columns[0], other])}, not named alike, expected the columns of one set: "

@@ -1,4 +1,4 @@
-"""Columns of a table in a file of any kind, and which of them are what."""
+"""Columns of a table in a file of any kind, what was stated of them, and which were taken for what."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ Advance: TypeAlias = Callable[[float], None]
 """Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
 WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
+POSITION = ("x", "y", "z")
 NANOSECONDS = "nanosec"
 """The role of the second column of times, where they are written as two."""
 
@@ -180,7 +181,7 @@ class ColumnRoles:
         return *self.t, *self.of_wrench, *self.of_pose
 
 
-def taken_for(columns: tuple[Column, ...]) -> str:
+def taken_for(columns: Sequence[Column]) -> str:
     """What columns of one kind, or of several one after the other, were taken for."""
     if all(column.is_usual for column in columns):
         return " ".join(column.name for column in columns)
@@ -188,7 +189,7 @@ def taken_for(columns: tuple[Column, ...]) -> str:
     return ", ".join(map(_of_one_kind, parts)) if columns else ""
 
 
-def _of_one_kind(columns: tuple[Column, ...]) -> str:
+def _of_one_kind(columns: Sequence[Column]) -> str:
     units = [f" in {unit_shown(column.per_si, column.unit)}" if column.per_si != 1.0 else "" for column in columns]
     names = [f'"{shown(column.name)}"' for column in columns]
     if columns[-1].role == NANOSECONDS:

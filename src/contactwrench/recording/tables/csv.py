@@ -6,7 +6,6 @@ say which row and column is wrong; rows are counted as an editor counts lines, t
 
 from __future__ import annotations
 
-import codecs
 import csv
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
@@ -78,7 +77,7 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
     """The row at which a block of lines begins, its text, and the part of the file that ends with it."""
     row = 1
     for content, done in blocks_of_lines(path, rows):
-        if row == 1 and (content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:4096]):
+        if row == 1 and b"\0" in content[:4096]:  # UTF-16 with its mark comes as UTF-8
             raise FileFormatError(
                 f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that"
             )

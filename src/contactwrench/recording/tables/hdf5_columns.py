@@ -16,9 +16,7 @@ import numpy as np
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
 from .batch import MOST_ELEMENTS, Field
-from .columns import WRENCH_COLUMNS, shown
-
-POSITION = ("x", "y", "z")
+from .columns import POSITION, WRENCH_COLUMNS, shown
 
 
 def fields_found(group: Any) -> list[Field]:

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from .columns import NANOSECONDS, WRENCH_COLUMNS
+from .columns import NANOSECONDS, POSITION, WRENCH_COLUMNS
 from .units import MEGANEWTON, SPELLED, plain, unit_of
 
 _ANY_UNIT = {word for spelled in SPELLED.values() for word in spelled}
@@ -20,12 +20,11 @@ _SECONDS = (SECONDS, "secs")
 _NANOSECONDS = (NANOSECONDS, "nanosecs", "nsec", "nsecs")
 """Of a stamp in two columns, its fields in ROS 2 and 1."""
 
-_AXES = ("x", "y", "z")
 QUANTITIES = {
     **dict.fromkeys(WRENCH_COLUMNS[:3], "force"),
     **dict.fromkeys(WRENCH_COLUMNS[3:], "torque"),
     **dict.fromkeys(("a", "b", "c", "w", "p", "r", "o", "rx", "ry", "rz", "roll", "pitch", "yaw"), "angle"),
-    **dict.fromkeys(_AXES, "length"),
+    **dict.fromkeys(POSITION, "length"),
     **dict.fromkeys(("t", SECONDS, NANOSECONDS), "time"),
     "load": "load",
 }
@@ -42,13 +41,13 @@ VECTORS: dict[str, tuple[str, ...]] = {
     "force": WRENCH_COLUMNS[:3],
     "torque": WRENCH_COLUMNS[3:],
     "moment": WRENCH_COLUMNS[3:],
-    "position": _AXES,
-    "pos": _AXES,
+    "position": POSITION,
+    "pos": POSITION,
     "rpy": ("roll", "pitch", "yaw"),
     "rotvec": ("rx", "ry", "rz"),
     "quatxyzw": ("qx", "qy", "qz", "qw"),
     "quatwxyz": ("qw", "qx", "qy", "qz"),
-    "tcppose": (*_AXES, "rx", "ry", "rz"),
+    "tcppose": (*POSITION, "rx", "ry", "rz"),
     "otee": tuple(f"o_t_ee_{k}" for k in range(16)),
 }
 """Of numbered columns, and of the elements of a list: the parts in their order, by the words without their blanks.
@@ -118,12 +117,14 @@ class Meaning:
 
     `part`: by its usual name, `fx`; of a numbered column its vector, as in `VECTORS`, and `index`. `unit`: a key of
     `UNITS`, "" where none is stated, or what stands in brackets and is none. `of`: the words, without axis and unit,
-    alike for columns of one set. `letter`: whether one letter is all that says so, as in `mx`.
+    alike for columns of one set; `sensor`: those without the quantity, alike for force and torque. `letter`: whether
+    one letter is all that says so, as in `mx`.
     """
 
     part: str
     unit: str
     of: str = ""
+    sensor: str = ""
     index: int | None = None
     letter: bool = False
 
@@ -205,8 +206,9 @@ def _part(words: list[str], header: str) -> Meaning | None:
             return Meaning("t", unit, " ".join([*topic, *others, axis]))
         letter = match.re.groups > len(match.re.groupindex) and match[1] is not None
         explicit = {"wrench", "ft", "fts", "ftsensor"} & set(others)
-        of = " ".join([*topic, *others, left.removesuffix(axis).removeprefix(axis)])
-        return Meaning(part.format(axis), "", of, None, letter and not explicit)
+        sensor = " ".join([*topic, *others])
+        of = f"{sensor} {left.removesuffix(axis).removeprefix(axis)}"
+        return Meaning(part.format(axis), "", of, sensor, None, letter and not explicit)
     return None
 
 
@@ -214,10 +216,11 @@ def _numbered(words: list[str], index: int) -> Meaning | None:
     """A numbered column, or an element of a list."""
     of = "_".join(words)
     if of in ESTIMATES:
-        return Meaning(of, "", of, index)
-    for left in ("".join(words), _split(words, _OF_LISTS)[0]):
+        return Meaning(of, "", of, of, index)
+    named, others = _split(words, _OF_LISTS)
+    for left in ("".join(words), named):
         if left in VECTORS and (left != "tcppose" or "actual" in words):
-            return Meaning(left, "", of, index)
+            return Meaning(left, "", of, " ".join(others), index)
     return None
 
 
@@ -249,7 +252,7 @@ def _words(header: str) -> tuple[list[str], str | None]:
     def within(match: re.Match[str]) -> str:
         nonlocal unit
         content = match[1].strip()
-        if content.isdecimal() or content.lower() in _AXES:
+        if content.isdecimal() or content.lower() in POSITION:
             return f" {content} "
         if content in ("", "-"):  # no unit
             return " "

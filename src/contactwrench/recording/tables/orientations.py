@@ -21,7 +21,7 @@ from .candidates import (
     usual,
 )
 from .columns import WRENCH_COLUMNS, Column, Naming, OpenTable, listed, shown
-from .units import per_si, stated_units
+from .units import stated_units
 
 QUATERNIONS = (
     ("abb_quat", ("q1", "q2", "q3", "q4")),
@@ -104,7 +104,7 @@ def _angles(
             raise undecided(table, several, part, _by_names(chosen, by_part))
     if not all(each.is_usual for each in made):
         require_one_set(table, columns, _by_names(chosen, by_part))
-    require_units(table, made, chosen.angle_unit or "")
+    require_units(table, made, "angle")
     if chosen.name == "ur_rotvec" and any(each.unit == "deg" for each in made):
         raise FileFormatError(
             f"{table.source}: found {quoted(columns)} in degrees, expected a rotation vector (UR) in rad: if these are "
@@ -138,8 +138,7 @@ def _stated_orientation(table: OpenTable, naming: Naming, text: str) -> tuple[Co
             raise lacking(table, name, f"{wanted} for {chosen.name}", mend)
         columns.append(found)
     made = _in_their_units(table, naming, replace(chosen, columns=roles), columns)
-    if by_name:
-        require_units(table, made, chosen.angle_unit or "")
+    require_units(table, made, "angle")
     return chosen, made
 
 
@@ -190,7 +189,4 @@ def numbered_angles(table: OpenTable, names: list[str]) -> tuple[Column, ...]:
     whole = [each for each in found if each is not None]
     if len(whole) < len(names):
         return ()
-    return tuple(
-        Column(each.place, each.name, per_si("angle", each.said.unit or "rad"), name, each.said.unit)
-        for each, name in zip(whole, names, strict=True)
-    )
+    return tuple(column(table, each, name, "angle", {}, "rad") for each, name in zip(whole, names, strict=True))

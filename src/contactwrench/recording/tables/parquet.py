@@ -27,11 +27,11 @@ from .batch import MOST_ELEMENTS, Batch, Field
 from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE, one_episode
 from .roles import wrench_columns
+from .units import per_si
 
 SUFFIXES = (".parquet", ".pq")
 BUFFER = 2**20
 """Bytes of a column that are read at once, so that memory does not grow with the size of the file's row groups."""
-PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 FIRST_ROWS = 64
 """Read at once to see how long lists are."""
 
@@ -132,7 +132,7 @@ class Records(Batch):
                 values = values.cast(pa.uint8())
                 kind = values.type
             if pa.types.is_temporal(kind) and hasattr(kind, "unit") and column.role == "t":
-                per_unit = column.per_si / PER_SECOND[kind.unit]
+                per_unit = column.per_si / per_si("time", kind.unit)
                 counted = values.cast(pa.int64()).cast(pa.float64(), safe=False)
                 return np.asarray(counted.to_numpy(zero_copy_only=False), dtype=np.float64) * per_unit
             if not _is_number(kind):

@@ -7,6 +7,8 @@ Where two columns could be one thing, neither is taken: the message says which o
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
+from operator import attrgetter
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import Convention
@@ -21,20 +23,33 @@ from .candidates import (
     named,
     perhaps_torque,
     quoted,
-    require_one_sensor,
     require_one_set,
     require_units,
+    silence,
     stamps,
     undecided,
     usual,
 )
-from .columns import NANOSECONDS, SATURATED, WRENCH_COLUMNS, Column, ColumnRoles, Naming, OpenTable, listed, shown
+from .columns import (
+    NANOSECONDS,
+    POSITION,
+    SATURATED,
+    WRENCH_COLUMNS,
+    Column,
+    ColumnRoles,
+    Naming,
+    OpenTable,
+    listed,
+    shown,
+)
 from .names import ESTIMATES, QUANTITIES
 from .orientations import orientation_columns
 from .units import stated_units, unit_of
 
 WITHOUT_TIMES = "none"
 """What --time-column takes where a column that looks like times is to be left alone."""
+BESIDE_SI = ("", "N", "N m", "N mm", "N cm", "mN m")
+"""Units of force and torque beside which the other, without a unit, is taken to be in SI."""
 _BY_WRENCH_COLUMNS = "name the six with --wrench-columns A,B,C,D,E,F"
 
 
@@ -50,6 +65,8 @@ def roles_of(table: OpenTable, naming: Naming, *, wrench: bool = True) -> Column
         FileFormatError: for a column that is missing, times of two files among them, or could be two things.
         InputError: for options that are none.
     """
+    if not wrench:
+        naming = replace(naming, wrench_columns=None)
     of_wrench = wrench_columns(table, naming) if wrench else []
     chosen, angles = (None, []) if naming.orientation is None else orientation_columns(table, naming)
     roles = roles_beside(table, naming, of_wrench, chosen, angles)
@@ -83,19 +100,33 @@ def roles_beside(
 
 def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
     """The columns fx..tz. Raises `FileFormatError` where one is not there or could be two, `InputError` for options."""
-    units = stated_units(naming.units)
+    stated, units = naming.wrench_columns, stated_units(naming.units)
+    found = _wrench_by_names(table) if stated is None else _stated_wrench(table, stated)
+    pairs = zip(found, WRENCH_COLUMNS, strict=True)
+    chosen = [column(table, candidate, part, QUANTITIES[part], units) for candidate, part in pairs]
+    if all(each.is_usual for each in chosen):
+        return chosen
+    force, torque = chosen[:3], chosen[3:]
+    require_units(table, force, "force")
+    require_units(table, torque, "torque")
+    for stating, others, quantity in ((force[0], torque, "torque"), (torque[0], force, "force")):
+        silent = next((each for each in others if not each.unit), None)
+        if stating.unit not in BESIDE_SI and silent is not None:
+            raise silence(table, stating, silent, quantity)
+    return chosen
 
-    def made(found: list[Candidate]) -> list[Column]:
-        pairs = zip(found, WRENCH_COLUMNS, strict=True)
-        return [column(table, candidate, part, QUANTITIES[part], units) for candidate, part in pairs]
 
-    if naming.wrench_columns is not None:
-        return made(_stated_wrench(table, naming.wrench_columns))
+def _wrench_by_names(table: OpenTable) -> list[Candidate]:
+    """The columns fx..tz by their usual names, else by what their headers say."""
     by_usual_names = [usual(table, part, QUANTITIES[part]) for part in WRENCH_COLUMNS]
     whole = [candidate for candidate in by_usual_names if candidate is not None]
-    if len(whole) == len(by_usual_names):
-        return made(whole)
     by_part = candidates(table)
+    if len(whole) == len(by_usual_names):
+        by_axis = {part: [each for each in by_part[part] if each.said.index is None] for part in WRENCH_COLUMNS}
+        if [part for part, several in by_axis.items() if len(several) > 1] == list(WRENCH_COLUMNS[3:]):
+            # one fx, with tx, which may be a translation, and with mx
+            raise undecided(table, by_axis["tx"], "tx", f"--wrench-columns {as_listed(whole)}")
+        return whole
     controllers = estimates(by_part)
     missing = [part for part in WRENCH_COLUMNS if part not in by_part]
     if controllers and len(missing) == len(WRENCH_COLUMNS):
@@ -122,19 +153,11 @@ def wrench_columns(table: OpenTable, naming: Naming) -> list[Column]:
             six = as_listed(choices[each][0] for each in WRENCH_COLUMNS)
             raise undecided(table, several, part, f"--wrench-columns {six}")
     firsts = [choices[part][0] for part in WRENCH_COLUMNS]
-    for part_of in (firsts[:3], firsts[3:]):
-        require_one_set(table, part_of, f"--wrench-columns {as_listed(firsts)}")
-    require_one_sensor(table, [firsts[0], firsts[3]], f"--wrench-columns {as_listed(firsts)}")
-    chosen = made(firsts)
-    require_units(table, chosen[:3])
-    require_units(table, chosen[3:])
-    force, torque = chosen[0], next((c for c in chosen[3:] if not c.unit), None)
-    if force.per_si != 1.0 and torque is not None:
-        raise FileFormatError(
-            f"{table.source}: column {shown(force.name)} is in {force.unit} and {shown(torque.name)} says no unit, "
-            "expected one for each: state it with --units torque=UNIT"
-        )
-    return chosen
+    option = f"--wrench-columns {as_listed(firsts)}"
+    for one_vector in (firsts[:3], firsts[3:]):
+        require_one_set(table, one_vector, option)
+    require_one_set(table, firsts, option, attrgetter("sensor"))
+    return firsts
 
 
 def _stated_wrench(table: OpenTable, text: str) -> list[Candidate]:
@@ -216,19 +239,18 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[C
 
 def position_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
     """The columns x y z if all are there, each once and of one set, and at none of the places `taken`; else none."""
-    parts = ("x", "y", "z")
-    found = [usual(table, part, "length") for part in parts]
+    found = [usual(table, part, "length") for part in POSITION]
     if None in found:
         by_part = candidates(table)
-        found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in parts]
+        found = [several[0] if len(several := by_part.get(part, [])) == 1 else None for part in POSITION]
         found = found if len({each.said.of for each in found if each is not None}) == 1 else []
     whole = [each for each in found if each is not None and each.place not in taken]
-    if len(whole) < len(parts):
+    if len(whole) < len(POSITION):
         return ()
     units = stated_units(naming.units)
-    made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, parts, strict=True))
+    made = tuple(column(table, each, part, "length", units) for each, part in zip(whole, POSITION, strict=True))
     if not all(each.is_usual for each in made):
-        require_units(table, made)
+        require_units(table, made, "length")
     return made
 
 

@@ -1,7 +1,6 @@
 """What the rows of a recording's table hold, whatever kind of file it is.
 
-How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.py; which of them is what, for
-columns.py.
+How a file becomes named columns of numbers is for csv.py, parquet.py and hdf5.py; which of them is what, for roles.py.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...samples.samples import LARGEST_READING, ReadAs
-from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable
+from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, with_slices
 from .csv import open_csv
 from .episodes import one_episode
 from .hdf5 import is_hdf5, open_hdf5
@@ -239,7 +238,7 @@ def rotations(
             require_whole_turn(values)
         return convention.to_matrices(values)
     except InputError as error:
-        names = ",".join(column.name for column in columns)
+        names = ",".join(with_slices(column.name for column in columns))
         where = ""
         if error.row is not None:
             where = f"row {body.row_of(int(np.arange(len(body))[rows][error.row]))}, "

@@ -108,9 +108,7 @@ def in_c(header: Sequence[str], body: str) -> str:
 
 
 TARGETS = (
-    Target("c", "a loop of one's own in C99 or C++", ".h", "", "", _c, in_c),
-    Target("python", "a loop of one's own with numpy", ".py", "", "", _python, commented("#")),
-    Target(
-        "matlab", "a loop of one's own in MATLAB or Octave: contact_wrench.m", ".m", "", "", _matlab, commented("%")
-    ),
+    Target("c", "a loop of one's own in C99 or C++", "", "", _c, in_c),
+    Target("python", "a loop of one's own with numpy", "", "", _python, commented("#")),
+    Target("matlab", "a loop of one's own in MATLAB or Octave: contact_wrench.m", "", "", _matlab, commented("%")),
 )

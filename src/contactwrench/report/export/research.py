@@ -11,9 +11,8 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...geometry.wrench import STANDARD_GRAVITY
 from ...model import wrench_matrix
-from .ros import mounting_remark
 from .target import Parameters, Setup, Target, below, in_json, in_xml
-from .tool import DOWN, number, numbers, rigid_tool, roll_pitch_yaw, sensor_offset
+from .tool import DOWN, mounting_remark, number, numbers, rigid_tool, roll_pitch_yaw, sensor_offset
 
 FIXED_GRAVITY = f"such that mass x {STANDARD_GRAVITY} m/s^2, this program's gravity, is the weight"
 
@@ -90,11 +89,10 @@ def _rh20t(c: Calibration, setup: Setup) -> Parameters:
 
 
 TARGETS = (
-    Target("mc_rtc", "mc_rtc's force sensors", "", "--sensor-offset", "a base that leans", _mc_rtc, below),
+    Target("mc_rtc", "mc_rtc's force sensors", "--sensor-offset", "a base that leans", _mc_rtc, below),
     Target(
         "hrpsys",
         "hrpsys' RemoveForceSensorLinkOffset",
-        ".txt",
         "the sensor's frame in the model",
         "a base that leans (without an acceleration sensor)",
         _hrpsys,
@@ -103,11 +101,10 @@ TARGETS = (
     Target(
         "yarp",
         "whole-body-estimators' wholebodydynamics (YARP)",
-        ".xml",
         "the tool in the URDF",
         "",
         _yarp,
         in_xml,
     ),
-    Target("rh20t", "RH20T's API", ".json", "", "", _rh20t, in_json),
+    Target("rh20t", "RH20T's API", "", "", _rh20t, in_json),
 )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
+from ...recording.base_frames import AGAINST_CONTROLLER
 from .payload import fixed, payload_on_flange
 from .target import Parameters, Setup, Target, commented
 
@@ -30,7 +33,8 @@ def _ur(calibration: Calibration, setup: Setup) -> Parameters:
     """
     payload = payload_on_flange(calibration, setup, "ur")
     mass, cog = fixed(payload.mass, 8), _listed(payload.com)
-    upward = -calibration.g * calibration.gravity_direction
+    R_controller_base = AGAINST_CONTROLLER.get(str(calibration.provenance.get("base_frame")), np.eye(3))
+    upward = -calibration.g * R_controller_base @ calibration.gravity_direction
     x, y, z = (f"{part:.2f}" for part in (IN_MM * payload.com).tolist())
     return payload.parameters(
         f"set_payload({mass}, [{cog}])\n",
@@ -152,18 +156,16 @@ def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _target(
-    name: str, program: str, suffix: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]
-) -> Target:
-    return Target(name, program, suffix, NEEDS, LOSES, parameters, commented(mark))
+def _target(name: str, program: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]) -> Target:
+    return Target(name, program, NEEDS, LOSES, parameters, commented(mark))
 
 
 TARGETS = (
-    _target("ur", "Universal Robots: URScript and PolyScope", ".script", "#", _ur),
-    _target("franka", "Franka: SetLoad", ".yaml", "#", _franka),
-    _target("kuka", "KUKA: load data of KR C and LBR iiwa", ".dat", ";", _kuka),
-    _target("abb", "ABB: loaddata of RAPID", ".mod", "!", _abb),
-    _target("fanuc", "FANUC: payload schedule", ".txt", "#", _fanuc),
-    _target("xarm", "UFACTORY xArm: Python SDK", ".py", "#", _xarm),
-    _target("fairino", "Fairino: Python SDK", ".py", "#", _fairino),
+    _target("ur", "Universal Robots: URScript and PolyScope", "#", _ur),
+    _target("franka", "Franka: SetLoad", "#", _franka),
+    _target("kuka", "KUKA: load data of KR C and LBR iiwa", ";", _kuka),
+    _target("abb", "ABB: loaddata of RAPID", "!", _abb),
+    _target("fanuc", "FANUC: payload schedule", "#", _fanuc),
+    _target("xarm", "UFACTORY xArm: Python SDK", "#", _xarm),
+    _target("fairino", "Fairino: Python SDK", "#", _fairino),
 )

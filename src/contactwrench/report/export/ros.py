@@ -13,19 +13,28 @@ import numpy as np
 
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Array
-from ...model import RigidTool, wrench_matrix
+from ...model import wrench_matrix
+from ...recording.base_frames import R_between
 from .losses import largest_error
 from .target import Parameters, Setup, Target
-from .tool import DOWN, number, numbers, rigid_tool, roll_pitch_yaw
+from .tool import DOWN, mounting_remark, number, numbers, rigid_tool
 
 NODE_GRAVITY = 9.81
 """m/s^2: the default of `gravity_in_reference_frame` of ft_tools_ros2."""
 
 
-def mounting_remark(tool: RigidTool, frame: str) -> str:
-    """How the sensor's frame has to stand in the robot's description."""
-    rpy = numbers(roll_pitch_yaw(tool.R_flange_sensor), " ")
-    return f'the robot\'s description must turn {frame} against the flange of the recording by rpy="{rpy}" (rad, URDF)'
+def _recorded_base(c: Calibration) -> str:
+    own = c.provenance.get("base_frame")
+    return f"the base of the recording's orientations{f', {own}' if own else ''}"
+
+
+def _gravity_in(frame: str, c: Calibration) -> tuple[Array, str]:
+    """The direction of gravity (3,) in a program's base frame, and how that stands to the recording's, or has to."""
+    own = str(c.provenance.get("base_frame", ""))
+    R_frame_own = R_between(frame, own)
+    if frame == own or R_frame_own is None:
+        return c.gravity_direction, f"{frame} is {_recorded_base(c)}"
+    return R_frame_own @ c.gravity_direction, f"gravity_field was turned into {frame} from {_recorded_base(c)}"
 
 
 def _xyz(values: Array) -> str:
@@ -54,8 +63,8 @@ def _admittance_controller(c: Calibration, setup: Setup) -> Parameters:
     remarks = (
         "CoG.pos in m from the sensor's origin, sensor axes; CoG.force is the weight, N",
         mounting_remark(tool, setup.sensor_frame),
-        f"gravity is -z of {setup.base_frame}, which is the base of the recording's orientations: another fixed world "
-        "frame is turned the wrong way by this program",
+        f"gravity is -z of {setup.base_frame}, which is {_recorded_base(c)}: another fixed world frame is turned the "
+        "wrong way by this program",
         f"it knows no bias: subtract [{numbers(tool.bias)}] (N, N m) before it reads the sensor",
     )
     return Parameters(body, remarks, wrench_matrix(replace(tool, bias=np.zeros(6))), DOWN)
@@ -65,6 +74,7 @@ def _broadcaster(c: Calibration, setup: Setup) -> Parameters:
     tool = rigid_tool(c, setup, "force_torque_sensor_broadcaster")
     reaction = c.provenance.get("sign") == "reaction"
     offset = tool.bias if reaction else -tool.bias
+    direction, of_base = _gravity_in(setup.base_frame, c)
     turned = _xyz(-np.ones(3))
     multiplier = f"\n    multiplier:\n      force: {turned}\n      torque: {turned}" if reaction else ""
     body = f"""force_torque_sensor_broadcaster:
@@ -84,14 +94,14 @@ def _broadcaster(c: Calibration, setup: Setup) -> Parameters:
           tool:
             mass: {number(tool.weight / c.g)}
             CoG: [{numbers(tool.com)}]
-            gravity_field: [{numbers(c.g * tool.gravity_direction)}]
+            gravity_field: [{numbers(c.g * direction)}]
 """
     remarks = (
         "offset, N and N m, is added: it is minus the bias; the contact wrench is on the topic wrench_filtered",
         "mass in kg; CoG in m from the sensor's origin, sensor axes; gravity_field in m/s^2, axes of "
         f"{setup.base_frame}",
         mounting_remark(tool, setup.sensor_frame),
-        f"{setup.base_frame} is the base of the recording's orientations",
+        of_base,
         *(["multiplier, after the offset, turns the reaction that the sensor gives into what acts on it"] * reaction),
     )
     return Parameters(body, remarks, wrench_matrix(tool), tool.gravity_direction, takes_reaction=True)
@@ -169,7 +179,6 @@ TARGETS = (
     Target(
         "admittance_controller",
         "ros2_controllers' admittance_controller (ROS 2)",
-        ".yaml",
         "the sensor's frame in the URDF",
         "the bias, a base that leans",
         _admittance_controller,
@@ -177,7 +186,6 @@ TARGETS = (
     Target(
         "force_torque_sensor_broadcaster",
         "force_torque_sensor_broadcaster of ros2_controllers, control_filters (ROS 2)",
-        ".yaml",
         "the sensor's frame in the URDF",
         "",
         _broadcaster,
@@ -185,7 +193,6 @@ TARGETS = (
     Target(
         "force_torque_tools",
         "force_torque_tools' gravity_compensation (ROS 1)",
-        ".yaml",
         "the sensor's frame in the URDF, an accelerometer",
         "",
         _force_torque_tools,
@@ -193,7 +200,6 @@ TARGETS = (
     Target(
         "ft_tools_ros2",
         "ft_tools_ros2's ft_estimation_node (ROS 2)",
-        ".yaml",
         "the sensor's frame in the URDF",
         "a base that leans (a parameter of its node)",
         _ft_tools_ros2,
@@ -201,7 +207,6 @@ TARGETS = (
     Target(
         "cartesian_controllers",
         "cartesian_controllers' cartesian_force_controller (ROS 1)",
-        ".yaml",
         "the sensor's frame in the URDF, a taring",
         "the bias (tared)",
         _cartesian_controllers,

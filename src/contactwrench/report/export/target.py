@@ -82,7 +82,7 @@ def in_json(header: Sequence[str], body: str) -> str:
 class Target:
     """A format of parameters.
 
-    `name` on the command line; `program` that reads it, in words; `suffix` of its files; `needs` beside the calibration
+    `name` on the command line; `program` that reads it, in words; `needs` beside the calibration
     and `loses` of it, in a few words, empty for nothing; `parameters` of a calibration, which raises `InputError` for
     what is needed and not stated, and for a calibration of which the program could make nothing; `with_header`, None
     where a comment has no room in the file.
@@ -90,7 +90,6 @@ class Target:
 
     name: str
     program: str
-    suffix: str
     needs: str
     loses: str
     parameters: Callable[[Calibration, Setup], Parameters]

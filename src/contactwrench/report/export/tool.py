@@ -64,3 +64,9 @@ def number(value: float) -> str:
 def numbers(values: ArrayLike, between: str = ", ") -> str:
     """Numbers in a row, as `number` writes them."""
     return between.join(number(value) for value in np.ravel(values))
+
+
+def mounting_remark(tool: RigidTool, frame: str) -> str:
+    """How the sensor's frame has to stand in the robot's description."""
+    rpy = numbers(roll_pitch_yaw(tool.R_flange_sensor), " ")
+    return f'the robot\'s description must turn {frame} against the flange of the recording by rpy="{rpy}" (rad, URDF)'
