@@ -271,7 +271,7 @@ def test_a_provenance_that_was_edited(tmp_path: Path, capsys: Capture, name: str
 
 
 NMM = ("fx", "fy", "fz", "mx [Nmm]", "my [Nmm]", "mz [Nmm]")
-UNITS = {
+UNITS: dict[str, tuple[tuple[str, ...], tuple[str, ...], float, list[str]]] = {
     "in the names": (NMM, QUAT, 1.0, []),
     "of force too": (("fx [kgf]", "fy [kgf]", "fz [kgf]", *NMM[3:]), QUAT, 1.0 / 9.80665, []),
     "of angles": (NMM, ("a_rad", "b_rad", "c_rad"), 1.0, []),
@@ -303,8 +303,8 @@ def test_columns_that_state_no_unit_are_not_taken_for_the_usual_one(tmp_path: Pa
         done = run(capsys, verb, work, "-c", tool)
         assert (done.status, done.err) == (
             2,
-            f"contactwrench: {work}: found no unit of the {quantity} in {column}, and a calibration whose {quantity} was "
-            f"read in {name}, expected to be told which: say --units {quantity}={symbol}, or another unit\n",
+            f"contactwrench: {work}: found no unit of the {quantity} in {column}, and a calibration whose {quantity} "
+            f"was read in {name}, expected to be told which: say --units {quantity}={symbol}, or another unit\n",
         )
     assert run(capsys, "compensate", work, "-c", tool, "--units", units[0]).status == 2 * (len(units) > 1)
     out = tmp_path / "out.csv"
