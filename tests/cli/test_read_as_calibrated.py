@@ -268,3 +268,61 @@ def test_a_provenance_that_was_edited(tmp_path: Path, capsys: Capture, name: str
     work = written(tmp_path, _table(WORK, readings(RIG, WORK), QUAT, quat), "work.csv")
     complaint = run(capsys, "verify", work, "-c", tool).complaint
     assert complaint == f"the calibration's provenance has {name} {value!r}, which is none: calibrate again"
+
+
+NMM = ("fx", "fy", "fz", "mx [Nmm]", "my [Nmm]", "mz [Nmm]")
+UNITS: dict[str, tuple[tuple[str, ...], tuple[str, ...], float, list[str]]] = {
+    "in the names": (NMM, QUAT, 1.0, []),
+    "of force too": (("fx [kgf]", "fy [kgf]", "fz [kgf]", *NMM[3:]), QUAT, 1.0 / 9.80665, []),
+    "of angles": (NMM, ("a_rad", "b_rad", "c_rad"), 1.0, []),
+}
+"""How the calibration's file states its units: names of the wrench and of the orientation, force per N, flags."""
+
+
+def _in_nmm(names: tuple[str, ...], of_pose: tuple[str, ...], R: Array, wrench: Array, per_newton: float = 1.0) -> str:
+    numbers = quat(R) if len(of_pose) == 4 else euler("ZYX", degrees=False)(R)
+    scaled = wrench * np.repeat([per_newton, 1e3], 3)
+    return csv_text((*names, *of_pose), np.column_stack([scaled, numbers]))
+
+
+@pytest.mark.parametrize("way", UNITS)
+def test_columns_that_state_no_unit_are_not_taken_for_the_usual_one(tmp_path: Path, capsys: Capture, way: str) -> None:
+    names, of_pose, per_newton, flags = UNITS[way]
+    free = written(tmp_path, _in_nmm(names, of_pose, R, readings(RIG, R), per_newton), "free.csv")
+    tool = _calibrated(capsys, tmp_path, free, *flags)
+    touched = readings(RIG, WORK) + PUSHED
+    silent = tuple(name.partition("_")[0] for name in of_pose)
+    other = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+    work = written(tmp_path, _in_nmm(other, silent, WORK, touched, per_newton), "work.csv")
+    wanted = [("force", "kgf", "Fx")] * (per_newton != 1.0) + [("torque", "nmm", "Tx")]
+    wanted += [("angle", "rad", "a")] * (len(of_pose) == 3)
+    units = [f"{quantity}={symbol}" for quantity, symbol, _ in wanted]
+    quantity, symbol, column = wanted[0]
+    name = {"nmm": "N mm"}.get(symbol, symbol)
+    for verb in ("compensate", "verify", "weigh"):
+        done = run(capsys, verb, work, "-c", tool)
+        assert (done.status, done.err) == (
+            2,
+            f"contactwrench: {work}: found no unit of the {quantity} in {column}, and a calibration whose {quantity} "
+            f"was read in {name}, expected to be told which: say --units {quantity}={symbol}, or another unit\n",
+        )
+    assert run(capsys, "compensate", work, "-c", tool, "--units", units[0]).status == 2 * (len(units) > 1)
+    out = tmp_path / "out.csv"
+    done = run(capsys, "compensate", work, "-c", tool, "-o", out, "--units", ",".join(units))
+    assert done.status == 0, done.err
+    np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
+
+
+@pytest.mark.parametrize("way", UNITS)
+def test_columns_that_state_their_unit_are_asked_nothing(tmp_path: Path, capsys: Capture, way: str) -> None:
+    names, of_pose, per_newton, flags = UNITS[way]
+    free = written(tmp_path, _in_nmm(names, of_pose, R, readings(RIG, R), per_newton), "free.csv")
+    tool = _calibrated(capsys, tmp_path, free, *flags)
+    touched = readings(RIG, WORK) + PUSHED
+    alike = written(tmp_path, _in_nmm(names, of_pose, WORK, touched, per_newton), "alike.csv")
+    stating = ("Fx [N]", "Fy [N]", "Fz [N]", "Tx [N mm]", "Ty [N mm]", "Tz [N mm]")
+    others = written(tmp_path, _in_nmm(stating, of_pose, WORK, touched), "others.csv")
+    for work in (alike, others):
+        done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+        assert done.status == 0, done.err
+        np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)

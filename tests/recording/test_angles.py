@@ -111,3 +111,33 @@ def test_euler_letters_and_two_files_are_looked_at_too(tmp_path: Path) -> None:
     samples = cw.read(wrench, orientation="euler:ZYX:deg", pose_file=pose)
     assert samples.doubt == doubt("e1, e2, e3", "euler")
     assert cw.read(wrench, orientation="euler:ZYX:rad", pose_file=pose).doubt == ""
+
+
+def test_verbs_that_take_a_calibration_say_it_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig, R, rng = example(8, poses=12)
+    wrench, way = noisy_readings(rig, R, NOISE, rng), IN_RADIANS["kuka_abc"]
+    degrees = written(tmp_path, Written(("a", "b", "c"), euler("ZYX")).text(R, wrench), "degrees.csv")
+    radians = written(tmp_path, way.text(R, wrench), "radians.csv")
+    tool = tmp_path / "tool.json"
+    assert run(capsys, "calibrate", degrees, "-o", tool).status == 0
+    for verb in ("compensate", "verify", "weigh"):
+        assert run(capsys, verb, radians, "-c", tool).err.count(f"Note: {doubt('a, b, c', 'kuka_abc')}\n") == 1
+        assert "likely in radians" not in run(capsys, verb, degrees, "-c", tool).err
+        assert "likely in radians" not in run(capsys, verb, radians, "-c", tool, "--units", "angle=rad").err
+
+
+def test_degrees_that_are_read_as_radians_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig, R, rng = example(9, poses=12)
+    wrench, way = noisy_readings(rig, R, NOISE, rng), Written(("a", "b", "c"), euler("ZYX"))
+    radians = written(tmp_path, IN_RADIANS["kuka_abc"].text(R, wrench), "radians.csv")
+    degrees, tool = written(tmp_path, way.text(R, wrench), "degrees.csv"), tmp_path / "tool.json"
+    assert run(capsys, "calibrate", radians, "-o", tool, "--units", "angle=rad").status == 0
+    widest = float(np.abs(euler("ZYX")(R))[0].max())
+    for verb in ("compensate", "verify", "weigh"):
+        done = run(capsys, verb, degrees, "-c", tool)
+        assert done.status == 2
+        assert done.err.splitlines()[-1] == (
+            f"contactwrench: {degrees}: row 2, columns a,b,c: found an angle of {widest:.6g} rad, expected at most a "
+            "whole turn: if these are degrees, read them with --units angle=deg"
+        )
+        assert run(capsys, verb, degrees, "-c", tool, "--units", "angle=deg").status == 0

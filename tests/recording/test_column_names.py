@@ -223,12 +223,13 @@ UNDECIDED = [
     ),
     (
         f"Fx (counts),Fy (counts),Fz (counts),Tx,Ty,Tz,{Q}",
-        "column Fx (counts): found the unit counts, expected one of N, kN, mN, kgf, gf, lbf: state it with --units "
-        "force=UNIT",
+        "column Fx (counts): found the unit counts, expected one of N, kN, mN, kgf, gf, lbf: convert the column "
+        "to one of these, or rename it if counts is no unit",
     ),
     (
         f"Fx (MN),Fy (MN),Fz (MN),Tx,Ty,Tz,{Q}",
-        "column Fx (MN): found the unit MN, expected one of N, kN, mN, kgf, gf, lbf: state it with --units force=UNIT",
+        "column Fx (MN): found the unit MN, expected one of N, kN, mN, kgf, gf, lbf: convert the column to one "
+        "of these, or rename it if MN is no unit",
     ),
     (
         f"Fx (kN),Fy,Fz,Tx (Nm),Ty (Nm),Tz (Nm),{Q}",
@@ -262,7 +263,8 @@ UNDECIDED = [
     ),
     (
         f"{WORDS},Time (min),{Q}",
-        "column Time (min): found the unit min, expected one of s, ms, us, ns: state it with --time-column NAME:UNIT",
+        "column Time (min): found the unit min, expected one of s, ms, us, ns: convert the column to one of "
+        "these, or rename it if min is no unit",
     ),
     (
         f"{WORDS},time,t_sec,t_nsec,{Q}",
@@ -287,6 +289,48 @@ def test_what_cannot_be_decided_is_named_with_the_option_that_decides(
     tmp_path: Path, header: str, message: str
 ) -> None:
     assert refusal(tmp_path, header, ",".join("0" for _ in header.split(","))) == message
+
+
+@pytest.mark.parametrize("unit", ["daN", "V", "counts"])
+def test_a_unit_that_is_not_known_is_not_overruled(tmp_path: Path, unit: str) -> None:
+    header = f"Fx [{unit}],Fy [{unit}],Fz [{unit}],Tx,Ty,Tz,{Q}"
+    for stated in ({}, {"units": "force=N"}, {"wrench_columns": f"Fx [{unit}],Fy [{unit}],Fz [{unit}],Tx,Ty,Tz"}):
+        assert refusal(tmp_path, header, **stated) == (
+            f"column Fx [{unit}]: found the unit {unit}, expected one of N, kN, mN, kgf, gf, lbf: convert the column "
+            f"to one of these, or rename it if {unit} is no unit"
+        )
+
+
+@pytest.mark.parametrize(
+    ("force", "torque"),
+    [("ft1.F{}", "ft2.T{}"), ("ft1_force_{}", "ft2_torque_{}"), ("/ft1/wrench/force/{}", "/ft2/wrench/torque/{}")],
+)
+def test_force_of_one_sensor_and_torque_of_another_are_no_wrench(tmp_path: Path, force: str, torque: str) -> None:
+    names = [*map(force.format, "xyz"), *map(torque.format, "xyz")]
+    header = ",".join([*names, Q])
+    assert refusal(tmp_path, header) == (
+        f'found "{names[0]}" and "{names[3]}", not named alike, expected the columns of one set: if they are, say '
+        f"--wrench-columns {','.join(names)}"
+    )
+    samples = cw.read(table(tmp_path, header), wrench_columns=",".join(names))
+    assert samples.wrench.tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
+
+
+@pytest.mark.parametrize(
+    ("force", "torque"),
+    [
+        ("force.{}", "torque.{}"),
+        ("Kraft {}", "M{} [Nm]"),
+        ("F{} [N]", "M{} [Nm]"),
+        ("ft1.force.{}", "ft1.moment.{}"),
+        ("F{}_raw", "T{}_raw"),
+        ("force[{}]", "torque[{}]"),
+    ],
+)
+def test_force_and_torque_of_one_sensor_are_paired(tmp_path: Path, force: str, torque: str) -> None:
+    axes = "012" if force == "force[{}]" else "xyz"
+    header = ",".join([*map(force.format, axes), *map(torque.format, axes), Q])
+    assert cw.read(table(tmp_path, header)).wrench.tolist() == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]
 
 
 def test_raw_counts_beside_newtons_are_chosen_by_option(tmp_path: Path) -> None:
@@ -324,7 +368,6 @@ A_TO_F = "a,b,c,d,e,f"
         ),
         (f"{A_TO_F},{Q}", {"wrench_columns": A_TO_F, "units": "torque=Nmm"}, [1, 2, 3, 4e-3, 5e-3, 6e-3]),
         (f"Fx,Fy,Fz,Tx,Ty,Tz,{Q}", {"units": "force=kgf,torque=N mm"}, [9.80665, 19.6133, 29.41995, 4e-3, 5e-3, 6e-3]),
-        (f"Fx (counts),Fy (counts),Fz (counts),Tx,Ty,Tz,{Q}", {"units": "force=N"}, [1, 2, 3, 4, 5, 6]),
         (
             ",".join(f"observation.state[{k}]" for k in range(8)) + f",{Q}",
             {"wrench_columns": "observation.state[2:8]"},
@@ -478,3 +521,32 @@ def test_a_list_column_named_like_a_wrench_is_one_in_any_file(tmp_path: Path) ->
     path = table(tmp_path, ",".join(f"wrench[{k}]" for k in range(7)) + f",{Q}")
     with pytest.raises(FileFormatError, match="found no column fx"):
         cw.read(path)
+
+
+@pytest.mark.parametrize(
+    ("names", "perhaps"),
+    [
+        ("q1,q2,q3,q4", "abb_quat:q1,q2,q3,q4"),
+        ("Q0,Q1,Q2,Q3", "quat_wxyz:Q0,Q1,Q2,Q3 or quat_xyzw:Q0,Q1,Q2,Q3"),
+        ("w,x,y,z", "quat_wxyz:w,x,y,z"),
+        ("pose[0],pose[1],pose[2],pose[3]", "quat_xyzw:pose[0:4] or quat_wxyz:pose[0:4]"),
+    ],
+)
+def test_four_columns_that_may_be_a_quaternion_are_asked_for(tmp_path: Path, names: str, perhaps: str) -> None:
+    assert f"or say --orientation NAME:COLUMNS, perhaps {perhaps}, or give two files" in refusal(
+        tmp_path, f"{WRENCH},{names}"
+    )
+    for option in perhaps.split(" or "):
+        assert len(cw.read(table(tmp_path, f"{WRENCH},{names}"), orientation=option)) == 1
+
+
+def test_a_list_is_named_by_its_elements(tmp_path: Path) -> None:
+    header = f"{WRENCH},pose[0],pose[1],pose[2],pose[3]"
+    assert refusal(tmp_path, header, orientation="quat_xyzw:pose") == (
+        "found the list pose, expected 4 columns: say --orientation quat_xyzw:pose[0:4]"
+    )
+
+
+def test_poses_alone_or_wrenches_alone_are_one_of_two_files(tmp_path: Path) -> None:
+    assert ", or give two files with --wrench W.csv --pose P.csv (found t, qx" in refusal(tmp_path, f"t,{Q}")
+    assert ", or give two files with --wrench W.csv --pose P.csv (found t, fx" in refusal(tmp_path, f"t,{WRENCH}")

@@ -142,7 +142,8 @@ def test_a_table_with_times_and_one_without(tmp_path: Path, capsys: pytest.Captu
         "gap 0.5 s at 0.020 s\n\nRead without options\n  wrench: fx fy fz tx ty tz\n"
         "  orientation: found no orientation columns, expected qx qy qz qw, r11..r33, a b c "
         "(KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename "
-        "them, or say --orientation NAME:COLUMNS (found t, fx, fy, fz, tx, ty, tz)\n  times: t\n"
+        "them, or say --orientation NAME:COLUMNS, or give two files with "
+        "--wrench W.csv --pose P.csv (found t, fx, fy, fz, tx, ty, tz)\n  times: t\n"
     )
     contents = json.loads(run(capsys, "info", path, "--json").out)
     assert contents["rhythm"]["longest_gap"] == pytest.approx(0.5)

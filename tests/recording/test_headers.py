@@ -50,15 +50,11 @@ FOUND = {
     "ur_rtde_raw": Header(),
     "ur_rtde_tcp_force": Header(
         refusal='found no wrench but "actual_TCP_force_0" and so on, what UR\'s controller makes of it, its payload '
-        "subtracted already, expected the sensor's own reading: record ft_raw_wrench, or take these with "
-        f"--wrench-columns {UR_FORCE}",
+        "subtracted already, expected the sensor's own reading: record ft_raw_wrench, or, recorded with a "
+        f"payload of 0 kg, take these with --wrench-columns {UR_FORCE} --wrench-frame base",
         flag={"wrench_columns": UR_FORCE},
     ),
-    "ur_rtde_both": Header(
-        refusal='found "ft_raw_wrench_0" and "actual_TCP_force_0" for fx, expected one: choose with --wrench-columns '
-        "ft_raw_wrench_0,ft_raw_wrench_1,ft_raw_wrench_2,ft_raw_wrench_3,ft_raw_wrench_4,ft_raw_wrench_5",
-        flag={"wrench_columns": "ft_raw_wrench[0:6]"},
-    ),
+    "ur_rtde_both": Header(),
     "rostopic_wrench": Header(UNIX, pose=False),
     "rostopic_pose": Header(UNIX, wrench=False),
     "bagpy_wrench": Header(UNIX, pose=False),
@@ -68,7 +64,8 @@ FOUND = {
     "food_acquisition": Header(
         position=False,
         refusal="found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz "
-        "(UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found Time(s), F_x(N), F_y(N), "
+        "(UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS, or give two files with "
+        "--wrench W.csv --pose P.csv (found Time(s), F_x(N), F_y(N), "
         "F_z(N), T_x(Nm), T_y(Nm), T_z(Nm), P_x(m), P_y(m), P_z(m), O_x(rad), O_y(rad), O_z(rad))",
         flag={"orientation": "euler:ZYX:rad:O_z(rad),O_y(rad),O_x(rad)"},
     ),
@@ -83,7 +80,8 @@ FOUND = {
     "ati_wireless": Header(
         pose=False,
         refusal="found no column fx, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
-        "--wrench-columns A,B,C,D,E,F (found Time, T1FX, T1FY, T1FZ, T1TX, T1TY, T1TZ)",
+        "--wrench-columns A,B,C,D,E,F, or give two files with --wrench W.csv --pose P.csv "
+        "(found Time, T1FX, T1FY, T1FZ, T1TX, T1TY, T1TZ)",
         flag={"wrench_columns": "T1FX,T1FY,T1FZ,T1TX,T1TY,T1TZ"},
     ),
     "ati_and_ur_logger": Header(UNIX, pose=False),

@@ -49,6 +49,7 @@ def test_what_is_written_is_read_or_refused(tmp_path: Path, data: st.DataObject)
     except FileFormatError as error:
         assert_one_line_that_names(error, path)
         grouped = any(("." if comma else ",") in cell for row in table for cell in row)
+        grouped |= "may be thousands or a number with decimals" in str(error) and form != "{:.3f}"
         apart = separator.strip() in (";", "") or (not comma and separator.strip() == ",")
         assert grouped or not apart or (quote and separator not in (",", ";", "\t"))
         return
@@ -93,3 +94,42 @@ def test_info_shows_the_columns_of_every_layout(tmp_path: Path, capsys: pytest.C
         assert run(capsys, "info", path).out.startswith(
             f"{path}\nTable, 2 rows of 2 columns\n  t, fx\n  times: 1 s\n  rate: 1 Hz, longest gap 1 s at 0.000 s\n"
         )
+
+
+UNITS_APART = "time [s]  Fx [N]  Fy [N]  Fz [N]  Mx [N m]  My (Nmm)  Mz [kgf cm]  qx qy qz qw"
+
+
+@pytest.mark.parametrize("before", ["", "# "])
+def test_units_apart_between_blanks_belong_to_the_name_before(tmp_path: Path, before: str) -> None:
+    path = written(tmp_path, f"{before}{UNITS_APART}\n0.5  1 2  3 4 5000 6  0 0 0 1\n5.5 1 2 3 4 5000 6 0 0 0 1\n")
+    found = cw.read(path)
+    assert found.wrench == pytest.approx(np.tile([1.0, 2.0, 3.0, 4.0, 5.0, 6.0 * 0.0980665], (2, 1)), rel=1e-12)
+    assert found.t == pytest.approx([0.5, 5.5])
+
+
+def test_a_minus_sign_of_typography_is_a_minus(tmp_path: Path) -> None:
+    row = "-1,5;2,5;-3;4;-5;6;0;0;0;-1".replace("-", "\N{MINUS SIGN}")
+    path = written(tmp_path, f"{';'.join((*WRENCH, *IDENTITY))}\n{row}\n")
+    assert cw.read(path).wrench.tolist() == [[-1.5, 2.5, -3.0, 4.0, -5.0, 6.0]]
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_whole_numbers_with_points_for_thousands_are_refused(tmp_path: Path, mark: str) -> None:
+    header = ";".join((*WRENCH, *IDENTITY))
+    rows = [f"14{mark}884;-1{mark}537;9{mark}180;-57;753;152;0{mark}5;0{mark}5;0{mark}5;0{mark}5"] * 3
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(written(tmp_path, "\n".join([header, *rows])))
+    if mark == ".":
+        assert str(caught.value).endswith(
+            "row 2, column fx: found '14.884' beside whole numbers, which may be thousands or a number with decimals, "
+            "expected digits and decimals in all rows: write them so"
+        )
+
+
+@pytest.mark.parametrize(
+    "wrench",
+    ["14.884;-1.537;9.180;-0.057;0.753;0", "14.884;-1.53;9.18;-57;753;152", "14.884;-1.537;9.180;-57.000;1.000;2.000"],
+)
+def test_decimals_that_can_be_nothing_else_are_read(tmp_path: Path, wrench: str) -> None:
+    path = written(tmp_path, f"{';'.join((*WRENCH, *IDENTITY))}\n{wrench};0;0;0;1\n")
+    assert cw.read(path).wrench.tolist() == [[float(cell) for cell in wrench.split(";")]]

@@ -202,7 +202,8 @@ def test_streams_that_do_not_belong_together_are_refused() -> None:
         f"{end}: one clock counts from 1970 and one from the start, record both with one"
     )
     assert _complaint(_streams(t * 1e3 + 300.0, at)) == (
-        f"run.bag: the wrench goes from 600 s to 4598 s, {end}: the wrench's stamps look like ms, give them in s"
+        f"run.bag: the wrench goes from 600 s to 4598 s, {end}: the wrench's stamps look like ms, 1000 times as long, "
+        "give them in s, or name their column t_ms"
     )
     assert _complaint(_streams(t + 20.0, at)).endswith(
         f"{end}: record both with one clock, or correct the stamps of one"

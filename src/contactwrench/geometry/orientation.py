@@ -129,6 +129,19 @@ def _euler(letters: str) -> Callable[[Array], Array]:
     return to_matrices
 
 
+def require_whole_turn(angles: Array) -> None:
+    """Raise `InputError` naming the first row of angles (n, k), rad, of which one is beyond a whole turn."""
+    beyond = np.abs(angles) > LONGEST_ROTATION_VECTOR
+    if beyond.any():
+        row = int(np.argmax(beyond.any(axis=1)))
+        widest = float(np.abs(angles[row]).max())
+        raise InputError(
+            f"orientation {row} is an angle of {widest:.6g} rad, expected at most a whole turn: if these are degrees, "
+            "read them with --units angle=deg",
+            row,
+        )
+
+
 def _from_rotation_vector(vectors: Array) -> Array:
     """Rotations by |v| rad about v. More than a whole turn is refused: such columns hold angles in degrees."""
     from scipy.spatial.transform import Rotation

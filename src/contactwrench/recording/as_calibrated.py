@@ -25,9 +25,10 @@ from .bags.topics import pose_topics, wrench_topic
 from .base_frames import in_base_of_recording
 from .options import AS_USUAL, OF_MEANING, Options, remembered
 from .read import bag_blocks, reader_of
-from .tables.columns import ColumnRoles, taken_for
+from .tables.columns import ColumnRoles, shown, taken_for
 from .tables.roles import roles_of, wrench_columns
 from .tables.table import open_table
+from .tables.units import per_si, stated_units, symbol
 from .urdf import arm_of
 
 OF_COLUMNS = ("units", "hdf5", "orientation", "wrench_columns", "time_column")
@@ -111,6 +112,8 @@ def as_calibrated(
                 f"whether that holds here: repeat it, or say {OTHERWISE[name]}"
             )
     read = replace(read, **meant)
+    if not (of_bag or was_bag):
+        _require_units(path, read, calibration.provenance)
     taken_on = {name: value for name, value in taken.values.items() if name not in taken.anyhow} | meant
     notes = [f"read as the calibration was: {_flags(taken_on)}"] if taken_on else []
     notes += _differences(options, stated, known, {name: fitting[name] for name in others if name in fitting})
@@ -170,13 +173,29 @@ def _orientation_anyhow(path: Path, options: Options, values: Mapping[str, Any])
     return frozenset()
 
 
+def _require_units(path: Path, read: Options, provenance: Mapping[str, Any]) -> None:
+    """Raise `InputError` where the names of the calibration's columns stated an unusual unit and those of a table state
+    none.
+    """
+    by_option = stated_units(provenance.get("units"))
+    before = {q: unit for q, unit in stated_units(provenance.get("units_read")).items() if q not in by_option}
+    for quantity, columns in _roles(path, read).with_units.items() if before else ():
+        unit, silent = before.get(quantity), next((column for column in columns if not column.unit), None)
+        if unit is not None and silent is not None and silent.per_si != per_si(quantity, unit):
+            raise InputError(
+                f"{path}: found no unit of the {quantity} in {shown(silent.name)}, and a calibration whose {quantity} "
+                f"was read in {unit}, expected to be told which: say --units {quantity}={symbol(unit)}, or another unit"
+            )
+
+
 def _roles(path: Path, options: Options) -> ColumnRoles:
-    """Which columns are what, of two files in that with the orientation. Raises as reading."""
+    """Which columns are what, of two files together. Raises as reading."""
     if options.pose_file is None:
         return roles_of(open_table(path, options.naming), options.naming)
     of_wrench = replace(options.naming, orientation=None)
-    roles_of(open_table(path, of_wrench), of_wrench)
-    return roles_of(open_table(options.pose_file, options.naming), options.naming, wrench=False)
+    wrenches = roles_of(open_table(path, of_wrench), of_wrench)
+    poses = roles_of(open_table(options.pose_file, options.naming), options.naming, wrench=False)
+    return replace(poses, wrench=wrenches.wrench)
 
 
 def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mapping[str, Any]) -> _Taken:

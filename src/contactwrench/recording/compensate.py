@@ -33,6 +33,7 @@ from .options import Options
 from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
 from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
@@ -103,7 +104,7 @@ def compensated(
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
-    every = _telling_columns(chain([first], pairs), note)
+    every = _telling(chain([first], pairs), path, options, note)
     return _smoothed((_plain(calibration, samples, treatment) for samples in every), treatment)
 
 
@@ -145,12 +146,20 @@ def write_compensated(
     return None
 
 
-def _telling_columns(parts: Iterable[Part], note: Tell | None) -> Iterator[Part]:
-    """The same parts of a recording; which columns were taken for what is noted."""
+def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell | None) -> Iterator[Part]:
+    """The same parts of a recording; which columns were taken for what is noted, and units that are in doubt."""
+    of_table = little = reader_of(path, options) is not bag_blocks
     for k, part in enumerate(parts):
         if k == 0 and note is not None and (columns := part.read_as.get("columns")):
             note(f"columns: {columns}")
+        t = part.t if isinstance(part, Samples) else part.wrench.t
+        poses = part if isinstance(part, Samples) else part.orientation
+        if k == 0 and note is not None and of_table and (doubt := times_in_doubt(path, options.naming, t)):
+            note(doubt)
+        little = little and turns_little(poses.R_base_flange)
         yield part
+    if little and note is not None and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
+        note(doubt)
 
 
 def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> ContactWrenches:
@@ -170,7 +179,7 @@ def _paired(
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
-    recording = _telling_columns(batches(path, options, advance=advance), note)
+    recording = _telling(batches(path, options, advance=advance), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
     compensator = None

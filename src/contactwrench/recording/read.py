@@ -18,13 +18,13 @@ from ..errors import FileFormatError, InputError
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
-from .tables.angles import angles_in_doubt
 from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
-from .tables.table import Table, merged, tables
+from .tables.table import Table, merged, read_as_of_both, tables
 
 Tell = Callable[[str], None]
 
@@ -165,7 +165,7 @@ def read_samples(
         tell(f"columns: {columns}")
     paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
     if len(paired) == len(blocks):
-        return _with_doubt(_samples(Table.concatenate(paired), path), path, options)
+        return _with_doubt(_samples(Table.concatenate(paired), path), path, options, tell)
     from ..samples.delay import on_one_clock
 
     if begin is not None:
@@ -177,14 +177,16 @@ def read_samples(
     if tell is not None:
         for note in notes:
             tell(note)
-    return _with_doubt(samples, path, options)
+    return _with_doubt(samples, path, options, tell)
 
 
-def _with_doubt(samples: Samples, path: str | Path, options: Options) -> Samples:
-    """The samples with what is doubtful in how they were read."""
+def _with_doubt(samples: Samples, path: str | Path, options: Options, tell: Tell | None) -> Samples:
+    """The samples with what is doubtful in how their angles were read; of their times `tell` hears."""
     if reader_of(path, options) is bag_blocks:
         return samples
-    doubt = angles_in_doubt(options.pose_file or path, options.naming, samples.R_base_flange)
+    if tell is not None and (said := times_in_doubt(path, options.naming, samples.t)):
+        tell(said)
+    doubt = angles_in_doubt(options.pose_file or path, options.naming) if turns_little(samples.R_base_flange) else ""
     return replace(samples, doubt=doubt) if doubt else samples
 
 
@@ -264,9 +266,7 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
         raise FileFormatError(f"{pose_path}: {error}") from None
     saturated = None if wrench.saturated is None else wrench.saturated == 1.0
     readings = WrenchStream(wrench.t, wrench.wrench, name_of(path), wrench.load_mass, saturated)
-    columns = dict.fromkeys(str(table.read_as["columns"]) for table in (wrench, pose) if "columns" in table.read_as)
-    of_both = {"columns": "; ".join(columns)} if columns else {}
-    return Streams(readings, orientation, {**wrench.read_as, **pose.read_as, **of_both})
+    return Streams(readings, orientation, read_as_of_both(wrench, pose))
 
 
 def _samples(table: Table, path: str | Path) -> Samples:

@@ -112,7 +112,9 @@ def require_common_span(wrench: Stamps, orientation: Stamps, delay: float) -> No
     start = max(wrench.first - delay, orientation.first)
     end = min(wrench.latest - delay, orientation.latest)
     shorter = min(wrench.latest - wrench.first, orientation.latest - orientation.first)
-    if end - start >= LEAST_COMMON * shorter and end >= start:
+    begun_together = abs(wrench.first - orientation.first) <= shorter
+    another = begun_together and _another_unit(wrench, orientation)
+    if end - start >= LEAST_COMMON * shorter and end >= start and not another:
         return
     common = "nothing" if end < start else f"only {end - start:.3g} s"
     behind = f", with a delay of {1e3 * delay:.3g} ms," if delay else ""
@@ -153,13 +155,23 @@ def _moment(t: float) -> str:
     return f"{t:.10g} s (Unix time, {np.datetime64(int(days), 'D')})" if days < 1e6 else f"{t:.10g} s"
 
 
-def _remedy(wrench: Stamps, orientation: Stamps) -> str:
+def _another_unit(wrench: Stamps, orientation: Stamps) -> str:
+    """Which stream lasts longer by the factor of a unit, and what to do; empty where none does."""
     spans = {stamps.stream: stamps.latest - stamps.first for stamps in (wrench, orientation)}
     longer, shorter = sorted(spans, key=lambda stream: -spans[stream])
     if spans[shorter] > 0.0:
         for factor, unit in UNITS.items():
             if 0.8 < spans[longer] / (factor * spans[shorter]) < 1.25:
-                return f"the {longer}'s stamps look like {unit}, give them in s"
+                return (
+                    f"the {longer}'s stamps look like {unit}, {factor:.0f} times as long, give them in s, or name "
+                    f"their column t_{unit}"
+                )
+    return ""
+
+
+def _remedy(wrench: Stamps, orientation: Stamps) -> str:
+    if another := _another_unit(wrench, orientation):
+        return another
     if (wrench.first > UNIX) != (orientation.first > UNIX):
         return "one clock counts from 1970 and one from the start, record both with one"
     return "record both with one clock, or correct the stamps of one"

@@ -161,11 +161,11 @@ def column(
     """
     stated, by_option = candidate.said.unit, units.get(quantity)
     if stated not in UNITS[quantity]:
-        if stated and by_option is None:
-            option = "--time-column NAME:UNIT" if quantity == "time" else f"--units {quantity}=UNIT"
+        if stated:
             raise FileFormatError(
                 f"{table.source}: column {shown(candidate.name)}: found the unit {shown(stated)}, expected one of "
-                f"{known_units(quantity)}: state it with {option}"
+                f"{known_units(quantity)}: convert the column to one of these, or rename it if {shown(stated)} is no "
+                "unit"
             )
         stated = ""
     if stated and by_option is not None and by_option != stated:

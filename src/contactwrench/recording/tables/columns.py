@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...geometry.arrays import Array
 from ...geometry.orientation import Convention
-from .units import symbol, unit_shown
+from .units import per_si, symbol, unit_shown
 
 ROWS = 2**15
 """Rows that are read at once: some 10 MB."""
@@ -157,6 +157,23 @@ class ColumnRoles:
                 angles = columns == self.orientation and self.convention is not None and self.convention.angle_unit
                 parts.append(taken_for(columns) + (f" as {self.convention.name}" if self.convention and angles else ""))
         return ", ".join(parts)
+
+    @property
+    def units_read(self) -> dict[str, str]:
+        """The stated units that are not the usual ones, as `--units` takes them, by their quantity."""
+        usual_angle = self.convention.angle_unit if self.convention is not None else None
+        return {
+            quantity: symbol(columns[0].unit)
+            for quantity, columns in self.with_units.items()
+            if columns[0].unit and columns[0].per_si != per_si(quantity, (usual_angle or "") * (quantity == "angle"))
+        }
+
+    @property
+    def with_units(self) -> dict[str, tuple[Column, ...]]:
+        """The columns whose unit decides what is read, by their quantity."""
+        angles = self.orientation if self.convention is not None and self.convention.angle_unit else ()
+        parts = {"force": self.wrench[:3], "torque": self.wrench[3:], "angle": angles}
+        return {quantity: columns for quantity, columns in parts.items() if columns}
 
     @property
     def columns(self) -> tuple[Column, ...]:

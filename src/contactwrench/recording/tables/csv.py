@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...files import blocks_of_lines
 from ...geometry.arrays import Array
-from .columns import SATURATED, Column, OpenTable, places_of, shown
+from .columns import SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
 from .layout import (
     DECIMAL_COMMA,
+    PERHAPS_DOTTED,
     PERHAPS_THOUSANDS,
     THOUSANDS,
     Layout,
@@ -87,6 +88,7 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
             raise FileFormatError(
                 f"{source}: row {where}: found a byte that is no UTF-8, expected UTF-8: save it as that"
             ) from None
+        text = text.replace("\N{MINUS SIGN}", "-")
         if "\r" in text:
             text = text.replace("\r\n", "\n").replace("\r", "\n")
         yield row, text, done
@@ -149,8 +151,25 @@ class Lines:
             lacking = [column in may_lack for column in columns]
             fine = np.isfinite(values)
             if fine.all() or (fine | (np.isnan(values) & lacking)).all():
+                of_wrench = [column for column in columns if column.role in WRENCH_COLUMNS]
+                if _may_be_thousands(values[:, [column in of_wrench for column in columns]]):
+                    self._refuse_thousands(of_wrench)
                 return values
         return np.array([self._row(row, line, columns, may_lack) for row, line in self._numbered()], dtype=np.float64)
+
+    def _refuse_thousands(self, columns: Sequence[Column]) -> None:
+        """Raise `FileFormatError` where every number with a decimal mark has three decimals, as thousands have."""
+        mark = self._layout.decimal
+        rows = [(row, cells(line, self._layout.separator, row, self.source)) for row, line in self._numbered()]
+        found = [(row, column, of_row[column.place]) for row, of_row in rows for column in columns]
+        marked = [(row, column, cell) for row, column, cell in found if mark in cell]
+        whole = any(mark not in cell and cell.strip("+-0") for *_, cell in found)
+        if whole and all(PERHAPS_DOTTED.fullmatch(cell) for *_, cell in marked):
+            row, column, cell = marked[0]
+            raise FileFormatError(
+                f"{self.source}: row {row}, column {column.name}: found {cell!r} beside whole numbers, which may be "
+                "thousands or a number with decimals, expected digits and decimals in all rows: write them so"
+            )
 
     def _parsed(self, places: list[int], gaps: bool) -> Array | None:
         """The numbers by numpy, NaN in gaps; None where it cannot tell, or a row has other than `width` cells."""
@@ -231,6 +250,17 @@ class Lines:
         if not cell:
             return FileFormatError(f"{where}: found nothing, expected a number: fill it in or leave the row out")
         return FileFormatError(f"{where}: found {cell}, expected a finite number: leave the row out")
+
+
+def _may_be_thousands(values: Array) -> bool:
+    """Whether numbers (n, k), as written, may be whole ones of which those from 1000 on have a point: such as have
+    decimals have three at most and are 1 at least, and others are whole and below 1000.
+    """
+    size = np.abs(values[np.isfinite(values)])
+    whole = size == np.round(size)
+    if whole.all() or not (whole & (size > 0.0)).any() or (size >= 1000.0).any():
+        return False
+    return bool((size[~whole] >= 1.0).all() and np.allclose(1e3 * size, np.round(1e3 * size), rtol=0.0, atol=1e-6))
 
 
 def _no_number(cell: str, *, comma: bool, of_times: bool) -> str:

@@ -28,6 +28,7 @@ NO_UNIT = ("", "-", "1")
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+PERHAPS_DOTTED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
 
 
@@ -63,7 +64,7 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
     if any(_numbers_in(each := _split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
-    names = cells(header, separator, row, source)
+    names = _names(header, separator, row, source)
     if data and _are_units(units := _split(data[0], separator), names):
         units = [unit.strip("[]() ") for unit in units]
         names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
@@ -75,10 +76,17 @@ def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, sourc
     """The layout of rows whose names stand in the last comment above them, as numpy.savetxt writes them."""
     comment = next((line.strip().lstrip("# ") for line in reversed(above) if line.strip()), "")
     separator = _separator(comment, data[:SAMPLE])
-    names = _split(comment, separator)
+    names = _names(comment, separator, row, source)
     if len(names) < 2 or len(names) != len(_split(data[0], separator)) or any(map(is_number, names)):
         raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
     return Layout(tuple(names), separator, _decimal(data, separator))
+
+
+def _names(header: str, separator: str, row: int, source: str) -> list[str]:
+    """The columns' names; between blanks, brackets alone are the unit of the name before: `time [s]  Fx [N]`."""
+    if separator == " " and '"' not in header:
+        return re.findall(r"\S+(?:\s+[\[(][^\[\]()]*[\])])*", header)
+    return cells(header, separator, row, source)
 
 
 def _separator(header: str, data: Sequence[str]) -> str:

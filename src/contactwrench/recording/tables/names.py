@@ -55,11 +55,13 @@ VECTORS: dict[str, tuple[str, ...]] = {
 `actual_TCP_pose` is metres and a rotation vector in rad: UR's guide to RTDE.
 """
 ESTIMATES = {
-    "actual_tcp_force": ("UR's controller", "record ft_raw_wrench"),
-    "o_f_ext_hat_k": ("Franka's controller", "record a sensor of its own"),
-    "k_f_ext_hat_k": ("Franka's controller", "record a sensor of its own"),
+    "actual_tcp_force": ("UR's controller", "record ft_raw_wrench", " --wrench-frame base"),
+    "o_f_ext_hat_k": ("Franka's controller", "record a sensor of its own", " --wrench-frame base"),
+    "k_f_ext_hat_k": ("Franka's controller", "record a sensor of its own", ""),
 }
-"""Numbered columns that hold what a controller takes for the contact wrench, its own payload subtracted already."""
+"""Numbered columns that hold what a controller takes for the contact wrench, its own payload subtracted already: whose,
+what to record instead, and what says in which axes they are. Beside a sensor's readings they are left alone.
+"""
 
 
 def _set(words: str) -> frozenset[str]:

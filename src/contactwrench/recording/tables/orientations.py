@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...errors import FileFormatError
+from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, RECOGNISED_BY_NAME, USUAL_NAMES, Convention, convention
 from .candidates import (
     Candidate,
@@ -20,8 +20,16 @@ from .candidates import (
     undecided,
     usual,
 )
-from .columns import Column, Naming, OpenTable, listed, shown
+from .columns import WRENCH_COLUMNS, Column, Naming, OpenTable, listed, shown
 from .units import stated_units
+
+QUATERNIONS = (
+    ("abb_quat", ("q1", "q2", "q3", "q4")),
+    ("quat_wxyz", ("q0", "q1", "q2", "q3")),
+    ("quat_xyzw", ("q0", "q1", "q2", "q3")),
+    ("quat_wxyz", ("w", "x", "y", "z")),
+)
+"""Names of four numbers that may be a quaternion, and how they are written then: asked for, not guessed."""
 
 
 def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, list[Column]]:
@@ -50,11 +58,29 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
         if sum(part is not None for part in parts) > len(parts) / 2:
             missing = [want for want, part in zip(CONVENTIONS[name].columns, parts, strict=True) if part is None]
             raise FileFormatError(f"{table.source}: found no column {missing[0]}, expected all of {name}: add it")
+    alone = by_part.keys() >= set(WRENCH_COLUMNS)
+    two = ", or give two files with --wrench W.csv --pose P.csv" if alone else ""
     raise FileFormatError(
         f"{table.source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), "
-        f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS (found "
-        f"{listed(table.places)})"
+        f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS{_perhaps(table)}{two} "
+        f"(found {listed(table.places)})"
     )
+
+
+def _perhaps(table: OpenTable) -> str:
+    """What --orientation may be for columns whose names a quaternion may bear, and for a list of four."""
+    there = {name.lower(): name for name in table.places}
+    four = [
+        f"{how}:{','.join(there[name] for name in names)}" for how, names in QUATERNIONS if there.keys() >= set(names)
+    ]
+    lists = [name.removesuffix("[0]") for name in table.places if name.endswith("[0]")]
+    four += [
+        f"{how}:{name}[0:4]"
+        for name in lists
+        if f"{name}[3]" in table.places and f"{name}[4]" not in table.places
+        for how in ("quat_xyzw", "quat_wxyz")
+    ]
+    return f", perhaps {' or '.join(four)}" if four else ""
 
 
 def _whole(found: dict[str, list[Candidate | None]]) -> dict[str, list[Candidate]]:
@@ -88,6 +114,13 @@ def _angles(
 
 
 def _stated_orientation(table: OpenTable, naming: Naming, text: str) -> tuple[Convention, list[Column]]:
+    name, _, of_list = text.rpartition(":")
+    if name and f"{of_list}[0]".lower() in map(str.lower, table.places):
+        count = len(convention(name).columns)
+        raise InputError(
+            f"{table.source}: found the list {shown(of_list)}, expected {count} columns: say --orientation "
+            f"{name}:{of_list}[0:{count}]"
+        )
     chosen = convention(expanded(table, text))
     roles = CONVENTIONS[chosen.name].columns if chosen.name in CONVENTIONS else ("e1", "e2", "e3")
     by_name = chosen.columns == roles

@@ -131,11 +131,11 @@ def _wrench_by_names(table: OpenTable) -> list[Candidate]:
     missing = [part for part in WRENCH_COLUMNS if part not in by_part]
     if controllers and len(missing) == len(WRENCH_COLUMNS):
         vector, columns = next(iter(controllers.items()))
-        whose, instead = ESTIMATES[vector]
+        whose, instead, axes = ESTIMATES[vector]
         raise FileFormatError(
             f"{table.source}: found no wrench but {quoted(columns[:1])} and so on, what {whose} makes of it, its "
-            f"payload subtracted already, expected the sensor's own reading: {instead}, or take these with "
-            f"--wrench-columns {as_listed(columns)}"
+            f"payload subtracted already, expected the sensor's own reading: {instead}, or, recorded with a payload "
+            f"of 0 kg, take these with --wrench-columns {as_listed(columns)}{axes}"
         )
     if set(missing) == set(WRENCH_COLUMNS[3:]) and len(letters := perhaps_torque(table, missing)) == len(missing):
         six = as_listed([*(by_part[part][0] for part in WRENCH_COLUMNS[:3]), *letters])
@@ -144,11 +144,10 @@ def _wrench_by_names(table: OpenTable) -> list[Candidate]:
             f"their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns {six}"
         )
     if missing:
-        raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", f"add it, or {_BY_WRENCH_COLUMNS}")
+        two = ", or give two files with --wrench W.csv --pose P.csv" if len(missing) == len(WRENCH_COLUMNS) else ""
+        mend = f"add it, or {_BY_WRENCH_COLUMNS}{two}"
+        raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", mend)
     choices = {part: by_part[part] for part in WRENCH_COLUMNS}
-    for columns in controllers.values():
-        for part, candidate in zip(WRENCH_COLUMNS, columns, strict=True):
-            choices[part] = [*choices[part], candidate]
     for part, several in choices.items():
         if len(several) > 1:
             six = as_listed(choices[each][0] for each in WRENCH_COLUMNS)

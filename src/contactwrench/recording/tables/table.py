@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
-from ...geometry.orientation import Convention
+from ...geometry.orientation import Convention, require_whole_turn
 from ...samples.samples import LARGEST_READING, ReadAs
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, with_slices
 from .csv import open_csv
@@ -22,6 +22,7 @@ from .episodes import one_episode
 from .hdf5 import is_hdf5, open_hdf5
 from .parquet import is_parquet, open_parquet
 from .roles import roles_of
+from .units import ANGLE
 
 UNIX_TIMES = (1e9, 4.2e9)
 """s: from 2001 to 2103. A column `t` of a thousand, a million or a milliard times as much holds Unix times in ms, us or
@@ -141,9 +142,22 @@ def _table(written: WrittenRows) -> Table:
 
 
 def _read_as(roles: ColumnRoles) -> ReadAs:
-    """What the columns' names told."""
-    orientation = {} if roles.convention is None else {"orientation": roles.convention.name}
-    return {"columns": roles.understood, **orientation} if roles.understood else orientation
+    """What the columns' names told, and which units were stated."""
+    told = {
+        "columns": roles.understood,
+        "units_read": ",".join(f"{quantity}={unit}" for quantity, unit in roles.units_read.items()),
+        "orientation": "" if roles.convention is None else roles.convention.name,
+    }
+    return {name: what for name, what in told.items() if what}
+
+
+def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
+    """What two tables told, or one of which some rows have wrenches and others poses."""
+    joined = {}
+    for name, mark in (("columns", "; "), ("units_read", ",")):
+        if told := dict.fromkeys(str(table.read_as[name]) for table in (wrench, pose) if name in table.read_as):
+            joined[name] = mark.join(told)
+    return {**wrench.read_as, **pose.read_as, **joined}
 
 
 def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
@@ -217,9 +231,11 @@ def rotations(
     rows: NDArray[np.bool_] | NDArray[np.intp] | slice = slice(None),
 ) -> Array:
     """Rotations (n, 3, 3) of `values` (n, k) in SI, which are those `rows` of `body`. Raises `FileFormatError` naming
-    row and columns of what is none.
+    row and columns of what is none, and of angles in rad beyond a whole turn.
     """
     try:
+        if convention.name != "ur_rotvec" and _are_radians(convention, columns):
+            require_whole_turn(values)
         return convention.to_matrices(values)
     except InputError as error:
         names = ",".join(with_slices(column.name for column in columns))
@@ -228,6 +244,10 @@ def rotations(
             where = f"row {body.row_of(int(np.arange(len(body))[rows][error.row]))}, "
         said = str(error).replace(f"orientation {error.row} is", "found", 1)
         raise FileFormatError(f"{body.source}: {where}columns {names}: {said}") from None
+
+
+def _are_radians(convention: Convention, columns: Sequence[Column]) -> bool:
+    return convention.angle_unit is not None and all(column.per_si == ANGLE["rad"] for column in columns)
 
 
 def merged(wrenches: Iterator[Table], poses: Iterator[Table]) -> Iterator[tuple[Table, Table]]:

@@ -1,0 +1,82 @@
+"""Numbers without a stated unit that look like another one: radians read as degrees, ms read as seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...geometry.arrays import Array
+from .columns import Naming, shown
+from .orientations import orientation_columns
+from .roles import time_columns
+from .table import open_table
+from .units import ANGLE
+
+HALF_A_TURN = 3.15
+"""A bit more than pi: angles in degrees go beyond it wherever an arm turns enough to calibrate, those in radians do
+not.
+"""
+
+LEAST_TURN = 0.3
+"""By how much some angle differs from row to row, in radians that poses tell anything, in degrees not."""
+
+FEWEST_ROWS = 5
+
+FEWEST_TIMES, SLOWEST_STEP, LONGEST = 200, 1.0, 1e4
+"""So many times, of which the middle step is of so many s or more, are likely in another unit: where they are whole
+numbers, or go on for longer than so many s.
+"""
+
+
+def turns_little(R_base_flange: Array) -> bool:
+    """Whether none of some orientations (n, 3, 3) turns more than angles that are beyond half a turn in no unit can."""
+    widest = 3.0 * np.deg2rad(HALF_A_TURN)
+    return bool((np.einsum("nii->n", R_base_flange) >= 1.0 + 2.0 * np.cos(widest)).all())
+
+
+def angles_in_doubt(path: str | Path, naming: Naming) -> str:
+    """What to say of a table's angles if none of them, read in degrees, goes beyond half a turn of radians; where the
+    orientations turn more than a little there is nothing to say (see `turns_little`).
+
+    Args:
+        path: the table that holds the orientation.
+        naming: which columns are what, as far as it was stated.
+
+    Returns:
+        A sentence; empty where nothing is in doubt, or where file or flags state the unit.
+    """
+    table = open_table(path, naming)
+    convention, columns = orientation_columns(table, naming)
+    in_degrees = convention.angle_unit is not None and all(column.per_si == ANGLE["deg"] for column in columns)
+    if not in_degrees or any(column.unit for column in columns):
+        return ""
+    angles = np.concatenate([body.numbers(columns, columns) for body in table.bodies(columns)])
+    if len(angles) < FEWEST_ROWS or np.isnan(angles).all():
+        return ""
+    if not (np.nanmax(np.abs(angles)) <= HALF_A_TURN and np.nanmax(np.ptp(angles, axis=0)) > LEAST_TURN):
+        return ""
+    return (
+        f"the angles {', '.join(shown(column.name) for column in columns)} are likely in radians: none is beyond "
+        f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with --units angle=rad; if they are degrees, "
+        "say --units angle=deg; contactwrench diagnose tries both"
+    )
+
+
+def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
+    """What to say of a table's times (n,), read as s, if that is likely not their unit; empty where nothing is in
+    doubt, or where file or flags state the unit.
+    """
+    if t is None or len(t) <= FEWEST_TIMES or not np.isfinite(t).all():
+        return ""
+    step = float(np.median(np.diff(t)))
+    if step < SLOWEST_STEP or (np.any(t % 1.0) and t[-1] - t[0] <= LONGEST):
+        return ""
+    columns = time_columns(open_table(path, naming), naming)
+    if not columns or columns[0].unit:
+        return ""
+    unit = next((unit for longest, unit in ((1e3, "ms"), (1e6, "us")) if step < longest), "ns")
+    return (
+        f"the times {shown(columns[0].name)} are likely in {unit}: read as s, {len(t)} rows come {step:g} s apart: "
+        f"read them with --units time={unit}; if they are seconds, say --units time=s"
+    )
