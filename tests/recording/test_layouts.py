@@ -133,3 +133,15 @@ def test_whole_numbers_with_points_for_thousands_are_refused(tmp_path: Path, mar
 def test_decimals_that_can_be_nothing_else_are_read(tmp_path: Path, wrench: str) -> None:
     path = written(tmp_path, f"{';'.join((*WRENCH, *IDENTITY))}\n{wrench};0;0;0;1\n")
     assert cw.read(path).wrench.tolist() == [[float(cell) for cell in wrench.split(";")]]
+
+
+def test_what_a_spreadsheet_could_not_compute_is_no_comment(tmp_path: Path) -> None:
+    row = "1,2,3,4,5,6,0,0,0,1"
+    path = written(
+        tmp_path, "\n".join([",".join((*WRENCH, *IDENTITY)), row, "# moved", row.replace("1,2", "#N/A,2"), row])
+    )
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(path)
+    assert str(caught.value) == (
+        f"{path}: row 4, column fx: found '#N/A', expected a number: correct it or leave the row out"
+    )

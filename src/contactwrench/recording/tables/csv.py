@@ -116,7 +116,7 @@ class Lines:
         if layout.separator == " ":
             lines, layout = ["\t".join(line.split()) for line in lines], replace(layout, separator="\t")
         self._all, self._first_row, self._layout = lines, first_row, layout
-        self._lines = [line for line in lines if (start := line.lstrip()) and start[0] != "#"]
+        self._lines = [line for line in lines if is_row(line)]
         self.source, self.done = source, done
 
     def __len__(self) -> int:

@@ -137,9 +137,9 @@ def _numbers_in(row: Sequence[str]) -> int:
 
 
 def is_row(line: str) -> bool:
-    """Whether a line is neither blank nor a comment."""
+    """Whether a line is neither blank nor a comment; a spreadsheet's `#N/A` is none."""
     start = line.lstrip()
-    return bool(start) and start[0] != "#"
+    return bool(start) and (start[0] != "#" or start.startswith("#N/A"))
 
 
 def cells(line: str, separator: str, row: int, source: str) -> list[str]:
