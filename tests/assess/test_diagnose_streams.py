@@ -74,7 +74,7 @@ def test_columns_times_and_units_that_options_state_are_kept(
     rows = np.column_stack([1e3 * moved.t, wrench, euler("xyz")(moved.R)])
     path = written(tmp_path, csv_text(("when", *names, "a", "b", "c"), rows))
     stated = ("--wrench-columns", ",".join(names), "--time-column", "when:ms")
-    found = json.loads(program(capsys, "diagnose", path, *stated, "--units", "force=kN", "--json").out)
+    found = json.loads(program(capsys, "diagnose", path, *stated, "--units", "force=kN,torque=Nm", "--json").out)
     flags = ["--orientation fanuc_wpr:a,b,c", "--units force=kn,torque=Nmm"]
     assert (found["n"], found["best"]["flags"], found["best"]["mends"]) == (STOPS, flags, [])
     mended = shlex.split(" ".join(flags))
