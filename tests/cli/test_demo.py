@@ -19,6 +19,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder, text = tmp_path_factory.mktemp("demo") / "deep" / "folder", StringIO()
     with redirect_stdout(text):
         assert run_quietly(["demo", "--out", folder]) == 0
+    assert all(len(line) <= 80 for line in text.getvalue().splitlines() if str(folder) not in line)
     return folder, " ".join(text.getvalue().split())
 
 

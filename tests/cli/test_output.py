@@ -14,7 +14,7 @@ from tests.support.bags import pose_stamped, wrench_stamped, write_bag
 from tests.support.recordings import PANDA, PAPER, Run, run, run_quietly, rz
 
 Capture = pytest.CaptureFixture[str]
-VERBS = ("info", "plan", "calibrate", "diagnose", "compensate", "verify", "weigh", "show", "diff", "simulate", "demo")
+VERBS = ("info", "plan", "calibrate", "diagnose", "compensate", "verify", "weigh", "show", "diff", "simulate", "demo", "export")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ OUTPUTS = {
     "diagnose": ("diagnose", "panda.csv", "--orientation", "rpy:qx,qy,qz", "--inverse-orientation"),
     "compensate": ("compensate", "run.mcap", "-c", "panda.json", "-o", "out.mcap", "--contact", "--delay", "0.01"),
     "simulate": ("simulate", "-o", "sim.csv", "--set", "sensor.bias=1"),
-    "demo": ("demo", "--out", "demo"),
+    "export, list": ("export", "--list"),
 }
 ALL_BUT_HELP = pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
 

@@ -30,7 +30,7 @@ def test_every_motion_ends_in_the_last_bias_and_begins_one_strength_off_it() -> 
 
 def test_a_walk_has_the_covariance_of_brownian_motion_run_backwards() -> None:
     """Of the changes until the end, the less time left of two, over the whole: in many poses too."""
-    for n in (12, 900):
+    for n in (12, 450):
         time = np.cumsum(np.random.default_rng(n).uniform(1.0, 9.0, n))
         left = (time[-1] - time) / (time[-1] - time[0])
         walk = _covariances(time)[Kind.BIAS_WANDERED, None]
