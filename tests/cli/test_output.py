@@ -14,7 +14,20 @@ from tests.support.bags import pose_stamped, wrench_stamped, write_bag
 from tests.support.recordings import PANDA, PAPER, Run, run, run_quietly, rz
 
 Capture = pytest.CaptureFixture[str]
-VERBS = ("info", "plan", "calibrate", "diagnose", "compensate", "verify", "weigh", "show", "diff", "simulate", "demo", "export")
+VERBS = (
+    "info",
+    "plan",
+    "calibrate",
+    "diagnose",
+    "compensate",
+    "verify",
+    "weigh",
+    "show",
+    "diff",
+    "simulate",
+    "demo",
+    "export",
+)
 
 
 @pytest.fixture(scope="module")
