@@ -147,9 +147,8 @@ def test_a_wrist_that_reaches_little_is_said_to_cost(capsys: pytest.CaptureFixtu
             "q6 of iiwa7 is 2.2 rad, expected -2.094 to 2.094",
         ),
         (
-            ("--sign", "reaction"),
-            "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
-            "none: give --from FILE, or leave them out",
+            ("--sign", "reaction", "--units", "torque=Nmm"),
+            "found --sign, --units and no recording to read so: give --from FILE, or leave them out",
         ),
         (
             ("--json", "-o", "-"),
@@ -163,6 +162,14 @@ def test_bad_use_is_one_line(
     arguments: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert run(capsys, "plan", *arguments).complaint == complaint
+
+
+def test_a_recording_is_read_by_the_options_of_every_verb(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    usual = json.loads(run(capsys, "plan", "-n", "1", "--from", PAPER, "--json").out)
+    text = PAPER.read_text().replace("fx,fy,fz,tx,ty,tz", "g1,g2,g3,g4,g5,g6", 1)
+    renamed = written(tmp_path, text)
+    done = run(capsys, "plan", "-n", "1", "--from", renamed, "--json", "--wrench-columns", "g1,g2,g3,g4,g5,g6")
+    assert json.loads(done.out)["poses"] == usual["poses"]
 
 
 def test_what_is_read_is_not_overwritten(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,6 +45,11 @@ def plan(
     wrench_frame: options.WrenchFrame = None,
     sign: options.Sign = None,
     inverse_orientation: options.InverseOrientation = None,
+    wrench_columns: options.WrenchColumns = None,
+    time_column: options.TimeColumn = None,
+    units: options.Units = None,
+    hdf5: options.Hdf5 = None,
+    episode: options.Episode = None,
     gravity: options.Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
@@ -59,13 +64,22 @@ def plan(
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
     urdf = None if robot is None else urdf_file(robot)
     require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
-    stated = (orientation, wrench_frame, sign, inverse_orientation)
-    if recorded is None and any(option is not None for option in stated):
-        raise InputError(
-            "--orientation, --wrench-frame, --sign and --inverse-orientation say how a recording is read, and there is "
-            "none: give --from FILE, or leave them out"
-        )
-    how = Options(orientation or "auto", wrench_frame or "sensor", sign or "pull", bool(inverse_orientation))
+    of_reading = {
+        "orientation": orientation,
+        "wrench_frame": wrench_frame,
+        "sign": sign,
+        "inverse_orientation": inverse_orientation,
+        "wrench_columns": wrench_columns,
+        "time_column": time_column,
+        "units": units,
+        "hdf5": hdf5,
+        "episode": episode,
+    }
+    stated: dict[str, Any] = {name: value for name, value in of_reading.items() if value is not None}
+    if recorded is None and stated:
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in stated)
+        raise InputError(f"found {flags} and no recording to read so: give --from FILE, or leave them out")
+    how = Options(**stated)
     samples = None if recorded is None else Recordings((recorded,), how).read()
     result = choose(
         n,
