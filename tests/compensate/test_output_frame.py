@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -37,16 +39,23 @@ def test_a_push_at_the_tcp_comes_out_as_it_was(frame: str) -> None:
     assert found.t == pytest.approx(samples.t)
 
 
+@cache
+def _repeated() -> tuple[cw.Samples, list[cw.Calibration]]:
+    """Pushes, and calibrations of their tool from as many recordings."""
+    rig, R, rng = example(2, poses=10)
+    samples = _pushed(rig, 6, rng)[0]
+    return samples, [cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE) for _ in range(150)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", ["sensor", "flange", "base"])
 @pytest.mark.parametrize("point", [None, TCP])
 def test_std_is_carried_along(frame: str, point: Array | None) -> None:
     """Against the scatter of the result over repeated calibrations."""
-    rig, R, rng = example(2, poses=10)
-    samples = _pushed(rig, 6, rng)[0]
+    samples, calibrations = _repeated()
     found, stds = [], []
-    for _ in range(150):
-        result = contact_wrenches(cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE), samples, frame, point)
+    for calibration in calibrations:
+        result = contact_wrenches(calibration, samples, frame, point)
         found.append(result.wrench)
         stds.append(result.std)
     ratio = np.mean(stds, axis=0) / np.std(found, axis=0)
@@ -57,12 +66,12 @@ def test_std_is_carried_along(frame: str, point: Array | None) -> None:
 @pytest.mark.parametrize("frame", ["flange", "base"])
 def test_std_of_a_strong_push_counts_the_axes_that_are_uncertain(frame: str) -> None:
     """100 N turned from sensor axes by a mounting that is known to a few mrad: an error of tenths of a newton."""
-    rig, R, rng = example(2, poses=12)
+    rig, _, rng = example(2, poses=10)
     at = random_rotations(1, rng)
     strong = cw.Samples(readings(rig, at) + np.array([[0.0, 0.0, 100.0, 0.0, 0.0, 0.0]]), at)
     found, stds = [], []
-    for _ in range(150):
-        result = contact_wrenches(cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE), strong, frame)
+    for calibration in _repeated()[1]:
+        result = contact_wrenches(calibration, strong, frame)
         found.append(result.wrench[0])
         stds.append(result.std[0])
     assert np.mean(stds, axis=0) / np.std(found, axis=0) == pytest.approx(np.ones(6), abs=0.3)
