@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import FileFormatError
 from ...geometry.arrays import Array
-from .columns import Column
+from .columns import Column, shown
 
 MOST_ELEMENTS = 64
 """Longer lists are images, spectra and the like: they stand for no columns."""
@@ -28,6 +28,13 @@ class Field:
     path: tuple[str, ...]
     element: int | None = None
     length: int = 1
+
+
+def not_whole(source: str, kind: str, reason: str) -> FileFormatError:
+    """The error for a file that a library of its `kind` cannot read, for that reason."""
+    return FileFormatError(
+        f"{source}: cannot be read as {kind} ({shown(reason, 100)}), expected a whole {kind} file: write it anew"
+    )
 
 
 class Batch(ABC):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import Batch, Field
+from .batch import Batch, Field, not_whole
 from .columns import Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE
 from .hdf5_columns import datasets_stated, fields_found, fields_of_roles, holds_numbers, width_of
@@ -171,7 +171,4 @@ def _readable(source: str) -> Iterator[None]:
     except ContactWrenchError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        reason = shown(str(error).partition("\n")[0], 100)
-        raise FileFormatError(
-            f"{source}: cannot be read as HDF5 ({reason}), expected a whole HDF5 file: write it anew"
-        ) from None
+        raise not_whole(source, "HDF5", str(error).partition("\n")[0]) from None

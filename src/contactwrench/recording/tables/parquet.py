@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import MOST_ELEMENTS, Batch, Field
+from .batch import MOST_ELEMENTS, Batch, Field, not_whole
 from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE, one_episode
 from .roles import wrench_columns
@@ -273,10 +273,7 @@ def _readable(source: str) -> Iterator[None]:
     try:
         yield
     except (pa.ArrowException, OSError) as error:
-        reason = shown(str(error).partition("\n")[0].partition(". ")[0], 100)
-        raise FileFormatError(
-            f"{source}: cannot be read as Parquet ({reason}), expected a whole Parquet file: write it anew"
-        ) from None
+        raise not_whole(source, "Parquet", str(error).partition("\n")[0].partition(". ")[0]) from None
 
 
 def import_parquet() -> Any:
