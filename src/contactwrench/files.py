@@ -120,6 +120,11 @@ def _umask() -> int:
     return mask
 
 
+def name_of(path: str | Path) -> str:
+    """A path as text, whatever bytes it has."""
+    return os.fsencode(path).decode(errors="replace")
+
+
 def _reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
 

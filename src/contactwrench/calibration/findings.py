@@ -25,6 +25,7 @@ class Severity(StrEnum):
 class Kind(StrEnum):
     """What a finding is of."""
 
+    DAMAGED_RECORDING = "damaged_recording"
     ANGLES_IN_DOUBT = "angles_in_doubt"
     SATURATED_ROWS = "saturated_rows"
     LOADED_ROWS = "loaded_rows"

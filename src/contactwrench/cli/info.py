@@ -14,11 +14,12 @@ from .progress import progress
 def info(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: a ROS bag or a table.")],
     json: options.Json = False,
-) -> None:
+) -> int:
     """Say what is in FILE: topics or columns, rates and gaps, what gives the wrench and what the pose."""
-    from ..recording.contents import contents
+    from ..recording.contents import BagContents, contents
     from ..report.text import contents_text, json_text
 
     with progress(f"reading {file.name}") as advance:
         result = contents(file, advance)
     options.print_result(result, json, json_text, contents_text)
+    return 1 if isinstance(result, BagContents) and result.damage else 0

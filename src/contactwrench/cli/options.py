@@ -109,6 +109,9 @@ Episode = Annotated[int | None, typer.Option(metavar="N", help="Of a set of reco
 BaseFrame = Annotated[
     str | None, typer.Option(metavar="NAME", help="Of the orientations. [default: what a bag, or --robot, says]")
 ]
+AcceptDamaged = Annotated[
+    bool | None, typer.Option("--accept-damaged", help="Of a damaged bag: read what is left of it, and say so.")
+]
 Gravity = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),

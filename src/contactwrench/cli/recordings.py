@@ -38,6 +38,7 @@ READING: dict[str, Any] = {
     "hdf5": options.Hdf5,
     "episode": options.Episode,
     "base_frame": options.BaseFrame,
+    "accept_damaged": options.AcceptDamaged,
 }
 """Which recording, and how it is read: None is not stated."""
 
@@ -133,6 +134,6 @@ def calibration_and_samples(path: Path, gravity: str | None, recording: Recordin
     calibration, direction = Calibration.load(path), options.gravity_direction(gravity)
     alike = recording.as_calibrated(calibration, direction)
     samples = replace(recording, options=alike.options).read()
-    for sentence in (*alike.notes, *filter(None, [samples.doubt])):
+    for sentence in (*alike.notes, *filter(None, [samples.damage, samples.doubt])):
         options.note(sentence)
     return alike.calibration.with_gravity(direction), samples

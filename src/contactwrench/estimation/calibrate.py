@@ -207,9 +207,10 @@ def _first_time(samples: Samples) -> float:
 
 def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The rows without load and saturation, and what there is to say of the samples."""
+    damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
     doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
     samples, notes = samples.unsaturated()
-    findings = (*doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
+    findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
         return samples, findings
     free = samples.load_mass == 0.0

@@ -203,7 +203,7 @@ def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mappin
     of_pose = () if any(name in stated for name in OF_POSE) else OF_POSE
     values = {name: known[name] for name in ("wrench_topic", *of_pose) if name in known}
     read = replace(options, **values)
-    with opened_bag(path) as bag:
+    with opened_bag(path, accept_damaged=options.accept_damaged) as bag:
         try:
             arm = None if read.robot is None else arm_of(read.robot)
             wrench = wrench_topic(bag, read.wrench_topic)

@@ -147,8 +147,9 @@ def write_compensated(
 
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell | None) -> Iterator[Part]:
-    """The same parts of a recording; which columns were taken for what is noted, and units that are in doubt."""
-    of_table = little = reader_of(path, options) is not bag_blocks
+    """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
+    damage, of_table = "", reader_of(path, options) is not bag_blocks
+    little = of_table
     for k, part in enumerate(parts):
         if k == 0 and note is not None and (columns := part.read_as.get("columns")):
             note(f"columns: {columns}")
@@ -158,6 +159,9 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
             note(doubt)
         little = little and turns_little(poses.R_base_flange)
         yield part
+        damage = part.damage
+    if damage and note is not None:
+        note(damage)
     if little and note is not None and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
         note(doubt)
 

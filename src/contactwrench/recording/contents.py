@@ -68,7 +68,8 @@ class FrameContent:
 @dataclass(frozen=True)
 class BagContents:
     """A bag: `start` s (Unix time, as a rule), `duration` s by its own stamps, its topics by name, the frames of its
-    transforms, and in sentences what its `reading` needs.
+    transforms, in sentences what its `reading` needs, and what is
+    damaged in it; empty: nothing.
     """
 
     path: str
@@ -78,6 +79,7 @@ class BagContents:
     topics: tuple[TopicContent, ...]
     frames: tuple[FrameContent, ...]
     reading: tuple[str, ...]
+    damage: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,8 @@ def contents(path: str | Path, advance: Advance | None = None) -> BagContents | 
 
 
 def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContents:
-    """What is in a bag; `advance` as for `bag_batches`. Raises as that for a file that is no bag or damaged."""
-    with opened_bag(path) as bag:
+    """What is in a bag; `advance` as for `bag_batches`. Raises as that where nothing can be read."""
+    with opened_bag(path, accept_damaged=True) as bag:
         stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
         edges: dict[Link, Edge] = {}
         for found in messages(bag, bag.counts):
@@ -117,7 +119,8 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
         frames = tuple(
             FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
         )
-        return BagContents(str(path), KINDS[kind_of(path)], bag.start, bag.duration, topics, frames, _reading(bag))
+        kind, said = KINDS[kind_of(path)], bag.damage.said
+        return BagContents(str(path), kind, bag.start, bag.duration, topics, frames, _reading(bag), said)
 
 
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:

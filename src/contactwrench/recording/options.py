@@ -22,6 +22,8 @@ OF_BAGS = ("wrench_topic", "pose_topic", "frames", "robot")
 OF_MEANING = ("sign", "wrench_frame", "inverse_orientation")
 """What the numbers mean, in a file of any kind."""
 
+ACCEPT_FLAG = "--accept-damaged"
+
 IN_BASE_AXES = (
     "found a wrench in base axes without an orientation in its row, expected both in each row: record them together, "
     "or the wrench in sensor axes"
@@ -50,6 +52,7 @@ class Options:
     hdf5: str | None = None
     episode: int | None = None
     base_frame: str | None = None
+    accept_damaged: bool = False
 
     def __post_init__(self) -> None:
         for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):
@@ -59,7 +62,7 @@ class Options:
     def require_for(self, path: str | Path, *, bag: bool) -> None:
         """Raise `InputError` for what is said of a table where the recording is a bag, and the other way round."""
         kinds = ("a bag", "tables") if bag else ("a table", "bags")
-        for name in OF_TABLES if bag else OF_BAGS:
+        for name in OF_TABLES if bag else (*OF_BAGS, "accept_damaged"):
             value = getattr(self, name)
             if value != getattr(AS_USUAL, name):
                 raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")

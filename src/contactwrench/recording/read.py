@@ -5,7 +5,6 @@ The suffix tells the reader, which gives the recording in blocks; a whole file i
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
@@ -15,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..errors import FileFormatError, InputError
+from ..files import name_of
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
@@ -60,12 +60,14 @@ def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance |
         arm=None if options.robot is None else arm_of(options.robot),
         batch=rows,
         advance=advance,
+        accept_damaged=options.accept_damaged,
     )
     for block in blocks:
         yield Streams(
             replace(block.wrench, wrench=options.pull(block.wrench.wrench)),
             replace(block.orientation, R_base_flange=options.R_base_flange(block.orientation.R_base_flange)),
             options.told(block.read_as),
+            block.damage,
         )
 
 
@@ -174,6 +176,7 @@ def read_samples(
     if streams.wrench.saturated is None:
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
+    samples = replace(samples, damage=streams.damage)
     if tell is not None:
         for note in notes:
             tell(note)
@@ -208,6 +211,7 @@ def read(
     hdf5: str | None = None,
     episode: int | None = None,
     base_frame: str | None = None,
+    accept_damaged: bool = False,
 ) -> Samples:
     """Read a recording: a table (CSV, Parquet, HDF5), two tables, or a bag.
 
@@ -230,6 +234,7 @@ def read(
         hdf5: which datasets of an HDF5 file, "wrench=/path,pose=/path,time=/path".
         episode: which one of a set of recordings.
         base_frame: name of the frame in which the orientations are; None: what a bag, or the robot, says.
+        accept_damaged: read what is left of a damaged bag; else it is refused.
 
     Returns:
         Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
@@ -242,8 +247,8 @@ def read(
     """
     second = None if pose_file is None else Path(pose_file)
     axes, of_bag = (orientation, wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
-    options = Options(*axes, *of_bag, second, wrench_columns, time_column, units, hdf5, episode, base_frame)
-    return read_samples(path, options)
+    columns, which = (wrench_columns, time_column, units), (hdf5, episode)
+    return read_samples(path, Options(*axes, *of_bag, second, *columns, *which, base_frame, accept_damaged))
 
 
 def _as_streams(block: Block, path: str | Path) -> Streams:
@@ -293,8 +298,3 @@ def _samples(table: Table, path: str | Path) -> Samples:
         )
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from None
-
-
-def name_of(path: str | Path) -> str:
-    """A path as text, whatever bytes it has."""
-    return os.fsencode(path).decode(errors="replace")

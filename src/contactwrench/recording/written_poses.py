@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from ..errors import FileFormatError
 from ..estimation.noise import in_time
+from ..files import name_of
 from ..geometry.arrays import Array
 from ..geometry.orientation import Convention
 from ..samples.recorded_poses import is_stream, recorded_poses
 from ..samples.samples import Samples
 from .options import IN_BASE_AXES, Options
-from .read import bag_blocks, name_of, read_streams, reader_of
+from .read import bag_blocks, read_streams, reader_of
 from .tables.columns import Column, ColumnRoles, Naming, OpenTable
 from .tables.orientations import orientation_columns, whole_sets
 from .tables.roles import roles_beside, wrench_columns

@@ -186,6 +186,8 @@ def contents_text(contents: BagContents | TableContents) -> str:
 def _bag(contents: BagContents) -> Iterator[str]:
     count = sum(topic.rhythm.count for topic in contents.topics)
     yield f"{contents.path}"
+    if contents.damage:
+        yield f"Damaged: {contents.damage}"
     yield f"{contents.kind}, {count:,} messages in {contents.duration:.6g} s{_since(contents.start)}"
     kind = max([4, *(len(_type(topic)) for topic in contents.topics)])
     name = max([5, *(len(topic.name) for topic in contents.topics if len(topic.name) <= NAME_AND_TYPE - kind)])

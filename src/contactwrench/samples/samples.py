@@ -41,6 +41,7 @@ class Samples(Rows):
         read_as: how their file was read: options of reading, and what was found, under the names that the provenance of
             a calibration has for them.
         doubt: what may be wrong in how a file was read, one sentence; empty: nothing.
+        damage: what of a damaged file could not be read, one sentence; empty: nothing.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
@@ -57,6 +58,7 @@ class Samples(Rows):
     saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
     read_as: ReadAs = field(default_factory=dict)
     doubt: str = ""
+    damage: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,13 +132,14 @@ class OrientationStream(Rows):
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """A recording as it is: what the sensor read, and where the arm was, each at its own times; `read_as` as in
-    `Samples`.
+    """A recording as it is: what the sensor read, and where the arm was, each at its own times; `read_as` and
+    `damage` as in `Samples`.
     """
 
     wrench: WrenchStream
     orientation: OrientationStream
     read_as: ReadAs = field(default_factory=dict)
+    damage: str = ""
 
     @classmethod
     def concatenate(cls, parts: Sequence[Streams]) -> Streams:
@@ -145,6 +148,7 @@ class Streams:
             WrenchStream.concatenate([part.wrench for part in parts]),
             OrientationStream.concatenate([part.orientation for part in parts]),
             parts[0].read_as,
+            parts[-1].damage,
         )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
 from ...geometry.arrays import Array
+from ..damage import Damage
 from .chunks import Logged, Ros1Index, Source, Topic, mcap_source, rosbags_source
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
@@ -30,7 +31,8 @@ Messages: TypeAlias = dict[Topic, Logged]
 @dataclass(frozen=True, eq=False)
 class Bag:
     """An open bag: its connections, one a publisher, as rosbags names their parts; the files of its messages; when the
-    first was recorded, and how long all of them took, s; and how it is compressed, in the words of `new_bag`.
+    first was recorded, and how long all of them took, s; how it is compressed, in the words of `new_bag`; and its
+    damage so far.
     """
 
     path: Path
@@ -40,6 +42,7 @@ class Bag:
     start: float
     duration: float
     compression: str
+    damage: Damage
 
     @property
     def counts(self) -> dict[Topic, int]:
@@ -86,11 +89,12 @@ def kind_of(path: str | Path) -> str:
 
 
 @contextmanager
-def opened_bag(path: str | Path) -> Iterator[Bag]:
+def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Bag]:
     """An open bag, closed at the end.
 
     Args:
         path: a `.bag`, `.mcap` or `.db3`, or a ROS 2 folder.
+        accept_damaged: leave out what is damaged, and note it in `Bag.damage`.
 
     Raises:
         FileAccessError: no such file, or it may not be read.
@@ -101,9 +105,10 @@ def opened_bag(path: str | Path) -> Iterator[Bag]:
     kind = kind_of(path)
     require_rosbags()
     _require_closed(path)
+    damage = Damage(str(path), accept_damaged)
     with ExitStack() as files:
         with one_line_errors(path):
-            bag = _of_ros1(path, files) if kind == ".bag" else _of_ros2(path, files)
+            bag = (_of_ros1 if kind == ".bag" else _of_ros2)(path, files, damage)
         yield bag
 
 
@@ -179,15 +184,15 @@ def _require_closed(path: Path) -> None:
             )
 
 
-def _of_ros1(path: Path, files: ExitStack) -> Bag:
+def _of_ros1(path: Path, files: ExitStack, damage: Damage) -> Bag:
     index = Ros1Index(path, files.enter_context(path.open("rb")))
     start = min((chunk.start for chunk in index.chunks), default=0)
     duration = max((chunk.end + 1 for chunk in index.chunks), default=0) - start
     sources = (index.source(),)
-    return Bag(path, True, tuple(index.connections), sources, _s(start), 1e-9 * duration, index.compression())
+    return Bag(path, True, tuple(index.connections), sources, _s(start), 1e-9 * duration, index.compression(), damage)
 
 
-def _of_ros2(path: Path, files: ExitStack) -> Bag:
+def _of_ros2(path: Path, files: ExitStack, damage: Damage) -> Bag:
     from rosbags.rosbag2 import Reader
 
     reader = files.enter_context(Reader(path))
@@ -202,7 +207,7 @@ def _of_ros2(path: Path, files: ExitStack) -> Bag:
     if not mcaps or len(sources) < len(mcaps):
         sources = (rosbags_source(reader),)
     start, duration = (reader.start_time, reader.duration) if reader.message_count else (0, 0)
-    return Bag(path, False, connections, sources, _s(start), 1e-9 * duration, reader.compression_mode or "")
+    return Bag(path, False, connections, sources, _s(start), 1e-9 * duration, reader.compression_mode or "", damage)
 
 
 def mcap_files(path: Path) -> list[Path]:

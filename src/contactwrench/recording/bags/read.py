@@ -33,6 +33,7 @@ def bag_streams(
     frames: tuple[str, str] | None = None,
     arm: Arm | None = None,
     advance: Callable[[float], None] | None = None,
+    accept_damaged: bool = False,
 ) -> Streams:
     """The whole of a bag, as one batch; arguments, result and errors as of `bag_batches`."""
     (streams,) = bag_batches(
@@ -43,6 +44,7 @@ def bag_streams(
         arm=arm,
         batch=sys.maxsize,
         advance=advance,
+        accept_damaged=accept_damaged,
     )
     return streams
 
@@ -56,6 +58,7 @@ def bag_batches(
     arm: Arm | None = None,
     batch: int = BATCH,
     advance: Callable[[float], None] | None = None,
+    accept_damaged: bool = False,
 ) -> Iterator[Streams]:
     """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
     the order in which they were recorded. Times are those of the headers; of a message without one, or with a stamp of
@@ -70,6 +73,7 @@ def bag_batches(
         arm: the pose is that of its `sensor_msgs/JointState`.
         batch: readings or poses of a piece, and up to a chunk of the file more.
         advance: is told the part, 0 to 1, of the bag's duration that has been read.
+        accept_damaged: read what is left of a damaged file.
 
     Returns:
         Streams of wrenches, N and N m, and of orientations, with positions, m, where they are known.
@@ -78,12 +82,12 @@ def bag_batches(
         FileAccessError: there is no such file, or it may not be read.
         MissingExtraError: rosbags or mcap is not installed.
         InputError: `frames` and `arm` are both asked for, or `batch` is below 1.
-        FileFormatError: a damaged file, topics that are not there or not one, frames that nothing connects, joints
-            that are not the arm's, and quaternions that are none.
+        FileFormatError: a damaged file that is not accepted, topics that are not there or not one, frames that
+            nothing connects, joints that are not the arm's, and quaternions that are none.
     """
     if batch < 1:
         raise InputError(f"batch is {batch}, expected 1 or more")
-    with opened_bag(path) as bag:
+    with opened_bag(path, accept_damaged=accept_damaged) as bag:
         wrench, pose, source, read_poses = _sources(bag, wrench_topic, pose_topic, frames, arm)
         read_as = _read_as(wrench, pose, frames, base_frame(bag, pose, frames, arm))
         readings: list[tuple[Array, Array]] = []
@@ -209,4 +213,5 @@ def _streams(
         WrenchStream(t, values, f"{bag.path} {wrench.name}"),
         OrientationStream(poses.t, poses.R_base_flange, poses.position, f"{bag.path} {source}"),
         read_as,
+        bag.damage.said,
     )
