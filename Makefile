@@ -6,7 +6,7 @@ WHAT_IS_BUILT = pyproject.toml Makefile
 
 SECONDS = 600
 
-.PHONY: demo test test-quick explore bench experiment lint types docs check lock clean
+.PHONY: demo test test-quick explore fuzz bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
 	$(RUN)/bin/contactwrench demo --out contactwrench-demo
@@ -19,6 +19,9 @@ test-quick: $(DEV)/ready  ## what is not marked slow
 
 explore: $(DEV)/ready  ## property tests with new seeds until one fails, for SECONDS
 	$(DEV)/bin/python -m tests.explore $(SECONDS)
+
+fuzz: $(DEV)/ready  ## damaged and hostile files through the program, 300 of each kind, at most SECONDS; prints its seed
+	$(DEV)/bin/python -m tests.fuzz --seconds $(SECONDS)
 
 bench: $(DEV)/ready  ## accuracy against the Cramer-Rao bound, speed against memcpy
 	$(DEV)/bin/python -m benchmarks
