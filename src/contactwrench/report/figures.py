@@ -231,7 +231,10 @@ def _number_poses(ax: Axes, calibration: Calibration) -> None:
 
 def svg_text(figure: Figure) -> str:
     """The figure as an SVG element, the same bytes for the same figure."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     text = StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None}, dpi=150)
+    figure.dpi = 150.0
+    FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None})  # savefig draws everything twice
     svg = text.getvalue()
     return svg[svg.index("<svg") :]
