@@ -235,6 +235,7 @@ def svg_text(figure: Figure) -> str:
 
     text = StringIO()
     figure.dpi = 150.0
-    FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None})  # savefig draws everything twice
+    canvas: Any = FigureCanvasSVG(figure)
+    canvas.print_svg(text, metadata={"Date": None})  # savefig draws everything twice
     svg = text.getvalue()
     return svg[svg.index("<svg") :]
