@@ -2,14 +2,18 @@
 
 import errno
 import os
+import re
 import stat
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+import contactwrench
 from contactwrench.errors import FileAccessError
-from contactwrench.files import read_bytes, write_text
+from contactwrench.files import identity, read_bytes, write_text
 
 FULL = Path("/dev/full")
 WITHOUT_DISK = "cannot be written (no space left on device): check the space on the disk and the permissions"
@@ -126,7 +130,7 @@ def test_a_full_device() -> None:
 
 
 def test_a_directory_is_no_file_to_write(tmp_path: Path) -> None:
-    assert refusal(tmp_path) == "found a directory, expected a file to write: name a file in it"
+    assert refusal(tmp_path) == "found a folder, expected a new name: name another, or a file in it"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -155,3 +159,62 @@ def test_standard_output_is_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
     write_text("-", iter(["a\n", "b\n"]))
     assert capsys.readouterr().out == "a\nb\n"
     assert not Path("-").exists()
+
+
+def test_a_pipe_without_a_name_is_written_directly() -> None:
+    """As behind /dev/stdout, and as a shell's `>(command)` gives it."""
+    reader, writer = os.pipe()
+    write_text(f"/dev/fd/{writer}", "new")
+    assert os.read(reader, 10) == b"new"
+    os.close(reader)
+    os.close(writer)
+
+
+def test_a_killed_writer_leaves_the_old_file_whole(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_text("old")
+    writing = (
+        "import sys, time; from contactwrench.files import write_text\n"
+        "def pieces():\n"
+        "    yield 'new' * 100_000\n"
+        "    print('writing', flush=True)\n"
+        "    time.sleep(60)\n"
+        "write_text(sys.argv[1], pieces())"
+    )
+    with subprocess.Popen([sys.executable, "-c", writing, path], stdout=subprocess.PIPE) as writer:
+        assert writer.stdout is not None
+        assert writer.stdout.readline() == b"writing\n"
+        writer.kill()
+    assert path.read_text() == "old"
+
+
+def test_a_file_that_is_read_keeps_its_other_names(tmp_path: Path) -> None:
+    path, other = tmp_path / "out.csv", tmp_path / "other.csv"
+    path.write_text("old")
+    other.hardlink_to(path)
+    write_text(path, "new")
+    assert (path.read_text(), other.read_text()) == ("new", "old")
+
+
+def test_identity_is_that_of_the_file(tmp_path: Path) -> None:
+    path, link, hard = tmp_path / "a", tmp_path / "link", tmp_path / "hard"
+    link.symlink_to(path)
+    assert identity(path) == identity(link) == identity(tmp_path / "x" / ".." / "a") != identity(hard)
+    path.touch()
+    hard.hardlink_to(path)
+    assert identity(path) == identity(link) == identity(hard) != identity(tmp_path)
+    assert identity("n" * 5000) == identity(f"./{'n' * 5000}")
+
+
+def test_only_files_py_opens_files_to_be_written() -> None:
+    """The others write where `new_place` says."""
+    writes = re.compile(
+        r"""\.open\(["'][wax]|\.(write_text|write_bytes|touch|rename|hardlink_to)\(|os\.(open|replace)\("""
+    )
+    package = Path(contactwrench.__file__).parent
+    found = {
+        path.relative_to(package).as_posix(): len(lines)
+        for path in package.rglob("*.py")
+        if (lines := writes.findall(path.read_text(encoding="utf-8")))
+    }
+    assert found == {"files.py": 3, "cli/main.py": 2, "recording/bags/copy.py": 2}

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import os
 import stat
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from io import BufferedReader
 from itertools import islice
 from pathlib import Path
@@ -63,10 +65,7 @@ def make_folder(path: Path) -> None:
 
 
 def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
-    """Write UTF-8 text: beside the file, then renamed over it, so that the file is whole or untouched.
-
-    `-` is standard output; devices and pipes are written directly. Raises `FileAccessError`.
-    """
+    """Write UTF-8 text, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
     pieces = [pieces] if isinstance(pieces, str) else pieces
     if str(path) == STDOUT:
         for piece in pieces:
@@ -77,47 +76,94 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
 
 
 def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:
-    """Write a binary file, whole or piece by piece: beside the file, then renamed over it, so that the file is whole or
-    untouched. Devices and pipes are written directly. Raises `FileAccessError`.
+    """Write a binary file, whole or piece by piece, by `new_place`, so that the file is whole or untouched. Devices and
+    pipes are written directly. Raises `FileAccessError`.
     """
     pieces = [content] if isinstance(content, bytes) else content
-    target = Path(os.path.realpath(path))
-    try:
-        if target.is_dir():
-            raise FileAccessError(f"{path}: found a directory, expected a file to write: name a file in it")
-        if target.exists() and not stat.S_ISREG(target.stat().st_mode):
-            with target.open("wb") as device:
-                device.writelines(pieces)
-        else:
-            _write_beside_then_rename(target, pieces)
-    except FileNotFoundError:
-        raise FileAccessError(f"{path}: there is no folder {target.parent}: make it first") from None
-    except OSError as error:
-        if isinstance(error, FileAccessError):
-            raise
-        raise FileAccessError(
-            f"{path}: cannot be written ({_reason(error)}): check the space on the disk and the permissions"
-        ) from None
-
-
-def _write_beside_then_rename(target: Path, pieces: Iterable[bytes]) -> None:
-    handle, beside = tempfile.mkstemp(prefix=".contactwrench-", dir=target.parent)
-    try:
-        with open(handle, "wb") as file:
+    target = target_of(path)
+    if target.exists() and not target.is_file():
+        with _cause_named(path), target.open("wb") as device:
+            device.writelines(pieces)
+    else:
+        with new_place(path) as made, made.open("wb") as file:
             file.writelines(pieces)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(beside).chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask())
-        Path(beside).replace(target)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
+
+
+@contextmanager
+def new_place(path: str | Path) -> Iterator[Path]:
+    """Where a file, or a folder of files, is to be made, beside its place: at the end it is moved there, after an error
+    nothing is left. A link stays and what it points at is replaced; permissions stay those of the file that is there.
+
+    Raises `FileAccessError`: it cannot be written; a folder, a device or a pipe is there, or a file in `KEPT`.
+    """
+    target = target_of(path)
+    if target.exists() and not target.is_file():
+        raise FileAccessError(f"{path}: found a device or a pipe, expected a file to write: name another")
+    with _cause_named(path), tempfile.TemporaryDirectory(prefix=".contactwrench-", dir=target.parent) as beside:
+        made = Path(beside) / target.name
+        yield made
+        for file in [made] if made.is_file() else sorted(made.iterdir()):
+            with file.open("rb+") as written:
+                os.fsync(written.fileno())
+        if made.is_dir() and target.exists():
+            raise FileAccessError(f"{path}: found a file or a folder, expected a new name for a folder: name another")
+        if made.is_file() and target in KEPT.get():
+            _take_name(made, target)
+        elif target.exists():
+            made.chmod(stat.S_IMODE(target.stat().st_mode))
+        made.replace(target)
+
+
+def _take_name(made: Path, target: Path) -> None:
+    """Raises `FileExistsError` where it is taken already."""
+    try:
+        os.link(made, target)
+    except FileExistsError:
         raise
+    except OSError:  # a file system without hard links
+        target.touch(exist_ok=False)
 
 
-def _umask() -> int:
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
+KEPT: ContextVar[Collection[Path]] = ContextVar("KEPT", default=())
+"""Places at which there was no file when that was decided: one that has appeared since is not replaced."""
+
+
+def target_of(path: str | Path) -> Path:
+    """The place that is written under a name, through links; a pipe behind /dev/stdout has no other name. Raises
+    `FileAccessError` for a folder, and for what can be no file's name.
+    """
+    with _cause_named(path), suppress(FileNotFoundError):
+        mode = Path(path).stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise FileAccessError(f"{path}: found a folder, expected a new name: name another, or a file in it")
+        if not stat.S_ISREG(mode):
+            return Path(path)
+    return Path(os.path.realpath(path))
+
+
+@contextmanager
+def _cause_named(path: str | Path) -> Iterator[None]:
+    """Whatever the system says against writing becomes `FileAccessError`."""
+    try:
+        yield
+    except FileAccessError:
+        raise
+    except FileExistsError:
+        raise already_there(path) from None
+    except OSError as error:
+        folder = Path(os.path.realpath(path)).parent
+        if isinstance(error, FileNotFoundError) and not folder.exists():
+            raise FileAccessError(f"{path}: there is no folder {folder}: make it first") from None
+        is_name = error.errno in (errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP)
+        advice = "name another" if is_name else "check the space on the disk and the permissions"
+        raise FileAccessError(f"{path}: cannot be written ({_reason(error)}): {advice}") from None
+
+
+def already_there(path: str | Path) -> FileAccessError:
+    """The error for a file that a person may still need."""
+    return FileAccessError(
+        f"{path}: found a file there already, expected a new name: name another, or replace it with --force"
+    )
 
 
 def name_of(path: str | Path) -> str:
@@ -129,10 +175,10 @@ def _reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
 
 
-def require_distinct(output: str | Path | None, others: Mapping[str, str | Path | None]) -> None:
-    """Raise `FileAccessError` if `output` is one of the other files, each under what it is: it would be lost."""
-    if output is None or str(output) == STDOUT:
-        return
-    for what, other in others.items():
-        if other is not None and os.path.realpath(output) == os.path.realpath(other):
-            raise FileAccessError(f"{output}: found the {what}, expected another file to write: name one")
+def identity(path: str | Path) -> tuple[int, int] | str:
+    """What all names of a file have in common, links of both kinds too; of one that is not there its place."""
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError):
+        return os.path.realpath(path)
+    return found.st_dev, found.st_ino

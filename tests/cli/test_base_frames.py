@@ -104,7 +104,7 @@ def test_bases_of_universal_robots_are_turned_into_each_other(
     outputs = []
     for tool, frame in ((of_tool, "sensor"), (of_work, "sensor"), (of_tool, "base"), (of_work, "base")):
         out = tmp_path / "out.csv"
-        files = ("-c", tools[tool], "-o", out)
+        files = ("-c", tools[tool], "--force", "-o", out)
         done = run(capsys, "compensate", work, *files, "--output-frame", frame, *FLAGS[of_work])
         outputs.append(wrenches_written(out))
         names = {"joints": "ur5e base", "tf base_link": "base_link"}
@@ -128,7 +128,7 @@ def test_what_gave_the_pose_is_taken_from_the_calibration(
     out = tmp_path / "out.csv"
     for kind, flags in FLAGS.items():
         work = _bag(tmp_path / f"{kind}.mcap", kind, WORK, WORK_JOINTS, WORK_READINGS)
-        done = run(capsys, "compensate", work, "-c", tools[kind], "-o", out)
+        done = run(capsys, "compensate", work, "-c", tools[kind], "--force", "-o", out)
         np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
         topic = "--pose-topic /joint_states " if kind == "joints" else ""
         assert _notes(done) == [f"Note: read as the calibration was: {topic}{' '.join(flags)}"]
@@ -161,17 +161,17 @@ def test_a_base_without_a_name_is_taken_to_be_the_same_and_said(
     work = written(tmp_path, table, "work.csv")
     done = run(capsys, "compensate", work, "-c", tools["joints"], "-o", out)
     assert done.err == "Note: this recording does not name its base: taken to be ur5e base (--base-frame names it)\n"
-    done = run(capsys, "compensate", work, "-c", tools["joints"], "-o", out, "--base-frame", "base")
+    done = run(capsys, "compensate", work, "-c", tools["joints"], "--force", "-o", out, "--base-frame", "base")
     assert done.err == ""
     assert wrenches_written(out) == pytest.approx(PUSHED, abs=1e-6)
     in_base_link = csv_text((*WRENCH, *MATRIX), np.column_stack([WORK_READINGS, (HALF_TURN @ WORK).reshape(-1, 9)]))
     other = written(tmp_path, in_base_link, "other.csv")
-    done = run(capsys, "compensate", other, "-c", tools["joints"], "-o", out, "--base-frame", "/base_link")
+    done = run(capsys, "compensate", other, "-c", tools["joints"], "--force", "-o", out, "--base-frame", "/base_link")
     assert done.err == TURNED.format("base_link", "ur5e base") + "\n"
     assert wrenches_written(out) == pytest.approx(PUSHED, abs=1e-6)
     cw.calibrate(cw.Samples(FREE_READINGS, R), "mount+base").save(tmp_path / "arrays.json")
     bag = _bag(tmp_path / "work.mcap", "base", WORK, WORK_JOINTS, WORK_READINGS)
-    done = run(capsys, "compensate", bag, "-c", tmp_path / "arrays.json", "-o", out)
+    done = run(capsys, "compensate", bag, "-c", tmp_path / "arrays.json", "--force", "-o", out)
     assert _notes(done) == ["Note: the calibration does not name its base: taken to be base (--base-frame names it)"]
 
 
@@ -191,7 +191,7 @@ def test_a_turned_calibration_is_one(tmp_path: Path, tools: dict[str, Path]) -> 
 def test_the_bias_anew_in_the_other_base(tmp_path: Path, capsys: Capture, tools: dict[str, Path]) -> None:
     shift = np.array([0.5, -1.0, 2.0, 0.05, 0.02, -0.03])
     one = _bag(tmp_path / "one.mcap", "tf base_link", R[:2], JOINTS, FREE_READINGS[:2] + shift)
-    files = ("--prior", tools["joints"], "-o", tmp_path / "now.json")
+    files = ("--prior", tools["joints"], "--force", "-o", tmp_path / "now.json")
     done = run(capsys, "calibrate", one, *files, "--frames", "base_link,tool0")
     assert (done.status, _notes(done)) == (0, [TURNED.format("base_link", "ur5e base")])
     now = cw.Calibration.load(tmp_path / "now.json")
@@ -224,12 +224,12 @@ def test_the_topic_of_the_wrench_is_the_calibrations(tmp_path: Path, capsys: Cap
     assert _notes(done) == ["Note: read as the calibration was: --wrench-topic /ft"]
     np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
     other = _two_topics(tmp_path / "other.mcap", "/wrench")
-    assert run(capsys, "compensate", other, "-c", tool, "-o", out).complaint == (
+    assert run(capsys, "compensate", other, "-c", tool, "--force", "-o", out).complaint == (
         f"{other}: found no topic /ft, expected one of /pose (geometry_msgs/PoseStamped), /wrench "
         "(geometry_msgs/WrenchStamped): --wrench-topic (the calibration's recording was read with --wrench-topic /ft "
         "--pose-topic /pose)"
     )
-    done = run(capsys, "compensate", other, "-c", tool, "-o", out, "--wrench-topic", "/wrench")
+    done = run(capsys, "compensate", other, "-c", tool, "--force", "-o", out, "--wrench-topic", "/wrench")
     assert _notes(done) == ["Note: --wrench-topic was /ft for the calibration and is /wrench for this recording"]
     np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
 

@@ -334,16 +334,17 @@ def test_what_is_read_is_never_overwritten(tmp_path: Path, panda_json: Path, cap
     recording.write_bytes(PANDA.read_bytes())
     cal.write_bytes(panda_json.read_bytes())
     other = tmp_path / "x.json"
-    for arguments, what in (
-        (("calibrate", recording, "-o", recording), "recording that is read"),
-        (("calibrate", recording, "--report", recording), "recording that is read"),
-        (("calibrate", recording, "-o", other, "--report", other), "report"),
-        (("compensate", recording, "-c", cal, "-o", recording), "recording that is read"),
-        (("compensate", recording, "-c", cal, "-o", cal), "calibration that is read"),
+    for arguments, read in (
+        (("calibrate", recording, "-o", recording), recording),
+        (("calibrate", recording, "--report", recording), recording),
+        (("compensate", recording, "-c", cal, "-o", recording), recording),
+        (("compensate", recording, "-c", cal, "-o", cal), cal),
     ):
-        done = run(capsys, *arguments)
-        assert done.status == 2
-        assert f"found the {what}, expected another file to write: name one" in done.err
+        said = f"{read}: found what is read as {read}, expected another file to write: name one"
+        assert run(capsys, *arguments).complaint == said
+        assert run(capsys, *arguments, "--force").complaint == said
+    done = run(capsys, "calibrate", recording, "-o", other, "--report", other)
+    assert done.complaint == f"{other}: found two outputs in one file, expected one each: name another"
     assert recording.read_bytes() == PANDA.read_bytes()
     assert cal.read_bytes() == panda_json.read_bytes()
     assert not other.exists()

@@ -83,8 +83,8 @@ def test_every_format_is_listed(capsys: Capture) -> None:
         ([], "expected CAL.json and --to FORMAT: contactwrench export --list names the formats"),
         (["TOOL"], "expected CAL.json and --to FORMAT: contactwrench export --list names the formats"),
         (["TOOL", "--to", "ros"], "--to is 'ros', expected one of NAMES: contactwrench export --list"),
-        (["TOOL", "--to", "rh20t", "-o", "TOOL"], "TOOL: found the calibration that is read, expected another file to "
-         "write: name one"),
+        (["TOOL", "--to", "rh20t", "-o", "TOOL"], "TOOL: found what is read as TOOL, expected another file to write: "
+         "name one"),
         (["TOOL", "--to", "mc_rtc", "--sensor-offset", "1,2"],
          "--sensor-offset is '1,2', expected three numbers X,Y,Z, m"),
         (["TOOL", "--to", "mc_rtc", "--sensor-com", "a,b,c"],

@@ -175,7 +175,7 @@ def test_a_recording_is_read_by_the_options_of_every_verb(capsys: pytest.Capture
 def test_what_is_read_is_not_overwritten(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     recording = written(tmp_path, PAPER.read_text())
     done = run(capsys, "plan", "--from", recording, "-o", recording)
-    assert done.complaint == f"{recording}: found the recording that is read, expected another file to write: name one"
+    assert done.complaint == f"{recording}: found what is read as {recording}, expected another file to write: name one"
     arm = written(tmp_path, urdf_of("ur5e"), "arm.urdf")
     done = run(capsys, "plan", "--robot", f"{arm}:tool0", "-o", arm)
-    assert done.complaint == f"{arm}: found the URDF that is read, expected another file to write: name one"
+    assert done.complaint == f"{arm}: found what is read as {arm}, expected another file to write: name one"

@@ -70,10 +70,21 @@ OUTPUTS = {
     "info": ("info", "run.mcap"),
     "info of a table": ("info", "panda.csv"),
     "plan": ("plan", "-n", "3"),
-    "plan, seven joints": ("plan", "-n", "3", "--robot", "iiwa7", "--from", "paper.csv", "-o", "plan.csv"),
+    "plan, seven joints": ("plan", "-n", "3", "--robot", "iiwa7", "--from", "paper.csv", "--force", "-o", "plan.csv"),
     "diagnose": ("diagnose", "panda.csv", "--orientation", "rpy:qx,qy,qz", "--inverse-orientation"),
-    "compensate": ("compensate", "run.mcap", "-c", "panda.json", "-o", "out.mcap", "--contact", "--delay", "0.01"),
-    "simulate": ("simulate", "-o", "sim.csv", "--set", "sensor.bias=1"),
+    "compensate": (
+        "compensate",
+        "run.mcap",
+        "-c",
+        "panda.json",
+        "--force",
+        "-o",
+        "out.mcap",
+        "--contact",
+        "--delay",
+        "0.01",
+    ),
+    "simulate": ("simulate", "--force", "-o", "sim.csv", "--set", "sensor.bias=1"),
     "export, list": ("export", "--list"),
 }
 ALL_BUT_HELP = pytest.mark.parametrize("arguments", OUTPUTS.values(), ids=OUTPUTS)
@@ -141,12 +152,18 @@ def test_flowing_text_keeps_tables_bullets_and_paths() -> None:
 
 @pytest.mark.parametrize("before", [None, b"an older file"])
 @pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
-def test_compensate_says_what_it_wrote_and_replaces_what_was_there(
+def test_compensate_says_what_it_wrote_and_replaces_what_was_there_with_force(
     folder: Path, tmp_path: Path, capsys: Capture, name: str, before: bytes | None
 ) -> None:
+    command = ("compensate", folder / "run.mcap", "-c", folder / "panda.json", "-o", tmp_path / name)
     if before is not None:
         (tmp_path / name).write_bytes(before)
-    done = run(capsys, "compensate", folder / "run.mcap", "-c", folder / "panda.json", "-o", tmp_path / name)
+        assert run(capsys, *command).complaint == (
+            f"{tmp_path / name}: found a file there already, expected a new name: name another, or replace it with "
+            "--force"
+        )
+        assert (tmp_path / name).read_bytes() == before
+    done = run(capsys, *command, *([] if before is None else ["--force"]))
     rows = {"out.csv": "20 rows", "out.mcap": "20 messages of /wrench/contact"}[name]
     note = "Note: the calibration does not name its base: taken to be base (--base-frame names it)\n"
     assert done == Run(0, f"Wrote the contact wrenches, {rows}, to {tmp_path / name}\n", note)

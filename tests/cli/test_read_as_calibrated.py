@@ -96,7 +96,7 @@ def reaction_tool(tmp_path: Path, capsys: Capture) -> Path:
 
 def test_what_is_stated_wins_and_is_said(tmp_path: Path, capsys: Capture, reaction_tool: Path) -> None:
     pulls = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "pulls.csv")
-    flags = ("compensate", pulls, "-c", reaction_tool, "-o", tmp_path / "out.csv", "--sign", "pull")
+    flags = ("compensate", pulls, "-c", reaction_tool, "--force", "-o", tmp_path / "out.csv", "--sign", "pull")
     done = run(capsys, *flags, "--no-inverse-orientation")
     assert done.err == "Note: --sign was reaction for the calibration and is pull for this recording\n"
     np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
@@ -180,7 +180,7 @@ def test_columns_that_are_not_there_are_left_out_and_said(tmp_path: Path, capsys
     free = written(tmp_path, _table(R, readings(RIG, R), ("u", "v", "w"), rotvec), "free.csv")
     tool = _calibrated(capsys, tmp_path, free, "--orientation", "ur_rotvec:u,v,w")
     work = written(tmp_path, _table(WORK, readings(RIG, WORK) + PUSHED, QUAT, quat), "work.csv")
-    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    done = run(capsys, "compensate", work, "-c", tool, "--force", "-o", tmp_path / "out.csv")
     assert done.err == "Note: not read as the calibration was, no columns for --orientation ur_rotvec:u,v,w\n"
     np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
 
@@ -215,11 +215,11 @@ def test_a_calibration_from_before_and_one_from_arrays_say_nothing(tmp_path: Pat
     }
     for provenance in (calibration.provenance, {**calibration.provenance, **before}):
         replace(calibration, provenance=provenance).save(tool)
-        done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+        done = run(capsys, "compensate", work, "-c", tool, "--force", "-o", tmp_path / "out.csv")
         assert done.err == ""
         np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
     replace(calibration, provenance={**before, "sign": "reaction"}).save(tool)
-    done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+    done = run(capsys, "compensate", work, "-c", tool, "--force", "-o", tmp_path / "out.csv")
     assert done.err == "Note: read as the calibration was: --sign reaction\n"
 
 
@@ -308,7 +308,7 @@ def test_columns_that_state_no_unit_are_not_taken_for_the_usual_one(tmp_path: Pa
         )
     assert run(capsys, "compensate", work, "-c", tool, "--units", units[0]).status == 2 * (len(units) > 1)
     out = tmp_path / "out.csv"
-    done = run(capsys, "compensate", work, "-c", tool, "-o", out, "--units", ",".join(units))
+    done = run(capsys, "compensate", work, "-c", tool, "--force", "-o", out, "--units", ",".join(units))
     assert done.status == 0, done.err
     np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
 
@@ -323,6 +323,6 @@ def test_columns_that_state_their_unit_are_asked_nothing(tmp_path: Path, capsys:
     stating = ("Fx [N]", "Fy [N]", "Fz [N]", "Tx [N mm]", "Ty [N mm]", "Tz [N mm]")
     others = written(tmp_path, _in_nmm(stating, of_pose, WORK, touched), "others.csv")
     for work in (alike, others):
-        done = run(capsys, "compensate", work, "-c", tool, "-o", tmp_path / "out.csv")
+        done = run(capsys, "compensate", work, "-c", tool, "--force", "-o", tmp_path / "out.csv")
         assert done.status == 0, done.err
         np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)

@@ -232,7 +232,7 @@ def test_the_flag_known_speaks_of_every_quantity(tmp_path: Path, capsys: Capture
         "gravity=0,0,-2+-1e-4": lambda c: c.gravity_direction == pytest.approx([0.0, 0.0, -1.0], abs=1e-5),
     }
     for flag, holds in flags.items():
-        done = run(capsys, "calibrate", path, "--known", flag, "-o", tmp_path / "tool.json")
+        done = run(capsys, "calibrate", path, "--known", flag, "--force", "-o", tmp_path / "tool.json")
         assert done.status == 0, done.err
         assert holds(cw.Calibration.load(tmp_path / "tool.json")), flag
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from contactwrench.errors import ContactWrenchError
+from contactwrench.errors import ContactWrenchError, FileAccessError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.read import bag_batches, bag_streams
 from contactwrench.recording.bags.write import write_streams_bag
@@ -359,7 +360,7 @@ def test_what_cannot_be_written_is_said_and_leaves_nothing(tmp_path: Path) -> No
     path, rows = write_bag(tmp_path / "run.mcap", messages), [np.ones((120, 6))]
     out = tmp_path / "out.mcap"
     assert _refused(path, path, rows) == (
-        f"{path}: found the recording that is read, expected another file to write: name one"
+        f"{path}: found what is read as {path}, expected another file to write: name one"
     )
     assert _refused(path, tmp_path / "out.bag", rows) == (
         f"{tmp_path / 'out.bag'}: found the suffix .bag, expected .mcap as of {path}: a bag is copied to one of its "
@@ -380,7 +381,7 @@ def test_what_cannot_be_written_is_said_and_leaves_nothing(tmp_path: Path) -> No
     folder = write_bag(tmp_path / "folder", messages)
     (tmp_path / "there").mkdir()
     assert _refused(folder, tmp_path / "there", rows) == (
-        f"{tmp_path / 'there'}: found a folder, expected a new name: remove it or name another"
+        f"{tmp_path / 'there'}: found a folder, expected a new name: name another, or a file in it"
     )
     assert _refused(folder, tmp_path / "out.db3", rows) == (
         f"{tmp_path / 'out.db3'}: found the suffix .db3, expected none, a folder, as of {folder}: a bag is copied to "
@@ -425,3 +426,68 @@ def test_a_full_disk_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         f"{out}: cannot be written (no space left on device): check the space on the disk and the permissions"
     )
     assert not out.exists()
+
+
+KINDS_OF_FILES = (".bag", ".mcap", ".db3")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of the size of files are those of POSIX")
+@pytest.mark.parametrize("kind", [*KINDS_OF_FILES, ""])
+def test_a_file_that_the_system_does_not_let_grow_leaves_the_old_one(tmp_path: Path, kind: str) -> None:
+    import resource
+
+    out = tmp_path / f"out{kind}"
+    if kind:
+        out.write_bytes(b"precious")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2048, before[1]))
+    try:
+        with pytest.raises(FileAccessError) as caught:
+            write_streams_bag(out, _streams())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    reason = "disk i/o error" if kind in (".db3", "") else "file too large"
+    assert str(caught.value) == (
+        f"{out}: cannot be written ({reason}): check the space on the disk and the permissions"
+    )
+    assert [item.name for item in tmp_path.iterdir()] == ([out.name] if kind else [])
+    assert not kind or out.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_FILES)
+def test_a_bag_keeps_links_permissions_and_devices(tmp_path: Path, kind: str) -> None:
+    out, link, device, pipe = (tmp_path / f"{name}{kind}" for name in ("out", "link", "device", "pipe"))
+    out.write_bytes(b"old")
+    out.chmod(0o640)
+    link.symlink_to(out)
+    write_streams_bag(link, _streams())
+    assert link.is_symlink()
+    assert stat.S_IMODE(out.stat().st_mode) == 0o640
+    assert len(bag_streams(out).wrench.t)
+    device.symlink_to("/dev/null")
+    os.mkfifo(pipe)
+    for path in (device, pipe):
+        with pytest.raises(FileAccessError) as caught:
+            write_streams_bag(path, _streams())
+        assert str(caught.value) == f"{path}: found a device or a pipe, expected a file to write: name another"
+        assert not path.is_file()
+
+
+def test_a_folder_replaces_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.write_text("precious")
+    with pytest.raises(FileAccessError) as caught:
+        write_streams_bag(out, _streams())
+    assert str(caught.value) == f"{out}: found a file or a folder, expected a new name for a folder: name another"
+    assert out.read_text() == "precious"
+
+
+def test_a_bag_is_not_copied_to_another_name_of_itself(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", _rich()[0])
+    hard, link = tmp_path / "hard.mcap", tmp_path / "link.mcap"
+    hard.hardlink_to(path)
+    link.symlink_to(path)
+    for out in (hard, link):
+        assert _refused(path, out, [np.ones((120, 6))]) == (
+            f"{out}: found what is read as {path}, expected another file to write: name one"
+        )

@@ -33,7 +33,7 @@ SKEWED = ["--set=mounting.tilt_deg=[3,-8]", "--set=base.on=wall", "--set=base.ti
 def simulated(capsys: Capture, folder: Path, *flags: str) -> tuple[cw.Samples, dict[str, object], np.ndarray]:
     """A recording, its truth, and all of its columns."""
     target = folder / "out.csv"
-    done = run(capsys, "simulate", "-o", target, *flags)
+    done = run(capsys, "simulate", "--force", "-o", target, *flags)
     assert (done.status, done.err) == (0, "")
     truth = json.loads((folder / "out.truth.json").read_text())
     return cw.read(target), truth, np.genfromtxt(target, delimiter=",", names=True)
@@ -128,7 +128,7 @@ def test_a_saturated_reading_is_flagged_and_said(tmp_path: Path, capsys: Capture
 def test_a_pose_below_the_table_is_said(tmp_path: Path, capsys: Capture) -> None:
     goals = tmp_path / "low.csv"
     goals.write_text("q1,q2,q3,q4,q5,q6,q7\n0,0.5,0,-1,0,1,0\n0,1.9,0,-2,0,-2,0\n")
-    done = run(capsys, "simulate", "-o", tmp_path / "out.csv", f"--poses={goals}", "--set=sensor.bias=0")
+    done = run(capsys, "simulate", "--force", "-o", tmp_path / "out.csv", f"--poses={goals}", "--set=sensor.bias=0")
     assert done.out.splitlines()[1:] == [
         "  below: in 1 of 2 rows, the first of them row 3, the flange is below the plane that the robot stands on; "
         "nothing stops it here"
@@ -317,8 +317,8 @@ BAD_FILES = {
         (["--load-g=a"], "--load-g is 'a', expected loads in grams, 0 or more, as in 100,200,500"),
         (["--load-g=-1"], "--load-g is '-1', expected loads in grams, 0 or more, as in 100,200,500"),
         (["--set=base.on=roof"], "base.on is roof, expected one of: table, wall, ceiling"),
-        (["--poses=far.csv", "-o", "far.csv"], "far.csv: found the file that is read, expected another file to write: "
-         "name one"),
+        (["--poses=far.csv", "-o", "far.csv"], "far.csv: found what is read as far.csv, expected another file to "
+         "write: name one"),
         (["-o", "out.txt"], "--output is out.txt, expected a name that ends in .csv, .mcap, .db3 or .bag: the truth "
          "goes beside it"),
     ],

@@ -237,7 +237,7 @@ class Calibration(CalibrationFields):
         """Write the calibration as JSON; never a partial file.
 
         Args:
-            path: of the file, which is replaced.
+            path: of the file; one that is there is replaced, as nobody is asked in a script.
 
         Raises:
             FileAccessError: it cannot be written.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +14,7 @@ import typer
 from ..files import STDOUT
 from ..geometry.arrays import Array
 from . import options
+from .outputs import NAMES_FOLDER, Writes
 from .recordings import Recordings, with_reading_options
 
 KNOWN_HELP = (
@@ -22,6 +24,12 @@ KNOWN_HELP = (
 )
 LENGTHS = {"weight": (1,), "mass": (1,), "com": (3,), "com_mm": (3,), "mount": (3, 9), "gravity": (3,)}
 """What may be known, and of how many numbers."""
+
+
+def _calibrations(output: Path, values: Mapping[str, Any]) -> list[Path]:
+    from ..report.calibrations import output_files
+
+    return output_files(values["file"] or [], output, values["shared"] is not None)
 
 
 @with_reading_options
@@ -36,6 +44,7 @@ def calibrate(
             help=f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on "
             "stdout]",
         ),
+        Writes(_calibrations),
     ] = None,
     model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
     shared: Annotated[
@@ -61,8 +70,11 @@ def calibrate(
             metavar="N|REST",
             help="Std of one pose's reading, or a recording at rest. [default: from what the fit leaves]",
         ),
+        NAMES_FOLDER,
     ] = None,
-    report: Annotated[Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file."), Writes(remade=".html")
+    ] = None,
     require_force: Annotated[
         float | None, options.not_negative("N", "Exit 1 if a larger error of the contact force is to be expected.")
     ] = None,

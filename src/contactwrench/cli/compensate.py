@@ -11,6 +11,7 @@ import typer
 from ..errors import InputError
 from ..files import STDOUT
 from . import options
+from .outputs import NAMES_FOLDER, Writes
 from .progress import progress
 from .recordings import Recordings, with_reading_options
 
@@ -34,6 +35,7 @@ def compensate(
             f"{options.OUTPUT_HELP} CSV on stdout. [default: -]",
             show_default=False,
         ),
+        Writes(),
     ] = Path(STDOUT),
     output_frame: Annotated[
         str, typer.Option(metavar="sensor|flange|base", help="Axes of the contact wrench.")
@@ -48,6 +50,7 @@ def compensate(
     report: Annotated[
         Path | None,
         typer.Option(metavar="R.html", help="Write a page with every contact, one HTML file; judges every sample."),
+        Writes(remade=".html"),
     ] = None,
     noise: Annotated[
         str | None,
@@ -56,6 +59,7 @@ def compensate(
             help="Judging: std of a free tool's reading, its motion's inertia included, or a recording of such motion. "
             "[default: the noise at rest]",
         ),
+        NAMES_FOLDER,
     ] = None,
     drift: Annotated[
         float | None,
@@ -89,17 +93,9 @@ def compensate(
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
     from ..compensate.noise import with_torques
-    from ..files import require_distinct
     from ..recording.compensate import Treatment, require_writable
     from ..report.contacts import compensate_recording
 
-    inputs = {
-        "recording that is read": recording.path,
-        "recording of the poses that is read": recording.options.pose_file,
-        "calibration that is read": calibration,
-    }
-    require_distinct(output, {**inputs, "report": report})
-    require_distinct(report, inputs)
     require_writable(output, recording.path, recording.options)
     loaded, direction = Calibration.load(calibration), options.gravity_direction(gravity)
     alike = recording.as_calibrated(loaded, direction)

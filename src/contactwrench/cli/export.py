@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.arrays import Array
 from . import options
+from .outputs import Writes
 
 POINT = "three numbers X,Y,Z, m"
 
@@ -22,6 +23,7 @@ def export(
     output: Annotated[
         Path,
         typer.Option("--output", "-o", metavar="FILE", help=f"Where to; {options.OUTPUT_HELP} stdout."),
+        Writes(),
     ] = Path(STDOUT),
     list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
     tool_mass: Annotated[
@@ -47,7 +49,7 @@ def export(
 ) -> None:
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
     from ..calibration.calibration import Calibration
-    from ..files import require_distinct, write_text
+    from ..files import write_text
     from ..report.export.exported import exported
     from ..report.export.target import Setup
     from ..report.export.targets import list_text, target_named
@@ -58,7 +60,6 @@ def export(
     if file is None or to is None:
         raise InputError("expected CAL.json and --to FORMAT: contactwrench export --list names the formats")
     target = target_named(to)
-    require_distinct(output, {"calibration that is read": file})
     every = {
         "tool_mass": tool_mass,
         "sensor_mass": sensor_mass,

@@ -21,6 +21,7 @@ from .diff import diff
 from .export import export
 from .info import info
 from .options import MOST_COLUMNS
+from .outputs import guarded
 from .plan import plan
 from .show import show
 from .simulate import simulate
@@ -42,7 +43,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
 for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, demo):
-    app.command()(verb)
+    app.command()(guarded(verb))
 
 
 def _print_version(asked: bool) -> None:

@@ -124,7 +124,8 @@ CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.")]
-OUTPUT_HELP = "an existing file is replaced, once the new one is whole; - is"
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
+OUTPUT_HELP = "an existing file is replaced only with --force; - is"
 """Of every output's help."""
 
 DEFAULT_G = STANDARD_GRAVITY

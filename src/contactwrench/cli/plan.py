@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..files import STDOUT
 from ..recording.options import Options
 from . import options
+from .outputs import Writes
 from .recordings import Recordings
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def plan(
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="PLAN.csv", help=f"Write the poses; {options.OUTPUT_HELP} stdout."),
+        Writes(),
     ] = None,
     model: Annotated[
         str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
@@ -55,15 +57,12 @@ def plan(
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
     from ..assess.plan import expected_tool, recorded_orientations
     from ..assess.plan import plan as choose
-    from ..files import require_distinct, write_text
-    from ..recording.urdf import urdf_file
+    from ..files import write_text
     from ..report.plan import plan_csv, plan_json, plan_text
 
     to_stdout = str(output) == STDOUT
     if json and to_stdout:
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
-    urdf = None if robot is None else urdf_file(robot)
-    require_distinct(output, {"recording that is read": recorded, "URDF that is read": urdf})
     of_reading = {
         "orientation": orientation,
         "wrench_frame": wrench_frame,

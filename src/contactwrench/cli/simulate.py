@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -12,6 +13,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..statistics import counted
 from . import options
+from .outputs import Writes
 
 if TYPE_CHECKING:
     from ..simulate.recording import Recorded
@@ -25,6 +27,12 @@ TORQUE_PER_FORCE = 0.02
 MOST_RANDOM = 10_000
 
 
+def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
+    from ..simulate.recording import truth_path
+
+    return [output, truth_path(output)] if output.name else [output]
+
+
 def simulate(
     output: Annotated[
         Path,
@@ -35,6 +43,7 @@ def simulate(
             help="The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside "
             "it.",
         ),
+        Writes(_with_truth),
     ],
     poses: Annotated[
         str | None,
@@ -79,7 +88,6 @@ def simulate(
     orientation: options.Orientation = None,
 ) -> None:
     """Record a virtual rig: a KUKA iiwa 7 R800 with a six-axis sensor, in MuJoCo, and the truth beside it."""
-    from ..files import require_distinct
     from ..recording.bags.open import SUFFIXES_OF_BAGS
     from ..simulate.recording import record_poses, truth_path, write_recording, write_truth
     from ..simulate.settings import Settings, changed
@@ -94,7 +102,6 @@ def simulate(
     if pushes and trajectory is None:
         raise InputError(f"found --pushes {pushes} without a motion, expected --trajectory: add it")
     source = trajectory or poses or DEFAULT_POSES
-    require_distinct(output, {"file that is read": Path(source)})
     rng = np.random.default_rng(seed)
     expected_loads = "loads in grams, 0 or more, as in 100,200,500"
     grams = options.numbers("0" if load_g is None else load_g, "--load-g", expected_loads, least=0.0)

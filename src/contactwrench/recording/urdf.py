@@ -42,12 +42,6 @@ class _Joint:
     limits: tuple[float, float]
 
 
-def urdf_file(robot: str) -> str | None:
-    """The URDF that `NAME|URDF[:LINK]` names; None for a known arm."""
-    urdf = URDF.fullmatch(robot)
-    return None if urdf is None else urdf["file"]
-
-
 def arm_of(robot: str) -> Arm:
     """The arm that `NAME|URDF[:LINK]` names. Raises `InputError` for an unknown name, and as `read_urdf`."""
     urdf = URDF.fullmatch(robot)

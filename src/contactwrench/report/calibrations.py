@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -14,7 +15,7 @@ from ..calibration.text import describe, verdict_sentences
 from ..errors import FileAccessError, InputError
 from ..estimation.noise import NoiseLike
 from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
-from ..files import STDOUT, make_folder, require_distinct
+from ..files import STDOUT, make_folder
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..recording.options import Options
@@ -94,11 +95,7 @@ def calibrate_recordings(
     Raises:
         ContactWrenchError: as reading, fitting and writing raise it.
     """
-    paths = _output_files(files, output, bool(shared))
-    if not shared:
-        inputs = {"recording that is read": files[0], "recording of the poses that is read": options.pose_file}
-        require_distinct(output, {**inputs, "report": report})
-        require_distinct(report, inputs)
+    paths = output_files(files, output, bool(shared))
     recordings = [read(file) for file in files]
     bases = list(dict.fromkeys(str(r.read_as["base_frame"]) for r in recordings if "base_frame" in r.read_as))
     if "gravity" in shared and len(bases) > 1:
@@ -129,16 +126,16 @@ def calibrate_recordings(
     return Calibrated(calibrations, missed, tuple(written))
 
 
-def _output_files(files: Sequence[Path], output: Path | None, several: bool) -> list[Path]:
+def output_files(files: Sequence[Path], output: Path | None, several: bool) -> list[Path]:
     """`output`, or of several `output`/NAME.json for each recording NAME.csv; nothing for stdout.
 
-    Raises `FileAccessError` for a folder that is none, for two recordings of one name, and for an output that is read.
+    Raises `FileAccessError` for a folder that is none, and for two recordings of one name.
     """
     if output is None or str(output) == STDOUT:
         return []
     if not several:
         return [output]
-    if output.exists() and not output.is_dir():
+    if os.path.lexists(output) and not os.path.isdir(output):
         raise FileAccessError(f"{output}: found a file, expected a folder for {len(files)} calibrations: name one")
     targets = [output / f"{file.stem}.json" for file in files]
     for k, target in enumerate(targets):
@@ -147,7 +144,6 @@ def _output_files(files: Sequence[Path], output: Path | None, several: bool) -> 
                 f"{target}: found two recordings named {files[k].stem}, expected different names: rename one, or leave "
                 "--output out"
             )
-        require_distinct(target, {f"recording {file} that is read": file for file in files})
     return targets
 
 

@@ -13,15 +13,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ...errors import FileFormatError, InputError
-from ...files import require_distinct
+from ...errors import FileAccessError, FileFormatError, InputError
+from ...files import identity, new_place
 from ...geometry.arrays import Array
 from .chunks import Logged, Source, Topic
 from .message_layout import typestore
 from .messages import STAMP, by_layout, definitions
 from .open import METADATA, Bag, kind_of, logged_in, mcap_files, one_line_errors, opened_bag
 from .topics import wrench_topic as chosen_topic
-from .write import WRENCH_STAMPED, new_bag, new_place, stamped
+from .write import WRENCH_STAMPED, new_bag, stamped
 
 CONTACT = "contact"
 """Under the wrench's own topic: the contact wrench."""
@@ -70,7 +70,8 @@ def write_bag_with(
         InputError: the topic is there already, or there are too few or too many rows.
     """
     path_in, path_out = Path(path_in), Path(path_out)
-    require_distinct(path_out, {"recording that is read": path_in})
+    if identity(path_in) == identity(path_out):
+        raise FileAccessError(f"{path_out}: found what is read as {path_in}, expected another file to write: name one")
     kind = kind_of(path_in)
     if path_out.suffix != kind:
         raise FileFormatError(

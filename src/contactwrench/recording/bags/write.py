@@ -1,13 +1,8 @@
-"""ROS bags written by rosbags, with no ROS.
-
-A bag is written into a folder beside its place and then moved there, so that it is whole or not there.
-"""
+"""ROS bags written by rosbags, with no ROS."""
 
 from __future__ import annotations
 
-import os
 import sqlite3
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import FileAccessError, FileFormatError
+from ...errors import FileFormatError
+from ...files import new_place
 from ...geometry.arrays import Array
 from ...samples.samples import Streams
 from .message_layout import typestore
@@ -91,37 +87,13 @@ def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iter
             writer = rosbag2.Writer(target, version=METADATA_VERSION, storage_plugin=plugin)
             if compression:
                 writer.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
-        with writer:
-            yield writer
+        try:
+            with writer:
+                yield writer
+        except sqlite3.Error as error:
+            raise OSError(str(error)) from None
         if target != made:
             (target / f"{target.name}{kind}").replace(made)
-
-
-@contextmanager
-def new_place(path: Path) -> Iterator[Path]:
-    """Where a file, or a folder of files, is to be made: at the end it is moved to `path`, after an error nothing is
-    left. Raises `FileAccessError`.
-    """
-    target = Path(os.path.realpath(path))
-    if target.is_dir():
-        raise FileAccessError(f"{path}: found a folder, expected a new name: remove it or name another")
-    try:
-        with tempfile.TemporaryDirectory(prefix=".contactwrench-", dir=target.parent) as beside:
-            made = Path(beside) / target.name
-            yield made
-            for file in [made] if made.is_file() else sorted(made.iterdir()):
-                with file.open("rb+") as written:
-                    os.fsync(written.fileno())
-            made.replace(target)
-    except FileNotFoundError:
-        raise FileAccessError(f"{path}: there is no folder {target.parent}: make it first") from None
-    except (OSError, sqlite3.Error) as error:
-        if isinstance(error, FileAccessError):
-            raise
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise FileAccessError(
-            f"{path}: cannot be written ({reason}): check the space on the disk and the permissions"
-        ) from None
 
 
 def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:

@@ -1,0 +1,129 @@
+"""What a verb writes, held against what it reads and against what is there, before anything is read.
+
+Every argument that is no output counts as read where it names something, so that a new option is guarded by itself.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextvars import copy_context
+from dataclasses import dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Any, Final, TypeAlias, get_args
+
+from ..errors import FileAccessError
+from ..files import KEPT, STDOUT, already_there, identity, target_of
+from ..recording.bags.open import METADATA, SUFFIXES_OF_BAGS
+from ..recording.tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
+from . import options
+
+Key: TypeAlias = tuple[int, int] | str
+"""What `identity` says."""
+STDIN = "/dev/stdin"
+NAMES_FOLDER: Final = "names a folder"
+"""In the annotation of a text: it may name a folder that is read, too. A path may always."""
+DEPTHS = ("*", "*/*", "*/*/*")
+"""Of a recording's files in its folder: LeRobot has data/chunk-000/file-000.parquet."""
+KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
+
+
+@dataclass(frozen=True)
+class Writes:
+    """In the annotation of a path: it is written.
+
+    Attributes:
+        files: those that are written, from the path and the values of all arguments.
+        remade: the suffix of what is made anew, as nobody's work is in it; another file that is there and not empty is
+            replaced only with --force.
+    """
+
+    files: Callable[[Path, Mapping[str, Any]], Iterable[Path]] = lambda path, _: [path]
+    remade: str | None = None
+
+
+def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """A verb that writes over nothing that it reads, and over what is there only with --force: an option that it gets
+    here, unless it has a `force` of its own.
+    """
+    own = signature(verb, eval_str=True).parameters
+    marks = {name: get_args(each.annotation)[1:] for name, each in own.items()}
+    outputs = {name: mark for name, every in marks.items() for mark in every if isinstance(mark, Writes)}
+    if not outputs:
+        return verb
+    force = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=options.Force)
+    spelled = [*own.values(), *([] if "force" in own else [force])]
+
+    @wraps(verb)
+    def run(**values: Any) -> Any:
+        read = {
+            key: text
+            for name in own
+            if name not in outputs
+            for value in (values[name] if isinstance(values[name], list) else [values[name]])
+            for key, text in _read(value, or_folder=isinstance(value, Path) or NAMES_FOLDER in marks[name])
+        }
+        within = copy_context()
+        within.run(KEPT.set, _to_be_kept(outputs, values, read))
+        return within.run(verb, **{name: values[name] for name in own})
+
+    vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in spelled])
+    run.__annotations__ = {each.name: each.annotation for each in spelled}
+    return run
+
+
+def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: Mapping[Key, str]) -> set[Path]:
+    """The places at which a file that appears until the end is to be kept, too. Raises `FileAccessError` for an output
+    that is read, for two that are one file, and for a file that is there.
+    """
+    written, kept = set[Key](), set[Path]()
+    for name, mark in outputs.items():
+        named = values[name] is not None and str(values[name]) != STDOUT
+        for file in mark.files(values[name], values) if named else ():
+            _require_unread(file, read)
+            target = target_of(file)
+            if target.exists() and not target.is_file():
+                continue
+            if identity(target) in written:
+                raise FileAccessError(f"{file}: found two outputs in one file, expected one each: name another")
+            written.add(identity(target))
+            if not values["force"] and file.suffix.lower() != mark.remade:
+                if target.exists() and target.stat().st_size:
+                    raise already_there(file)
+                kept |= set() if target.exists() else {target}
+    return kept
+
+
+def _read(value: object, *, or_folder: bool) -> Iterator[tuple[Key, str]]:
+    """The files and folders that an argument names, if any, each with the name that was given: the text, or what stands
+    in it before a colon, as in arm.urdf:LINK.
+    """
+    given = str(value) if isinstance(value, str | Path) else ""
+    for text in [given, *(given[:k] for k, letter in enumerate(given) if letter == ":")]:
+        if os.path.isfile(STDIN if text == STDOUT else text):
+            yield identity(STDIN if text == STDOUT else text), text
+            file = Path(os.path.realpath(text))
+            if _is_part(file):  # what sqlite3 keeps beside it, and what ROS 2 says of it, there or not
+                for name in (METADATA, *(f"{file.name}-{kind}" for kind in ("wal", "shm", "journal"))):
+                    yield identity(file.with_name(name)), text
+        elif or_folder and text and os.path.isdir(text):
+            within = [path for depth in DEPTHS for path in Path(text).glob(depth)]
+            for path in [Path(text), *(path for path in within if path.is_dir() or _is_part(path))]:
+                yield identity(path), text
+
+
+def _require_unread(file: Path, read: Mapping[Key, str]) -> None:
+    """Raise `FileAccessError` for a file that is read, or would be the next time, as a part of a folder."""
+    target, when = Path(os.path.realpath(file)), "is"
+    name = read.get(identity(target))
+    if name is None and _is_part(target):
+        when, name = "would be", next(filter(None, map(read.get, map(identity, target.parents))), None)
+    if name is not None:
+        raise FileAccessError(f"{file}: found what {when} read as {name}, expected another file to write: name one")
+
+
+def _is_part(path: Path) -> bool:
+    """Whether a file in a folder is read, or would be, as part of the recording that the folder is."""
+    return path.suffix.lower().startswith(KINDS) or path.name == METADATA or path.parent.name == "meta"
