@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
 from ...geometry.arrays import Array
 from ..damage import Damage
-from .chunks import Logged, Ros1Index, Source, Topic, mcap_source, rosbags_source
+from .chunks import Logged, Source, Topic, rosbags_source
+from .mcap import mcap_source
+from .ros1 import Ros1Index
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
