@@ -118,7 +118,12 @@ def require_writable(output: Path, path: Path, options: Options) -> None:
 
 
 def write_compensated(
-    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str
+    output: Path,
+    recording: Iterable[ContactWrenches],
+    path: Path,
+    options: Options,
+    output_frame: str,
+    note: Tell | None = None,
 ) -> str | None:
     """Write what was made of a recording, batch by batch.
 
@@ -129,6 +134,7 @@ def write_compensated(
         path: the recording that it is made of.
         options: how that is written.
         output_frame: axes of the contact wrench.
+        note: is told what a copy of a damaged bag lacks.
 
     Returns:
         The topic in which a bag has them.
@@ -141,7 +147,15 @@ def write_compensated(
     if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame
         wrenches = (batch.wrench for batch in recording)
-        return write_bag_with(path, output, wrenches, wrench_topic=options.wrench_topic, frame=frame)
+        return write_bag_with(
+            path,
+            output,
+            wrenches,
+            wrench_topic=options.wrench_topic,
+            frame=frame,
+            accept_damaged=options.accept_damaged,
+            note=note,
+        )
     write_contact_wrenches(output, recording, path, options.naming)
     return None
 

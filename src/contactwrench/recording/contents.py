@@ -197,7 +197,7 @@ def _stamps(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
         return of_bag, of_bag
     if not fields or fields[0][1][1] != HEADER:
         return of_bag, of_bag
-    return header_stamps(logged, not bag.ros1), of_bag
+    return header_stamps(bag, topic, logged), of_bag
 
 
 def _topic_content(topic: Topic, parts: list[tuple[Array, Array]], start: float) -> TopicContent:

@@ -89,7 +89,7 @@ def compensate_recording(
     notes: list[str] = []
     log = ContactLog()
     rows = log.noted(compensated(path, options, calibration, treatment, advance, notes.append), treatment.judged)
-    topic = write_compensated(output, rows, path, options, treatment.output_frame)
+    topic = write_compensated(output, rows, path, options, treatment.output_frame, notes.append)
     lines = [summary(log)] if treatment.judged else []
     if str(output) != STDOUT:
         what = counted(log.rows, "row") if topic is None else f"{counted(log.rows, 'message')} of {topic}"

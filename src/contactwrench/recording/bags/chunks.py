@@ -1,15 +1,17 @@
 """The messages of a recording's file as they were logged, a chunk at a time and many at once.
 
 MCAP and ROS 1 keep messages in chunks of about a MiB. A chunk is read whole, where its messages lie is noted, and the
-rest is left to numpy (mcap.py, ros1.py). sqlite3 has no chunks: rosbags gives its rows.
+rest is left to numpy (chunked_file.py). sqlite3 has no chunks: rosbags gives its rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from itertools import islice
-from typing import Any
+from operator import itemgetter
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,8 @@ AT_ONCE = 8192
 
 LOG = np.dtype([("connection", "i8"), ("sequence", "i8"), ("stamp", "i8"), ("published", "u8")])
 """Of a message: the number of its connection, its own number there, when it was recorded and published, ns."""
+LATEST = 2**63 - 1
+"""ns: no message is from then or later."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,12 @@ class Logged:
         stamp: NDArray[np.int64] = self.log["stamp"]
         return stamp
 
+    @property
+    def connection(self) -> NDArray[np.int64]:
+        """The number of the connection of each (n,)."""
+        connection: NDArray[np.int64] = self.log["connection"]
+        return connection
+
     def __len__(self) -> int:
         return len(self.log)
 
@@ -54,48 +64,60 @@ class Logged:
         return Logged(self.log[rows], self.raw[rows])
 
 
-@dataclass(frozen=True, eq=False)
-class Source:
-    """A file of messages: its topics by the number of each connection, and `logged`, what the connections of some
-    numbers recorded, in order, some at a time. `mcap`: the mcap package's reader, where the file is one with an index.
-    """
+NOTHING = Logged(np.empty(0, LOG), joined([]))
+
+
+class Source(Protocol):
+    """A file of messages: its topics by the number of each connection."""
 
     topics: dict[int, Topic]
-    logged: Callable[[Set[int]], Iterator[Logged]]
-    mcap: Any = None
+
+    def logged(self, numbers: Set[int]) -> Iterator[Logged]:
+        """What the connections of some numbers recorded, in order, some at a time."""
 
 
-def rosbags_source(reader: Any) -> Source:
-    """What rosbags' reader of ROS 2 gives one by one: from sqlite3, and from an MCAP without an index of chunks."""
-    connections = list(reader.connections)
+class RosbagsSource:
+    """What rosbags' reader of ROS 2 gives one by one."""
 
-    def logged(numbers: Set[int]) -> Iterator[Logged]:
-        wanted = [c for c in connections if c.id in numbers]
-        rows = iter(reader.messages(connections=wanted)) if wanted else iter(())
+    def __init__(self, reader: Any) -> None:
+        self.reader = reader
+        self.topics = {c.id: Topic(c.topic, c.msgtype) for c in reader.connections}
+
+    def logged(self, numbers: Set[int]) -> Iterator[Logged]:
+        """As of `Source`."""
+        wanted = [c for c in self.reader.connections if c.id in numbers]
+        rows = iter(self.reader.messages(connections=wanted)) if wanted else iter(())
         while some := list(islice(rows, AT_ONCE)):
             log = np.zeros(len(some), LOG)
             log["connection"] = [connection.id for connection, _, _ in some]
             log["stamp"] = log["published"] = [stamp for _, stamp, _ in some]
             yield Logged(log, joined([payload for _, _, payload in some]))
 
-    return Source({c.id: Topic(c.topic, c.msgtype) for c in connections}, logged)
-
 
 def in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logged]:
-    """What chunks hold, in order: of a chunk that reaches beyond the start of the next, the rest waits."""
-    waiting = Logged(np.empty(0, LOG), joined([]))
-    for until, chunk in zip((*starts[1:], np.iinfo(np.int64).max), chunks, strict=False):
-        end = chunk.raw.start + chunk.raw.length
-        if ((end > len(chunk.raw.flat)) | (chunk.raw.length < 0) | (chunk.stamp < 0)).any():
-            raise ValueError("a message reaches beyond its chunk, or its stamp beyond all times")
-        rest = joined([waiting.raw.message(row) for row in range(len(waiting))])  # the chunk they are of is let go
-        flat = np.concatenate([rest.flat, chunk.raw.flat]) if len(rest) else chunk.raw.flat
-        start = np.concatenate([rest.start, chunk.raw.start + len(rest.flat)])
-        raw = Raw(flat, start, np.concatenate([rest.length, chunk.raw.length]))
-        ordered = Logged(np.concatenate([waiting.log, chunk.log]), raw)
-        if (np.diff(ordered.stamp) < 0).any():
-            ordered = ordered[np.argsort(ordered.stamp, kind="stable")]
-        ready = int(np.searchsorted(ordered.stamp, until, side="left"))
+    """What chunks hold, each in order, in the order of all: what reaches beyond the start of the next chunk waits."""
+    waiting: list[tuple[int, int, Logged]] = []
+    for count, (until, chunk) in enumerate(zip((*starts[1:], LATEST), chunks, strict=False)):
+        if len(chunk):
+            heappush(waiting, (int(chunk.stamp[0]), count, chunk))
+        ready = []
+        while waiting and waiting[0][0] < until:
+            _, number, part = heappop(waiting)
+            rows = int(np.searchsorted(part.stamp, until, side="left"))
+            ready.append((number, part[:rows]))
+            if rows < len(part):
+                heappush(waiting, (int(part.stamp[rows]), number, part[rows:]))
         if ready:
-            yield ordered[:ready]
-        waiting = ordered[ready:]
+            yield _merged([part for _, part in sorted(ready, key=itemgetter(0))])
+
+
+def _merged(parts: Sequence[Logged]) -> Logged:
+    """Parts that each are in order, in order."""
+    *few, last = parts
+    if not few:
+        return last
+    rest = joined([part.raw.message(row) for part in few for row in range(len(part))])
+    start = np.concatenate([rest.start, last.raw.start + len(rest.flat)])
+    raw = Raw(np.concatenate([rest.flat, last.raw.flat]), start, np.concatenate([rest.length, last.raw.length]))
+    merged = Logged(np.concatenate([part.log for part in parts]), raw)
+    return merged[np.argsort(merged.stamp, kind="stable")]

@@ -6,7 +6,7 @@ with the time of publication and the number of each message; rosbags writes the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,9 +17,10 @@ from ...errors import FileAccessError, FileFormatError, InputError
 from ...files import identity, new_place
 from ...geometry.arrays import Array
 from .chunks import Logged, Source, Topic
+from .mcap import Mcap
 from .message_layout import typestore
 from .messages import STAMP, by_layout, definitions
-from .open import METADATA, Bag, kind_of, logged_in, mcap_files, one_line_errors, opened_bag
+from .open import METADATA, Bag, kind_of, logged_in, mcap_files, opened_bag
 from .topics import wrench_topic as chosen_topic
 from .write import WRENCH_STAMPED, new_bag, stamped
 
@@ -45,6 +46,8 @@ def write_bag_with(
     wrench_topic: str | None = None,
     topic: str | None = None,
     frame: str | None = None,
+    accept_damaged: bool = False,
+    note: Callable[[str], None] | None = None,
 ) -> str:
     """Copy a bag and add the contact wrench as a topic of `geometry_msgs/WrenchStamped`.
 
@@ -60,6 +63,8 @@ def write_bag_with(
         wrench_topic: that of the readings; None: the only one.
         topic: that of the contact wrench; None: the wrench's own with `/contact` behind it.
         frame: in which the contact wrench is; None: that of its reading.
+        accept_damaged: copy what is left of a damaged bag.
+        note: is told, at the end, what of it was left out.
 
     Returns:
         The name of the new topic.
@@ -78,16 +83,19 @@ def write_bag_with(
             f"{path_out}: found the suffix {path_out.suffix or '(none)'}, expected {kind or 'none, a folder,'} as of "
             f"{path_in}: a bag is copied to one of its kind"
         )
-    with opened_bag(path_in) as bag:
+    with opened_bag(path_in, accept_damaged=accept_damaged) as bag:
         source = chosen_topic(bag, wrench_topic)
         name = f"{source.name}/{CONTACT}" if topic is None else topic
         if any(known.name == name for known in bag.counts):
             raise InputError(f"{path_in}: found a topic {name} already, expected another name for the contact wrench")
         copied = _copied(bag, source, wrenches, frame)
-        if all(file.mcap for file in bag.sources):
-            _copy_mcaps(bag, path_out, source, name, copied)
+        mcaps = [file for file in bag.sources if isinstance(file, Mcap)]
+        if mcaps:
+            _copy_mcaps(bag, mcaps, path_out, source, name, copied)
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
+        if bag.damage.said and note is not None:
+            note(f"the copy lacks what is damaged: {bag.damage.said}")
     return name
 
 
@@ -127,7 +135,7 @@ def _contact_messages(bag: Bag, topic: Topic, logged: Logged, values: Array, fra
         stamp = logged.stamp[rows]
         if f"header.{STAMP[0]}" in layout.numbers:
             sec, ns = raw.columns(layout, [f"header.{part}" for part in STAMP]).astype(np.int64).T
-            stamp = sec * 10**9 + ns
+            stamp = np.where((sec >= 0) & (ns < 10**9), sec * 10**9 + ns, stamp)
         name = layout.texts.get("header.frame_id", "") if frame is None else frame
         made = stamped(bag.ros1, name, stamp, values[rows])
         for row, payload in zip(rows.tolist(), made, strict=True):
@@ -135,34 +143,32 @@ def _contact_messages(bag: Bag, topic: Topic, logged: Logged, values: Array, fra
     return payloads
 
 
-def _copy_mcaps(bag: Bag, path_out: Path, topic: Topic, name: str, copied: Copied) -> None:
+def _copy_mcaps(bag: Bag, mcaps: Sequence[Mcap], path_out: Path, topic: Topic, name: str, copied: Copied) -> None:
     """Copy one file, or those of a folder and what the folder says of them."""
     folder = bag.path.is_dir()
     with new_place(path_out) as made:
         if folder:
             made.mkdir()
         counts = {}
-        for file, (source, records) in zip(mcap_files(bag.path), copied, strict=True):
+        for file, mcap, (_, records) in zip(mcap_files(bag.path), mcaps, copied, strict=True):
             target = made / file.name if folder else made
-            counts[file.name] = _copy_mcap(bag, source.mcap, target, records, topic, name)
+            counts[file.name] = _copy_mcap(mcap, target, records, topic, name)
         if folder:
             _write_metadata(bag.path, made, topic, name, counts)
 
 
-def _copy_mcap(bag: Bag, reader: Any, path_out: Path, records: Iterator[Record], topic: Topic, name: str) -> int:
+def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Topic, name: str) -> int:
     """Write a file's records into a new one with the same schemas, channels, attachments and metadata; how many of them
     are contact wrenches.
     """
+    from mcap.records import Attachment, Metadata
     from mcap.writer import CompressionType, Writer
 
-    with one_line_errors(bag.path):
-        header, summary = reader.get_header(), reader.get_summary()
-        attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
     with path_out.open("wb") as file:
-        writer: Any = Writer(file, compression=CompressionType[summary.chunk_indexes[0].compression.upper() or "NONE"])
-        writer.start(header.profile, header.library)
+        writer: Any = Writer(file, compression=CompressionType[mcap.compression.upper() or "NONE"])
+        writer.start("ros2", mcap.header.library if mcap.header is not None else "")
         schemas = {0: 0}
-        for number, schema in sorted(summary.schemas.items()):
+        for number, schema in sorted(mcap.schemas.items()):
             schemas[number] = writer.register_schema(schema.name, schema.encoding, schema.data)
             if schema.name == WRENCH_STAMPED:
                 schemas[CONTACT_WRENCH] = schemas[number]
@@ -170,16 +176,16 @@ def _copy_mcap(bag: Bag, reader: Any, path_out: Path, records: Iterator[Record],
             text, _ = typestore(False).generate_msgdef(WRENCH_STAMPED, ros_version=2)
             schemas[CONTACT_WRENCH] = writer.register_schema(WRENCH_STAMPED, "ros2msg", text.encode())
         channels, quality = {}, {}
-        for number, channel in sorted(summary.channels.items()):
+        for number, channel in sorted(mcap.channels.items()):
             channels[number] = writer.register_channel(
-                channel.topic, channel.message_encoding, schemas[channel.schema_id], channel.metadata
+                channel.topic, channel.message_encoding, schemas.get(channel.schema_id, 0), channel.metadata
             )
             if channel.topic == topic.name and topic.type == WRENCH_STAMPED:
                 quality = channel.metadata
         channels[CONTACT_WRENCH] = writer.register_channel(name, "cdr", schemas[CONTACT_WRENCH], quality)
-        for record in attachments:
+        for record in mcap.beside(Attachment):
             writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
-        for record in metadata:
+        for record in mcap.beside(Metadata):
             writer.add_metadata(record.name, record.metadata)
         count = 0
         for connection, sequence, stamp, published, payload in records:
@@ -190,7 +196,7 @@ def _copy_mcap(bag: Bag, reader: Any, path_out: Path, records: Iterator[Record],
 
 
 def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: str, copied: Copied) -> None:
-    """Write every message of a `.bag`, of sqlite3, or of an MCAP without an index."""
+    """Write every message of a `.bag`, of sqlite3, or of MCAP files that are packed."""
     with new_bag(path_out, kind, mcap=bool(mcap_files(bag.path)), compression=bag.compression) as writer:
         connections: dict[int, Any] = {}
         publishers: dict[tuple[str, str, str], Any] = {}

@@ -1,66 +1,264 @@
-"""MCAP files: their chunks by the index at the end. Format: https://mcap.dev/spec."""
+"""MCAP files, with an index or without, closed or cut off. Format: https://mcap.dev/spec."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from collections.abc import Iterator
+from io import BytesIO
 from struct import Struct
-from typing import BinaryIO
+from typing import Any, BinaryIO
+from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .chunks import LOG, Logged, Source, Topic, in_order
+from ..damage import Damage
+from .chunked_file import INDEX, Chunk, ChunkedFile, UnreadableError
+from .chunks import LOG, Logged, Topic
 from .message_layout import Raw
 
-MCAP_RECORD, MCAP_MESSAGE = 9, 5
-"""Bytes before a record's content, its code and its length; the code of a message."""
-MCAP_HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<i8"), ("published", "<u8")])
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT = range(1, 10)
+ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END, PRIVATE = *range(10, 16), 128
+"""Codes of records; those from `PRIVATE` on are anybody's own."""
+RECORD = Struct("<BQ")
+"""Before a record's content: its code and its length."""
+FOOT = Struct("<BQQQI8s")
+"""A footer and the magic: code, length, where summary and its offsets start, checksum."""
+CHUNK_HEAD, INDEX_HEAD, MESSAGE_HEAD = Struct("<QQQII"), Struct("<HI"), Struct("<HIQQ")
+HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<u8"), ("published", "<u8")])
 """What stands before a message's payload."""
-_LENGTH = Struct("<Q")
+ENTRY = np.dtype([("stamp", "<u8"), ("place", "<i8")])
+RUN = 2**20
+"""Bytes of messages outside of chunks that are taken together as if they were one."""
 
 
-def mcap_source(file: BinaryIO) -> Source | None:
-    """An MCAP by its index of chunks; None where it has none, or one that does not name the topics."""
-    from mcap.reader import make_reader
+class Mcap(ChunkedFile):
+    """An MCAP of ROS 2: also its header, and its schemas and channels by number."""
 
-    reader = make_reader(file)
-    summary = reader.get_summary()
-    if summary is None or not summary.chunk_indexes or not summary.channels:
-        return None
-    types = {0: ""} | {number: schema.name for number, schema in summary.schemas.items()}
-    if any(channel.schema_id not in types for channel in summary.channels.values()):
-        return None
+    def __init__(self, file: BinaryIO, damage: Damage) -> None:
+        super().__init__(file, damage)
+        self.header: Any = None
+        self.statistics: Any = None
+        self.definitions: dict[int, dict[int, Any]] = {SCHEMA: {}, CHANNEL: {}}
+        self.schemas, self.channels = self.definitions.values()
+        self.others: dict[int, list[tuple[int, int]]] = {ATTACHMENT: [], METADATA: [], DATA_END: []}
+        self._seen: set[tuple[int, bytes]] = set()
+        if self._bytes(0, len(MAGIC)) != MAGIC:
+            raise ValueError("File magic is invalid")
+        self._read(len(MAGIC), self._read_summary())
+        self._hold_summary()
 
-    def logged(numbers: Set[int]) -> Iterator[Logged]:
-        # Without an index of messages, a chunk does not say which channels it holds.
-        known = ((chunk, chunk.message_index_offsets.keys()) for chunk in summary.chunk_indexes)
-        chunks = [chunk for chunk, channels in known if not channels or numbers & channels]
-        chunks.sort(key=lambda chunk: chunk.message_start_time)
-        contents = (_mcap_chunk(file, chunk.chunk_start_offset, numbers) for chunk in chunks)
-        return in_order([chunk.message_start_time for chunk in chunks], contents)
+    def beside(self, kind: Any) -> Iterator[Any]:
+        """The attachments or the metadata: records of that kind of mcap's."""
+        for place, length in self.others[ATTACHMENT if kind.__name__ == "Attachment" else METADATA]:
+            content = self._bytes(place, length)
+            if kind.__name__ == "Attachment" and content.endswith(bytes(4)):  # no checksum
+                content = content[:-4] + crc32(content[:-4]).to_bytes(4, "little")
+            try:
+                yield _parsed(kind, content)
+            except UnreadableError as error:
+                self.damage.found(f"a record at byte {place} unreadable ({error})", "a whole one")
 
-    return Source({c.id: Topic(c.topic, types[c.schema_id]) for c in summary.channels.values()}, logged, reader)
+    def connections(self) -> list[Any]:
+        """As of `ChunkedFile`."""
+        from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+
+        known = []
+        for number, topic in sorted(self.topics.items()):
+            channel = self.channels[number]
+            schema = self.schemas.get(channel.schema_id)
+            form, text = MessageDefinitionFormat.NONE, ""
+            if schema is not None and schema.encoding:
+                form = MessageDefinitionFormat.MSG if schema.encoding == "ros2msg" else MessageDefinitionFormat.IDL
+                text = schema.data.decode()
+            details, count = ConnectionExtRosbag2(channel.message_encoding, []), self.counts.get(number, 0)
+            definition = MessageDefinition(form, text)
+            known.append(Connection(number, topic.name, topic.type, definition, "", count, details, self))
+        return known
+
+    def _read_summary(self) -> int:
+        """Where the data ends, by the footer; the summary behind it is noted."""
+        foot = max(self.size - FOOT.size, len(MAGIC))
+        code, length, start, _, checksum, magic = FOOT.unpack(self._bytes(foot, FOOT.size).ljust(FOOT.size, b"\0"))
+        start = start or foot
+        if (code, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= start <= foot:
+            self.damage.found("no index at its end", "a recording that was closed")
+            return self.size
+        whole = not checksum or checksum == self._checksum(start, self.size - len(MAGIC) - 4)
+        self._require(whole, "another checksum of its index", "the one that it states")
+        self._read(start, foot)
+        return start
+
+    def _checksum(self, start: int, end: int) -> int:
+        checksum = 0
+        for place in range(start, end, RUN):
+            checksum = crc32(self._bytes(place, min(RUN, end - place)), checksum)
+        return checksum
+
+    def _take(self, place: int, end: int) -> int:
+        from mcap.records import ChunkIndex, Header, Statistics
+
+        code, length = RECORD.unpack(self._bytes(place, RECORD.size).ljust(RECORD.size, b"\xff"))
+        begin, following = place + RECORD.size, place + RECORD.size + int(length)
+        if following > end:
+            raise UnreadableError("it reaches beyond the end")
+        if code == MESSAGE:
+            self._take_message(place, following)
+        elif code == CHUNK:
+            self._take_chunk(place, following)
+        elif code == MESSAGE_INDEX and self.chunks:
+            self._take_index(self.chunks[-1], begin, length)
+        elif code in self.definitions:
+            self._define(code, self._bytes(begin, length))
+        elif code in self.others:
+            self.others[code].append((begin, length))
+        elif code == HEADER and self.header is None:
+            self.header = _parsed(Header, self._bytes(begin, length))
+        elif code == STATISTICS and self.statistics is None:
+            self.statistics = _parsed(Statistics, self._bytes(begin, length))
+        elif code == CHUNK_INDEX:
+            index = _parsed(ChunkIndex, self._bytes(begin, length))
+            if self.said.setdefault(index.chunk_start_offset, index) is not index:
+                raise UnreadableError("a chunk comes twice")
+        elif code not in (ATTACHMENT_INDEX, METADATA_INDEX, SUMMARY_OFFSET) and (
+            code < PRIVATE or self.statistics is None
+        ):
+            raise UnreadableError(f"of kind {code}")
+        return following
+
+    def _take_chunk(self, place: int, following: int) -> None:
+        at = place + RECORD.size
+        start, stop, size, crc, named = CHUNK_HEAD.unpack(self._bytes(at, CHUNK_HEAD.size).ljust(CHUNK_HEAD.size))
+        begin = at + CHUNK_HEAD.size + named + 8
+        if following - begin != int.from_bytes(self._bytes(begin - 8, 8), "little"):
+            raise UnreadableError("its head is another")
+        compression = self._bytes(at + CHUNK_HEAD.size, named).decode(errors="replace")
+        self.chunks.append(Chunk(place, begin, following, compression, size, crc, start, stop))
+
+    def _take_message(self, place: int, following: int) -> None:
+        """Of messages outside of chunks, those one behind the other are taken as a chunk."""
+        run = self.chunks[-1] if self.chunks else None
+        if run is None or run.place != run.begin or run.end != place or run.size > RUN:
+            run = Chunk(place, place, place, "", 0)
+            self.chunks.append(run)
+        stamp = MESSAGE_HEAD.unpack(self._bytes(place + RECORD.size, MESSAGE_HEAD.size).ljust(MESSAGE_HEAD.size))[2]
+        run.end, run.size = following, following - run.begin
+        run.start, run.stop = min(run.start, stamp), max(run.stop, stamp)
+
+    def _take_index(self, chunk: Chunk, place: int, length: int) -> None:
+        number, size = INDEX_HEAD.unpack(self._bytes(place, INDEX_HEAD.size).ljust(INDEX_HEAD.size))
+        if size != length - INDEX_HEAD.size or size % ENTRY.itemsize:
+            raise UnreadableError("it is of another size")
+        chunk.counts = (chunk.counts or {}) | {number: size // ENTRY.itemsize}
+        chunk.index.append((number, place + INDEX_HEAD.size, size))
+
+    def _as_said(self, chunk: Chunk) -> Any:
+        from mcap.records import ChunkIndex
+
+        before = RECORD.size + INDEX_HEAD.size
+        return ChunkIndex(
+            chunk_length=chunk.end - chunk.place,
+            chunk_start_offset=chunk.place,
+            compression=chunk.compression,
+            compressed_size=chunk.end - chunk.begin,
+            message_end_time=chunk.stop,
+            message_index_length=sum(size + before for _, _, size in chunk.index),
+            message_index_offsets={number: place - before for number, place, _ in chunk.index},
+            message_start_time=chunk.start,
+            uncompressed_size=chunk.size,
+        )
+
+    def _hold_summary(self) -> None:
+        """What was found is held against what the summary says of it."""
+        ends = self.others[DATA_END]
+        self._require(self.header is not None and len(ends) == 1, "no start or no end of its data", "one of each")
+        if self.header is not None and self.header.profile != "ros2":
+            raise ValueError("Profile is not ros2")
+        for place, length in ends:
+            stated = int.from_bytes(self._bytes(place, length), "little")
+            whole = not stated or stated == self._checksum(0, place - RECORD.size)
+            self._require(whole, "another checksum of its data", "the one that it states")
+        said, chunks = self.statistics, [chunk for chunk in self.chunks if chunk.place != chunk.begin]
+        self._hold_chunks()
+        if said is None or not said.channel_message_counts or len(self.channels) != said.channel_count:
+            self._scan()
+        if said is not None:
+            self.counts = said.channel_message_counts or self.counts
+            for name, found, stated in (
+                ("schemas", len(self.schemas), said.schema_count),
+                ("channels", len(self.channels), said.channel_count),
+                ("messages, by channel", sum(self.counts.values()), said.message_count),
+                ("chunks", len(chunks), said.chunk_count),
+                ("attachments", len(self.others[ATTACHMENT]), said.attachment_count),
+                ("metadata", len(self.others[METADATA]), said.metadata_count),
+            ):
+                self._require(found == stated, f"{found} {name}", f"the {stated} that it counts")
+        for number, channel in self.channels.items():
+            schema = self.schemas.get(channel.schema_id)
+            known = schema is not None or channel.schema_id == 0
+            self._require(known, f"no schema {channel.schema_id} of {channel.topic}", "one")
+            self.topics[number] = Topic(channel.topic, schema.name if schema is not None else "")
+        self._require_bounded()
+
+    def _define(self, code: int, content: bytes) -> None:
+        """Note a schema or a channel, which may come again and again."""
+        from mcap.records import Channel, Schema
+
+        if (code, content) in self._seen:
+            return
+        kind: Any = Schema if code == SCHEMA else Channel
+        record = _parsed(kind, content)
+        alike = self.definitions[code].setdefault(record.id, record) == record
+        self._require(alike, f"two definitions of {kind.__name__.lower()} {record.id}", "one")
+        self._seen.add((code, content))
+        if code == CHANNEL:
+            self.topics.setdefault(record.id, Topic(record.topic, ""))
+
+    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
+        parts = []
+        for number, place, size in chunk.index:
+            entries = np.frombuffer(self._bytes(place, size), ENTRY)
+            parts.append(np.empty(len(entries), INDEX))
+            parts[-1]["connection"], parts[-1]["stamp"], parts[-1]["place"] = number, entries["stamp"], entries["place"]
+        return np.concatenate(parts)
+
+    def _walk(self, content: bytes, place: int, end: int) -> Iterator[int]:
+        while place < end:
+            code, length = RECORD.unpack(content[place : place + RECORD.size].ljust(RECORD.size, b"\xff"))
+            begin, following = place + RECORD.size, place + RECORD.size + length
+            if following > end or not SCHEMA <= code <= MESSAGE or (code == MESSAGE and length < MESSAGE_HEAD.size):
+                raise UnreadableError(f"no record at its byte {place}")
+            if code == MESSAGE:
+                yield place
+            else:
+                self._define(code, content[begin:following])
+            place = following
+
+    def _ends(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+        inside = (places >= 0) & (places <= len(flat) - RECORD.size)
+        ends, at = np.full(len(places), -1), places[inside]
+        if len(at):
+            length = Raw(flat, at, at).bytes_at(1, 8).view("<u8")[:, 0]
+            whole = (flat[at] == MESSAGE) & (length >= MESSAGE_HEAD.size) & (length <= len(flat))
+            ends[inside] = np.where(whole, at + RECORD.size + length.astype(np.int64), -1)
+        return ends
+
+    def _logged(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> Logged:
+        payload = places + RECORD.size + HEAD.itemsize
+        log = Raw(flat, places, places).bytes_at(RECORD.size, HEAD.itemsize).view(HEAD)[:, 0].astype(LOG)
+        return Logged(log, Raw(flat, payload, self._ends(flat, places) - payload))
 
 
-def _mcap_chunk(file: BinaryIO, offset: int, numbers: Set[int]) -> Logged:
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Chunk
-    from mcap.stream_reader import get_chunk_data_stream
+def _parsed(kind: Any, content: bytes) -> Any:
+    """A record. Raises `UnreadableError` where the content is not, to its last byte, how that would be written."""
+    from mcap.data_stream import ReadDataStream, RecordBuilder
 
-    file.seek(offset + MCAP_RECORD)
-    stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(file)), validate_crc=True)
-    content = stream.read(size)
-    start, length = np.array(list(_mcap_messages(content)), dtype=np.int64).reshape(-1, 2).T
-    every = Raw(np.frombuffer(content, np.uint8), start, length)
-    log = every.bytes_at(0, MCAP_HEAD.itemsize).view(MCAP_HEAD)[:, 0].astype(LOG)
-    payloads = Raw(every.flat, start + MCAP_HEAD.itemsize, length - MCAP_HEAD.itemsize)
-    return Logged(log, payloads)[np.isin(log["connection"], list(numbers))]
-
-
-def _mcap_messages(chunk: bytes) -> Iterator[tuple[int, int]]:
-    """Where the content of each message's record starts, and its length."""
-    pos, end, length_at = 0, len(chunk), _LENGTH.unpack_from
-    while pos < end:
-        (length,) = length_at(chunk, pos + 1)
-        if chunk[pos] == MCAP_MESSAGE:
-            yield pos + MCAP_RECORD, length
-        pos += MCAP_RECORD + length
+    builder: Any = RecordBuilder()
+    try:
+        record = kind.read(ReadDataStream(BytesIO(content)))
+        record.write(builder)
+    except Exception as error:  # of struct, of the text, of mcap
+        raise UnreadableError(str(error) or type(error).__name__) from None
+    if builder.end()[RECORD.size :] != content:
+        raise UnreadableError("it is not as it would be written")
+    return record

@@ -31,6 +31,10 @@ NUMPY = {
 }
 ENCAPSULATION = 4
 """Bytes before a CDR message: the second says the order of bytes."""
+PARTS = 10_000
+"""Parts that a message may have beside one a byte: empty types nested in each other have as many as one likes."""
+COMPARED = 10**8
+"""Of the messages taken at once, how many times each is compared with a layout: 10,000 may be all different."""
 TRAILING = 3
 """Bytes that may follow a CDR message, so that its length is a multiple of four."""
 
@@ -94,9 +98,13 @@ def joined(payloads: list[bytes]) -> Raw:
 
 def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
     """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, its error is given the row."""
+    compared = 0
     for length in dict.fromkeys(raw.length.tolist()):
         rows = np.flatnonzero(raw.length == length)
         while len(rows):
+            compared += len(raw)
+            if compared > COMPARED:
+                raise InputError("found no messages alike in texts and lengths, expected most to be", int(rows[0]))
             try:
                 layout = layout_of(raw.message(int(rows[0])))
             except InputError as error:
@@ -133,6 +141,7 @@ class _Walk:
         self.numbers: dict[str, tuple[int, str, int]] = {}
         self.texts: dict[str, str] = {}
         self.shared: list[tuple[int, bytes]] = [(0, message[:2])] if cdr else []
+        self.left = PARTS + len(message)
 
     def fields(self, msgtype: str, path: str, pos: int) -> int:
         """Pass a message of that type; where it ends. So do the methods below."""
@@ -142,6 +151,9 @@ class _Walk:
 
     def part(self, what: Any, path: str, pos: int) -> int:
         node, of = what[0].name, what[1]
+        self.left -= 1
+        if self.left < 0:
+            raise IndexError
         if node == "NAME":
             return self.fields(of, path, pos)
         if node == "BASE":

@@ -1,7 +1,7 @@
 """What messages of a bag say: stamps, wrenches, poses, transforms and joint angles, many at once.
 
-A message's time is the stamp in its header; where it has no header, or a stamp of zero, the time at which it was put
-into the bag.
+A message's time is the stamp in its header; where it has no header, or a stamp of zero, or one that cannot be and is
+accepted, the time at which it was put into the bag.
 
 A driver is free to order an arm's joints as it likes (those of Universal Robots come by the alphabet, the elbow first)
 and to report a gripper's with them, so names decide: those of the URDF; of a known arm, those that its drivers use.
@@ -40,6 +40,8 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 
 STAMP = ("stamp.sec", "stamp.nanosec")
 """Where in a header its stamp is."""
+LONGEST_DEFINITION = 2**18
+"""Characters: those of ROS' largest types, with all that is in them, are a fifth of it; each costs 5 us to parse."""
 STAMP_ENDS = 12
 """Bytes of a message up to the end of its header's stamp."""
 
@@ -66,7 +68,6 @@ def definitions(bag: Bag, msgtype: str) -> Fields:
         FileFormatError: there is none, or it cannot be understood.
     """
     from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import TypesysError
 
     defined = [c.msgdef for c in bag.connections if c.msgtype == msgtype and c.msgdef.data.strip()]
     if not defined:
@@ -75,9 +76,11 @@ def definitions(bag: Bag, msgtype: str) -> Fields:
             raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
         return of_ros
     try:
+        if len(defined[0].data) > LONGEST_DEFINITION:
+            raise ValueError(f"more than {LONGEST_DEFINITION} characters")
         return types_defined(msgtype, defined[0].data, defined[0].format == MessageDefinitionFormat.IDL, bag.ros1)
-    except TypesysError as error:
-        reason = " ".join(str(error).split())
+    except Exception as error:  # whatever rosbags' parser stumbles over
+        reason = " ".join(str(error).split())[:100]
         raise FileFormatError(
             f"{bag.path}: the definition of {written(msgtype)} cannot be understood ({reason}), expected that of ROS"
         ) from None
@@ -103,27 +106,41 @@ def place(bag: Bag, topic: Topic, t: float) -> str:
     return f"{bag.path}: topic {topic.name}, at {t - bag.start:.3f} s"
 
 
-def stamps(logged: Logged, rows: NDArray[np.intp], layout: MessageLayout, raw: Raw, header: str = "header") -> Array:
-    """The times (k,) s of messages of one layout: of the header, else of the bag."""
+def stamps(
+    bag: Bag, topic: Topic, logged: Logged, rows: NDArray[np.intp], layout: MessageLayout, raw: Raw, at: str = ""
+) -> Array:
+    """The times (k,) s of messages of one layout: of the header behind `at`, else of the bag."""
     of_bag = seconds(logged.stamp[rows])
-    if f"{header}.{STAMP[0]}" not in layout.numbers:
+    if f"{at}header.{STAMP[0]}" not in layout.numbers:
         return of_bag
-    sec, ns = (raw.values(layout, f"{header}.{part}")[:, 0] for part in STAMP)
-    of_header: Array = sec + 1e-9 * ns
-    t: Array = np.where(of_header == 0.0, of_bag, of_header)
+    sec, ns = (raw.values(layout, f"{at}header.{part}")[:, 0] for part in STAMP)
+    return _of_header(bag, topic, sec, ns, of_bag)
+
+
+def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> Array:
+    """The times (k,) s that headers state in two numbers; those of the bag where both are zero."""
+    impossible = (sec < 0.0) | (ns < 0.0) | (ns >= 1e9)
+    if impossible.any():
+        row = int(np.argmax(impossible))
+        bag.damage.found(
+            f"{np.sum(impossible)} stamps in headers of {topic.name} as that of {sec[row]:.0f} s and {ns[row]:.0f} ns",
+            "0 s or more and less than 10^9 ns",
+        )
+    t: Array = np.where(impossible | ((sec == 0.0) & (ns == 0.0)), of_bag, sec + 1e-9 * ns)
     return t
 
 
-def header_stamps(logged: Logged, cdr: bool) -> Array:
+def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
     """The times (n,) s of messages that begin with a header, whatever follows: the stamp is at bytes 4 to 12, in ROS 1
     behind the header's number, in CDR behind the bytes that state the order.
     """
-    t = seconds(logged.stamp)
+    t, cdr = seconds(logged.stamp), not bag.ros1
     whole = np.flatnonzero(logged.raw.length >= STAMP_ENDS)
+    sec_kind = "i4" if cdr else "u4"  # ROS 2 counts seconds with a sign
     is_big_endian = logged.raw[whole].bytes_at(0, 2)[:, 1] == 0 if cdr else np.zeros(len(whole), dtype=bool)
-    for rows, kind in ((whole[~is_big_endian], "<u4"), (whole[is_big_endian], ">u4")):
-        sec, ns = logged.raw[rows].bytes_at(4, 8).view(kind).T.astype(np.float64)
-        t[rows] = np.where((sec == 0.0) & (ns == 0.0), t[rows], sec + 1e-9 * ns)
+    for rows, order in ((whole[~is_big_endian], "<"), (whole[is_big_endian], ">")):
+        sec, ns = (logged.raw[rows].bytes_at(at, 4).view(order + kind)[:, 0] for at, kind in ((4, sec_kind), (8, "u4")))
+        t[rows] = _of_header(bag, topic, sec.astype(np.float64), ns.astype(np.float64), t[rows])
     return t
 
 
@@ -142,7 +159,7 @@ def numbers(
                 f"{bag.path}: topic {topic.name}: found {written(topic.type)} without {missing[0]}, expected the type "
                 "of that name in ROS"
             )
-        t[rows] = stamps(logged, rows, layout, raw)
+        t[rows] = stamps(bag, topic, logged, rows, layout, raw)
         values[rows] = raw.columns(layout, paths)
         texts.append(layout.texts)
     return t, values, texts
@@ -171,7 +188,7 @@ def transforms(bag: Bag, topic: Topic, logged: Logged) -> dict[Link, Placements]
     for rows, layout, raw in by_layout(bag, topic, logged):
         for at in _transforms_in(layout):
             link = (_frame(layout.texts[f"{at}header.frame_id"]), _frame(layout.texts[f"{at}child_frame_id"]))
-            t = stamps(logged, rows, layout, raw, f"{at}header")
+            t = stamps(bag, topic, logged, rows, layout, raw, at)
             quat = raw.columns(layout, [f"{at}transform.rotation.{part}" for part in XYZW])
             position = raw.columns(layout, [f"{at}transform.translation.{part}" for part in XYZ])
             parts.setdefault(link, []).append((rows, Placements(t, quat, position)))
@@ -197,7 +214,7 @@ def joint_states(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArr
     """Rows, times (k,) s, joint names and positions (k, j), for messages that name the same joints."""
     for rows, layout, raw in by_layout(bag, topic, logged):
         names = [text for path, text in layout.texts.items() if path.startswith("name.")]
-        yield rows, stamps(logged, rows, layout, raw), names, raw.values(layout, "position")
+        yield rows, stamps(bag, topic, logged, rows, layout, raw), names, raw.values(layout, "position")
 
 
 def rotations(bag: Bag, what: str, placements: Placements) -> Array:

@@ -17,15 +17,17 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
 from ...geometry.arrays import Array
 from ..damage import Damage
-from .chunks import Logged, Source, Topic, rosbags_source
-from .mcap import mcap_source
-from .ros1 import Ros1Index
+from .chunks import Logged, RosbagsSource, Source, Topic
+from .mcap import Mcap
+from .ros1 import Ros1Bag
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
 """Makes a folder a ROS 2 bag."""
 
 KINDS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "ROS 2 sqlite3 bag", "": "ROS 2 bag folder"}
+
+CHUNKED: dict[str, type[Ros1Bag] | type[Mcap]] = {".bag": Ros1Bag, ".mcap": Mcap}
 
 Messages: TypeAlias = dict[Topic, Logged]
 
@@ -110,7 +112,10 @@ def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Ba
     damage = Damage(str(path), accept_damaged)
     with ExitStack() as files:
         with one_line_errors(path):
-            bag = (_of_ros1 if kind == ".bag" else _of_ros2)(path, files, damage)
+            if kind in CHUNKED:
+                bag = _of_chunks(path, CHUNKED[kind](files.enter_context(path.open("rb")), damage))
+            else:
+                bag = _of_ros2(path, files, damage)
         yield bag
 
 
@@ -136,12 +141,13 @@ def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
     for source in bag.sources:
         chosen = {number: topic for number, topic in source.topics.items() if topic in wanted}
         for logged in logged_in(bag, source, chosen):
-            by_topic = {}
-            for topic in dict.fromkeys(chosen.values()):
-                rows = np.isin(logged.log["connection"], [number for number in chosen if chosen[number] == topic])
-                if rows.any():
-                    by_topic[topic] = logged[np.flatnonzero(rows)]
-            yield by_topic
+            by_topic: dict[Topic, list[int]] = {}
+            for number in np.unique(logged.connection).tolist():
+                by_topic.setdefault(chosen[number], []).append(number)
+            yield {
+                topic: logged[np.flatnonzero(np.isin(logged.connection, numbers))]
+                for topic, numbers in by_topic.items()
+            }
 
 
 def logged_in(bag: Bag, source: Source, numbers: Collection[int]) -> Iterator[Logged]:
@@ -186,12 +192,11 @@ def _require_closed(path: Path) -> None:
             )
 
 
-def _of_ros1(path: Path, files: ExitStack, damage: Damage) -> Bag:
-    index = Ros1Index(path, files.enter_context(path.open("rb")))
-    start = min((chunk.start for chunk in index.chunks), default=0)
-    duration = max((chunk.end + 1 for chunk in index.chunks), default=0) - start
-    sources = (index.source(),)
-    return Bag(path, True, tuple(index.connections), sources, _s(start), 1e-9 * duration, index.compression(), damage)
+def _of_chunks(path: Path, file: Ros1Bag | Mcap) -> Bag:
+    """A file whose messages are in chunks: it says of itself what rosbags would."""
+    (start, duration), ros1 = file.span(), isinstance(file, Ros1Bag)
+    how = file.compression if ros1 else ""
+    return Bag(path, ros1, tuple(file.connections()), (file,), _s(start), 1e-9 * duration, how, file.damage)
 
 
 def _of_ros2(path: Path, files: ExitStack, damage: Damage) -> Bag:
@@ -204,10 +209,8 @@ def _of_ros2(path: Path, files: ExitStack, damage: Damage) -> Bag:
             f"{path}: found messages and no topics in its index, expected both: mend it with `mcap recover`"
         )
     plain = [] if reader.compression_mode else mcap_files(path)
-    mcaps = [mcap_source(files.enter_context(file.open("rb"))) for file in plain]
-    sources = tuple(source for source in mcaps if source is not None)
-    if not mcaps or len(sources) < len(mcaps):
-        sources = (rosbags_source(reader),)
+    mcaps = (Mcap(files.enter_context(file.open("rb")), damage) for file in plain)
+    sources: tuple[Source, ...] = tuple(mcaps) or (RosbagsSource(reader),)
     start, duration = (reader.start_time, reader.duration) if reader.message_count else (0, 0)
     return Bag(path, False, connections, sources, _s(start), 1e-9 * duration, reader.compression_mode or "", damage)
 

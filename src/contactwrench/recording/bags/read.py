@@ -92,7 +92,7 @@ def bag_batches(
         read_as = _read_as(wrench, pose, frames, base_frame(bag, pose, frames, arm))
         readings: list[tuple[Array, Array]] = []
         placed: list[Poses] = []
-        poses_count, is_first = 0, True
+        poses_count, said = 0, None
         for part in messages(bag, (wrench, *pose)):
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
@@ -102,10 +102,10 @@ def bag_batches(
             poses_count += len(placed[-1])
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
                 yield _streams(bag, wrench, source, readings, placed, read_as)
-                readings, placed, is_first = [], [], False
+                readings, placed, said = [], [], bag.damage.said
         if not poses_count:
             raise _no_poses(bag, pose[0], source, arm)
-        if readings or placed or is_first:
+        if readings or placed or said != bag.damage.said:
             yield _streams(bag, wrench, source, readings, placed, read_as)
 
 

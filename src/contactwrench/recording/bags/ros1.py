@@ -1,160 +1,257 @@
-"""ROS 1 bags: their chunks by the index at the end, which rosbags would hold in memory whole.
-
-Format: http://wiki.ros.org/Bags/Format/2.0.
-"""
+"""ROS 1 bags, closed or cut off. Format: http://wiki.ros.org/Bags/Format/2.0."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
-from importlib import import_module
-from io import BytesIO
-from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .chunks import LOG, Logged, Source, Topic, in_order
+from ..damage import Damage
+from .chunked_file import INDEX, Chunk, ChunkedFile, UnreadableError
+from .chunks import LOG, Logged, Topic
 from .message_layout import Raw
 
-ROS1_CONNECTION = b"\x07"
-ROS1_COMPRESSIONS = {"bz2": "bz2", "lz4": "lz4.frame"}
-"""How chunks are compressed, and the module that does so."""
+MAGIC = b"#ROSBAG V2.0\n"
+MESSAGE, _, INDEX_DATA, CHUNK, CHUNK_INFO, CONNECTION = (bytes([code]) for code in range(2, 8))
+MESSAGE_MARK = b"\x04\0\0\0op=" + MESSAGE
+"""In the head of a message's record."""
+TIME = np.dtype([("sec", "<u4"), ("ns", "<u4")])
+ENTRY = np.dtype([*TIME.descr, ("place", "<u4")])
+"""What an index says of a message."""
+LONGEST_HEAD = 2**16
+"""Bytes: heads have some fields of some bytes."""
+
+Fields: TypeAlias = "dict[str, bytes]"
 
 
-class Ros1Chunk(NamedTuple):
-    """Where a chunk is, when its first and last message were recorded, ns, and how many each connection has in it."""
+class Ros1Bag(ChunkedFile):
+    """A bag of ROS 1: `known` are its connections by number, as rosbags calls their parts."""
 
-    offset: int
-    start: int
-    end: int
-    counts: dict[int, int]
-
-
-class Ros1Index:
-    """The index of a ROS 1 bag: its connections, as rosbags calls their parts, and its chunks by when they start."""
-
-    def __init__(self, path: Path, file: BinaryIO) -> None:
-        magic = file.readline()
-        if not magic:
-            raise ValueError(f"File {str(path)!r} seems to be empty")
+    def __init__(self, file: BinaryIO, damage: Damage) -> None:
+        super().__init__(file, damage)
+        self.known: dict[int, Any] = {}
+        magic = self._bytes(0, len(MAGIC))
         if not magic.startswith(b"#ROSBAG V"):
             raise ValueError("File magic is invalid")
-        if magic != b"#ROSBAG V2.0\n":
+        if magic != MAGIC:
             raise ValueError(f"Bag version {magic[9:].decode().strip()} is not supported")
-        self.file = file
+        head: Fields = {}
+        start, end = len(MAGIC), 0
         try:
-            head = _fields(_sized(file))
-            if head.get("encryptor"):
-                raise ValueError(f"Bag encryption {head['encryptor'].decode()!r} is not supported")
-            if not any(head["index_pos"]):
-                raise ValueError("Bag is not indexed, reindex before reading")
-            file.seek(_uint(head["index_pos"]))
-            connections = [self._connection() for _ in range(_uint(head["conn_count"]))]
-            chunks = [self._chunk() for _ in range(_uint(head["chunk_count"]))]
-        except (KeyError, EOFError) as error:
-            raise ValueError(f"Bag index looks damaged: {error}") from None
-        self.chunks = sorted((chunk for chunk in chunks if chunk.counts), key=lambda chunk: chunk.start)
-        self.connections = [c._replace(msgcount=sum(k.counts.get(c.id, 0) for k in self.chunks)) for c in connections]
+            head, _, start = self._record(start, self.size)
+            end = _uint(head["index_pos"], 8)
+        except (UnreadableError, KeyError):
+            self.damage.found("no head", "one that says where its index is")
+        if head.get("encryptor"):
+            raise ValueError(f"Bag encryption {head['encryptor'].decode()!r} is not supported")
+        if not start <= end <= self.size:
+            self.damage.found("no index at its end", "a recording that was closed")
+            end = self.size
+        self._read(end, self.size)
+        self._read(start, end)
+        self._hold_index(head)
 
-    def source(self) -> Source:
-        """The messages of the bag."""
-        return Source({c.id: Topic(c.topic, c.msgtype) for c in self.connections}, self._logged)
+    def connections(self) -> list[Any]:
+        """As of `ChunkedFile`."""
+        return [known._replace(msgcount=self.counts.get(number, 0)) for number, known in self.known.items()]
 
-    def compression(self) -> str:
-        """How the chunks are compressed, by the first: bz2, lz4, or not at all."""
-        for chunk in self.chunks[:1]:
-            self.file.seek(chunk.offset)
-            return _fields(_sized(self.file))["compression"].decode().removeprefix("none")
-        return ""
+    def _record(self, place: int, end: int) -> tuple[Fields, int, int]:
+        """The head of a record, and where its data lies."""
+        begin, length = place + 4, _uint(self._bytes(place, 4), 4)
+        if length > min(LONGEST_HEAD, end - begin):
+            raise UnreadableError("its head reaches beyond the end")
+        data = begin + length + 4
+        following = data + _uint(self._bytes(data - 4, 4), 4)
+        if following > end:
+            raise UnreadableError("it reaches beyond the end")
+        return _fields(self._bytes(begin, length)), data, following
 
-    def _connection(self) -> Any:
+    def _take(self, place: int, end: int) -> int:
+        fields, begin, following = self._record(place, end)
+        op = fields.get("op")
+        try:
+            if op == CONNECTION:
+                self._define(fields, self._bytes(begin, following - begin))
+            elif op == CHUNK:
+                compression = fields["compression"].decode(errors="replace").removeprefix("none")
+                self.chunks.append(Chunk(place, begin, following, compression, _uint(fields["size"], 4)))
+            elif op == INDEX_DATA and self.chunks:
+                self._take_index(self.chunks[-1], fields, begin, following)
+            elif op == CHUNK_INFO:
+                self._take_info(fields, self._bytes(begin, following - begin))
+            else:
+                raise UnreadableError("of no kind that can be there")
+        except KeyError as error:
+            raise UnreadableError(f"without {error}") from None
+        return following
+
+    def _take_info(self, fields: Fields, data: bytes) -> None:
+        start, stop = (_nanoseconds(fields[name]) for name in ("start_time", "end_time"))
+        place, count = _uint(fields["chunk_pos"], 8), _uint(fields["count"], 4)
+        if len(data) != 8 * count or place in self.said:
+            raise UnreadableError("of another size, or a chunk that comes twice")
+        counts = dict(np.frombuffer(data, "<u4").reshape(-1, 2).tolist())
+        self.said[place] = (start, stop, counts) if counts else None
+
+    def _take_index(self, chunk: Chunk, fields: Fields, begin: int, end: int) -> None:
+        number, count = _uint(fields["conn"], 4), _uint(fields["count"], 4)
+        if end - begin != count * ENTRY.itemsize or _uint(fields["ver"], 4) != 1:
+            raise UnreadableError("an index of another size or version")
+        stamps = _stamps(np.frombuffer(self._bytes(begin, end - begin), ENTRY))
+        if count:
+            chunk.start, chunk.stop = min(chunk.start, int(stamps.min())), max(chunk.stop, int(stamps.max()))
+        chunk.counts = (chunk.counts or {}) | {number: count}
+        chunk.index.append((number, begin, end - begin))
+
+    def _as_said(self, chunk: Chunk) -> Any:
+        return (chunk.start, chunk.stop, chunk.counts) if chunk.counts else None
+
+    def _hold_index(self, head: Fields) -> None:
+        """What was found is held against what the head and the index at the end say of it."""
+        counts: Counter[int] = Counter()
+        for info in self.said.values():
+            counts.update(info[2] if info else {})
+        for name, found in (("conn_count", self.known), ("chunk_count", self.said), ("chunk_count", self.chunks)):
+            stated = int.from_bytes(head.get(name, b""), "little")
+            self._require(len(found) == stated, f"{len(found)} for its {name}", f"the {stated} that it states")
+        self._hold_chunks()
+        if not counts or not counts.keys() <= self.known.keys():
+            self._scan()
+        self.counts = dict(counts) or self.counts
+        self._require_bounded()
+
+    def _define(self, fields: Fields, data: bytes) -> None:
+        """Note a connection, which may come again and again."""
         from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
 
-        head, about = _fields(_sized(self.file)), {k: v.decode() for k, v in _fields(_sized(self.file)).items()}
-        topic = "/".join(part for part in head["topic"].decode().split("/") if part)
-        package, _, name = about["type"].rpartition("/")
-        latching = about.get("latching")
-        topic = "/" * head["topic"].startswith(b"/") + topic
-        definition = MessageDefinition(MessageDefinitionFormat.MSG, about["message_definition"])
-        details = ConnectionExtRosbag1(about.get("callerid"), int(latching) if latching else None)
-        msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
-        return Connection(_uint(head["conn"]), topic, msgtype, definition, about["md5sum"], 0, details, self)
+        try:
+            about = {name: value.decode() for name, value in _fields(data).items()}
+            package, _, name = about["type"].rpartition("/")
+            latching = about.get("latching")
+            topic = "/".join(part for part in fields["topic"].decode().split("/") if part)
+            topic = "/" * fields["topic"].startswith(b"/") + topic
+            definition = MessageDefinition(MessageDefinitionFormat.MSG, about["message_definition"])
+            details = ConnectionExtRosbag1(about.get("callerid"), int(latching) if latching else None)
+            msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
+            number, digest = _uint(fields["conn"], 4), about["md5sum"]
+        except (KeyError, ValueError) as error:
+            raise UnreadableError(f"a connection without {error}") from None
+        known = Connection(number, topic, msgtype, definition, digest, 0, details, self)
+        if self.known.setdefault(number, known) != known:
+            self.damage.found(f"two definitions of connection {number}", "one")
+        self.topics.setdefault(number, Topic(topic, msgtype))
 
-    def _chunk(self) -> Ros1Chunk:
-        head, counts = _fields(_sized(self.file)), np.frombuffer(_sized(self.file), "<u4").reshape(-1, 2)
-        start, end = (_nanoseconds(head[name]) for name in ("start_time", "end_time"))
-        return Ros1Chunk(_uint(head["chunk_pos"]), start, end, dict(counts.tolist()))
-
-    def _logged(self, numbers: Set[int]) -> Iterator[Logged]:
-        chunks = [chunk for chunk in self.chunks if numbers & chunk.counts.keys()]
-        return in_order([chunk.start for chunk in chunks], (self._messages(chunk, numbers) for chunk in chunks))
-
-    def _messages(self, chunk: Ros1Chunk, numbers: Set[int]) -> Logged:
-        """Messages of a chunk, by the index behind it of when and where each connection recorded what."""
-        self.file.seek(chunk.offset)
-        compression = _fields(_sized(self.file))["compression"].decode()
-        content = _decompressed(_sized(self.file), compression)
+    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
         parts = []
-        for _ in chunk.counts:
-            number = _uint(_fields(_sized(self.file))["conn"])
-            entries = np.frombuffer(_sized(self.file), "<u4").reshape(-1, 3).astype(np.int64)
-            if number in numbers and len(entries):
-                entries[0, 2] = _behind_connections(content, int(entries[0, 2]))
-                parts.append(np.insert(entries, 0, number, axis=1))
-        connection, seconds, ns, place = np.concatenate([np.empty((0, 4), np.int64), *parts]).T
-        log = np.zeros(len(place), LOG)
-        log["connection"] = connection
-        log["stamp"] = log["published"] = seconds * 10**9 + ns
-        flat = np.frombuffer(content, np.uint8)
-        behind_head = place + 4 + _uint32_at(flat, place)
-        return Logged(log, Raw(flat, behind_head + 4, _uint32_at(flat, behind_head)))[np.argsort(place)]
+        for number, begin, size in chunk.index:
+            entries = np.frombuffer(self._bytes(begin, size), ENTRY)
+            part = np.empty(len(entries), INDEX)
+            part["connection"], part["stamp"], part["place"] = number, _stamps(entries), entries["place"]
+            part["place"][:1] = [_behind_connections(content, place) for place in part["place"][:1].tolist()]
+            parts.append(part)
+        return np.concatenate(parts)
+
+    def _walk(self, content: bytes, place: int, end: int) -> Iterator[int]:
+        while place < end:
+            head, data, following = _record_in(content, place, end)
+            if MESSAGE_MARK in head:
+                yield place
+            elif (fields := _fields(head)).get("op") == CONNECTION:
+                self._define(fields, content[data:following])
+            else:
+                raise UnreadableError(f"no record at its byte {place}")
+            place = following
+
+    def _ends(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+        ends = places
+        for _ in range(2):  # the head, and the data
+            ends = np.where((ends >= 0) & (ends <= len(flat) - 4), ends, -1)
+            inside = ends >= 0
+            ends[inside] += 4 + _uint32_at(flat, ends[inside])
+        return np.where(ends <= len(flat), ends, -1)
+
+    def _logged(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> Logged:
+        """The heads of a chunk's messages differ in connection and time, and in nothing else."""
+        length = _uint32_at(flat, places)
+        alike = length == length[0]
+        heads = Raw(flat, places[alike], length).bytes_at(4, int(length[0]))
+        spots = {name: slice(begin, end) for name, begin, end in _spots(heads[0].tobytes())}
+        log = np.zeros(len(places), LOG)
+        log["connection"] = -1
+        fixed = np.ones(heads.shape[1], dtype=bool)
+        for name, size in (("conn", 4), ("time", 8)):
+            spot = spots.get(name, slice(0, 0))
+            if spot.stop - spot.start != size:
+                return Logged(log, Raw(flat, places, 0 * places))
+            fixed[spot] = False
+        same = (heads[:, fixed] == heads[0, fixed]).all(axis=1)
+        alike[alike] = same
+        log["connection"][alike] = heads[same, spots["conn"]].copy().view("<u4")[:, 0]
+        stamps = _stamps(heads[same, spots["time"]].copy().view(TIME)[:, 0])
+        log["stamp"][alike] = log["published"][alike] = stamps.astype(np.int64)
+        behind_head = places + 4 + length
+        return Logged(log, Raw(flat, behind_head + 4, _uint32_at(flat, behind_head)))
 
 
-def _sized(file: BinaryIO) -> bytes:
-    """What stands here behind its length. Raises `EOFError` where that is less."""
-    size = _uint(file.read(4))
-    content = file.read(size)
-    if len(content) < size:
-        raise EOFError(f"Got only {len(content)} of {size} bytes")
-    return content
+def _record_in(content: bytes, place: int, end: int) -> tuple[bytes, int, int]:
+    """The head of a record of a chunk, where its data starts and ends."""
+    data = place + 4 + _uint(content[place : place + 4], 4)
+    following = data + 4 + _uint(content[data : data + 4], 4)
+    if following > end:
+        raise UnreadableError(f"no record at its byte {place}")
+    return content[place + 4 : data], data + 4, following
 
 
-def _fields(head: bytes) -> dict[str, bytes]:
-    """The fields of a record's head, `name=value`, each behind its length."""
-    fields, stream = {}, BytesIO(head)
-    while stream.tell() < len(head):
-        name, _, value = _sized(stream).partition(b"=")
-        fields[name.decode()] = value
-    return fields
+def _spots(head: bytes) -> Iterator[tuple[str, int, int]]:
+    """Of each field of a head, `name=value` behind its length: the name, and where the value is."""
+    place = 0
+    while place < len(head):
+        begin, end = place + 4, place + 4 + _uint(head[place : place + 4], 4)
+        name, equals, _ = head[begin:end].partition(b"=")
+        if end > len(head) or not equals:
+            raise UnreadableError("a field is cut off")
+        yield name.decode(errors="replace"), begin + len(name) + 1, end
+        place = end
 
 
-def _behind_connections(chunk: bytes, place: int) -> int:
-    """Where the first record from `place` is that is none of a connection, which a recorder may have put before."""
-    stream = BytesIO(chunk)
-    stream.seek(place)
-    while _fields(_sized(stream))["op"] == ROS1_CONNECTION:
-        _sized(stream)
-        place = stream.tell()
-    return place
+def _fields(head: bytes) -> Fields:
+    return {name: head[begin:end] for name, begin, end in _spots(head)}
 
 
-def _decompressed(packed: bytes, compression: str) -> bytes:
-    if compression == "none":
-        return packed
-    if compression not in ROS1_COMPRESSIONS:
-        raise ValueError(f"Compression {compression!r} is not supported")
-    content: bytes = import_module(ROS1_COMPRESSIONS[compression]).decompress(packed)
-    return content
+def _behind_connections(content: bytes, place: int) -> int:
+    """Where the first record from `place` is that is none of a connection: some recorders' indexes point before it."""
+    at = place
+    try:
+        while True:
+            head, _, following = _record_in(content, at, len(content))
+            if _fields(head).get("op") != CONNECTION:
+                return at
+            at = following
+    except UnreadableError:
+        return place
 
 
-def _uint(value: bytes) -> int:
+def _stamps(entries: NDArray[Any]) -> NDArray[np.uint64]:
+    """ns; of such as cannot be the largest number."""
+    ns = entries["sec"].astype(np.uint64) * np.uint64(10**9) + entries["ns"]
+    return np.where(entries["ns"] < 10**9, ns, np.uint64(2**64 - 1))
+
+
+def _nanoseconds(time: bytes) -> int:
+    _uint(time, 8)
+    return int(_stamps(np.frombuffer(time, TIME))[0])
+
+
+def _uint(value: bytes, size: int) -> int:
+    if len(value) != size:
+        raise UnreadableError("a number is cut off")
     return int.from_bytes(value, "little")
 
 
 def _uint32_at(flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+    if not len(places):
+        return places
     return Raw(flat, places, places).bytes_at(0, 4).view("<u4")[:, 0].astype(np.int64)
-
-
-def _nanoseconds(time: bytes) -> int:
-    return _uint(time[:4]) * 10**9 + _uint(time[4:])

@@ -1,0 +1,261 @@
+"""A file that keeps messages in chunks, held against what it says of itself.
+
+Nothing is believed that is said once: the file is walked record by record (mcap.py, ros1.py), and what lies there is
+held against every index and count in it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from array import array
+from bisect import bisect
+from collections import Counter
+from collections.abc import Iterator, Set
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, BinaryIO
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import FileFormatError
+from ..damage import Damage
+from .chunks import LATEST, NOTHING, Logged, Topic, in_order
+
+INDEX = np.dtype([("connection", "i8"), ("stamp", "u8"), ("place", "i8")])
+"""What the index of a chunk says of a message: also where in the chunk its record is."""
+LARGEST = 2**30
+"""Bytes: recorders close a chunk at one to some MiB, or behind the one message that is larger."""
+DENSEST, FREE = 100, 2**26
+"""A file may state so many times its own size, and so many bytes, as the content of its chunks: readings and poses come
+packed 2 to 20 times, and a few images of one colour 10,000 times. What states more costs too much.
+"""
+MOST_TOPICS = 4096
+"""The busiest robots record some hundreds."""
+DECOMPRESSORS = {"bz2": ("bz2", "BZ2Decompressor"), "lz4": ("lz4.frame", "LZ4FrameDecompressor")}
+
+
+class UnreadableError(Exception):
+    """Bytes that are not what should be there: noted as damage, so that it never leaves this folder."""
+
+
+@dataclass(eq=False)
+class Chunk:
+    """A chunk: the place of its record in the file, where its content lies, how that is packed, its size unpacked and
+    its checksum (0: none); its first and last stamp, ns; how many messages its index says each connection has (None: no
+    index, or one in doubt); and the parts of that index: connection, place in the file, bytes.
+    """
+
+    place: int
+    begin: int
+    end: int
+    compression: str
+    size: int
+    crc: int = 0
+    start: int = LATEST
+    stop: int = 0
+    counts: dict[int, int] | None = None
+    index: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+class ChunkedFile(ABC):
+    """A file that keeps messages in chunks: its topics by the number of each connection, and how many messages that
+    has, as the file says itself. `said`: what its index says of the chunk at each place.
+
+    Raises `ValueError` for what is no such file, and `FileFormatError` for damage that is not accepted, and for what
+    would cost too much.
+    """
+
+    def __init__(self, file: BinaryIO, damage: Damage) -> None:
+        self.file, self.damage, self.size = file, damage, file.seek(0, 2)
+        self.chunks: list[Chunk] = []
+        self.said: dict[int, Any] = {}
+        self.topics: dict[int, Topic] = {}
+        self.counts: dict[int, int] = {}
+        if not self.size:
+            raise ValueError(f"File {file.name!r} seems to be empty")
+
+    @abstractmethod
+    def connections(self) -> list[Any]:
+        """The connections, as rosbags calls their parts."""
+
+    @abstractmethod
+    def _take(self, place: int, end: int) -> int:
+        """Note the record at a place of the file; where it ends. Raises `UnreadableError` where that is behind `end`,
+        as the methods below do for what they find.
+        """
+
+    @abstractmethod
+    def _as_said(self, chunk: Chunk) -> Any:
+        """What an index would say of a chunk as it was found."""
+
+    @abstractmethod
+    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
+        """What the index behind a chunk says of each message (n,), of the type `INDEX`, in any order."""
+
+    @abstractmethod
+    def _ends(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Where records of messages in a chunk end that start at places (n,); -1 where there is none."""
+
+    @abstractmethod
+    def _walk(self, content: bytes, place: int, end: int) -> Iterator[int]:
+        """The places of messages between two places of a chunk; definitions are noted."""
+
+    @abstractmethod
+    def _logged(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> Logged:
+        """The messages whose records are there, one or more; a stamp that cannot be is below 0."""
+
+    @property
+    def compression(self) -> str:
+        """How the chunks are packed, by the first; empty: not at all."""
+        return self.chunks[0].compression if self.chunks else ""
+
+    def span(self) -> tuple[int, int]:
+        """When the first message was recorded, and how long all of them took, ns."""
+        known = [chunk for chunk in self.chunks if chunk.start <= chunk.stop < LATEST]
+        start = min((chunk.start for chunk in known), default=0)
+        return start, max((chunk.stop + 1 for chunk in known), default=start) - start
+
+    def logged(self, numbers: Set[int]) -> Iterator[Logged]:
+        """What some connections recorded; at the end it is held against the counts."""
+        chunks = [chunk for chunk in self.chunks if chunk.counts is None or numbers & chunk.counts.keys()]
+        chunks.sort(key=lambda chunk: chunk.start)
+        read: Counter[int] = Counter()
+        for some in in_order([chunk.start for chunk in chunks], (self._messages(chunk, numbers) for chunk in chunks)):
+            read.update(_counted(some))
+            yield some
+        for number in sorted(numbers):
+            found, count = read[number], self.counts.get(number, 0)
+            self._require(found == count, f"{found} messages of {self.topics[number].name}", f"the {count} it counts")
+
+    def _bytes(self, place: int, length: int) -> bytes:
+        self.file.seek(place)
+        return self.file.read(length)
+
+    def _require(self, holds: bool, found: str, expected: str) -> None:
+        if not holds:
+            self.damage.found(found, expected)
+
+    def _require_bounded(self) -> None:
+        stated, most = sum(chunk.size for chunk in self.chunks), FREE + DENSEST * self.size
+        for found, limit, what in ((stated, most, "bytes in its chunks"), (len(self.topics), MOST_TOPICS, "topics")):
+            if found > limit:
+                raise FileFormatError(
+                    f"{self.damage.source}: found {found} {what}, expected at most {limit} in a file of {self.size} "
+                    "bytes: record it again"
+                )
+
+    def _read(self, place: int, end: int) -> None:
+        """Take each record between two places; behind what is none, go on at the next chunk of the index."""
+        chunks = [*sorted(self.said), end]
+        while place < end:
+            try:
+                place = self._take(place, end)
+            except UnreadableError as error:
+                self.damage.found(f"a record at byte {place} unreadable ({error})", "a whole one")
+                place = chunks[bisect(chunks, place, hi=len(chunks) - 1)]
+
+    def _hold_chunks(self) -> None:
+        """The chunks that were found are held against the index of all, where there is one."""
+        self._require_bounded()
+        for chunk in self.chunks if self.said else ():
+            alike = self.said.pop(chunk.place, None) == self._as_said(chunk)
+            self._require(alike, f"the chunk at byte {chunk.place}", "it to be as the index says")
+            chunk.counts = chunk.counts if alike else None
+        self._require(not self.said, f"no chunk at byte {min(self.said, default=0)}", "that of the index")
+
+    def _scan(self) -> None:
+        """Note all connections and count their messages, where the file has no account of them."""
+        counts: Counter[int] = Counter()
+        for chunk in self.chunks:
+            counts.update(_counted(self._messages(chunk)))
+        self.counts = dict(counts)
+
+    def _content(self, chunk: Chunk) -> bytes:
+        content = unpacked(self._bytes(chunk.begin, chunk.end - chunk.begin), chunk.compression, chunk.size)
+        if chunk.crc and crc32(content) != chunk.crc:
+            raise UnreadableError("its checksum is another")
+        return content
+
+    def _messages(self, chunk: Chunk, numbers: Set[int] | None = None) -> Logged:
+        """What connections, or all, recorded in a chunk, in order: what of it is whole."""
+        where = f"the chunk at byte {chunk.place}"
+        try:
+            content = self._content(chunk)
+        except UnreadableError as error:
+            self.damage.found(f"{where} unreadable ({error})", "a whole one")
+            return NOTHING
+        flat = np.frombuffer(content, np.uint8)
+        index = self._index(chunk, content) if chunk.index else None
+        if index is not None:
+            index = index[np.argsort(index["place"], kind="stable")]
+        places = self._places(content, flat, np.empty(0, np.int64) if index is None else index["place"], where)
+        every = self._logged(flat, places) if len(places) else NOTHING
+        if index is not None:
+            stamped = np.array_equal(index["stamp"].astype(np.int64), every.stamp)
+            same = np.array_equal(index["place"], places) and np.array_equal(index["connection"], every.connection)
+            self._require(stamped and same, f"{len(places)} messages in {where}", f"the {len(index)} of its index")
+        possible, known = (every.stamp >= 0) & (every.stamp < LATEST), np.isin(every.connection, list(self.topics))
+        late = np.sum(~possible)
+        self._require(not late, f"{late} messages in {where} at impossible times", f"0 to {LATEST} ns, full seconds")
+        self._require(bool(known.all()), f"messages of undefined topics in {where}", "a definition of each")
+        rows = possible & known
+        if rows.all() and len(rows):
+            span = int(every.stamp.min()), int(every.stamp.max())
+            if chunk.start > chunk.stop:  # no index says
+                chunk.start, chunk.stop = span
+            self._require(span == (chunk.start, chunk.stop), f"{where} with other times", "its first and its last")
+        chosen = np.flatnonzero(rows if numbers is None else rows & np.isin(every.connection, list(numbers)))
+        return every[chosen[np.argsort(every.stamp[chosen], kind="stable")]]
+
+    def _places(
+        self, content: bytes, flat: NDArray[np.uint8], places: NDArray[np.int64], where: str
+    ) -> NDArray[np.int64]:
+        """Where the records of messages are: by the index if nothing but definitions is between those, else by going
+        from record to record up to what is none.
+        """
+        starts, ends = np.append(places, len(flat)), np.insert(self._ends(flat, places), 0, 0)
+        gaps = np.stack([ends, starts], axis=1)[starts != ends].tolist()
+        found = array("q")
+        try:
+            if all(begin >= 0 and not any(True for _ in self._walk(content, begin, end)) for begin, end in gaps):
+                return places
+        except UnreadableError:
+            pass
+        try:
+            for place in self._walk(content, 0, len(content)):
+                found.append(place)
+        except UnreadableError as error:
+            self.damage.found(f"{where} broken ({error})", "records one behind the other")
+        return np.array(found, dtype=np.int64)
+
+
+def unpacked(packed: bytes, compression: str, size: int) -> bytes:
+    """The content of a chunk. A size that lies costs no more than it states.
+
+    Raises `UnreadableError` where it is more than a chunk may hold, is not of that size, or cannot be unpacked.
+    """
+    if size > LARGEST:
+        raise UnreadableError(f"it states {size} bytes, more than {LARGEST}")
+    try:
+        if compression == "zstd":
+            from zstandard import ZstdDecompressor
+
+            content = ZstdDecompressor().stream_reader(packed).read(size + 1)
+        elif compression:
+            module, name = DECOMPRESSORS[compression]
+            content = getattr(import_module(module), name)().decompress(packed, size + 1)
+        else:
+            content = packed
+    except Exception as error:  # each library has its own
+        raise UnreadableError(" ".join(str(error).split()) or type(error).__name__) from None
+    if len(content) != size:
+        raise UnreadableError(f"it is not of the {size} bytes that it states")
+    return bytes(content)
+
+
+def _counted(logged: Logged) -> dict[int, int]:
+    """How many messages of each connection."""
+    numbers, counts = np.unique(logged.connection, return_counts=True)
+    return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
