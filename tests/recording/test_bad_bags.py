@@ -35,7 +35,6 @@ from tests.support.bags import (
     transform,
     wrench_stamped,
     write_bag,
-    write_mcap,
 )
 
 HALF = {"orientation": {"w": 0.5}}
@@ -249,16 +248,6 @@ def test_files_that_only_bear_the_name(tmp_path: Path, kind: str, content: bytes
     assert _refused(path) == expected
 
 
-def test_a_recording_that_was_not_closed(tmp_path: Path) -> None:
-    messages, *_ = recording(300)
-    cut = {".bag": "Bag index looks damaged", ".mcap": "File end magic is invalid"}
-    for kind, reason in cut.items():
-        path = write_bag(tmp_path / f"run{kind}", messages)
-        path.write_bytes(path.read_bytes()[:-100])
-        assert f"{path}: cannot be read as a " in _refused(path)
-        assert reason in _refused(path)
-
-
 @pytest.mark.parametrize(
     ("yaml", "reason"),
     [
@@ -297,14 +286,6 @@ def test_types_that_are_not_defined_and_messages_that_are_none(tmp_path: Path) -
         base.execute("UPDATE message_definitions SET encoded_message_definition = 'float64 x'")
         base.commit()
     assert _refused(path).startswith(f"{path}: topic /pose, at 0.000 s: found ")
-
-
-def test_an_mcap_whose_index_names_no_topics(tmp_path: Path) -> None:
-    bare = {"repeat_channels": False, "repeat_schemas": False, "use_statistics": False}
-    path = write_mcap(tmp_path / "run.mcap", [READING, POSE], **bare)
-    assert _refused(path) == (
-        f"{path}: found messages and no topics in its index, expected both: mend it with `mcap recover`"
-    )
 
 
 @pytest.mark.parametrize("kind", [".db3", ""])

@@ -193,12 +193,13 @@ class ChunkedFile(ABC):
         places = self._places(content, flat, np.empty(0, np.int64) if index is None else index["place"], where)
         every = self._logged(flat, places) if len(places) else NOTHING
         if index is not None:
-            stamped = np.array_equal(index["stamp"].astype(np.int64), every.stamp)
             same = np.array_equal(index["place"], places) and np.array_equal(index["connection"], every.connection)
-            self._require(stamped and same, f"{len(places)} messages in {where}", f"the {len(index)} of its index")
+            same = same and np.array_equal(index["stamp"].astype(np.int64), every.stamp)
+            held = f"the {len(index)} of its index, where and when it says"
+            self._require(same, f"{len(places)} messages in {where}", held)
         possible, known = (every.stamp >= 0) & (every.stamp < LATEST), np.isin(every.connection, list(self.topics))
         late = np.sum(~possible)
-        self._require(not late, f"{late} messages in {where} at impossible times", f"0 to {LATEST} ns, full seconds")
+        self._require(not late, f"{late} messages in {where} at impossible times", "times from 1970 to 2262")
         self._require(bool(known.all()), f"messages of undefined topics in {where}", "a definition of each")
         rows = possible & known
         if rows.all() and len(rows):

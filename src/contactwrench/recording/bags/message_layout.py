@@ -33,8 +33,8 @@ ENCAPSULATION = 4
 """Bytes before a CDR message: the second says the order of bytes."""
 PARTS = 10_000
 """Parts that a message may have beside one a byte: empty types nested in each other have as many as one likes."""
-COMPARED = 10**8
-"""Of the messages taken at once, how many times each is compared with a layout: 10,000 may be all different."""
+COMPARED = 10**7
+"""Messages times layouts of what is taken at once: 3,000 messages may be all different."""
 TRAILING = 3
 """Bytes that may follow a CDR message, so that its length is a multiple of four."""
 
