@@ -27,5 +27,7 @@ class Damage:
 
     @property
     def said(self) -> str:
-        """What was found so far, one sentence; empty: nothing."""
-        return f"{self.source}: {'; '.join(self._found)}; the rest was left out" if self._found else ""
+        """What was found so far, one sentence; of many findings the first and the last, which count; empty: nothing."""
+        found = list(self._found)
+        found[4:-4] = [f"{len(found) - 8} more"] if len(found) > 9 else found[4:-4]
+        return f"{self.source}: {'; '.join(found)}; the rest was left out" if found else ""

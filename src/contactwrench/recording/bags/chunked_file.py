@@ -69,6 +69,7 @@ class ChunkedFile(ABC):
 
     def __init__(self, file: BinaryIO, damage: Damage) -> None:
         self.file, self.damage, self.size = file, damage, file.seek(0, 2)
+        self.most = FREE + DENSEST * self.size
         self.chunks: list[Chunk] = []
         self.said: dict[int, Any] = {}
         self.topics: dict[int, Topic] = {}
@@ -137,9 +138,14 @@ class ChunkedFile(ABC):
         if not holds:
             self.damage.found(found, expected)
 
+    def _add(self, chunk: Chunk) -> None:
+        if chunk.size > min(LARGEST, self.most):
+            raise UnreadableError(f"a chunk that states {chunk.size} bytes")
+        self.chunks.append(chunk)
+
     def _require_bounded(self) -> None:
-        stated, most = sum(chunk.size for chunk in self.chunks), FREE + DENSEST * self.size
-        for found, limit, what in ((stated, most, "bytes in its chunks"), (len(self.topics), MOST_TOPICS, "topics")):
+        stated = sum(chunk.size for chunk in self.chunks)
+        for found, limit, what in ((stated, self.most, "bytes in chunks"), (len(self.topics), MOST_TOPICS, "topics")):
             if found > limit:
                 raise FileFormatError(
                     f"{self.damage.source}: found {found} {what}, expected at most {limit} in a file of {self.size} "
@@ -235,10 +241,8 @@ class ChunkedFile(ABC):
 def unpacked(packed: bytes, compression: str, size: int) -> bytes:
     """The content of a chunk. A size that lies costs no more than it states.
 
-    Raises `UnreadableError` where it is more than a chunk may hold, is not of that size, or cannot be unpacked.
+    Raises `UnreadableError` where it is not of that size, or cannot be unpacked.
     """
-    if size > LARGEST:
-        raise UnreadableError(f"it states {size} bytes, more than {LARGEST}")
     try:
         if compression == "zstd":
             from zstandard import ZstdDecompressor

@@ -133,7 +133,7 @@ class Mcap(ChunkedFile):
         if following - begin != int.from_bytes(self._bytes(begin - 8, 8), "little"):
             raise UnreadableError("its head is another")
         compression = self._bytes(at + CHUNK_HEAD.size, named).decode(errors="replace")
-        self.chunks.append(Chunk(place, begin, following, compression, size, crc, start, stop))
+        self._add(Chunk(place, begin, following, compression, size, crc, start, stop))
 
     def _take_message(self, place: int, following: int) -> None:
         """Of messages outside of chunks, those one behind the other are taken as a chunk."""
@@ -156,17 +156,10 @@ class Mcap(ChunkedFile):
         from mcap.records import ChunkIndex
 
         before = RECORD.size + INDEX_HEAD.size
-        return ChunkIndex(
-            chunk_length=chunk.end - chunk.place,
-            chunk_start_offset=chunk.place,
-            compression=chunk.compression,
-            compressed_size=chunk.end - chunk.begin,
-            message_end_time=chunk.stop,
-            message_index_length=sum(size + before for _, _, size in chunk.index),
-            message_index_offsets={number: place - before for number, place, _ in chunk.index},
-            message_start_time=chunk.start,
-            uncompressed_size=chunk.size,
-        )
+        parts = {number: place - before for number, place, _ in chunk.index}
+        behind = sum(size + before for _, _, size in chunk.index)
+        length, packed, start, stop = chunk.end - chunk.place, chunk.end - chunk.begin, chunk.start, chunk.stop
+        return ChunkIndex(length, chunk.place, chunk.compression, packed, stop, behind, parts, start, chunk.size)
 
     def _hold_summary(self) -> None:
         """What was found is held against what the summary says of it."""

@@ -77,7 +77,7 @@ class Ros1Bag(ChunkedFile):
                 self._define(fields, self._bytes(begin, following - begin))
             elif op == CHUNK:
                 compression = fields["compression"].decode(errors="replace").removeprefix("none")
-                self.chunks.append(Chunk(place, begin, following, compression, _uint(fields["size"], 4)))
+                self._add(Chunk(place, begin, following, compression, _uint(fields["size"], 4)))
             elif op == INDEX_DATA and self.chunks:
                 self._take_index(self.chunks[-1], fields, begin, following)
             elif op == CHUNK_INFO:
