@@ -70,8 +70,10 @@ class Raw:
 
     def bytes_at(self, offset: int, size: int) -> NDArray[np.uint8]:
         """Of each message `size` bytes from its byte `offset`, (n, size)."""
-        windows = np.lib.stride_tricks.sliding_window_view(self.flat, size)
-        return windows[self.start + offset]
+        if not size:
+            return np.empty((len(self), 0), np.uint8)
+        pieces = np.ndarray(len(self.flat) - size + 1, f"V{size}", self.flat, strides=1)
+        return pieces[self.start + offset].view(np.uint8).reshape(-1, size)
 
     def values(self, layout: MessageLayout, path: str) -> Array:
         """The numbers (n, k) at `path`; all messages must be of the layout. Raises `KeyError` where there is none."""

@@ -187,7 +187,7 @@ class Ros1Bag(ChunkedFile):
             if spot.stop - spot.start != size:
                 return Logged(log, Raw(flat, places, 0 * places))
             fixed[spot] = False
-        same = (heads[:, fixed] == heads[0, fixed]).all(axis=1)
+        same = ((heads == heads[0]) | ~fixed).all(axis=1)
         alike[alike] = same
         log["connection"][alike] = heads[same, spots["conn"]].copy().view("<u4")[:, 0]
         stamps = _stamps(heads[same, spots["time"]].copy().view(TIME)[:, 0])
@@ -252,6 +252,5 @@ def _uint(value: bytes, size: int) -> int:
 
 
 def _uint32_at(flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
-    if not len(places):
-        return places
-    return Raw(flat, places, places).bytes_at(0, 4).view("<u4")[:, 0].astype(np.int64)
+    numbers: NDArray[Any] = np.ndarray(max(len(flat) - 3, 0), "<u4", flat, strides=1)
+    return numbers[places].astype(np.int64)
