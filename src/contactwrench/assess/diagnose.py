@@ -20,15 +20,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..calibration.findings import Kind
 from ..errors import InputError, UnobservableError, refuse
 from ..estimation.estimate import RigidEstimate
 from ..estimation.noise import PoseReadings
+from ..estimation.plausibility import oddity, require_alive, to_the_tool
 from ..estimation.priors import Question
 from ..estimation.rigid import estimated
 from ..geometry.arrays import Array, read_only
-from ..model import GRAVITY, RigidTool, gravity_in_flange
+from ..model import GRAVITY, RigidTool, gravity_in_flange, wrench_matrix
 from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
+from .unseen import Unseen, likelier, unseen
 
 MODELS = ("auto", "yaw", "mount", "mount+base")
 """Of a rigid tool, with one weight."""
@@ -58,9 +61,6 @@ ANYWHERE = 0.5
 TIE_REACH = 1.5
 """In changes: members of a class that are less likely than its best by more are not worth a line."""
 
-TYPICAL_COM = 0.05
-"""m from the sensor: what tells N mm from N m."""
-
 WELL_EXPLAINED = 0.1
 """Of the weight: what may be left of the force where a rigid tool is said to explain a recording."""
 
@@ -75,10 +75,10 @@ class Explanation:
     """What a rigid tool makes of an interpretation.
 
     `force_left` N and `torque_left` N m: root mean square of the norm of what is left in a pose, the fitted parameters
-    counted; `weight` N; `com` (3,) m; `lean` rad, of gravity from the stated direction, zero unless the base is found
-    to lean; `cost` of its changes, the lean among them; `odds` -2 log of the odds against it, up to a constant, the
-    cost counted. Of the stated interpretation also `odds_in_contact`, the same where the pose that fits it worst is in
-    contact.
+    counted; `weight` N; `com` (3,) m, `to_the_tool` of which lies on the side of tools (NaN: nobody knows); `lean` rad,
+    of gravity from the stated direction, zero unless the base is found to lean; `cost` of its changes, the lean among
+    them; `odds` -2 log of the odds against it, up to a constant, the cost counted. Of the stated interpretation also
+    `odds_in_contact`, the same where the pose that fits it worst is in contact.
     """
 
     interpretation: Interpretation
@@ -86,10 +86,16 @@ class Explanation:
     torque_left: float
     weight: float
     com: Array
+    to_the_tool: float
     lean: float
     cost: float
     odds: float
     odds_in_contact: float = np.inf
+
+    @property
+    def odd(self) -> Kind | None:
+        """Of what kind the tool is absurd, None where one may be so."""
+        return oddity(self.weight, self.com, self.to_the_tool)
 
     @property
     def explained(self) -> bool:
@@ -107,7 +113,8 @@ class Diagnosis:
     """`given`: the stated interpretation, None where it cannot be read. `best`: the one to use, which is the stated one
     unless another is decisively better. `ranked`: the best of each class, best first. `alike`: those that
     free air cannot tell from `best`, the likelier first, of which `likely` are worth a thought, and the `observations`
-    that would decide between those. `n` poses, `tried` interpretations, fitted by `model`.
+    that would decide between those; `unseen`: units and signs that only the tool tells, the most plausible first. `n`
+    poses, `tried` interpretations, fitted by `model`.
     """
 
     source: str
@@ -120,6 +127,7 @@ class Diagnosis:
     alike: tuple[Interpretation, ...]
     likely: int
     observations: tuple[str, ...]
+    unseen: tuple[Unseen, ...]
     complaint: str | None
 
     @property
@@ -140,6 +148,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
         UnobservableError: fewer than 5 poses.
     """
     n = len(file.wrench)
+    require_alive(file.wrench, file.source)
     other = f"model {model!r} tells no interpretation from another, expected one of {', '.join(MODELS)}: take auto"
     refuse((model not in MODELS, other))
     if n < FEWEST_POSES:
@@ -167,6 +176,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
         ranked.setdefault(fit.interpretation, fit)
     alike = _alike(file, screening, best, fits)
     likely = [] if best.explains_nothing else [each for each in alike if each.cost <= best.cost + TIE_REACH]
+    own_unit, along = best.interpretation.torque_factor, best.to_the_tool
     leans = any(fit.lean > 0.0 for fit in (best, *fits) if fit is best or fit.interpretation in likely)
     return Diagnosis(
         source=file.source,
@@ -179,6 +189,7 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
         alike=tuple(alike),
         likely=len(likely),
         observations=file.observations(best.interpretation, likely, leans),
+        unseen=() if best.explains_nothing else unseen(file.wrench_units, own_unit, best.weight, best.com, along),
         complaint=file.complaint,
     )
 
@@ -198,8 +209,8 @@ def _explained(file: Interpretations, interpretation: Interpretation, model: str
     squares = np.maximum(squares, NOTHING_LEFT**2 * _of_kinds(wrench))
     scatter = scatter_of(file.wrench, file.wrenches[interpretation.wrench].matrix)[0]
     odds = float(misfit(squares, dof, scatter)) + COST_OF_CHANGE * (cost + NO_TOOL * (not sure))
-    com = read_only(tool.com)
-    return Explanation(interpretation, float(force_left), float(torque_left), tool.weight, com, lean, cost, odds)
+    com, along = read_only(tool.com), to_the_tool(wrench_matrix(tool), tool.com)
+    return Explanation(interpretation, float(force_left), float(torque_left), tool.weight, com, along, lean, cost, odds)
 
 
 def _fitted(
@@ -259,19 +270,15 @@ def _decisively_better(one: Explanation, other: Explanation) -> bool:
 def _in_likeliest_unit(file: Interpretations, best: Explanation) -> Explanation:
     """The same tool with the torque in another unit, where its centre of mass is then the likelier one."""
     own, factor = best.interpretation, file.torque_unit.factor
-    if best.explains_nothing or _oddity_of(factor * best.com) >= _oddity_of(best.com):
+    if best.explains_nothing or not likelier(factor, file.wrench_units, best.weight, best.com):
         return best
     return replace(
         best,
         interpretation=file.interpretation(*own.place, by_gravity=own.reversed_gravity, other_unit=True),
         torque_left=factor * best.torque_left,
         com=read_only(factor * best.com),
+        to_the_tool=factor * best.to_the_tool,
     )
-
-
-def _oddity_of(com: Array) -> float:
-    """How far, in factors, a centre of mass lies from where tools have theirs."""
-    return abs(float(np.log(max(float(np.linalg.norm(com)), 1e-12) / TYPICAL_COM)))
 
 
 def _alike(

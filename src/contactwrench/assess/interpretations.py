@@ -76,6 +76,17 @@ class TorqueUnit:
 
 
 @dataclass(frozen=True)
+class WrenchUnits:
+    """Units that a file's forces and torques may have, by the option or the words that say so; `force` and `torque`
+    turn the stated ones into these.
+    """
+
+    label: str
+    force: float
+    torque: float
+
+
+@dataclass(frozen=True)
 class Interpretation:
     """One way to read a file: the `flags` that make it so, all of them, and the `mends` that no flag makes.
 
@@ -104,8 +115,8 @@ class Interpretations:
     """A file's readings `wrench` (n, 6), N and N m as stated, and all ways to read them, the stated ones first.
 
     `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as stated, or None; `units` as stated,
-    `torque_unit` the other one; `complaint` why the stated orientation cannot be read, which is then none of
-    `orientations`.
+    `torque_unit` the other one that com tells, `wrench_units` all that sensors have; `complaint` why the stated
+    orientation cannot be read, which is then none of `orientations`.
     """
 
     source: str
@@ -116,6 +127,7 @@ class Interpretations:
     gravity: Array | None
     units: tuple[str, ...]
     torque_unit: TorqueUnit
+    wrench_units: tuple[WrenchUnits, ...]
     complaint: str | None
 
     @property

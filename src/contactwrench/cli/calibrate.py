@@ -81,6 +81,10 @@ def calibrate(
     require_torque: Annotated[
         float | None, options.not_negative("NM", "Exit 1 if a larger error of the torque is to be expected.")
     ] = None,
+    require_mass: Annotated[
+        str | None, typer.Option(metavar="LOW,HIGH", help="Exit 1 unless the mass, kg, lies inside by its std.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write the calibration of a bad fit too.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 unless the verdict is good.")] = False,
     json: options.Json = False,
     recordings: Recordings,
@@ -95,6 +99,7 @@ def calibrate(
     known = known or []
     tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
     _require_compatible(model, gravity, known, prior, tilts)
+    masses = None if require_mass is None else _range_of_mass(require_mass, model)
     names = _shared_names(recordings.files, shared, model, known, {"--prior": prior, "--report": report})
     stated_noise = None if noise is None else options.noise_or_file(noise, "a sensor at rest")
     alike = None if prior is None else recordings.as_calibrated(Calibration.load(prior), None)
@@ -114,6 +119,8 @@ def calibrate(
         output=output,
         report=report,
         required=(require_force, require_torque),
+        required_mass=masses,
+        force=force,
     )
     for sentence in () if alike is None else alike.notes:
         options.note(sentence)
@@ -177,6 +184,21 @@ def _require_compatible(
         raise typer.BadParameter(f"model {model} takes nothing as known, found --known: leave one of them out")
     if gravity_known and model in ("yaw", "mount"):
         raise typer.BadParameter(f"model {model} holds gravity, found --known gravity: take --model auto or mount+base")
+
+
+def _range_of_mass(text: str, model: str) -> tuple[float, float]:
+    """What --require-mass says, kg. Raises typer's error."""
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        low = high = 0.0
+    if not 0.0 < low < high < np.inf:
+        raise typer.BadParameter(
+            f"found --require-mass {text!r}, expected LOW,HIGH in kg, 0 < LOW < HIGH, as in 0.7,0.9"
+        )
+    if model == "affine":
+        raise typer.BadParameter("model affine has no mass, found --require-mass: leave one of them out")
+    return low, high
 
 
 def _known_values(stated: list[str], g: float) -> dict[str, tuple[Any, Any]]:

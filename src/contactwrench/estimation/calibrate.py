@@ -32,6 +32,7 @@ from .findings import doubts, of_recording
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
+from .plausibility import dead_channels
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
@@ -179,6 +180,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     refuse((not (np.isfinite(g) and g > 0.0), f"g is {g!r}, expected m/s^2 above 0"))
     free, findings = _contact_free(samples)
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
+    findings += dead_channels(free, question.gravity_direction)
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free
     recorded = recorded_poses(free, MOST_VISITS, stream)

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..calibration.findings import WEAK_SHARE, Finding, Kind, Severity
+from ..calibration.findings import ABSURD, WEAK_SHARE, Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
@@ -21,6 +21,7 @@ from ..samples.recorded_poses import RecordedPoses
 from .affine import force_matrix
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
+from .plausibility import implausible
 from .priors import Question, rows_of
 from .subtracted_payload import LIGHTEST_TOOL, LIKELIEST_CAUSE, weighs_next_to_nothing
 
@@ -32,9 +33,6 @@ COM_STD = 0.010
 FEWEST_DOF = 3.0
 NOISE_RATIO = 10.0
 STATED_NOISE_RATIO = 5.0
-FURTHEST_COM = 2.0
-"""m: no arm carries a tool that long."""
-
 ALIKE = 0.5
 """Correlation of what is left in poses that follow each other, up to which a std is at most 1.7 times too small."""
 
@@ -52,7 +50,7 @@ MOST_MOVED = 1.0 / 3.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
-OF_READING = (Kind.POOR_FIT, Kind.FAR_CENTRE_OF_MASS)
+OF_READING = (Kind.POOR_FIT, *ABSURD)
 """Of a file that is read wrongly: where no tool is found and less is left than one weighs, no reading mends that."""
 
 Row: TypeAlias = tuple[bool, Callable[[Kind, str], Finding], Kind, str]
@@ -75,14 +73,16 @@ def doubts(
     rows = _uncertain_noise(estimate, stated=question.noise is not None and question.model != "paper")
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
         of_payload = _subtracted_payload(estimate, readings)
-        rows += [*_read_wrongly(estimate), _cross_talk(estimate, readings)]
+        rows.append(_cross_talk(estimate, readings))
+    if question.earlier is None:
+        rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate))
     if isinstance(estimate, RigidEstimate) and question.earlier is not None:
         rows.append(_contradicts_prior(estimate, question))
     else:
         text = "no pose can be left out for a held-out error: record more poses"
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
-    found = _those_that_hold(rows)
+    found = [*_those_that_hold(rows), *(implausible(estimate, question) if question.earlier is None else ())]
     if any(finding.severity is Severity.WEAK for finding in of_payload):
         too_little = estimate.force_left < LIGHTEST_TOOL
         return of_payload + [finding for finding in found if not (too_little and finding.kind in OF_READING)]
@@ -196,23 +196,14 @@ def _uncertain_noise(fit: Estimate, stated: bool) -> list[Row]:
     return rows
 
 
-def _read_wrongly(fit: RigidEstimate) -> list[Row]:
-    """Far more is left than a sensor and an arm explain, or the centre of mass lies further off than any tool's: most
-    often the file is understood wrongly.
-    """
-    share, distance = fit.force_left / max(fit.weight_scale, 1e-300), float(np.linalg.norm(fit.tool.com))
-    poor = (
+def _poor_fit(fit: Estimate) -> Row:
+    """Far more is left than a sensor and an arm explain: most often the file is understood wrongly."""
+    share = fit.force_left / max(fit.weight_scale, 1e-300)
+    text = (
         f"{fit.force_left:.2g} N are left in the poses, {100.0 * share:.0f} % of the weight: the file may be read "
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
     )
-    far = (
-        f"the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then say "
-        "--units torque=Nmm; contactwrench diagnose tries this and other ways to read the file"
-    )
-    return [
-        (share > POOR_SHARE, WEAK, Kind.POOR_FIT, poor),
-        (distance > FURTHEST_COM, WEAK, Kind.FAR_CENTRE_OF_MASS, far),
-    ]
+    return share > POOR_SHARE, WEAK, Kind.POOR_FIT, text
 
 
 def _correlated_poses(fit: Estimate) -> Row:

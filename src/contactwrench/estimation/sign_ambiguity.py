@@ -129,6 +129,8 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
         return ()
     negated_readings = replace(readings, wrench=-wrench)
     rival = estimated(negated_readings, replace(question, model=model, knowledge=()), plain=True)
+    if rival.tool.weight <= 0.0:
+        return ()
     dof = max(6 * len(readings) - len(PARAMETERS[model]), 1)
     residuals = estimate.residuals if len(estimate.residuals) == len(readings) else estimate.errors
     left, left_negated = (float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (residuals, rival.errors))

@@ -24,6 +24,11 @@ LIKELIEST_CAUSE = (
 
 def weighs_next_to_nothing(tool: RigidTool, R_base_flange: Array) -> bool:
     """Whether poses (n, 3, 3) that tilt the tool widely show next to no weight."""
-    r = gravity_in_flange(R_base_flange, tool.gravity_direction)
+    return abs(tool.weight) < LIGHTEST_TOOL and tilts_widely(R_base_flange, tool.gravity_direction)
+
+
+def tilts_widely(R_base_flange: Array, gravity_direction: Array) -> bool:
+    """Whether orientations (n, 3, 3) tilt a tool to all sides."""
+    r = gravity_in_flange(R_base_flange, gravity_direction)
     spread = np.linalg.svd(r - r.mean(axis=0), compute_uv=False) / np.sqrt(len(r))
-    return abs(tool.weight) < LIGHTEST_TOOL and len(spread) > 1 and bool(spread[1] > WIDE_TILT)
+    return len(spread) > 1 and bool(spread[1] > WIDE_TILT)

@@ -17,19 +17,34 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assess.interpretations import Interpretations, OrientationInterpretation, TorqueUnit, WrenchInterpretation
+from ..assess.interpretations import (
+    Interpretations,
+    OrientationInterpretation,
+    TorqueUnit,
+    WrenchInterpretation,
+    WrenchUnits,
+)
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
 from .options import AS_USUAL, Options
 from .tables.columns import Column
 from .tables.names import stated_unit
-from .tables.units import ANGLE, stated_units, symbol
+from .tables.units import ANGLE, per_si, stated_units, symbol
 from .written_poses import Written, poses_of, rows_as_written
 
 NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
 """What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
+
+UNITS_OF_SENSORS = (
+    *(("N", torque) for torque in ("N m", "N mm", "N cm")),
+    *(("kgf", torque) for torque in ("N m", "kgf m", "kgf cm")),
+    *(("lbf", torque) for torque in ("N m", "lbf in", "lbf ft")),
+    *(("mN", torque) for torque in ("N m", "mN m")),
+    *(("kN", torque) for torque in ("N m", "kN m")),
+)
+"""Of force and torque, as sensors, drivers and hurried scripts pair them."""
 
 MOST_POSES = 300
 """A longer recording is thinned: a wrong interpretation shows in a few dozen poses."""
@@ -95,6 +110,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
         gravity=gravity,
         units=tuple(f"{quantity}={symbol(unit)}" for quantity, unit in units.items()),
         torque_unit=_other_torque_unit(written.wrench_columns[3:]),
+        wrench_units=tuple(_units_of_wrench(written.wrench_columns)),
         complaint=written.complaint,
     )
 
@@ -269,3 +285,13 @@ def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:
     new = ", ".join(name if in_nmm else f"{name}_nmm" for name in ("tx", "ty", "tz"))
     mend = f"the torque in {unit} (rename {', '.join(column.name for column in torque)} to {new})"
     return TorqueUnit(factor, "", mend, TORQUE_UNIT)
+
+
+def _units_of_wrench(columns: tuple[Column, ...]) -> Iterator[WrenchUnits]:
+    """Pairs of units, by the option where no column states its own."""
+    stated = [column.per_si for column in columns] or [1.0]
+    named = not columns or any(stated_unit("force", c.name) or stated_unit("torque", c.name) for c in columns)
+    for force, torque in UNITS_OF_SENSORS:
+        option = f"--units force={force},torque={torque.replace(' ', '')}"
+        label = f"forces in {force}, torques in {torque}" if named else option
+        yield WrenchUnits(label, stated[0] / per_si("force", force), stated[-1] / per_si("torque", torque))

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..calibration.calibration import Calibration
 from ..calibration.file import to_json
+from ..calibration.findings import Kind
 from ..calibration.text import describe, verdict_sentences
 from ..errors import FileAccessError, InputError
 from ..estimation.noise import NoiseLike
@@ -20,29 +21,35 @@ from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..recording.options import Options
 from ..samples.samples import Samples
+from ..statistics import meaningful_digits
 
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """The calibrations of recordings, what each `missed` of what was required (an empty text: nothing), and what was
-    `written` where.
+    """The calibrations of recordings, what each `missed` of the accuracy and of the mass that were required (an empty
+    text: nothing), and what was `written` where, if not `held_back` for a bad fit.
     """
 
     calibrations: tuple[Calibration, ...]
-    missed: tuple[str, ...]
+    missed: tuple[tuple[str, str], ...]
     written: tuple[tuple[str, Path], ...]
+    held_back: bool = False
 
     @property
     def text(self) -> str:
         """For people: a sentence is one line."""
-        return "\n\n".join(map(describe, self.calibrations, self.missed))
+        return "\n\n".join(map(describe, self.calibrations, map(_joined, self.missed)))
 
     def failures(self, strict: bool) -> list[str]:
-        """Why the check fails, a line each: an accuracy that is missed; with `strict`, a verdict that is not good."""
-        lines = []
-        for c, missed in zip(self.calibrations, self.missed, strict=True):
+        """Why the check fails, a line each: a bad fit; an accuracy or a mass that is missed; with `strict`, a verdict
+        that is not good.
+        """
+        lines, unwritten = [], "; not written, --force writes it" if self.held_back else ""
+        for c, (accuracy, mass) in zip(self.calibrations, self.missed, strict=True):
             where = f"{c.provenance['source']}: " if len(self.calibrations) > 1 else ""
-            lines += [f"{where}Required accuracy missed: at a new orientation, {missed}"] if missed else []
+            lines += [f"{where}The fit is bad: {text}{unwritten}" for text in _bad_fit(c)]
+            lines += [f"{where}Required accuracy missed: at a new orientation, {accuracy}"] if accuracy else []
+            lines += [f"{where}Required mass missed: {mass}; contactwrench diagnose lists other units"] if mass else []
             if strict and c.verdict != "good":
                 reasons = "; ".join(verdict_sentences(c)[1:-1]) or "see its warnings"
                 lines.append(f"{where}The verdict is {c.verdict}, --strict expects good: {reasons}")
@@ -72,8 +79,10 @@ def calibrate_recordings(
     output: Path | None = None,
     report: Path | None = None,
     required: tuple[float | None, float | None] = (None, None),
+    required_mass: tuple[float, float] | None = None,
+    force: bool = False,
 ) -> Calibrated:
-    """Calibrate, save and report.
+    """Calibrate, save and report; calibrations of which one fits badly are not saved.
 
     Args:
         files: one recording, or with `shared` one of each tool.
@@ -91,6 +100,8 @@ def calibrate_recordings(
         output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
         report: a page about the calibration.
         required: the most error to be expected of the contact force, N, and of the torque, N m, at a new orientation.
+        required_mass: kg, the least and the most; the mass is to lie inside by its std. Not for `affine`.
+        force: save bad fits too.
 
     Raises:
         ContactWrenchError: as reading, fitting and writing raise it.
@@ -112,18 +123,20 @@ def calibrate_recordings(
         fitted = (calibrate(recordings[0], model, prior=prior, **stated),)
     created = datetime.now(UTC).isoformat(timespec="seconds")
     calibrations = tuple(replace(c, provenance={**c.provenance, "created": created}) for c in fitted)
+    held_back = bool(paths) and not force and any(map(_bad_fit, calibrations))
+    paths = [] if held_back else paths
     if shared and output is not None and paths:
         make_folder(output)
     for path, calibration in zip(paths, calibrations, strict=bool(paths)):
         calibration.save(path)
     written = [("calibration", path) for path in paths]
-    missed = tuple(_missed(calibration, required) for calibration in calibrations)
+    missed = tuple((_missed(c, required), _mass_missed(c, required_mass)) for c in calibrations)
     if report is not None:
         from .html import write_calibration_report
 
-        write_calibration_report(report, calibrations[0], recordings[0], missed[0])
+        write_calibration_report(report, calibrations[0], recordings[0], _joined(missed[0]))
         written.append(("report", report))
-    return Calibrated(calibrations, missed, tuple(written))
+    return Calibrated(calibrations, missed, tuple(written), held_back)
 
 
 def output_files(files: Sequence[Path], output: Path | None, several: bool) -> list[Path]:
@@ -155,3 +168,21 @@ def _missed(calibration: Calibration, required: tuple[float | None, float | None
         for name, value, limit, unit in judged
         if limit is not None and not value <= limit
     )
+
+
+def _mass_missed(c: Calibration, required: tuple[float, float] | None) -> str:
+    """What the mass is, where it does not surely lie inside what is required."""
+    if required is None or c.mass is None or c.std["weight"] is None:
+        return ""
+    (low, high), std = required, c.std["weight"] / c.g
+    inside = low <= c.mass - std and c.mass + std <= high
+    return "" if inside else f"mass {' +- '.join(meaningful_digits(c.mass, std))} kg, expected {low:g} to {high:g}"
+
+
+def _joined(missed: tuple[str, str]) -> str:
+    return " and ".join(filter(None, missed))
+
+
+def _bad_fit(c: Calibration) -> list[str]:
+    """The sentence that a fit is bad."""
+    return [finding.text.removeprefix("weak: ") for finding in c.findings if finding.kind is Kind.POOR_FIT]

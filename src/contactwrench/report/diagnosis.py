@@ -8,10 +8,14 @@ import numpy as np
 
 from ..assess.diagnose import Diagnosis, Explanation
 from ..assess.interpretations import Interpretation
+from ..assess.unseen import REVERSED
+from ..calibration.findings import ABSURD, Kind
 from ..calibration.text import COLUMNS
+from ..geometry.arrays import Array
 from ..statistics import two_digits
 from .text import json_text
 
+MOST_UNSEEN = 6
 LIKELY_CAUSES = (
     "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the recording, "
     "an arm that still moved, a cable that pulls, a tool too light for the sensor, or a controller that already "
@@ -22,6 +26,7 @@ LIKELY_CAUSES = (
 def verdict(diagnosis: Diagnosis) -> str:
     """In one line: what is left as given, and what with the best interpretation."""
     given, best = diagnosis.given, diagnosis.best
+    no_tool = f"but no tool is so ({_how_odd(best.odd)}): see the units and signs below"
     if given is None:
         as_given = "as given: cannot be read"
     else:
@@ -31,10 +36,13 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"{as_given}; no other reading explains it: the best leaves {_left(best, False)}, {_share(best)}"
     if given is None or not diagnosis.read_rightly:
         better = f"{_how(best.interpretation, given)}: {_left(best, given is not None and torque_too)} left"
-        doubt = "" if best.explained else f", still {_share(best)}"
+        doubt = f", {no_tool}" if best.odd else ""
+        doubt = doubt if best.explained else f", still {_share(best)}"
         return f"{as_given}; {better}{doubt}"
     if not best.explained:
         return f"{as_given}, {_share(best)}; no other reading explains it better, and none explains it well"
+    if best.odd is not None:
+        return f"{as_given}; no other reading explains it better, {no_tool}"
     if diagnosis.likely:
         return f"{as_given}; other readings explain it as well, and free air cannot tell them apart"
     return f"{as_given}; no other reading explains it better: the file is read rightly"
@@ -63,7 +71,27 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += ["", "Free air cannot tell these from the first:"]
         lines += [f"  {_label(interpretation)}" for interpretation in d.alike[: d.likely]]
         lines += ["To decide:", *(f"- {observation}" for observation in d.observations)]
+    lines += _unseen(d)
     return "\n".join(lines)
+
+
+def _unseen(d: Diagnosis) -> list[str]:
+    """What the tool would be in other units, the most plausible ones, and with the torques reversed."""
+    shown = [each for each in d.unseen if each.odd is None][:MOST_UNSEEN]
+    shown += [each for each in d.unseen if each.label == REVERSED and each not in shown]
+    if not shown:
+        return []
+    rows = [f"  {each.mass:8.3g}  {_in_mm(each.com):>22}  {_how_odd(each.odd):<24}  {each.label}" for each in shown]
+    return [
+        "",
+        f"Free air cannot tell these from the first (its tool: {_how_odd(d.best.odd)}) either; weigh the tool:",
+        f"  {'mass kg':>8}  {'com mm':^22}  {'':<24}  interpretation",
+        *rows,
+    ]
+
+
+def _how_odd(odd: Kind | None) -> str:
+    return "plausible" if odd is None else ABSURD[odd]
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> str:
@@ -84,6 +112,11 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "alike": [_options_and_mends(interpretation) for interpretation in d.alike],
         "likely": d.likely,
         "observations": d.observations,
+        "plausible": d.best.odd is None,
+        "unseen": [
+            {"label": each.label, "mass": each.mass, "com": each.com, "plausible": each.odd is None, "odd": each.odd}
+            for each in d.unseen
+        ],
     }
     return json_text(values)
 
@@ -99,9 +132,13 @@ def _explanation(fit: Explanation) -> dict[str, Any]:
 
 def _row(fit: Explanation, label: str) -> list[str]:
     """A line of the table; a long label stands below it."""
-    com = ", ".join(f"{1e3 * part:6.1f}" for part in fit.com)
-    numbers = f"  {two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}  {fit.weight:8.3g}  {com:>22}"
+    left = f"{two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}"
+    numbers = f"  {left}  {fit.weight:8.3g}  {_in_mm(fit.com):>22}"
     return [f"{numbers}  {label}"] if len(numbers) + 2 + len(label) <= COLUMNS else [numbers, f"      {label}"]
+
+
+def _in_mm(com: Array) -> str:
+    return ", ".join(f"{1e3 * part:6.1f}" for part in com)
 
 
 def _label(interpretation: Interpretation) -> str:

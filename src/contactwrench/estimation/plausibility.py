@@ -1,0 +1,148 @@
+"""What no fit can tell, a tool can: units and signs that are mistaken alike in all poses, and channels that are dead.
+
+Such readings leave nothing, yet the tool that explains them is absurd. The limits are those of things, not of the
+sets at hand; each is beyond what a robot carries, as whatever passes here is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..calibration.findings import Finding, Kind
+from ..errors import refuse
+from ..geometry.arrays import Array
+from ..geometry.wrench import STANDARD_GRAVITY
+from ..model import AXES
+from ..samples.samples import Samples
+from .estimate import Estimate, RigidEstimate
+from .priors import Question, rows_of
+from .subtracted_payload import tilts_widely
+
+LIGHTEST, HEAVIEST = 0.005, 2300.0
+"""kg: two M4 screws; the payload of the strongest arm, FANUC M-2000iA/2300."""
+
+FURTHEST_COM = 2.0
+"""m: no arm carries a tool that long."""
+
+REACH = 0.76
+"""m per cube root of a kg: the middle of a tube of carbon (1,600 kg/m^3) thirty times as long as thick, its wall a
+twentieth of its diameter. A tool has a flange at its foot, and stays nearer.
+"""
+
+NEAREST = 0.0005
+"""m per cube root of a kg: a hundredth of the side of a cube of steel. By chance a centre of mass lies there once in a
+hundred sensors whose origin is inside the tool, and then its std is as large.
+"""
+
+TYPICAL = 0.05
+"""m per cube root of a kg: the middle of a cube of water that stands on the sensor."""
+
+SENSOR = 0.01
+"""m: so far a sensor's origin may lie before its face."""
+
+UPRIGHT = float(np.cos(np.deg2rad(10.0)))
+"""Of sensor's z and flange's: further apart, nobody knows which axis of the flange points to the tool."""
+
+SURE = 3.0
+"""Standard deviations."""
+
+OF_MASS = (Kind.MASS_TOO_LARGE, Kind.MASS_TOO_SMALL)
+TEXTS = {
+    Kind.MASS_TOO_LARGE: "the mass comes out as {mass:.3g} kg, more than any robot carries: are the forces in mN or "
+    "gf (--units)? contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known "
+    "mass=KG+-STD",
+    Kind.MASS_TOO_SMALL: "the mass comes out as {mass:.2g} kg, less than any tool's: are the forces in kN (--units), "
+    "or is there none? contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known "
+    "mass=KG+-STD",
+    Kind.FAR_CENTRE_OF_MASS: "the centre of mass comes out {distance:.2g} m from the sensor, further than a tool of "
+    "{mass:.2g} kg reaches: are the forces in kgf or lbf (--units)? contactwrench diagnose lists the units that make a "
+    "tool; weigh it (--known mass=KG+-STD); --known com_mm=X,Y,Z+-STD confirms it",
+    Kind.NEAR_CENTRE_OF_MASS: "the centre of mass comes out {distance:.1g} m from the sensor's origin, where no tool "
+    "of {mass:.3g} kg has it: are the forces in mN, or the torques in N m (--units)? contactwrench diagnose lists the "
+    "units; --known com_mm=X,Y,Z+-STD confirms it",
+    Kind.CENTRE_OF_MASS_BEHIND: "the centre of mass comes out {behind:.0f} mm behind the sensor, on the robot's side: "
+    "are tx, ty and tz reversed, or does the z of flange and sensor point to the robot? See where it lies; --known "
+    "com_mm=X,Y,Z+-STD confirms it",
+}
+"""Of each kind, what is found, the likeliest mistakes, and what decides."""
+IN_NMM = (
+    "the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then say --units "
+    "torque=Nmm; contactwrench diagnose tries this and other ways to read the file"
+)
+
+
+def oddity(weight: float, com: Array, along: float, std: Array | float = 0.0) -> Kind | None:
+    """Of what kind a tool of `weight` N is absurd, None where one may be so: its centre of mass `com` (3,) m from the
+    sensor's origin, `along` m of that to the side where tools are (NaN: nobody knows), each part with a `std` (3,) m.
+    """
+    mass, distance, spread = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), SURE * float(np.max(std))
+    size = float(np.cbrt(mass))
+    kinds = (
+        (mass > HEAVIEST, Kind.MASS_TOO_LARGE),
+        (mass < LIGHTEST, Kind.MASS_TOO_SMALL),
+        (distance - spread > min(REACH * size, FURTHEST_COM), Kind.FAR_CENTRE_OF_MASS),
+        (distance + spread < NEAREST * size, Kind.NEAR_CENTRE_OF_MASS),
+        (along + spread < -SENSOR, Kind.CENTRE_OF_MASS_BEHIND),
+    )
+    return next((kind for holds, kind in kinds if holds), None)
+
+
+def strangeness(weight: float, com: Array) -> float:
+    """How far, in factors, a centre of mass (3,) m lies from where tools of `weight` N have theirs."""
+    usual = TYPICAL * np.cbrt(max(weight, 1e-12) / STANDARD_GRAVITY)
+    return abs(float(np.log(max(float(np.linalg.norm(com)), 1e-12) / usual)))
+
+
+def to_the_tool(B: Array, com: Array) -> float:
+    """How far (m) a centre of mass `com` (3,), sensor axes, lies along the flange's z, by B (6, 4); NaN where that is
+    not about the sensor's.
+    """
+    z = B[:3, 2] / max(float(np.linalg.norm(B[:3, 2])), 1e-300)
+    return float(com @ z) if abs(z[2]) > UPRIGHT else np.nan
+
+
+def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
+    """That no tool is as this one, unless what makes it so is known; of a model without a tool, by its B."""
+    weight, com, spread, known = estimate.weight_scale, _com_of(estimate.B), np.zeros(4), np.zeros(4)
+    if isinstance(estimate, RigidEstimate):
+        weight, com, spread = estimate.tool.weight, estimate.tool.com, np.sqrt(np.diag(estimate.covariance)[:4])
+        rows = rows_of(question.knowledge, estimate.tool, estimate.names)
+        known = known if rows is None else np.abs(rows.jacobian[:, :4]).sum(axis=0)
+    mass, distance, along = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), to_the_tool(estimate.B, com)
+    kind = oddity(weight, com, along, spread[1:]) if weight > SURE * spread[0] else None
+    if distance > FURTHEST_COM:
+        yield Finding.weak(Kind.FAR_CENTRE_OF_MASS, IN_NMM.format(distance=distance))
+    elif kind is not None and not (known[0] if kind in OF_MASS else all(known[1:])):
+        text = TEXTS[kind].format(mass=mass, distance=distance, behind=-1e3 * along)
+        yield Finding.doubtful(kind, text)
+
+
+def _com_of(B: Array) -> Array:
+    """The centre of mass (3,) m whose torques are nearest to those of B (6, 4)."""
+    force, torque = B[:3, :3], B[3:, :3]
+    turning = np.sum(force**2) * np.eye(3) - force @ force.T
+    return np.asarray(np.linalg.lstsq(turning, np.cross(force.T, torque.T).sum(axis=0))[0])
+
+
+def require_alive(wrench: Array, source: str) -> None:
+    """Raise `InputError` for readings (n, 6) that are all zero, and for six channels that are one."""
+    first, expected = wrench[:, :1], "expected what a six-axis sensor reads: check its columns, cable and driver"
+    refuse(
+        (not wrench.any(), f"{source}: found 0 in all six channels of every row, {expected}"),
+        ((wrench == first).all() and np.ptp(first) > 0.0, f"{source}: found six equal channels, {expected}"),
+    )
+
+
+def dead_channels(samples: Samples, gravity_direction: Array) -> tuple[Finding, ...]:
+    """That channels read one value in all rows, though these tilt the tool. Raises `InputError` where none is alive."""
+    require_alive(samples.wrench, samples.source)
+    dead = np.ptp(samples.wrench, axis=0) == 0.0
+    if not dead.any() or not tilts_widely(samples.R_base_flange, gravity_direction):
+        return ()
+    named = ", ".join(f"{axis} = {samples.wrench[0, k]:g}" for k, axis in enumerate(AXES) if dead[k])
+    text = f"{named} in all {len(samples)} rows, though these tilt the tool"
+    frozen = f"{samples.source}: found {text}, expected readings that change: check the sensor's cable and driver"
+    refuse((dead.all(), frozen))
+    return (Finding.doubtful(Kind.DEAD_CHANNEL, f"{text}: a dead channel, or one that was not recorded?"),)
