@@ -32,8 +32,8 @@ twentieth of its diameter. A tool has a flange at its foot, and stays nearer.
 """
 
 NEAREST = 0.0005
-"""m per cube root of a kg: a hundredth of the side of a cube of steel. By chance a centre of mass lies there once in a
-hundred sensors whose origin is inside the tool, and then its std is as large.
+"""m per cube root of a kg: a hundredth of the side of a cube of steel. A tool lies on its sensor; where the origin is
+inside it, few stds are small enough to say so much.
 """
 
 TYPICAL = 0.05

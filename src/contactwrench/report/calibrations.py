@@ -49,7 +49,7 @@ class Calibrated:
             where = f"{c.provenance['source']}: " if len(self.calibrations) > 1 else ""
             lines += [f"{where}The fit is bad: {text}{unwritten}" for text in _bad_fit(c)]
             lines += [f"{where}Required accuracy missed: at a new orientation, {accuracy}"] if accuracy else []
-            lines += [f"{where}Required mass missed: {mass}; contactwrench diagnose lists other units"] if mass else []
+            lines += [f"{where}Requirement missed: {mass}; contactwrench diagnose lists other units"] if mass else []
             if strict and c.verdict != "good":
                 reasons = "; ".join(verdict_sentences(c)[1:-1]) or "see its warnings"
                 lines.append(f"{where}The verdict is {c.verdict}, --strict expects good: {reasons}")

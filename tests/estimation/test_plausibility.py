@@ -1,0 +1,239 @@
+"""What free air cannot tell: a tool that no robot has is said, an honest one never, and dead channels are named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.calibration.findings import ABSURD, Finding, Kind, Severity
+from contactwrench.errors import InputError
+from contactwrench.estimation.plausibility import oddity
+from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rotations
+
+G, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
+R = random_rotations(14, np.random.default_rng(3))
+BIAS = np.array([1.0, -2.0, 3.0, 0.1, -0.2, 0.3])
+
+
+def wrench_of(mass: float = 1.0, z: float = 0.06, R_flange_sensor: Array | None = None) -> Array:
+    mounting = np.eye(3) if R_flange_sensor is None else R_flange_sensor
+    rig = Rig(mass * G, mounting.T @ np.array([0.004, -0.003, z]), BIAS, mounting, DOWN)
+    noise = 0.002 * mass * G * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    return noisy_readings(rig, R, noise, np.random.default_rng(0))
+
+
+def found(wrench: Array, model: str = "auto", **stated: object) -> list[Finding]:
+    calibration = cw.calibrate(cw.Samples(wrench, R), model, **stated)  # type: ignore[arg-type]
+    return [finding for finding in calibration.findings if finding.kind in {*ABSURD, Kind.DEAD_CHANNEL}]
+
+
+def scaled(force: float, torque: float) -> Array:
+    return np.repeat([force, torque], 3)
+
+
+MISTAKES = {
+    "kgf, N m": (
+        scaled(1 / G, 1.0),
+        "doubtful: the centre of mass comes out 0.59 m from the sensor, further than a tool of 0.1 kg reaches: are the "
+        "forces in kgf or lbf (--units)? contactwrench diagnose lists the units that make a tool; weigh it (--known "
+        "mass=KG+-STD); --known com_mm=X,Y,Z+-STD confirms it",
+    ),
+    "lbf, lbf in": (
+        scaled(1 / LBF, 1 / LBF / INCH),
+        "weak: the centre of mass comes out 2.4 m from the sensor: are the torques in N mm? Then say --units "
+        "torque=Nmm; contactwrench diagnose tries this and other ways to read the file",
+    ),
+    "mN, mN m": (
+        scaled(1e3, 1e3) * 3.0,
+        "doubtful: the mass comes out as 3e+03 kg, more than any robot carries: are the forces in mN or gf (--units)? "
+        "contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known mass=KG+-STD",
+    ),
+    "kN, kN m": (
+        scaled(1e-3, 1e-3),
+        "doubtful: the mass comes out as 0.001 kg, less than any tool's: are the forces in kN (--units), or is there "
+        "none? contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known mass=KG+-STD",
+    ),
+    "mN, N m": (
+        scaled(1e3, 1.0),
+        "doubtful: the centre of mass comes out 6e-05 m from the sensor's origin, where no tool of 1e+03 kg has it: "
+        "are the forces in mN, or the torques in N m (--units)? contactwrench diagnose lists the units; --known "
+        "com_mm=X,Y,Z+-STD confirms it",
+    ),
+    "torques negated": (
+        scaled(1.0, -1.0),
+        "doubtful: the centre of mass comes out 60 mm behind the sensor, on the robot's side: are tx, ty and tz "
+        "reversed, or does the z of flange and sensor point to the robot? See where it lies; --known com_mm=X,Y,Z+-STD "
+        "confirms it",
+    ),
+}
+
+
+@pytest.mark.parametrize("model", ["auto", "affine"])
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_that_fits_perfectly_is_said(mistake: str, model: str) -> None:
+    """Of every model: `affine` has no tool, but its torques are those of one."""
+    factors, text = MISTAKES[mistake]
+    (finding,) = found(wrench_of() * factors, model)
+    assert finding.text == text
+    assert len(finding.text) < 300
+    assert cw.calibrate(cw.Samples(wrench_of() * factors, R), model).verdict == finding.severity
+
+
+FLIPPED = np.diag([1.0, -1.0, -1.0])
+
+
+@pytest.mark.parametrize("mounting", [np.eye(3), FLIPPED], ids=["along", "against"])
+@pytest.mark.parametrize("mass", [0.1, 1.0, 500.0])
+def test_an_honest_tool_is_not_doubted(mass: float, mounting: Array) -> None:
+    calibration = cw.calibrate(cw.Samples(wrench_of(mass, 0.06 * np.cbrt(mass), mounting), R))
+    assert (calibration.verdict, calibration.findings) == ("good", ())
+
+
+def test_a_sensor_at_any_angle_has_no_side_behind_it() -> None:
+    """Where sensor and flange are not parallel, nobody knows which axis of the flange points to the tool."""
+    aside = Rotation.from_euler("Y", 40.0, degrees=True).as_matrix()
+    assert found(wrench_of(z=-0.06, R_flange_sensor=aside), "mount") == []
+    (finding,) = found(wrench_of(z=-0.06), "mount")
+    assert finding.kind is Kind.CENTRE_OF_MASS_BEHIND
+
+
+def test_what_is_known_is_not_doubted() -> None:
+    """What was weighed, or seen, is no mistake."""
+    behind, light = wrench_of() * scaled(1.0, -1.0), wrench_of(0.003)
+    assert found(behind, known={"com": (np.array([-0.004, 0.003, -0.06]), 0.005)}) == []
+    assert [each.kind for each in found(behind, known={"weight": (G, 0.1)})] == [Kind.CENTRE_OF_MASS_BEHIND]
+    assert found(light, known={"weight": (0.003 * G, 1e-3)}) == []
+
+
+def test_a_mass_that_was_weighed_contradicts_forces_in_another_unit() -> None:
+    calibration = cw.calibrate(cw.Samples(wrench_of() * scaled(1 / G, 1.0), R), known={"weight": (G, 0.05)})
+    assert calibration.verdict == "weak"
+    assert Kind.POOR_FIT in [finding.kind for finding in calibration.findings]
+
+
+def tools(n: int = 400) -> Iterator[tuple[float, Array]]:
+    """Boxes of half to five times the density of water, upright on the sensor, 0.1 to 500 kg: weight, com."""
+    rng = np.random.default_rng(1)
+    for mass in np.geomspace(0.1, 500.0, n):
+        side = np.cbrt(mass / np.exp(rng.uniform(np.log(500.0), np.log(5000.0))))
+        across, up = rng.normal(size=2) * 0.1 * side, 0.5 * side * rng.uniform(0.7, 1.6) + rng.uniform(0.0, 0.03)
+        yield mass * G, np.array([*across, up])
+
+
+HONEST = {
+    "camera on a tube of carbon": (0.45, 0.55),
+    "paint lance": (3.0, 0.6),
+    "spot-welding gun": (110.0, 0.45),
+    "stylus": (0.015, 0.03),
+    "flange of aluminium": (0.15, 0.005),
+    "flange of steel": (4.0, 0.006),
+    "palletizer's gripper": (300.0, 0.8),
+    "gripper of Franka": (0.73, 0.03),
+    "gripper of UR's shop": (0.925, 0.058),
+}
+
+
+def test_honest_tools_of_all_sizes_are_not_odd() -> None:
+    assert [(weight, com) for weight, com in tools() if oddity(weight, com, float(com[2]))] == []
+    assert [name for name, (mass, z) in HONEST.items() if oddity(mass * G, np.array([0.0, 0.0, z]), z)] == []
+
+
+@pytest.mark.parametrize(
+    ("force", "torque", "least"),
+    [
+        pytest.param(1 / G, 1.0, 0.9, id="kgf, N m"),
+        pytest.param(1 / G, 100.0 / G, 1.0, id="kgf, kgf cm"),
+        pytest.param(1e3, 1.0, 1.0, id="mN, N m"),
+        pytest.param(1e-3, 1.0, 1.0, id="kN, N m"),
+        pytest.param(1.0, 1e3, 1.0, id="N, N mm"),
+        pytest.param(1.0, 1e2, 0.98, id="N, N cm"),
+        pytest.param(1.0, 1e-3, 1.0, id="N m as N mm"),
+        pytest.param(1.0, -1.0, 0.95, id="torques reversed"),
+        pytest.param(1 / LBF, 1 / LBF / INCH, 1.0, id="lbf, lbf in"),
+        pytest.param(1 / LBF, 1.0, 0.0, id="lbf, N m: a long tool"),
+        pytest.param(1 / G, 1 / G, 0.0, id="kgf, kgf m: a smaller tool"),
+    ],
+)
+def test_mistakes_that_make_an_absurd_tool_are_said_of_nearly_all(force: float, torque: float, least: float) -> None:
+    """The share that is said; the last two make a tool that could be, and docs/warnings.md says so."""
+    said = [oddity(force * w, torque / force * com, torque / force * float(com[2])) is not None for w, com in tools()]
+    assert np.mean(said) >= least
+
+
+@pytest.mark.parametrize(
+    ("mass", "z", "kind"),
+    [
+        (2299.0, 1.0, None),
+        (2301.0, 1.0, Kind.MASS_TOO_LARGE),
+        (0.0051, 0.01, None),
+        (0.0049, 0.01, Kind.MASS_TOO_SMALL),
+        (1.0, 0.759, None),
+        (1.0, 0.761, Kind.FAR_CENTRE_OF_MASS),
+        (1000.0, 1.99, None),
+        (1000.0, 2.01, Kind.FAR_CENTRE_OF_MASS),
+        (1.0, 0.00051, None),
+        (1.0, 0.00049, Kind.NEAR_CENTRE_OF_MASS),
+        (1.0, -0.0099, None),
+        (1.0, -0.0101, Kind.CENTRE_OF_MASS_BEHIND),
+    ],
+)
+def test_limits(mass: float, z: float, kind: Kind | None) -> None:
+    assert oddity(mass * G, np.array([0.0, 0.0, z]), z) is kind
+
+
+def test_an_uncertain_centre_of_mass_is_not_doubted() -> None:
+    """Three standard deviations are given to it."""
+    far = np.array([0.0, 0.0, 0.8])
+    assert oddity(G, far, 0.8, np.full(3, 0.02)) is None
+    assert oddity(G, far, 0.8, np.full(3, 0.01)) is Kind.FAR_CENTRE_OF_MASS
+
+
+def test_negated_readings_of_a_long_light_tool_are_no_rival() -> None:
+    """They fit by a negative weight: the same fit, which says nothing of the sign."""
+    findings = cw.calibrate(cw.Samples(wrench_of() * scaled(1 / G, 1.0), R)).findings
+    assert Kind.SIGN_NOT_CONFIRMED not in [finding.kind for finding in findings]
+
+
+@pytest.mark.parametrize("model", ["auto", "paper", "affine"])
+@pytest.mark.parametrize(
+    ("wrench", "message"),
+    [
+        (
+            np.zeros((14, 6)),
+            "arrays: found 0 in all six channels of every row, expected what a six-axis sensor reads: check its "
+            "columns, cable and driver",
+        ),
+        (
+            np.repeat(wrench_of()[:, :1], 6, axis=1),
+            "arrays: found six equal channels, expected what a six-axis sensor reads: check its columns, cable and "
+            "driver",
+        ),
+        (
+            np.tile([1.5, 0.0, -2.0, 0.0, 0.0, 0.25], (14, 1)),
+            "arrays: found fx = 1.5, fy = 0, fz = -2, tx = 0, ty = 0, tz = 0.25 in all 14 rows, though these tilt the "
+            "tool, expected readings that change: check the sensor's cable and driver",
+        ),
+    ],
+    ids=["zero", "equal", "frozen"],
+)
+def test_dead_sensors_are_refused(wrench: Array, message: str, model: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        cw.calibrate(cw.Samples(wrench, R), model)
+    assert str(refusal.value) == message
+
+
+@pytest.mark.parametrize("model", ["auto", "affine"])
+def test_a_dead_channel_is_named(model: str) -> None:
+    wrench = wrench_of()
+    wrench[:, 5] = 0.25
+    (finding,) = found(wrench, model)
+    text = (
+        "doubtful: tz = 0.25 in all 14 rows, though these tilt the tool: a dead channel, or one that was not recorded?"
+    )
+    assert (finding.kind, finding.severity, finding.text) == (Kind.DEAD_CHANNEL, Severity.DOUBTFUL, text)
+    wrench[0, 5] = 0.2501
+    assert found(wrench, model) == []
