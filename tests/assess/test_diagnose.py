@@ -289,7 +289,7 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
         "",
         "    N left  mN m left  weight N          com mm          interpretation",
     ]
-    assert "Free air" not in right.out
+    assert "Free air cannot tell these from the first:" not in right.out
     for flags, verdict in {
         "--sign reaction": "as given: 9.6 N left; without `--sign reaction`: 0.26 N left",
         "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.1 N left; with `--orientation quat_xyzw`: 0.26 N left",

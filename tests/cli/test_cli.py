@@ -13,7 +13,7 @@ import pytest
 import contactwrench as cw
 from contactwrench.calibration.file import to_json
 from contactwrench.calibration.findings import Doubt
-from tests.support.recordings import MATRIX, PANDA, PAPER, WRENCH, Run, csv_text, matrix_table, run, written
+from tests.support.recordings import MATRIX, PANDA, WRENCH, Run, csv_text, matrix_table, run, written
 from tests.support.rigs import example, noisy
 from tests.support.world import random_rotations
 
@@ -298,7 +298,7 @@ def test_the_installed_program_runs(tmp_path: Path) -> None:
     if not program.exists():
         pytest.skip("the package is not installed in this environment")
     name = os.fsdecode(os.fsencode(tmp_path) + b"/K\xf6ln.csv") if os.name == "posix" else str(tmp_path / "Köln.csv")
-    Path(name).write_bytes(PAPER.read_bytes())
+    Path(name).write_bytes(PANDA.read_bytes())
     done = subprocess.run([program, "calibrate", name, "--json"], capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
     assert json.loads(done.stdout)["model"] == "mount+base"

@@ -81,13 +81,11 @@ def _unseen(d: Diagnosis) -> list[str]:
     shown += [each for each in d.unseen if each.label == REVERSED and each not in shown]
     if not shown:
         return []
-    rows = [f"  {each.mass:8.3g}  {_in_mm(each.com):>22}  {_how_odd(each.odd):<24}  {each.label}" for each in shown]
-    return [
-        "",
-        f"Free air cannot tell these from the first (its tool: {_how_odd(d.best.odd)}) either; weigh the tool:",
-        f"  {'mass kg':>8}  {'com mm':^22}  {'':<24}  interpretation",
-        *rows,
-    ]
+    lines = ["", f"Free air cannot tell these from the first ({_how_odd(d.best.odd)}) either; weigh the tool:"]
+    lines += [f"  {'mass kg':>8}  {'com mm':^22}  interpretation"]
+    for each in shown:
+        lines += _beside(f"  {each.mass:8.3g}  {_in_mm(each.com):>22}", f"{each.label} ({_how_odd(each.odd)})")
+    return lines
 
 
 def _how_odd(odd: Kind | None) -> str:
@@ -131,9 +129,14 @@ def _explanation(fit: Explanation) -> dict[str, Any]:
 
 
 def _row(fit: Explanation, label: str) -> list[str]:
-    """A line of the table; a long label stands below it."""
+    """A row of the table."""
     left = f"{two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}"
     numbers = f"  {left}  {fit.weight:8.3g}  {_in_mm(fit.com):>22}"
+    return _beside(numbers, label)
+
+
+def _beside(numbers: str, label: str) -> list[str]:
+    """A row; a long label stands below it."""
     return [f"{numbers}  {label}"] if len(numbers) + 2 + len(label) <= COLUMNS else [numbers, f"      {label}"]
 
 
