@@ -35,39 +35,38 @@ def scaled(force: float, torque: float) -> Array:
     return np.repeat([force, torque], 3)
 
 
+MASS, PLACE = (
+    f"? Weigh the tool; contactwrench diagnose lists other units and signs; if it is so: --known {what}+-STD"
+    for what in ("mass=KG", "com_mm=X,Y,Z")
+)
 MISTAKES = {
     "kgf, N m": (
         scaled(1 / G, 1.0),
         "doubtful: the centre of mass comes out 0.59 m from the sensor, further than a tool of 0.1 kg reaches: are the "
-        "forces in kgf or lbf (--units)? contactwrench diagnose lists the units that make a tool; weigh it (--known "
-        "mass=KG+-STD); --known com_mm=X,Y,Z+-STD confirms it",
+        f"torques in N mm, or the forces in kgf or lbf{PLACE}",
     ),
     "lbf, lbf in": (
         scaled(1 / LBF, 1 / LBF / INCH),
-        "weak: the centre of mass comes out 2.4 m from the sensor: are the torques in N mm? Then say --units "
-        "torque=Nmm; contactwrench diagnose tries this and other ways to read the file",
+        "weak: the centre of mass comes out 2.4 m from the sensor, further than a tool of 0.22 kg reaches: are the "
+        f"torques in N mm, or the forces in kgf or lbf{PLACE}",
     ),
     "mN, mN m": (
         scaled(1e3, 1e3) * 3.0,
-        "doubtful: the mass comes out as 3e+03 kg, more than any robot carries: are the forces in mN or gf (--units)? "
-        "contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known mass=KG+-STD",
+        "doubtful: the mass comes out as 3e+03 kg, more than any robot carries: are the forces in mN or gf" + MASS,
     ),
     "kN, kN m": (
         scaled(1e-3, 1e-3),
-        "doubtful: the mass comes out as 0.001 kg, less than any tool's: are the forces in kN (--units), or is there "
-        "none? contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known mass=KG+-STD",
+        "doubtful: the mass comes out as 0.001 kg, less than any tool's: are the forces in kN" + MASS,
     ),
     "mN, N m": (
         scaled(1e3, 1.0),
         "doubtful: the centre of mass comes out 6e-05 m from the sensor's origin, where no tool of 1e+03 kg has it: "
-        "are the forces in mN, or the torques in N m (--units)? contactwrench diagnose lists the units; --known "
-        "com_mm=X,Y,Z+-STD confirms it",
+        f"are the forces in mN, or the torques in another unit{PLACE}",
     ),
     "torques negated": (
         scaled(1.0, -1.0),
         "doubtful: the centre of mass comes out 60 mm behind the sensor, on the robot's side: are tx, ty and tz "
-        "reversed, or does the z of flange and sensor point to the robot? See where it lies; --known com_mm=X,Y,Z+-STD "
-        "confirms it",
+        f"reversed, or does the flange's z point to the robot{PLACE}",
     ),
 }
 

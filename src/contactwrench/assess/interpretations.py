@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array
 
 DOWN = (0.0, 0.0, -1.0)
+WrenchUnits: TypeAlias = tuple[str, float, float]
+"""The option or the words that say so, and what turns forces and torques in the stated units into SI by these."""
 
 COST_OF_CHANGE = 2.0 * float(np.log(20.0))
 """-2 log of the prior probability of one change from what was stated."""
@@ -73,17 +76,6 @@ class TorqueUnit:
     units: str
     mend: str
     cost: float
-
-
-@dataclass(frozen=True)
-class WrenchUnits:
-    """Units that a file's forces and torques may have, by the option or the words that say so; `force` and `torque`
-    turn the stated ones into these.
-    """
-
-    label: str
-    force: float
-    torque: float
 
 
 @dataclass(frozen=True)

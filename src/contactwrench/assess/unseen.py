@@ -20,24 +20,14 @@ USUAL = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Unseen:
-    """Other units, or the torques reversed, by `label`, that make a tool of `weight` N with its `com` (3,) m; of what
+    """Other units, or the torques reversed, by `label`, that make a tool of `mass` kg with its `com` (3,) m; of what
     kind it is `odd`, None where a tool may be so.
     """
 
     label: str
-    weight: float
+    mass: float
     com: Array
     odd: Kind | None
-
-    @property
-    def mass(self) -> float:
-        """kg, at standard gravity."""
-        return self.weight / STANDARD_GRAVITY
-
-    @property
-    def rank(self) -> tuple[bool, float]:
-        """The most plausible first: a tool, the density that tools have, and rather torques as they stand."""
-        return self.odd is not None, strangeness(self.weight, self.com) + USUAL * (REVERSED in self.label)
 
 
 def likelier(factor: float, units: Iterable[WrenchUnits], weight: float, com: Array) -> bool:
@@ -45,7 +35,7 @@ def likelier(factor: float, units: Iterable[WrenchUnits], weight: float, com: Ar
     other `units` one that is likelier by far.
     """
     so = strangeness(weight, factor * com)
-    least = min((strangeness(each.force * weight, each.torque / each.force * com) for each in units), default=so)
+    least = min((strangeness(force * weight, torque / force * com) for _, force, torque in units), default=so)
     return so < strangeness(weight, com) and so < least + USUAL
 
 
@@ -56,11 +46,16 @@ def unseen(
     are the stated ones by a factor `own`. It is of `weight` N, its `com` (3,) m `to_the_tool` m on the side of tools.
     """
     found = []
-    for each in units:
-        same = bool(np.isclose(each.force, 1.0) and np.isclose(each.torque, own))
+    for label, force, torque in units:
+        same = bool(np.isclose(force, 1.0) and np.isclose(torque, own))
         for sign, words in ((1.0, []), (-1.0, [REVERSED])):
-            lever = sign * each.torque / own / each.force
-            moved, label = read_only(lever * com), ", ".join([*([] if same else [each.label]), *words])
-            odd = oddity(each.force * weight, moved, lever * to_the_tool)
-            found += [Unseen(label, each.force * weight, moved, odd)] if label else []
-    return tuple(sorted(found, key=lambda one: one.rank))
+            lever, all_words = sign * torque / own / force, [*([] if same else [label]), *words]
+            made = Unseen(
+                ", ".join(all_words),
+                force * weight / STANDARD_GRAVITY,
+                read_only(lever * com),
+                oddity(force * weight, lever * com, lever * to_the_tool),
+            )
+            rank = made.odd is not None, strangeness(force * weight, made.com) + USUAL * len(words)
+            found += [(rank, made)] if all_words else []
+    return tuple(made for _, made in sorted(found, key=lambda ranked: ranked[0]))

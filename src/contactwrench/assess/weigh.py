@@ -19,6 +19,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
+from ..estimation.plausibility import FURTHEST_COM
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, mounting_turn
@@ -32,9 +33,6 @@ THREE_STD = 0.9973
 
 PASSES = 3
 """How often the object's weight, which turns with the calibration's errors, is taken from the pass before."""
-
-FURTHEST_COM = 2.0
-"""m from the sensor: nothing that an arm holds has its centre of mass further off."""
 
 REFUSALS = (Kind.NEGATIVE_MASS, Kind.FAR_CENTRE_OF_MASS)
 """Findings that no object gives."""

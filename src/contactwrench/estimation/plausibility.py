@@ -48,34 +48,23 @@ UPRIGHT = float(np.cos(np.deg2rad(10.0)))
 SURE = 3.0
 """Standard deviations."""
 
-OF_MASS = (Kind.MASS_TOO_LARGE, Kind.MASS_TOO_SMALL)
 TEXTS = {
-    Kind.MASS_TOO_LARGE: "the mass comes out as {mass:.3g} kg, more than any robot carries: are the forces in mN or "
-    "gf (--units)? contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known "
-    "mass=KG+-STD",
-    Kind.MASS_TOO_SMALL: "the mass comes out as {mass:.2g} kg, less than any tool's: are the forces in kN (--units), "
-    "or is there none? contactwrench diagnose lists the units that make a tool; weigh it, and state it: --known "
-    "mass=KG+-STD",
+    Kind.MASS_TOO_LARGE: "the mass comes out as {mass:.3g} kg, more than any robot carries: are the forces in mN or gf",
+    Kind.MASS_TOO_SMALL: "the mass comes out as {mass:.2g} kg, less than any tool's: are the forces in kN",
     Kind.FAR_CENTRE_OF_MASS: "the centre of mass comes out {distance:.2g} m from the sensor, further than a tool of "
-    "{mass:.2g} kg reaches: are the forces in kgf or lbf (--units)? contactwrench diagnose lists the units that make a "
-    "tool; weigh it (--known mass=KG+-STD); --known com_mm=X,Y,Z+-STD confirms it",
+    "{mass:.2g} kg reaches: are the torques in N mm, or the forces in kgf or lbf",
     Kind.NEAR_CENTRE_OF_MASS: "the centre of mass comes out {distance:.1g} m from the sensor's origin, where no tool "
-    "of {mass:.3g} kg has it: are the forces in mN, or the torques in N m (--units)? contactwrench diagnose lists the "
-    "units; --known com_mm=X,Y,Z+-STD confirms it",
+    "of {mass:.3g} kg has it: are the forces in mN, or the torques in another unit",
     Kind.CENTRE_OF_MASS_BEHIND: "the centre of mass comes out {behind:.0f} mm behind the sensor, on the robot's side: "
-    "are tx, ty and tz reversed, or does the z of flange and sensor point to the robot? See where it lies; --known "
-    "com_mm=X,Y,Z+-STD confirms it",
+    "are tx, ty and tz reversed, or does the flange's z point to the robot",
 }
-"""Of each kind, what is found, the likeliest mistakes, and what decides."""
-IN_NMM = (
-    "the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? Then say --units "
-    "torque=Nmm; contactwrench diagnose tries this and other ways to read the file"
-)
+SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; if it is so: --known {}+-STD"
+"""Of each kind, what is found and the likeliest mistakes; then what decides."""
 
 
 def oddity(weight: float, com: Array, along: float, std: Array | float = 0.0) -> Kind | None:
-    """Of what kind a tool of `weight` N is absurd, None where one may be so: its centre of mass `com` (3,) m from the
-    sensor's origin, `along` m of that to the side where tools are (NaN: nobody knows), each part with a `std` (3,) m.
+    """Of what kind a tool of `weight` N is absurd, None where one may be so: its centre of mass `com` (3,) m, `along` m
+    of that to the side where tools are (NaN: nobody knows), each part with a `std` (3,) m.
     """
     mass, distance, spread = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), SURE * float(np.max(std))
     size = float(np.cbrt(mass))
@@ -105,23 +94,25 @@ def to_the_tool(B: Array, com: Array) -> float:
 
 def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
     """That no tool is as this one, unless what makes it so is known; of a model without a tool, by its B."""
-    weight, com, spread, known = estimate.weight_scale, _com_of(estimate.B), np.zeros(4), np.zeros(4)
-    if isinstance(estimate, RigidEstimate):
+    weight, known, spread = estimate.weight_scale, np.zeros(4), np.zeros(4)
+    if not isinstance(estimate, RigidEstimate):
+        com = _com_of(estimate.B)
+    else:
         weight, com, spread = estimate.tool.weight, estimate.tool.com, np.sqrt(np.diag(estimate.covariance)[:4])
         rows = rows_of(question.knowledge, estimate.tool, estimate.names)
         known = known if rows is None else np.abs(rows.jacobian[:, :4]).sum(axis=0)
     mass, distance, along = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), to_the_tool(estimate.B, com)
-    kind = oddity(weight, com, along, spread[1:]) if weight > SURE * spread[0] else None
-    if distance > FURTHEST_COM:
-        yield Finding.weak(Kind.FAR_CENTRE_OF_MASS, IN_NMM.format(distance=distance))
-    elif kind is not None and not (known[0] if kind in OF_MASS else all(known[1:])):
-        text = TEXTS[kind].format(mass=mass, distance=distance, behind=-1e3 * along)
-        yield Finding.doubtful(kind, text)
+    kind = oddity(weight, com, along, spread[1:]) if weight > SURE * spread[0] or distance > FURTHEST_COM else None
+    of_mass = kind in (Kind.MASS_TOO_LARGE, Kind.MASS_TOO_SMALL)
+    if kind is not None and not (known[0] if of_mass else known[1:].all()):
+        decides = SURELY.format("mass=KG" if of_mass else "com_mm=X,Y,Z")
+        text = TEXTS[kind].format(mass=mass, distance=distance, behind=-1e3 * along) + decides
+        yield (Finding.weak if distance > FURTHEST_COM else Finding.doubtful)(kind, text)
 
 
 def _com_of(B: Array) -> Array:
     """The centre of mass (3,) m whose torques are nearest to those of B (6, 4)."""
-    force, torque = B[:3, :3], B[3:, :3]
+    force, torque = np.split(B[:, :3] / max(float(np.abs(B[:3, :3]).max()), 1e-300), 2)
     turning = np.sum(force**2) * np.eye(3) - force @ force.T
     return np.asarray(np.linalg.lstsq(turning, np.cross(force.T, torque.T).sum(axis=0))[0])
 

@@ -17,13 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assess.interpretations import (
-    Interpretations,
-    OrientationInterpretation,
-    TorqueUnit,
-    WrenchInterpretation,
-    WrenchUnits,
-)
+from ..assess.interpretations import Interpretations, OrientationInterpretation, TorqueUnit, WrenchInterpretation
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
@@ -37,14 +31,14 @@ NAMED, GENERIC, UNIT, INVERSE, FRAME, TORQUE_UNIT = 1.0, 2.5, 1.0, 1.0, 1.0, 1.5
 SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
 """What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
 
-UNITS_OF_SENSORS = (
-    *(("N", torque) for torque in ("N m", "N mm", "N cm")),
-    *(("kgf", torque) for torque in ("N m", "kgf m", "kgf cm")),
-    *(("lbf", torque) for torque in ("N m", "lbf in", "lbf ft")),
-    *(("mN", torque) for torque in ("N m", "mN m")),
-    *(("kN", torque) for torque in ("N m", "kN m")),
-)
-"""Of force and torque, as sensors, drivers and hurried scripts pair them."""
+UNITS_OF_SENSORS = {
+    "N": ("N m", "N mm", "N cm"),
+    "kgf": ("N m", "kgf m", "kgf cm"),
+    "lbf": ("N m", "lbf in", "lbf ft"),
+    "mN": ("N m", "mN m"),
+    "kN": ("N m", "kN m"),
+}
+"""Of force: those of torque that sensors, drivers and hurried scripts pair it with."""
 
 MOST_POSES = 300
 """A longer recording is thinned: a wrong interpretation shows in a few dozen poses."""
@@ -287,11 +281,12 @@ def _other_torque_unit(torque: tuple[Column, ...]) -> TorqueUnit:
     return TorqueUnit(factor, "", mend, TORQUE_UNIT)
 
 
-def _units_of_wrench(columns: tuple[Column, ...]) -> Iterator[WrenchUnits]:
+def _units_of_wrench(columns: tuple[Column, ...]) -> Iterator[tuple[str, float, float]]:
     """Pairs of units, by the option where no column states its own."""
     stated = [column.per_si for column in columns] or [1.0]
     named = not columns or any(stated_unit("force", c.name) or stated_unit("torque", c.name) for c in columns)
-    for force, torque in UNITS_OF_SENSORS:
-        option = f"--units force={force},torque={torque.replace(' ', '')}"
-        label = f"forces in {force}, torques in {torque}" if named else option
-        yield WrenchUnits(label, stated[0] / per_si("force", force), stated[-1] / per_si("torque", torque))
+    words = "forces in {}, torques in {}" if named else "--units force={},torque={}"
+    for force, torques in UNITS_OF_SENSORS.items():
+        for torque in torques:
+            label = words.format(force, torque if named else torque.replace(" ", ""))
+            yield label, stated[0] / per_si("force", force), stated[-1] / per_si("torque", torque)

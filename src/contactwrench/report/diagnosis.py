@@ -111,10 +111,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "likely": d.likely,
         "observations": d.observations,
         "plausible": d.best.odd is None,
-        "unseen": [
-            {"label": each.label, "mass": each.mass, "com": each.com, "plausible": each.odd is None, "odd": each.odd}
-            for each in d.unseen
-        ],
+        "unseen": [vars(each) for each in d.unseen],
     }
     return json_text(values)
 
