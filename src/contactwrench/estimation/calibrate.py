@@ -180,11 +180,10 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     refuse((not (np.isfinite(g) and g > 0.0), f"g is {g!r}, expected m/s^2 above 0"))
     free, findings = _contact_free(samples)
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
-    findings += dead_channels(free, question.gravity_direction)
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free
     recorded = recorded_poses(free, MOST_VISITS, stream)
-    findings += tuple(of_recording(recorded, _first_time(free)))
+    findings += (*of_recording(recorded, _first_time(free)), *dead_channels(free, question.gravity_direction))
     visits = recorded.visits or ()
     ordered = stream or len(visits) > REVISITED * len(recorded.poses)
     for each in [recorded.poses] if recorded.visits is None else [recorded.visits, recorded.poses]:
