@@ -20,18 +20,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..calibration.findings import Kind
 from ..errors import InputError, UnobservableError, refuse
 from ..estimation.estimate import RigidEstimate
 from ..estimation.noise import PoseReadings
-from ..estimation.plausibility import oddity, require_alive, to_the_tool
+from ..estimation.plausibility import Unseen, likelier, oddity, require_alive, to_the_tool, unseen
 from ..estimation.priors import Question
 from ..estimation.rigid import estimated
 from ..geometry.arrays import Array, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange, wrench_matrix
 from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
-from .unseen import Unseen, likelier, unseen
 
 MODELS = ("auto", "yaw", "mount", "mount+base")
 """Of a rigid tool, with one weight."""
@@ -93,8 +91,8 @@ class Explanation:
     odds_in_contact: float = np.inf
 
     @property
-    def odd(self) -> Kind | None:
-        """Of what kind the tool is absurd, None where one may be so."""
+    def odd(self) -> str:
+        """In a word why no tool is so, nothing where one may be."""
         return oddity(self.weight, self.com, self.to_the_tool)
 
     @property

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,6 @@ from ..estimation.sign_ambiguity import negated
 from ..geometry.arrays import Array
 
 DOWN = (0.0, 0.0, -1.0)
-WrenchUnits: TypeAlias = tuple[str, float, float]
-"""The option or the words that say so, and what turns forces and torques in the stated units into SI by these."""
 
 COST_OF_CHANGE = 2.0 * float(np.log(20.0))
 """-2 log of the prior probability of one change from what was stated."""
@@ -107,7 +104,8 @@ class Interpretations:
     """A file's readings `wrench` (n, 6), N and N m as stated, and all ways to read them, the stated ones first.
 
     `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as stated, or None; `units` as stated,
-    `torque_unit` the other one that com tells, `wrench_units` all that sensors have; `complaint` why the stated
+    `torque_unit` the other one that com tells, `wrench_units` all that sensors have, the
+    option or words that say so and the factors of force and torque; `complaint` why the stated
     orientation cannot be read, which is then none of `orientations`.
     """
 
@@ -119,7 +117,7 @@ class Interpretations:
     gravity: Array | None
     units: tuple[str, ...]
     torque_unit: TorqueUnit
-    wrench_units: tuple[WrenchUnits, ...]
+    wrench_units: tuple[tuple[str, float, float], ...]
     complaint: str | None
 
     @property

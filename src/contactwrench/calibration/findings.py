@@ -50,10 +50,7 @@ class Kind(StrEnum):
     BEYOND_STATED_NOISE = "beyond_stated_noise"
     POOR_FIT = "poor_fit"
     FAR_CENTRE_OF_MASS = "far_centre_of_mass"
-    NEAR_CENTRE_OF_MASS = "near_centre_of_mass"
-    CENTRE_OF_MASS_BEHIND = "centre_of_mass_behind"
-    MASS_TOO_LARGE = "mass_too_large"
-    MASS_TOO_SMALL = "mass_too_small"
+    IMPLAUSIBLE_TOOL = "implausible_tool"
     DEAD_CHANNEL = "dead_channel"
     CROSS_TALK = "cross_talk"
     CORRELATED_POSES = "correlated_poses"
@@ -79,18 +76,12 @@ class Doubt(StrEnum):
 
 
 BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
-ABSURD = {
-    Kind.MASS_TOO_LARGE: "too heavy",
-    Kind.MASS_TOO_SMALL: "too light",
-    Kind.FAR_CENTRE_OF_MASS: "com too far for the mass",
-    Kind.NEAR_CENTRE_OF_MASS: "com too near for the mass",
-    Kind.CENTRE_OF_MASS_BEHIND: "com behind the sensor",
-}
-"""Of a tool that no robot has, in a word."""
-
-ASSUMED = (Kind.SIGN_NOT_CONFIRMED, Kind.ANGLES_IN_DOUBT, Kind.POSE_IN_DOUBT, Kind.DEAD_CHANNEL, *ABSURD)
 DOUBT_OF_KIND = {
-    **dict.fromkeys(ASSUMED, Doubt.ASSUMPTION),
+    Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
+    Kind.ANGLES_IN_DOUBT: Doubt.ASSUMPTION,
+    Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
+    Kind.IMPLAUSIBLE_TOOL: Doubt.ASSUMPTION,
+    Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,
     **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }
 

@@ -84,7 +84,7 @@ def calibrate(
     require_mass: Annotated[
         str | None, typer.Option(metavar="LOW,HIGH", help="Exit 1 unless the mass, kg, lies inside by its std.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write the calibration of a bad fit too.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing output; write a bad fit.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 unless the verdict is good.")] = False,
     json: options.Json = False,
     recordings: Recordings,

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..calibration.findings import ABSURD, WEAK_SHARE, Finding, Kind, Severity
+from ..calibration.findings import WEAK_SHARE, Finding, Kind, Severity
 from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
@@ -50,7 +50,7 @@ MOST_MOVED = 1.0 / 3.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
-OF_READING = (Kind.POOR_FIT, *ABSURD)
+OF_READING = (Kind.POOR_FIT, Kind.IMPLAUSIBLE_TOOL)
 """Of a file that is read wrongly: where no tool is found and less is left than one weighs, no reading mends that."""
 
 Row: TypeAlias = tuple[bool, Callable[[Kind, str], Finding], Kind, str]

@@ -6,13 +6,14 @@ sets at hand; each is beyond what a robot carries, as whatever passes here is be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..calibration.findings import Finding, Kind
 from ..errors import refuse
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, read_only
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import AXES
 from ..samples.samples import Samples
@@ -48,34 +49,41 @@ UPRIGHT = float(np.cos(np.deg2rad(10.0)))
 SURE = 3.0
 """Standard deviations."""
 
+TOO_HEAVY, TOO_LIGHT, BEHIND = "too heavy", "too light", "com behind the sensor"
+TOO_FAR, TOO_NEAR = "com too far for the mass", "com too near for the mass"
 TEXTS = {
-    Kind.MASS_TOO_LARGE: "the mass comes out as {mass:.3g} kg, more than any robot carries: are the forces in mN or gf",
-    Kind.MASS_TOO_SMALL: "the mass comes out as {mass:.2g} kg, less than any tool's: are the forces in kN",
-    Kind.FAR_CENTRE_OF_MASS: "the centre of mass comes out {distance:.2g} m from the sensor, further than a tool of "
-    "{mass:.2g} kg reaches: are the torques in N mm, or the forces in kgf or lbf",
-    Kind.NEAR_CENTRE_OF_MASS: "the centre of mass comes out {distance:.1g} m from the sensor's origin, where no tool "
-    "of {mass:.3g} kg has it: are the forces in mN, or the torques in another unit",
-    Kind.CENTRE_OF_MASS_BEHIND: "the centre of mass comes out {behind:.0f} mm behind the sensor, on the robot's side: "
-    "are tx, ty and tz reversed, or does the flange's z point to the robot",
+    TOO_HEAVY: "the mass comes out as {mass:.3g} kg, more than any robot carries: are the forces in mN or gf",
+    TOO_LIGHT: "the mass comes out as {mass:.2g} kg, less than any tool's: are the forces in kN",
+    TOO_FAR: "the centre of mass comes out {distance:.2g} m from the sensor, further than a tool of {mass:.2g} kg "
+    "reaches: are the torques in N mm, or the forces in kgf or lbf",
+    TOO_NEAR: "the centre of mass comes out {distance:.1g} m from the sensor's origin, where no tool of {mass:.3g} kg "
+    "has it: are the forces in mN, or the torques in another unit",
+    BEHIND: "the centre of mass comes out {behind:.0f} mm behind the sensor, on the robot's side: are tx, ty and tz "
+    "reversed, or does the flange's z point to the robot",
 }
 SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; if it is so: --known {}+-STD"
-"""Of each kind, what is found and the likeliest mistakes; then what decides."""
+"""Of each oddity, what is found and the likeliest mistakes; then what decides."""
 
 
-def oddity(weight: float, com: Array, along: float, std: Array | float = 0.0) -> Kind | None:
-    """Of what kind a tool of `weight` N is absurd, None where one may be so: its centre of mass `com` (3,) m, `along` m
-    of that to the side where tools are (NaN: nobody knows), each part with a `std` (3,) m.
+REVERSED = "tx, ty and tz reversed"
+USUAL = 1.5
+"""Of the logarithm of a centre of mass: by so much torques in N mm are forgiven, as they are commoner than the rest."""
+
+
+def oddity(weight: float, com: Array, along: float, std: Array | float = 0.0) -> str:
+    """In a word why no tool of `weight` N has its centre of mass at `com` (3,) m, `along` m of it to the side of tools
+    (NaN: nobody knows), each part with a `std` (3,) m; nothing where one may.
     """
-    mass, distance, spread = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), SURE * float(np.max(std))
-    size = float(np.cbrt(mass))
-    kinds = (
-        (mass > HEAVIEST, Kind.MASS_TOO_LARGE),
-        (mass < LIGHTEST, Kind.MASS_TOO_SMALL),
-        (distance - spread > min(REACH * size, FURTHEST_COM), Kind.FAR_CENTRE_OF_MASS),
-        (distance + spread < NEAREST * size, Kind.NEAR_CENTRE_OF_MASS),
-        (along + spread < -SENSOR, Kind.CENTRE_OF_MASS_BEHIND),
-    )
-    return next((kind for holds, kind in kinds if holds), None)
+    distance, spread = float(np.linalg.norm(com)), SURE * float(np.max(std))
+    mass, size = weight / STANDARD_GRAVITY, float(np.cbrt(weight / STANDARD_GRAVITY))
+    holds = {
+        TOO_HEAVY: mass > HEAVIEST,
+        TOO_LIGHT: mass < LIGHTEST,
+        TOO_FAR: distance - spread > min(REACH * size, FURTHEST_COM),
+        TOO_NEAR: distance + spread < NEAREST * size,
+        BEHIND: along + spread < -SENSOR,
+    }
+    return next((word for word, is_so in holds.items() if is_so), "")
 
 
 def strangeness(weight: float, com: Array) -> float:
@@ -102,12 +110,12 @@ def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
         rows = rows_of(question.knowledge, estimate.tool, estimate.names)
         known = known if rows is None else np.abs(rows.jacobian[:, :4]).sum(axis=0)
     mass, distance, along = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), to_the_tool(estimate.B, com)
-    kind = oddity(weight, com, along, spread[1:]) if weight > SURE * spread[0] or distance > FURTHEST_COM else None
-    of_mass = kind in (Kind.MASS_TOO_LARGE, Kind.MASS_TOO_SMALL)
-    if kind is not None and not (known[0] if of_mass else known[1:].all()):
+    odd = oddity(weight, com, along, spread[1:]) if weight > SURE * spread[0] or distance > FURTHEST_COM else ""
+    of_mass = odd in (TOO_HEAVY, TOO_LIGHT)
+    if odd and not (known[0] if of_mass else known[1:].all()):
         decides = SURELY.format("mass=KG" if of_mass else "com_mm=X,Y,Z")
-        text = TEXTS[kind].format(mass=mass, distance=distance, behind=-1e3 * along) + decides
-        yield (Finding.weak if distance > FURTHEST_COM else Finding.doubtful)(kind, text)
+        text = TEXTS[odd].format(mass=mass, distance=distance, behind=-1e3 * along) + decides
+        yield (Finding.weak if distance > FURTHEST_COM else Finding.doubtful)(Kind.IMPLAUSIBLE_TOOL, text)
 
 
 def _com_of(B: Array) -> Array:
@@ -115,6 +123,49 @@ def _com_of(B: Array) -> Array:
     force, torque = np.split(B[:, :3] / max(float(np.abs(B[:3, :3]).max()), 1e-300), 2)
     turning = np.sum(force**2) * np.eye(3) - force @ force.T
     return np.asarray(np.linalg.lstsq(turning, np.cross(force.T, torque.T).sum(axis=0))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """Other units, or the torques reversed, by `label`, that make a tool of `mass` kg with its `com` (3,) m; in a
+    word why no tool is so, `odd`.
+    """
+
+    label: str
+    mass: float
+    com: Array
+    odd: str
+
+
+def likelier(factor: float, units: Iterable[tuple[str, float, float]], weight: float, com: Array) -> bool:
+    """Whether torques by a `factor` make a tool of `weight` N likelier than its `com` (3,) m does as it stands, and no
+    other `units` one that is likelier by far.
+    """
+    so = strangeness(weight, factor * com)
+    least = min((strangeness(force * weight, torque / force * com) for _, force, torque in units), default=so)
+    return so < strangeness(weight, com) and so < least + USUAL
+
+
+def unseen(
+    units: Iterable[tuple[str, float, float]], own: float, weight: float, com: Array, to_the_tool: float
+) -> tuple[Unseen, ...]:
+    """All `units`, each with the torques as they stand and reversed, but for those of the tool itself, whose torques
+    are the stated ones by a factor `own`. It is of `weight` N, its `com` (3,) m `to_the_tool` m on the side of tools.
+    """
+    found = []
+    for label, force, torque in units:
+        same = bool(np.isclose(force, 1.0) and np.isclose(torque, own))
+        for sign, words in ((1.0, []), (-1.0, [REVERSED])):
+            lever, all_words = sign * torque / own / force, [*([] if same else [label]), *words]
+            made = Unseen(
+                ", ".join(all_words),
+                force * weight / STANDARD_GRAVITY,
+                read_only(lever * com),
+                oddity(force * weight, lever * com, lever * to_the_tool),
+            )
+            rank = bool(made.odd), strangeness(force * weight, made.com) + USUAL * len(words)
+            found += [(rank, made)] if all_words else []
+    return tuple(made for _, made in sorted(found, key=lambda ranked: ranked[0]))
 
 
 def require_alive(wrench: Array, source: str) -> None:

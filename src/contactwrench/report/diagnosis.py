@@ -8,9 +8,8 @@ import numpy as np
 
 from ..assess.diagnose import Diagnosis, Explanation
 from ..assess.interpretations import Interpretation
-from ..assess.unseen import REVERSED
-from ..calibration.findings import ABSURD, Kind
 from ..calibration.text import COLUMNS
+from ..estimation.plausibility import REVERSED
 from ..geometry.arrays import Array
 from ..statistics import two_digits
 from .text import json_text
@@ -26,7 +25,7 @@ LIKELY_CAUSES = (
 def verdict(diagnosis: Diagnosis) -> str:
     """In one line: what is left as given, and what with the best interpretation."""
     given, best = diagnosis.given, diagnosis.best
-    no_tool = f"but no tool is so ({_how_odd(best.odd)}): see the units and signs below"
+    no_tool = f"but no tool is so ({best.odd}): see the units and signs below"
     if given is None:
         as_given = "as given: cannot be read"
     else:
@@ -41,7 +40,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"{as_given}; {better}{doubt}"
     if not best.explained:
         return f"{as_given}, {_share(best)}; no other reading explains it better, and none explains it well"
-    if best.odd is not None:
+    if best.odd:
         return f"{as_given}; no other reading explains it better, {no_tool}"
     if diagnosis.likely:
         return f"{as_given}; other readings explain it as well, and free air cannot tell them apart"
@@ -77,19 +76,15 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 def _unseen(d: Diagnosis) -> list[str]:
     """What the tool would be in other units, the most plausible ones, and with the torques reversed."""
-    shown = [each for each in d.unseen if each.odd is None][:MOST_UNSEEN]
+    shown = [each for each in d.unseen if not each.odd][:MOST_UNSEEN]
     shown += [each for each in d.unseen if each.label == REVERSED and each not in shown]
     if not shown:
         return []
-    lines = ["", f"Free air cannot tell these from the first ({_how_odd(d.best.odd)}) either; weigh the tool:"]
+    lines = ["", f"Free air cannot tell these from the first ({d.best.odd or 'plausible'}) either; weigh the tool:"]
     lines += [f"  {'mass kg':>8}  {'com mm':^22}  interpretation"]
     for each in shown:
-        lines += _beside(f"  {each.mass:8.3g}  {_in_mm(each.com):>22}", f"{each.label} ({_how_odd(each.odd)})")
+        lines += _beside(f"  {each.mass:8.3g}  {_in_mm(each.com):>22}", f"{each.label} ({each.odd or 'plausible'})")
     return lines
-
-
-def _how_odd(odd: Kind | None) -> str:
-    return "plausible" if odd is None else ABSURD[odd]
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> str:
@@ -110,7 +105,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> str:
         "alike": [_options_and_mends(interpretation) for interpretation in d.alike],
         "likely": d.likely,
         "observations": d.observations,
-        "plausible": d.best.odd is None,
+        "plausible": not d.best.odd,
         "unseen": [vars(each) for each in d.unseen],
     }
     return json_text(values)

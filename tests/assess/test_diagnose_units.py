@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from contactwrench.assess.diagnose import Diagnosis, diagnose
-from contactwrench.assess.interpretations import WrenchUnits
-from contactwrench.assess.unseen import REVERSED, Unseen, likelier, unseen
-from contactwrench.calibration.findings import Kind
+from contactwrench.estimation.plausibility import BEHIND, REVERSED, Unseen, likelier, unseen
 from contactwrench.recording.interpretations import interpretations
 from contactwrench.report.diagnosis import diagnosis_json, diagnosis_text, verdict
 from tests.support.recordings import run, written
@@ -23,7 +21,7 @@ COM = np.array([0.002, 0.003, 0.06])
 NOISE = np.array([0.03, 0.03, 0.03, 0.001, 0.001, 0.001])
 R = random_rotations(12, np.random.default_rng(1))
 WRENCH = noisy_readings(Rig(10.0, COM, np.ones(6), np.eye(3), DOWN), R, NOISE, np.random.default_rng(2))
-FAR, BEHIND, NEAR = "com too far for the mass", "com behind the sensor", "com too near for the mass"
+FAR, NEAR = "com too far for the mass", "com too near for the mass"
 
 
 def diagnosed(folder: Path, force: float, torque: float, header: str = "tx,ty,tz") -> Diagnosis:
@@ -49,12 +47,12 @@ def test_the_reading_that_was_meant_is_the_most_plausible(
     no_tool = f"; no other reading explains it better, but no tool is so ({why}): see the units and signs below"
     assert verdict(diagnosis).endswith(no_tool)
     first = diagnosis.unseen[0]
-    assert (first.label, first.odd) == (label, None)
+    assert (first.label, first.odd) == (label, "")
     assert first.mass == pytest.approx(10.0 / G, rel=5e-3)
     assert first.com == pytest.approx(COM, abs=1e-3)
     values = json.loads(diagnosis_json(diagnosis))
     assert values["plausible"] is False
-    assert values["unseen"][0] == {"label": label, "mass": first.mass, "com": first.com.tolist(), "odd": None}
+    assert values["unseen"][0] == {"label": label, "mass": first.mass, "com": first.com.tolist(), "odd": ""}
 
 
 def test_a_tool_that_can_be_is_left_alone(tmp_path: Path) -> None:
@@ -74,9 +72,9 @@ def test_a_tool_that_can_be_is_left_alone(tmp_path: Path) -> None:
 def test_torques_in_nmm_are_taken_where_they_are_likeliest(tmp_path: Path) -> None:
     diagnosis = diagnosed(tmp_path, 1.0, 1e3)
     assert diagnosis.best.interpretation.flags == ("--units torque=Nmm",)
-    assert diagnosis.best.odd is None
+    assert diagnosis.best.odd == ""
     assert "force=N,torque=Nmm" not in "".join(each.label for each in diagnosis.unseen)
-    assert [each.odd for each in diagnosis.unseen if each.label == REVERSED] == [Kind.CENTRE_OF_MASS_BEHIND]
+    assert [each.odd for each in diagnosis.unseen if each.label == REVERSED] == [BEHIND]
 
 
 def test_units_that_the_columns_name_are_changed_in_words(tmp_path: Path) -> None:
@@ -97,20 +95,18 @@ BOTH = (("N", 1.0, 1.0), KGF)
 def test_readings_are_known_by_hand() -> None:
     """Forces in kgf: 9.81 times the weight, a ninth of the distance; the tool itself is none of them."""
     taken, com = unseen(BOTH, 1.0, G, COM, 0.06), COM / G
-    found: list[tuple[str, float, Array, Kind | None]] = [(u.label, u.mass, u.com, u.odd) for u in taken]
+    found: list[tuple[str, float, Array, str]] = [(u.label, u.mass, u.com, u.odd) for u in taken]
     assert [label for label, *_ in found] == ["kgf", "kgf, " + REVERSED, REVERSED]
-    for (_, mass, at, odd), expected in zip(
-        found, [(G, com, None), (G, -com, None), (1.0, -COM, Kind.CENTRE_OF_MASS_BEHIND)], strict=True
-    ):
+    for (_, mass, at, odd), expected in zip(found, [(G, com, ""), (G, -com, ""), (1.0, -COM, BEHIND)], strict=True):
         assert mass == pytest.approx(expected[0])
         assert at == pytest.approx(expected[1])
-        assert odd is expected[2]
+        assert odd == expected[2]
 
 
 def test_where_the_tool_is_on_either_side_torques_as_they_stand_come_first() -> None:
     first, *_ = unseen(BOTH[:1], 1.0, G, COM, np.nan)
     assert isinstance(first, Unseen)
-    assert (first.label, first.odd) == (REVERSED, None)
+    assert (first.label, first.odd) == (REVERSED, "")
 
 
 @pytest.mark.parametrize(
@@ -118,5 +114,7 @@ def test_where_the_tool_is_on_either_side_torques_as_they_stand_come_first() -> 
     [(60.0, BOTH, True), (0.06, BOTH, False), (2.4, (("lbf in", LBF, LBF * INCH),), False)],
     ids=["far off", "where tools are", "another unit is likelier by far"],
 )
-def test_when_torques_are_taken_for_nmm(distance: float, units: tuple[WrenchUnits, ...], is_likelier: bool) -> None:
+def test_when_torques_are_taken_for_nmm(
+    distance: float, units: tuple[tuple[str, float, float], ...], is_likelier: bool
+) -> None:
     assert likelier(1e-3, units, 2.25, np.array([0.0, 0.0, distance])) is is_likelier
