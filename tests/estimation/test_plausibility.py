@@ -42,13 +42,13 @@ MASS, PLACE = (
 MISTAKES = {
     "kgf, N m": (
         scaled(1 / G, 1.0),
-        "doubtful: the centre of mass comes out 0.59 m from the sensor, further than a tool of 0.1 kg reaches: are the "
-        f"torques in N mm, or the forces in kgf or lbf{PLACE}",
+        "doubtful: the centre of mass comes out 0.59 m from the sensor: are the torques in N mm? So far no "
+        f"tool of 0.1 kg reaches: or are the forces in kgf or lbf{PLACE}",
     ),
     "lbf, lbf in": (
         scaled(1 / LBF, 1 / LBF / INCH),
-        "weak: the centre of mass comes out 2.4 m from the sensor, further than a tool of 0.22 kg reaches: are the "
-        f"torques in N mm, or the forces in kgf or lbf{PLACE}",
+        "weak: the centre of mass comes out 2.4 m from the sensor: are the torques in N mm? So far no tool "
+        f"of 0.22 kg reaches: or are the forces in kgf or lbf{PLACE}",
     ),
     "mN, mN m": (
         scaled(1e3, 1e3) * 3.0,

@@ -54,8 +54,8 @@ TOO_FAR, TOO_NEAR = "com too far for the mass", "com too near for the mass"
 TEXTS = {
     TOO_HEAVY: "the mass comes out as {mass:.3g} kg, more than any robot carries: are the forces in mN or gf",
     TOO_LIGHT: "the mass comes out as {mass:.2g} kg, less than any tool's: are the forces in kN",
-    TOO_FAR: "the centre of mass comes out {distance:.2g} m from the sensor, further than a tool of {mass:.2g} kg "
-    "reaches: are the torques in N mm, or the forces in kgf or lbf",
+    TOO_FAR: "the centre of mass comes out {distance:.2g} m from the sensor: are the torques in N mm? So far no tool "
+    "of {mass:.2g} kg reaches: or are the forces in kgf or lbf",
     TOO_NEAR: "the centre of mass comes out {distance:.1g} m from the sensor's origin, where no tool of {mass:.3g} kg "
     "has it: are the forces in mN, or the torques in another unit",
     BEHIND: "the centre of mass comes out {behind:.0f} mm behind the sensor, on the robot's side: are tx, ty and tz "
