@@ -58,6 +58,9 @@ class Reason(str):
         reason.kind = kind
         return reason
 
+    def __getnewargs__(self) -> tuple[str, str]:
+        return str(self), self.kind
+
 
 def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
     """A fault of a sample; None where there is none."""
