@@ -41,9 +41,8 @@ class Derived(msgspec.Struct):
 
     std: Std
     warnings: list[str]
-    verdict: str | None = None
     expected_error: Vector | None = None
-    left_of_poses: Vector | msgspec.UnsetType | None = msgspec.UNSET
+    left_of_poses: Vector | None = None
 
 
 def require_consistent(c: CalibrationFields, derived: Derived) -> None:
@@ -227,22 +226,15 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
             _require_near(f"std.{name}", stored, value, "covariance")
     if tuple(derived.warnings) != c.warnings:
         raise InputError("found warnings other than the texts of findings: the file was edited")
-    if isinstance(derived.left_of_poses, msgspec.UnsetType):
-        return  # from before these were held against the rest
-    if derived.verdict != c.verdict:
-        raise InputError(f"found verdict {derived.verdict!r}, expected {c.verdict!r} by the findings: it was edited")
-    error = _given("expected_error", derived.expected_error, (2,))
-    _require_near("expected_error", error, np.array(c.expected_error), "noise and covariance")
-    if (left := c.left_of_poses) is not None:
-        rounding = ROUNDING if c.moments is None else ROUNDING_OF_SUMS
-        stored = _given("left_of_poses", derived.left_of_poses, (6,))
-        _require_near("left_of_poses", stored, left, "B, gravity_direction and the poses", rounding)
-
-
-def _given(name: str, array: Array | None, shape: tuple[int, ...]) -> Array:
-    if array is None or array.shape != shape:
-        raise InputError(f"{name} has not the shape {shape}")
-    return array
+    _require_shape("expected_error", derived.expected_error, (2,))
+    _require_shape("left_of_poses", derived.left_of_poses, (6,))
+    left = c.left_of_poses
+    if derived.left_of_poses is None or left is None:
+        return  # without poses, or from before this was written: the error to expect may have been another then
+    rounding = ROUNDING if c.moments is None else ROUNDING_OF_SUMS
+    _require_near("left_of_poses", derived.left_of_poses, left, "B, gravity_direction and the poses", rounding)
+    if derived.expected_error is not None:
+        _require_near("expected_error", derived.expected_error, np.array(c.expected_error), "noise and covariance")
 
 
 def _require_near(name: str, found: Any, expected: Any, source: str, rounding: float = ROUNDING) -> None:

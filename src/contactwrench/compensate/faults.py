@@ -58,7 +58,7 @@ class Reason(str):
         reason.kind = kind
         return reason
 
-    def __getnewargs__(self) -> tuple[str, str]:
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
         return str(self), self.kind
 
 
