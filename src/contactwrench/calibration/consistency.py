@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from ..errors import InputError
@@ -23,7 +23,8 @@ FOLLOWS = ("verdict", "expected_error", "left_of_poses")
 NOT_NEGATIVE = ("residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
 
 
-class Std(msgspec.Struct):
+@dataclass(frozen=True, eq=False)
+class Std:
     """Standard deviations, as in `Calibration.std`."""
 
     weight: float | None
@@ -34,7 +35,8 @@ class Std(msgspec.Struct):
     gravity: Vector | None
 
 
-class Derived(msgspec.Struct):
+@dataclass(frozen=True, eq=False)
+class Derived:
     """What the file says beside the fields, for programs that read it; it follows from them. What came later than the
     rest may be missing.
     """
