@@ -176,7 +176,6 @@ LEFT = "off what follows from B, gravity_direction and the poses: the file was e
         (put("dof", by=0.0), "dof is 0, expected no more than the least parameter_dof"),
         (put("dof", by=1e6), "dof is 1e+06, expected no more than the least parameter_dof"),
         (put("alternatives", 0, "gravity_direction", by=[0.0, 0.0, -1.1]), "alternatives[0].gravity_direction has not"),
-        (put("alternatives", 0, "weight", by=1.0), "off what follows from its B: the file was edited"),
     ],
 )
 def test_what_the_numbers_contradict_is_named(

@@ -18,8 +18,6 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
 FLOAT64 = np.dtype(np.float64)
-PLAIN = "fiu"
-"""Kinds of numpy's types that are numbers by themselves; the words are for those that are not."""
 KINDS = {"b": "truth values", "i": "whole numbers"}
 WORDS = {"b": "truth values", "U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "durations"}
 
@@ -33,7 +31,7 @@ def numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype is FLOAT64:
         return values
     array = _unmasked(values, name)
-    if array.dtype.kind not in PLAIN:
+    if array.dtype.kind not in "fiu":
         found = WORDS.get(array.dtype.kind, "objects")
         raise InputError(f"{name} has {found}, expected numbers: convert them, as by .astype(float)")
     return array.astype(np.float64, copy=False)
