@@ -58,6 +58,12 @@ class RigidTool(Frozen):
     gravity_direction: Array
 
 
+def parameters_of(tool: RigidTool, yaw: float, names: tuple[str, ...]) -> Array:
+    """The values (p,) of the rigid parameters `names`; the small rotations are zero."""
+    known = dict(zip((*LINEAR_PARAMETERS, "yaw"), (tool.weight, *tool.com, *tool.bias, yaw), strict=True))
+    return np.array([known.get(name, 0.0) for name in names])
+
+
 def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
     """Two unit vectors a, b (base axes) that complete `gravity_direction` to a right-handed base (a, b, d)."""
     x, y, z = gravity_direction.tolist()

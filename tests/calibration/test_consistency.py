@@ -175,7 +175,6 @@ LEFT = "off what follows from B, gravity_direction and the poses: the file was e
         (put("delay", by=-20.0), "delay is -20 s, expected at most 10 s either way"),
         (put("dof", by=0.0), "dof is 0, expected no more than the least parameter_dof"),
         (put("dof", by=1e6), "dof is 1e+06, expected no more than the least parameter_dof"),
-        (put("alternatives", 0, "gravity_direction", by=[0.0, 0.0, -1.1]), "alternatives[0].gravity_direction has not"),
     ],
 )
 def test_what_the_numbers_contradict_is_named(

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array, Vector
 from ..geometry.orientation import off_rotation
-from ..model import PARAMETERS, RigidTool, matrix_jacobian, wrench_matrix, yaw_of_mounting
+from ..model import PARAMETERS, RigidTool, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
 from ..samples.delay import LONGEST_DELAY, is_significant
 from .fields import CalibrationFields
 
@@ -24,33 +24,17 @@ NOT_NEGATIVE = ("residual_rms", "held_out_rms", "observability.tilt_range", "par
 
 
 @dataclass(frozen=True, eq=False)
-class Std:
-    """Standard deviations, as in `Calibration.std`."""
-
-    weight: float | None
-    com: Vector | None
-    bias: Vector
-    yaw: float | None
-    mount: Vector | None
-    gravity: Vector | None
-
-
-@dataclass(frozen=True, eq=False)
 class Derived:
-    """What the file says beside the fields, for programs that read it; it follows from them. What came later than the
-    rest may be missing.
-    """
+    """What the file says beside the fields, for programs that read it; it follows from them."""
 
-    std: Std
+    std: dict[str, float | list[float] | None]
     warnings: list[str]
     expected_error: Vector | None = None
     left_of_poses: Vector | None = None
 
 
 def require_consistent(c: CalibrationFields, derived: Derived) -> None:
-    """Raise `InputError` unless the shapes fit, rotations and covariances are such, and whatever follows from other
-    numbers does.
-    """
+    """Raise `InputError` unless shapes fit, rotations and covariances are such, and what follows from others does."""
     if c.model not in PARAMETERS:
         raise InputError(f"model is {c.model!r}, expected one of {', '.join(PARAMETERS)}")
     names = PARAMETERS[c.model]
@@ -64,9 +48,8 @@ def require_consistent(c: CalibrationFields, derived: Derived) -> None:
         raise InputError("noise has a number that is not above 0, expected 6 above 0")
     _check_numbers(c)
     _check_poses(c)
-    _require_direction("gravity_direction", c.gravity_direction)
-    for k, other in enumerate(c.alternatives):
-        _require_direction(f"alternatives[{k}].gravity_direction", other.gravity_direction)
+    if not abs(float(np.linalg.norm(c.gravity_direction)) - 1.0) <= B_TOLERANCE:
+        raise InputError("gravity_direction has not length 1")
     if c.model == "affine":
         _check_affine(c)
     else:
@@ -165,11 +148,6 @@ def _require_symmetric(name: str, C: Array) -> None:
         raise InputError(f"{name} is not symmetric, as a covariance is")
 
 
-def _require_direction(name: str, vector: Array) -> None:
-    if not abs(float(np.linalg.norm(vector)) - 1.0) <= B_TOLERANCE:
-        raise InputError(f"{name} has not length 1")
-
-
 def _check_affine(c: CalibrationFields) -> None:
     if any(value is not None for value in (c.weight, c.mass, c.com, c.R_flange_sensor, c.yaw)):
         raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
@@ -194,11 +172,9 @@ def _check_rigid(c: CalibrationFields) -> None:
         _require_near("weight_z", c.weight_z, c.weight, "weight")
     turned = c.yaw - yaw_of_mounting(c.R_flange_sensor)[0]
     _require_near("yaw", np.exp(1j * turned), 1.0, "R_flange_sensor")
-    parameters = np.zeros(len(c.parameter_names))
-    parameters[:10] = np.r_[c.weight, c.com, c.bias]
-    if "yaw" in c.parameter_names:
-        parameters[10] = c.yaw
-    _require_near("parameters", c.parameters, parameters, "weight, com, bias and yaw")
+    _require_near(
+        "parameters", c.parameters, parameters_of(tool, c.yaw, c.parameter_names), "weight, com, bias and yaw"
+    )
     _check_B_covariance(c, matrix_jacobian(tool, c.parameter_names))
 
 
@@ -213,12 +189,12 @@ def _check_B_covariance(c: CalibrationFields, J: Array) -> None:
 def _check_derived(c: CalibrationFields, derived: Derived) -> None:
     """Raise `InputError` unless the standard deviations and the warnings are those of the fields."""
     for name, value in c.std.items():
-        stored = getattr(derived.std, name)
+        stored = derived.std.get(name)
         if (stored is None) != (value is None):
             raise InputError(f"std.{name} does not fit model {c.model}")
         if value is not None:
             _require_shape(f"std.{name}", np.asarray(stored), np.shape(value))
-            _require_near(f"std.{name}", stored, value, "covariance")
+            _require_near(f"std.{name}", np.asarray(stored), value, "covariance")
     if tuple(derived.warnings) != c.warnings:
         raise InputError("found warnings other than the texts of findings: the file was edited")
     _require_shape("expected_error", derived.expected_error, (2,))

@@ -152,9 +152,7 @@ class CalibrationFields(Frozen):
 
     @property
     def left_of_poses(self) -> Array | None:
-        """RMS (6,), N and N m, of what the free wrench leaves of the poses that were not left out, a bias that moved
-        among it; None where there are none.
-        """
+        """RMS (6,), N and N m, of what the free wrench leaves of the `fitted_poses`, a bias that moved among it."""
         if self.moments is not None:
             to_wrench = np.column_stack([response_of(self.B[:, :3], self.gravity_direction), self.B[:, 3]])
             squares = self.moments.squares_left(to_wrench)

@@ -67,7 +67,6 @@ class Compensator:
     """
 
     busy = False
-    """Whether a call runs."""
 
     def __init__(
         self,

@@ -10,31 +10,27 @@ from functools import cache, wraps
 from hashlib import sha256
 from inspect import getsource
 from threading import Timer
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, read_only
-from .state import KERNEL, SAMPLE, STATE, Sample, State
+from .state import KERNEL, SAMPLE, STATE, Function, Sample, State
 from .step import take
 
 MOMENT = 1.0
 """s: what takes longer is said."""
 IN_USE = "found a call while another runs, expected one at a time: give each thread a Compensator of its own"
-Method = TypeVar("Method", bound=Callable[..., Any])
 ROWS_AT_ONCE = 128
 TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
-def one_at_a_time(method: Method) -> Method:
-    """The method of an object that says whether it is `busy`; `InputError` while another call of it runs.
-
-    No lock, which no pickle takes: between look and mark nothing is called, and only there Python changes threads.
-    """
+def one_at_a_time(method: Function) -> Function:
+    """Refuse the method of a `busy` object. No lock, which no pickle takes: no thread is changed from look to mark."""
 
     @wraps(method)
     def marked(self: Any, *args: Any, **named: Any) -> Any:

@@ -18,15 +18,12 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
 FLOAT64 = np.dtype(np.float64)
-KINDS = {"b": "truth values", "i": "whole numbers"}
 WORDS = {"b": "truth values", "U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "durations"}
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
-    """What a user hands over as an array of float64: itself where it is one.
-
-    Nothing is guessed: raises `InputError`, which calls it by `name`, for text, truth values, complex numbers, dates,
-    objects, rows of unequal length, and masked arrays in which something is masked.
+    """What a user hands over, as float64: itself where it is that. `InputError`, by `name`, for what has to be guessed:
+    text, truth values, complex numbers, dates, objects, rows of unequal length, masked values.
     """
     if type(values) is np.ndarray and values.dtype is FLOAT64:
         return values
@@ -58,8 +55,6 @@ def _unmasked(values: Any, name: str) -> NDArray[Any]:
 
 def seconds(values: Any, name: str = "t") -> Array:
     """Times, s, as `numbers`; also numpy's dates, s since 1970, and its durations. One that is none is NaN."""
-    if type(values) is np.ndarray and values.dtype is FLOAT64:
-        return values
     times = _unmasked(values, name)
     if times.dtype.kind == "M":
         times = times - np.datetime64(0, "s")
@@ -84,9 +79,7 @@ class ReadOnlyDict(dict[str, Any]):
 
 
 def frozen(values: Any) -> Any:
-    """The same that nobody can change: an array as a copy that cannot be written to, a list as a tuple, a dict as a
-    `ReadOnlyDict`, with all that is in them; anything else as it is.
-    """
+    """The same that nobody can change: read-only copies of arrays, tuples for lists, `ReadOnlyDict`s; else as it is."""
     if isinstance(values, np.ndarray):
         return _frozen(values, FLOAT64 if values.dtype.kind == "f" else values.dtype)
     if isinstance(values, Mapping):
@@ -97,15 +90,10 @@ def frozen(values: Any) -> Any:
 
 
 class Sealed:
-    """A base of frozen results: pickled and copied through the constructor, so that a copy is as frozen."""
+    """A base of frozen results: one from a pickle, or a copy, is as frozen."""
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
-        return _made_again, (type(self), values)
-
-
-def _made_again(kind: type[Sealed], values: dict[str, Any]) -> Sealed:
-    return kind(**{name: frozen(value) for name, value in values.items()})
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update({name: frozen(value) for name, value in state.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +180,7 @@ def _column(values: Any, kind: np.dtype[Any], name: str) -> NDArray[Any]:
         return seconds(values, name) if name == "t" else numbers(values, name)
     array = _unmasked(values, name)
     if array.size and array.dtype.kind not in "biu":
-        raise InputError(f"{name} has {WORDS.get(array.dtype.kind, 'numbers')}, expected {KINDS[kind.kind]}")
+        raise InputError(f"{name} has {WORDS.get(array.dtype.kind, 'numbers')}, expected truth values")
     return array
 
 
