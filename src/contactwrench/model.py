@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .geometry.arrays import Array
+from .geometry.arrays import Array, Frozen
 from .geometry.rotations import rotation_exp
 from .geometry.wrench import cross_matrix
 
@@ -44,7 +44,7 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class RigidTool:
+class RigidTool(Frozen):
     """The parameters of the rigid models, unpacked.
 
     `weight` N; `com` (3,) m, sensor frame; `bias` (6,) N and N m; `R_flange_sensor` (3, 3); `gravity_direction`
@@ -56,6 +56,12 @@ class RigidTool:
     bias: Array
     R_flange_sensor: Array
     gravity_direction: Array
+
+
+def parameters_of(tool: RigidTool, yaw: float, names: tuple[str, ...]) -> Array:
+    """The values (p,) of the rigid parameters `names`; the small rotations are zero."""
+    known = dict(zip((*LINEAR_PARAMETERS, "yaw"), (tool.weight, *tool.com, *tool.bias, yaw), strict=True))
+    return np.array([known.get(name, 0.0) for name in names])
 
 
 def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
@@ -128,10 +134,11 @@ def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...
 
 def response(tool: RigidTool) -> Array:
     """C (6, 9): the free wrench less the bias is `C @ vec(R_base_flange)`, row-major."""
-    return _response(wrench_matrix(tool)[:, :3], tool.gravity_direction)
+    return response_of(wrench_matrix(tool)[:, :3], tool.gravity_direction)
 
 
-def _response(A: Array, d: Array) -> Array:
+def response_of(A: Array, d: Array) -> Array:
+    """The same of B's first three columns (..., 6, 3) and the direction of gravity d (..., 3)."""
     C: Array = A[..., :, None, :] * d[..., None, :, None]
     return C.reshape(*C.shape[:-2], 9)
 
@@ -148,8 +155,8 @@ def response_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     force[4:7] = -tool.weight * turn
     torque[4:7] = com @ force[4:7]
     a, b = horizontal_axes(d)
-    J = _response(np.concatenate([force, torque], axis=1), d)
-    J[7:] = _response(wrench_matrix(tool)[:, :3], np.stack([-b, a]))
+    J = response_of(np.concatenate([force, torque], axis=1), d)
+    J[7:] = response_of(wrench_matrix(tool)[:, :3], np.stack([-b, a]))
     place = {name: k for k, name in enumerate((*LINEAR_PARAMETERS[:4], *MOUNT, *GRAVITY))} | {"yaw": 6}
     return J[[place[name] for name in names if name in place]]
 

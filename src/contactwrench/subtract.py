@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError
-from .geometry.arrays import Array
-from .geometry.orientation import ROTATION_TOLERANCE, OrientationLike, nearest_rotations
+from .geometry.arrays import Array, numbers
+from .geometry.orientation import ROTATION_TOLERANCE, OrientationLike, nearest_rotations, off_rotation
 from .geometry.wrench import cross_matrix, wrench_rows
 
 CHUNK = 8192
@@ -51,43 +51,52 @@ def compensate(
         gravity_direction: (3,) unit vector, base axes.
         wrench: readings (n, 6), or (6,) of one, N and N m, sensor axes.
         orientation: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one of
-            them for all readings. Of 50,000 matrices and more only the length is checked.
-        out: (n, 6) float64, C order, which receives the result; it may be `wrench` itself.
+            them for all readings. From 50,000 on, matrices that are rotations within 1 % are taken as they are.
+        out: (n, 6) float64, C order, which receives the result; it may be `wrench` itself, and shares no memory else.
 
     Returns:
         (n, 6), or (6,) of one, N and N m, sensor axes.
 
     Raises:
-        InputError: shapes that do not pair; an orientation off unit length by over 1 % or NaN, `out` filled in part.
+        InputError: shapes that do not pair; an orientation that is none by over 1 % or NaN, `out` filled in part.
     """
     readings, single = wrench_rows(wrench)
-    if not len(readings):
-        return readings.copy() if out is None else out
+    if not len(readings) and out is None:
+        return readings.copy()
     parts = _orientation_parts(orientation, len(readings))
-    if out is None:
-        result = np.empty_like(readings)
-    else:
-        result = out[None] if single and out.shape == (6,) else out
-        if result.shape != readings.shape or result.dtype != np.float64 or not result.flags.c_contiguous:
-            raise InputError(
-                f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order"
-            )
+    result = np.empty_like(readings) if out is None else _rows_of(out, single, readings, parts)
     if len(readings) >= FUSED_FROM and find_spec("numba") is not None:
         fine = _compensate_fused(B, gravity_direction, readings, parts, result)
     else:
         fine = _compensate_chunks(B, gravity_direction, readings, parts, result)
     if not fine:
-        _refuse_first_off_unit(parts)
+        _refuse_first(parts)
     if out is not None:
         return out
     return result[0] if single else result
+
+
+def _rows_of(out: Array, single: bool, readings: Array, parts: Array) -> Array:
+    """`out` as rows like the readings. Raises `InputError` where the result cannot be written there."""
+    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
+        raise InputError(f"out is a {type(out).__name__}, expected {readings.shape} float64, C order")
+    result = out[None] if single and out.shape == (6,) else out
+    if result.shape != readings.shape or result.dtype != np.float64 or not result.flags.c_contiguous:
+        raise InputError(f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order")
+    if not out.flags.writeable:
+        raise InputError("out is read-only, expected an array that can be written to: pass a copy")
+    there, from_there = result.__array_interface__["data"], readings.__array_interface__["data"]
+    in_place = there == from_there and result.strides == readings.strides
+    if np.may_share_memory(result, parts) or (np.may_share_memory(result, readings) and not in_place):
+        raise InputError("out overlaps with what is read, expected wrench itself or memory of its own: pass a copy")
+    return result
 
 
 def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
     """Quaternions (n, 4) or row-major matrices (n, 9) as they were given; one orientation counts for all."""
     if hasattr(orientation, "as_quat"):
         orientation = orientation.as_quat()
-    values = np.asarray(orientation, dtype=np.float64)
+    values = numbers(orientation, "orientation")
     if values.shape in {(4,), (3, 3)}:
         return np.broadcast_to(values.reshape(1, -1), (n, values.size))
     if values.shape == (n, 4):
@@ -109,8 +118,8 @@ def _compensate_chunks(B: Array, gravity_direction: Array, readings: Array, part
         rows = slice(start, min(start + CHUNK, len(readings)))
         m = rows.stop - start
         with np.errstate(all="ignore"):
-            squared = into_r(parts[rows], gravity_direction, r_one[:3, :m])
-        if not (squared.max() <= 1.0 + SQUARED_TOLERANCE and squared.min() >= 1.0 - SQUARED_TOLERANCE):
+            off = into_r(parts[rows], gravity_direction, r_one[:3, :m])
+        if not off.max() <= SQUARED_TOLERANCE:
             return False
         np.matmul(r_one[:, :m].T, Bt, out=free[:m])
         np.subtract(readings[rows], free[:m], out=result[rows])
@@ -118,7 +127,7 @@ def _compensate_chunks(B: Array, gravity_direction: Array, readings: Array, part
 
 
 def _gravity_from_quaternions(quat_xyzw: Array, d: Array, r: Array) -> Array:
-    """Fill `r` (3, m) from quaternions (m, 4) of any length; their squared lengths (m,)."""
+    """Fill `r` (3, m) from quaternions (m, 4) of any length; how far these, squared, are off 1: (m,)."""
     parts = np.ascontiguousarray(quat_xyzw.T)
     squared: Array = np.einsum("km,km->m", parts, parts)
     x, y, z, w = parts
@@ -131,14 +140,14 @@ def _gravity_from_quaternions(quat_xyzw: Array, d: Array, r: Array) -> Array:
         r[row] -= np.multiply(b, tb, out=product)
         r[row] -= np.multiply(w, tw, out=product)
         r[row] += d[row]
-    return squared
+    return np.abs(squared - 1.0)
 
 
 def _gravity_from_matrices(matrices: Array, d: Array, r: Array) -> Array:
-    """Fill `r` (3, m) from row-major matrices (m, 9); a third of the sum of their squares (m,)."""
+    """Fill `r` (3, m) from row-major matrices (m, 9); how far these are off rotations: (m,)."""
     np.matmul(np.kron(d, np.eye(3)), matrices.T, out=r)
-    squared: Array = np.einsum("mk,mk->m", matrices, matrices) / 3.0
-    return squared
+    deviation, handedness = off_rotation(matrices)
+    return np.where(handedness > 0.0, deviation, np.inf)
 
 
 def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
@@ -197,24 +206,28 @@ def _fused_from_matrices(B, d, readings, matrices, result):  # type: ignore[no-u
         rx = dx * R[0] + dy * R[3] + dz * R[6]
         ry = dx * R[1] + dy * R[4] + dz * R[7]
         rz = dx * R[2] + dy * R[5] + dz * R[8]
-        squared = 0.0
-        for j in range(9):
-            squared += R[j] * R[j]
         for k in range(6):
             result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
-        wrong += not abs(squared / 3.0 - 1.0) <= SQUARED_TOLERANCE
+        x, y, z = R[3] * R[7] - R[6] * R[4], R[6] * R[1] - R[0] * R[7], R[0] * R[4] - R[3] * R[1]
+        fine = R[2] * x + R[5] * y + R[8] * z > 0.0
+        for j in range(3):
+            for k in range(j + 1):
+                dot = R[j] * R[k] + R[3 + j] * R[3 + k] + R[6 + j] * R[6 + k]
+                fine &= abs(dot - (j == k)) <= SQUARED_TOLERANCE
+        wrong += not fine
     return wrong
 
 
-def _refuse_first_off_unit(parts: Array) -> None:
-    what, unit = ("quaternion", 1.0) if parts.shape[1] == 4 else ("matrix", 3.0)
+def _refuse_first(parts: Array) -> None:
+    if parts.shape[1] == 9:
+        nearest_rotations(parts.reshape(-1, 3, 3))
     with np.errstate(all="ignore"):
-        squared = np.einsum("ni,ni->n", parts, parts) / unit
+        squared = np.einsum("ni,ni->n", parts, parts)
         row = int(np.argmax(~(np.abs(squared - 1.0) <= SQUARED_TOLERANCE)))
         length = float(np.sqrt(squared[row]))
     raise InputError(
-        f"orientation {row} is a {what} of length {length:.6g}, expected 1 within 1 %: check the order of its parts, "
-        "and leave out samples without an orientation",
+        f"orientation {row} is a quaternion of length {length:.6g}, expected 1 within 1 %: check the order of its "
+        "parts, and leave out samples without an orientation",
         row,
     )
 

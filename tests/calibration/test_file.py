@@ -104,7 +104,7 @@ def test_a_calibration_for_another_gravity_can_be_saved(tmp_path: Path) -> None:
 def test_the_file_has_the_fields_of_the_calibration_and_their_standard_deviations(tmp_path: Path) -> None:
     values, calibration = saved("mount+base"), calibration_of("mount+base")
     assert values["schema"] == SCHEMA == "contactwrench/calibration/1"
-    beside = {"schema", "std", "warnings", "verdict", "expected_error"}
+    beside = {"schema", "std", "warnings", "verdict", "expected_error", "left_of_poses"}
     assert set(values) == {*beside, *(field.name for field in fields(cw.Calibration))}
     assert set(values["std"]) == {"weight", "com", "bias", "yaw", "mount", "gravity"}
     assert values["std"]["weight"] == calibration.std["weight"]

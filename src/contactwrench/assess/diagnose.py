@@ -26,7 +26,7 @@ from ..estimation.noise import PoseReadings
 from ..estimation.plausibility import Unseen, likelier, oddity, require_alive, to_the_tool, unseen
 from ..estimation.priors import Question
 from ..estimation.rigid import estimated
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange, wrench_matrix
 from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
@@ -69,7 +69,7 @@ LEAST_DOF = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation:
+class Explanation(Frozen):
     """What a rigid tool makes of an interpretation.
 
     `force_left` N and `torque_left` N m: root mean square of the norm of what is left in a pose, the fitted parameters

@@ -123,7 +123,7 @@ class Interpretations:
     @property
     def down(self) -> Array:
         """The direction of gravity (3,) in base axes, as stated."""
-        return np.array(DOWN) if self.gravity is None else np.asarray(self.gravity)
+        return np.array(DOWN) if self.gravity is None else self.gravity
 
     @property
     def given(self) -> Interpretation | None:

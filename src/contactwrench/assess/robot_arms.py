@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen
+from ..geometry.arrays import Array, Frozen, numbers
 from ..geometry.wrench import cross_matrix
 
 WRIST = 3
@@ -112,7 +112,7 @@ def reach(arm: Arm, around: Array | None = None) -> Reach:
 
 def within_limits(arm: Arm, joints: ArrayLike) -> Array:
     """The joints (k,), rad, of an arm. Raises `InputError` for a wrong number, and for one outside its limits."""
-    joints = np.asarray(joints, dtype=np.float64)
+    joints = numbers(joints, "joints")
     if joints.shape != (len(arm),):
         raise InputError(f"found {joints.size} joint angles, expected {len(arm)} for {arm.name}: give one a joint, rad")
     for number, (q, (low, high)) in enumerate(zip(joints, arm.limits, strict=True), start=1):

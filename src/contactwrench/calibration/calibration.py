@@ -166,7 +166,7 @@ class Calibration(CalibrationFields):
         covariance: Array = J @ self.error_covariance @ J.transpose(0, 2, 1)
         return covariance[0] if single else covariance
 
-    def with_gravity(self, gravity: Array | None) -> Calibration:
+    def with_gravity(self, gravity: ArrayLike | None) -> Calibration:
         """The calibration for a base in which gravity has another direction, known exactly.
 
         Args:

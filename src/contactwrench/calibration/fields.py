@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
+from ..geometry.arrays import Array, Frozen, Matrix, ReadOnlyDict, Vector, frozen, read_only
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.rotations import spread_rotations
 from ..geometry.wrench import STANDARD_GRAVITY
@@ -22,6 +22,7 @@ from ..model import (
     free_wrench,
     gravity_in_flange,
     matrix_jacobian,
+    response_of,
     wrench_jacobian,
     yaw_of_mounting,
 )
@@ -109,17 +110,17 @@ class CalibrationFields(Frozen):
         std = np.sqrt(np.diag(self.covariance))
 
         def of(*names: str) -> Array | None:
-            return read_only(std[[index[name] for name in names]]) if names[0] in index else None
+            return std[[index[name] for name in names]] if names[0] in index else None
 
-        of_B = read_only(np.sqrt(np.diag(self.B_covariance)[3::4]))
-        return {
-            "weight": float(std[index["weight"]]) if "weight" in index else None,
-            "com": of(*LINEAR_PARAMETERS[1:4]),
-            "bias": of(*LINEAR_PARAMETERS[4:]) if "weight" in index else of_B,
-            "yaw": self._yaw_std(index),
-            "mount": of(*MOUNT),
-            "gravity": of(*GRAVITY),
-        }
+        of_B = np.sqrt(np.diag(self.B_covariance)[3::4])
+        return ReadOnlyDict(
+            weight=float(std[index["weight"]]) if "weight" in index else None,
+            com=frozen(of(*LINEAR_PARAMETERS[1:4])),
+            bias=frozen(of(*LINEAR_PARAMETERS[4:]) if "weight" in index else of_B),
+            yaw=self._yaw_std(index),
+            mount=frozen(of(*MOUNT)),
+            gravity=frozen(of(*GRAVITY)),
+        )
 
     def _yaw_std(self, index: dict[str, int]) -> float | None:
         if "yaw" in index:
@@ -148,6 +149,19 @@ class CalibrationFields(Frozen):
     def fitted_poses(self) -> tuple[Pose, ...]:
         """The poses that were not left out."""
         return tuple(pose for pose in self.poses if pose.rejected is None)
+
+    @property
+    def left_of_poses(self) -> Array | None:
+        """RMS (6,), N and N m, of what the free wrench leaves of the `fitted_poses`, a bias that moved among it."""
+        if self.moments is not None:
+            to_wrench = np.column_stack([response_of(self.B[:, :3], self.gravity_direction), self.B[:, 3]])
+            squares = self.moments.squares_left(to_wrench)
+        elif poses := self.fitted_poses:
+            r = gravity_in_flange(np.array([pose.R_base_flange for pose in poses]), self.gravity_direction)
+            squares = np.mean((np.array([pose.wrench for pose in poses]) - free_wrench(self.B, r)) ** 2, axis=0)
+        else:
+            return None
+        return np.asarray(np.sqrt(squares))
 
     @property
     def sensor_z_along_flange(self) -> bool | None:
@@ -195,8 +209,7 @@ class CalibrationFields(Frozen):
         total[:24, :24] += self.gain_covariance
         values, vectors = np.linalg.eigh(total / np.outer(unit, unit))
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) * unit[:, None]  # a mean of several: not quite positive
-        positive: Array = root @ root.T
-        return positive
+        return read_only(root @ root.T)
 
     def error_jacobian(self, R_base_flange: Array) -> Array:
         """Derivative (n, 6, ...) of the free wrench with respect to `error_names`, for orientations (n, 3, 3)."""

@@ -11,23 +11,22 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, number, numbers, read_only, seconds
 from ..geometry.wrench import wrench_rows
+from ..samples.delay import LONGEST_DELAY
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
 from .contact_detection import LEARN_FIRST, SAME_SECONDS, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
-from .faults import BACK, SAME, Reason, reason_of
+from .faults import BACK, SAME, reason_of, reasons_of
 from .filters import LowPass, delay_of
-from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
-from .runner import Compiled, Plain
-from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, SAMPLE, State
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, positive, six_numbers, stated_noise, with_torques
+from .runner import IN_USE, Compiled, Plain, given, one_at_a_time
+from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
-LONGEST_DELAY = 10.0
-"""s, either way."""
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
 DENSEST = 10_000.0
@@ -36,6 +35,9 @@ DENSEST = 10_000.0
 
 class Compensator:
     """From readings, one at a time or in batches, to contact wrenches with their std, faults and contacts.
+
+    One call at a time, from whichever thread: one that comes while another runs is refused and changes nothing. Threads
+    side by side need one each; a copy, or one from a pickle, goes on from the same state.
 
     Args:
         calibration: of the tool and the sensor.
@@ -64,6 +66,8 @@ class Compensator:
         MissingExtraError: `fast` without numba.
     """
 
+    busy = False
+
     def __init__(
         self,
         calibration: Calibration,
@@ -83,17 +87,17 @@ class Compensator:
     ) -> None:
         if not isinstance(calibration, Calibration):
             raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")
-        self._calibration = calibration.with_gravity(None if gravity is None else np.asarray(gravity, dtype=np.float64))
+        self._calibration = calibration.with_gravity(gravity)
         self._stated = None if noise is None else stated_noise(noise)
-        self._rate = None if rate is None else _positive(rate, "rate", "Hz")
+        self._rate = None if rate is None else positive(rate, "rate", "Hz")
         self._lowpass = lowpass if isinstance(lowpass, LowPass | None) else LowPass(lowpass)
         self._sensor = sensor_filter if isinstance(sensor_filter, LowPass | None) else LowPass(sensor_filter, 1)
         s = self._settings = State()
-        s.delay = delay_of(calibration, self._sensor) if delay is None else float(delay)
+        s.delay = delay_of(calibration, self._sensor) if delay is None else number(delay, "delay")
         if not abs(s.delay) <= LONGEST_DELAY:
             raise InputError(f"delay is {s.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
         s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
-        s.minimum_duration = _positive(minimum_duration, "minimum duration", "s") - 1e-9
+        s.minimum_duration = positive(minimum_duration, "minimum duration", "s") - 1e-9
         s.ranges = six_numbers(ranges, "range", inf, least=np.finfo(float).tiny)
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", 0.0)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
@@ -107,6 +111,7 @@ class Compensator:
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
+    @one_at_a_time
     def reset(self) -> None:
         """Forget everything but the settings: filters, contact, what was learned of the bias and a new zero."""
         s = deepcopy(self._settings)
@@ -132,23 +137,32 @@ class Compensator:
             temperature: K or degrees C, where there is one.
 
         Raises:
-            InputError: a shape, or a rate that is too low for a cut-off.
+            InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
-        reading, turn = np.asarray(wrench, np.float64), np.asarray(orientation, np.float64)
+        reading, turn = numbers(wrench, "wrench"), numbers(orientation, "orientation")
         if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
             raise InputError(
                 f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
             )
-        said, result = self._runner.step(reading, turn, t, nan if temperature is None else temperature)
-        if said != ASK:
-            return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
-        events, fault, detail, channel, judged = self._runner.told()
-        if events:
-            self._attend(events)
-        contact = None if judged == NOT_JUDGED else bool(judged)
-        std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
-        return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
+        t = t if isinstance(t, float) else number(seconds(t), "t")
+        heat = nan if temperature is None else number(temperature, "temperature")
+        if self.busy:  # as `one_at_a_time`, which would cost a tenth of a microsecond
+            raise InputError(IN_USE)
+        try:
+            self.busy = True
+            said, result = self._runner.step(reading, turn, t, heat)
+            if said != ASK:
+                return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
+            events, fault, detail, channel, judged = self._runner.told()
+            if events:
+                self._attend(events)
+            contact = None if judged == NOT_JUDGED else bool(judged)
+            std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
+            return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
+        finally:
+            self.busy = False
 
+    @one_at_a_time
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
     ) -> ContactWrenches:
@@ -161,21 +175,18 @@ class Compensator:
             temperature: (n,) K or degrees C, where there are some.
 
         Raises:
-            InputError: shapes that do not pair, or a rate that is too low for a cut-off.
+            InputError: shapes that do not pair, else as for a single reading.
         """
         readings, _ = wrench_rows(wrench)
         n = len(readings)
-        turns, times = np.asarray(orientation, dtype=np.float64), np.asarray(t, dtype=np.float64)
-        heats = np.full(n, nan) if temperature is None else np.asarray(temperature, dtype=np.float64)
+        turns, times = numbers(orientation, "orientation"), seconds(t)
+        heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
         if turns.shape not in {(n, 4), (n, 3, 3)} or times.shape != (n,) or heats.shape != (n,):
             raise InputError(
                 f"orientation, t and temperature have shapes {turns.shape}, {times.shape} and {heats.shape}, expected "
                 f"({n}, 3, 3) or ({n}, 4), ({n},) and ({n},) for {n} readings"
             )
-        width = 4 if turns.shape[1:] == (4,) else 9
-        samples = np.zeros(n, SAMPLE)
-        samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(n, width)
-        samples["time"], samples["temperature"] = times, heats
+        samples, width = given(readings, turns, times, heats)
         contacts: list[Contact] = []
         covariances, taken = [self._covariance()], 0
         while taken < n:
@@ -186,17 +197,13 @@ class Compensator:
                 covariances.append(self._covariance())
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
-        fault = samples["fault"]
-        reasons: list[Reason | None] = [None] * n
-        for row in np.flatnonzero(fault).tolist():
-            reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
         return ContactWrenches(
             wrench=samples["wrench"],
             std=samples["wrench_std"],
             t=times,
             judged=True,
-            valid=fault <= SAME,
-            reason=tuple(reasons),
+            valid=samples["fault"] <= SAME,
+            reason=reasons_of(samples),
             contact=samples["contact"],
             contacts=tuple(contacts),
             statistic=samples["statistic"],
@@ -205,6 +212,7 @@ class Compensator:
             covariance=read_only(covariances),
         )
 
+    @one_at_a_time
     def zero(self, samples: Samples) -> Zero:
         """Take what free readings at rest leave, in whatever orientation, for the bias from now on.
 
@@ -289,10 +297,3 @@ class Compensator:
         covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
         mean = np.array(s.contact_sum) / rows
         return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
-
-
-def _positive(value: float, what: str, unit: str) -> float:
-    """A positive, finite number. Raises `InputError` that names `what`."""
-    if not 0.0 < value < inf:
-        raise InputError(f"{what} is {value:g} {unit}, expected a positive number")
-    return float(value)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.fields import ROWS_AT_ONCE
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen, Rows, column, read_only
+from ..geometry.arrays import Array, Frozen, Rows, Sealed, column, numbers, read_only
 from ..geometry.wrench import cross_matrix, wrench_transform
 from ..model import mounting_turn
 from ..samples.samples import Samples
@@ -30,7 +30,7 @@ NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 
 
 @dataclass(frozen=True, eq=False)
-class ContactWrench:
+class ContactWrench(Sealed):
     """The contact wrench of one sample: `wrench` (6,), N and N m, sensor axes, and its `std` (6,), at `t` s.
 
     `valid` is False where something is wrong with the sample, and `reason` says what, a short word first. Where nothing
@@ -184,7 +184,7 @@ def _turned(
     follows = output_frame != "sensor"
     R_output_sensor = calibration.R_flange_sensor if follows and calibration.R_flange_sensor is not None else np.eye(3)
     axes = R_base_flange @ R_output_sensor if output_frame == "base" else np.tile(R_output_sensor, (len(wrench), 1, 1))
-    transform = wrench_transform(axes, np.zeros(3) if point is None else point)
+    transform = wrench_transform(axes, np.zeros(3) if point is None else numbers(point, "point"))
     turned = np.einsum("nij,nj->ni", transform, wrench)
     turn = axes @ mounting_turn(calibration.error_names) * follows
     parts = [cross_matrix(turned[:, part]) @ turn for part in (slice(0, 3), slice(3, 6))]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from math import erf, inf, log, sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..model import AXES
 from .state import Row, Sample, State, kernel
 
@@ -55,6 +58,9 @@ class Reason(str):
         reason.kind = kind
         return reason
 
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        return str(self), self.kind
+
 
 def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
     """A fault of a sample; None where there is none."""
@@ -62,6 +68,14 @@ def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
         return None
     kind = REASONS[fault].partition(": ")[0]
     return Reason(REASONS[fault].format(detail=detail, axis=AXES[channel], unit=UNITS[channel]), kind)
+
+
+def reasons_of(samples: NDArray[np.void]) -> tuple[Reason | None, ...]:
+    """The faults of samples (n,)."""
+    reasons: list[Reason | None] = [None] * len(samples)
+    for row in np.flatnonzero(samples["fault"]).tolist():
+        reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
+    return tuple(reasons)
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Frozen
+from ..geometry.arrays import Array, Frozen, numbers
 from ..geometry.wrench import cross_matrix, unit_direction
 
 LEAST_FORCE = 4.0
@@ -78,7 +78,7 @@ def point_on_plane(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, 
     A line that all but lies in the plane gives a `reason`, as does a force no better than its noise.
     """
     w, C = _checked(wrench, covariance)
-    n, q = unit_direction(np.asarray(normal), "normal"), np.asarray(origin, dtype=np.float64)
+    n, q = unit_direction(normal, "normal"), numbers(origin, "origin")
     F, T = w[:3], w[3:]
     if reason := _too_weak(w, C) or _too_flat(abs(float(n @ F)), F, "plane"):
         return PointOfAction(NO_POINT, NO_COVARIANCE, np.nan, reason)
@@ -99,7 +99,7 @@ def point_on_axis(wrench: ArrayLike, covariance: ArrayLike, origin: ArrayLike, a
     A force all but along the axis gives a `reason`, as does one no better than its noise.
     """
     w, C = _checked(wrench, covariance)
-    a, q = unit_direction(np.asarray(along), "axis"), np.asarray(origin, dtype=np.float64)
+    a, q = unit_direction(along, "axis"), numbers(origin, "origin")
     F, T = w[:3], w[3:]
     m, M, Q = np.cross(a, F), cross_matrix(a), cross_matrix(q)
     if reason := _too_weak(w, C) or _too_flat(float(np.linalg.norm(m)), F, "axis"):
@@ -139,7 +139,7 @@ def _too_flat(across: float, F: Array, what: str) -> str | None:
 
 
 def _checked(wrench: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array]:
-    w, C = np.asarray(wrench, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    w, C = numbers(wrench, "wrench"), numbers(covariance, "covariance")
     if w.shape != (6,) or C.shape != (6, 6):
         raise InputError(f"wrench and covariance have shapes {w.shape} and {C.shape}, expected (6,) and (6, 6)")
     return w, C

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..estimation.noise import variance_of_means
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, numbers
 from ..samples.poses import Pose
 from ..samples.still_noise import StillNoise
 from .filters import LowPass
@@ -159,25 +159,31 @@ def between_poses(calibration: Calibration, of_row: Array) -> Array:
 def with_torques(values: ArrayLike) -> Array:
     """Numbers as they are, but a single one, N, as six: `PER_NEWTON`. Raises `InputError` for what is no number."""
     try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"found {values!r}, expected numbers: one in N, or six, N of forces and N m of torques"
-        ) from None
+        array = numbers(values, "noise")
+    except InputError:
+        found = " ".join(repr(values).split())[:60]
+        raise InputError(f"found {found}, expected numbers: one in N, or six, N of forces and N m of torques") from None
     return array * PER_NEWTON if array.ndim == 0 else array
+
+
+def positive(value: float, what: str, unit: str) -> float:
+    """A positive, finite number. Raises `InputError` that names `what`."""
+    if not 0.0 < value < inf:
+        raise InputError(f"{what} is {value:g} {unit}, expected a positive number")
+    return float(value)
 
 
 def six_numbers(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:
     """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
     if values is None:
         return [default] * 6
-    array = np.asarray(values, dtype=np.float64)
+    array = numbers(values, what)
     if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
         raise InputError(
             f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
         )
-    numbers: list[float] = array.tolist()
-    return numbers
+    six: list[float] = array.tolist()
+    return six
 
 
 def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:

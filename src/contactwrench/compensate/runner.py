@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import astuple
-from functools import cache
+from functools import cache, wraps
 from hashlib import sha256
 from inspect import getsource
 from threading import Timer
@@ -15,17 +15,43 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MissingExtraError
+from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, read_only
-from .state import KERNEL, SAMPLE, STATE, Sample, State
+from .state import KERNEL, SAMPLE, STATE, Function, Sample, State
 from .step import take
 
 MOMENT = 1.0
 """s: what takes longer is said."""
+IN_USE = "found a call while another runs, expected one at a time: give each thread a Compensator of its own"
 ROWS_AT_ONCE = 128
 TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
+
+
+def one_at_a_time(method: Function) -> Function:
+    """Refuse the method of a `busy` object. No lock, which no pickle takes: no thread is changed from look to mark."""
+
+    @wraps(method)
+    def marked(self: Any, *args: Any, **named: Any) -> Any:
+        if self.busy:
+            raise InputError(IN_USE)
+        try:
+            self.busy = True
+            return method(self, *args, **named)
+        finally:
+            self.busy = False
+
+    return marked  # type: ignore[return-value]
+
+
+def given(readings: Array, turns: Array, times: Array, heats: Array) -> tuple[NDArray[np.void], int]:
+    """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9."""
+    width = 4 if turns.shape[1:] == (4,) else 9
+    samples = np.zeros(len(readings), SAMPLE)
+    samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(-1, width)
+    samples["time"], samples["temperature"] = times, heats
+    return samples, width
 
 
 class Plain:

@@ -19,7 +19,7 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import AmbiguityError, UnobservableError, refuse
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
-from ..model import yaw_of_mounting
+from ..model import parameters_of, yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
 from ..samples.poses import Pose, moments_of_poses
 from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
@@ -247,9 +247,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         yaw, mass = yaw_of_mounting(tool.R_flange_sensor)[0], tool.weight / recorded.g
         values = (tool.weight, mass, tool.com, tool.R_flange_sensor, yaw, estimate.weight_xy, estimate.weight_z)
         of_tool = dict(zip(OF_TOOL, values, strict=True))
-        parameters = np.zeros(len(names))
-        parameters[:10] = np.r_[tool.weight, tool.com, tool.bias]
-        parameters[10:11] = yaw if "yaw" in names else 0.0
+        parameters = parameters_of(tool, yaw, names)
         if question.model == "auto" and question.earlier is None:
             steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
             alternatives = alternatives_to(tool, steady, question)

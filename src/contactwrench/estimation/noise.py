@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calibration.observability import LEVER
 from ..errors import InputError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, numbers
 from ..samples.poses import Pose
 from ..samples.samples import Samples
 
@@ -152,10 +152,7 @@ def stated_noise(noise: NoiseLike) -> StatedNoise | None:
     """The noise of one pose's reading from what the user states of it, or None. Raises `InputError`."""
     if noise is None:
         return None
-    try:
-        values = np.asarray(noise.wrench if isinstance(noise, Samples) else noise, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
+    values = numbers(noise.wrench if isinstance(noise, Samples) else noise, "noise")
     if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
         values = values.std(axis=0, ddof=1)
     if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, numbers
 from ..geometry.orientation import nearest_rotations
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import cross_matrix, unit_direction
@@ -254,10 +254,10 @@ def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, S
 
 def _finite(what: str, value: ArrayLike, *shapes: tuple[int, ...]) -> Array:
     try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+        array = numbers(value, what)
+    except InputError:
         array = np.full(0, np.nan)
     if array.shape not in shapes or not np.isfinite(array).all():
         expected = " or ".join(str(shape) if shape else "a number" for shape in shapes)
-        raise InputError(f"{what} is {value!r}, expected {expected}, finite")
+        raise InputError(f"{what} is {' '.join(repr(value).split())[:80]}, expected {expected}, finite")
     return array

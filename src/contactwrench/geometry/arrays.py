@@ -1,10 +1,10 @@
-"""Arrays of float64, results that hold them read-only, and tables of them: one row for each sample."""
+"""Arrays of float64 from what users hand over, results that nobody can change, and tables: one row for each sample."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields, replace
-from typing import Any, Self, TypeAlias
+from typing import Any, NoReturn, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -17,45 +17,120 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 """Types that say how many axes an array has, for a reader of files who has nothing but the type to go by."""
 
 
+FLOAT64 = np.dtype(np.float64)
+WORDS = {"b": "truth values", "U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "durations"}
+
+
+def numbers(values: ArrayLike, name: str) -> Array:
+    """What a user hands over, as float64: itself where it is that. `InputError`, by `name`, for what has to be guessed:
+    text, truth values, complex numbers, dates, objects, rows of unequal length, masked values.
+    """
+    if type(values) is np.ndarray and values.dtype is FLOAT64:
+        return values
+    array = _unmasked(values, name)
+    if array.dtype.kind not in "fiu":
+        found = WORDS.get(array.dtype.kind, "objects")
+        raise InputError(f"{name} has {found}, expected numbers: convert them, as by .astype(float)")
+    return array.astype(np.float64, copy=False)
+
+
+def number(values: Any, name: str) -> float:
+    """A single one of `numbers`."""
+    array = numbers(values, name)
+    if array.shape:
+        raise InputError(f"{name} has shape {array.shape}, expected one number")
+    return float(array)
+
+
+def _unmasked(values: Any, name: str) -> NDArray[Any]:
+    """An array of whatever type. Raises `InputError` where a part is masked, or rows are of unequal length."""
+    parts = values if isinstance(values, list | tuple) else (values,)
+    if any(np.ma.is_masked(part) for part in parts):
+        raise InputError(f"{name} has masked values, expected none: leave such samples out, or fill them")
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} has rows of unequal length, expected an array of numbers") from None
+
+
+def seconds(values: Any, name: str = "t") -> Array:
+    """Times, s, as `numbers`; also numpy's dates, s since 1970, and its durations. One that is none is NaN."""
+    times = _unmasked(values, name)
+    if times.dtype.kind == "M":
+        times = times - np.datetime64(0, "s")
+    return numbers(times / np.timedelta64(1, "s") if times.dtype.kind == "m" else times, name)
+
+
 def read_only(values: ArrayLike) -> Array:
     """A float64 copy that cannot be written to."""
     return _handed_over(np.array(values, dtype=np.float64, order="C"))
 
 
+class ReadOnlyDict(dict[str, Any]):
+    """A dict that cannot be changed; one made of it can."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("a result cannot be changed: change a copy, dict(...)")
+
+    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ReadOnlyDict, (dict(self),)
+
+
+def frozen(values: Any) -> Any:
+    """The same that nobody can change: read-only copies of arrays, tuples for lists, `ReadOnlyDict`s; else as it is."""
+    if isinstance(values, np.ndarray):
+        return _frozen(values, FLOAT64 if values.dtype.kind == "f" else values.dtype)
+    if isinstance(values, Mapping):
+        return ReadOnlyDict({key: frozen(value) for key, value in values.items()})
+    if type(values) in (list, tuple):
+        return tuple(frozen(value) for value in values)
+    return values
+
+
+class Sealed:
+    """A base of frozen results: one from a pickle, or a copy, is as frozen."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update({name: frozen(value) for name, value in state.items()})
+
+
 @dataclass(frozen=True, eq=False)
-class Frozen:
-    """A base of frozen results: an array in any field becomes a copy that cannot be written to."""
+class Frozen(Sealed):
+    """A base of frozen results in which every field is `frozen`."""
 
     def __post_init__(self) -> None:
         for each in fields(self):
-            values = getattr(self, each.name)
-            if isinstance(values, np.ndarray):
-                kind = np.float64 if values.dtype.kind == "f" else values.dtype
-                object.__setattr__(self, each.name, _frozen(values, np.dtype(kind)))
+            object.__setattr__(self, each.name, frozen(getattr(self, each.name)))
 
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:
     """Metadata of a field of `Rows` that has a `row` of that shape for each sample: `column()` is (n,), `column(6)` is
-    (n, 6). A column of the kind `object` is kept as a tuple of n.
+    (n, 6). A column of the kind `object` is kept as a tuple of n; one of the name `t` takes dates.
     """
     return {"row": row, "kind": np.dtype(kind)}
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(Frozen):
     """A base of frozen tables: fields with the metadata of `column` are copied, read-only, and pair row by row.
 
-    A column that is None is left out. Raises `InputError` for a shape that does not pair with the first column.
+    A column that is None is left out. Raises `InputError` for what is no column of numbers (or truth values), and for a
+    shape that does not pair with the first column.
     """
 
     def __post_init__(self) -> None:
         first, n = "", 0
-        for each in _columns(self):
+        for each in fields(self):
             values = getattr(self, each.name)
+            if "row" not in each.metadata:
+                object.__setattr__(self, each.name, frozen(values))
+                continue
             if values is None:
                 continue
             row, kind = each.metadata["row"], each.metadata["kind"]
-            owned = tuple(values) if kind.hasobject else _frozen(values, kind)
+            owned = tuple(values) if kind.hasobject else _frozen(_column(values, kind, each.name), kind)
             shape = (len(owned),) if isinstance(owned, tuple) else owned.shape
             if not first:
                 n = shape[0] if shape else 0
@@ -98,6 +173,15 @@ class Rows:
         with_rows = [part for part in parts if len(part)] or parts[:1]
         columns = {each.name: joined([getattr(part, each.name) for part in with_rows]) for each in _columns(parts[0])}
         return replace(parts[0], **columns)
+
+
+def _column(values: Any, kind: np.dtype[Any], name: str) -> NDArray[Any]:
+    if kind.kind == "f":
+        return seconds(values, name) if name == "t" else numbers(values, name)
+    array = _unmasked(values, name)
+    if array.size and array.dtype.kind not in "biu":
+        raise InputError(f"{name} has {WORDS.get(array.dtype.kind, 'numbers')}, expected truth values")
+    return array
 
 
 def _columns(rows: Rows) -> list[Field[Any]]:

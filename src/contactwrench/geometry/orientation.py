@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .arrays import Array
+from .arrays import Array, numbers
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -70,16 +70,7 @@ def nearest_rotations(matrices: Array) -> Array:
 
     Raises `InputError` naming the first matrix that is no rotation (a mirrored one included).
     """
-    x, y, z = (matrices[:, :, k] for k in range(3))
-    with np.errstate(over="ignore", invalid="ignore"):
-        deviation = np.max(
-            [
-                np.abs(np.einsum("ni,ni->n", a, b) - unit)
-                for a, b, unit in [(x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0)]
-            ],
-            axis=0,
-        )
-        handedness = np.einsum("ni,ni->n", np.cross(x, y), z)
+    deviation, handedness = off_rotation(matrices.reshape(-1, 9))
     wrong = ~((deviation <= 2.0 * ROTATION_TOLERANCE) & (handedness > 0.0))
     if wrong.any():
         row = int(np.argmax(wrong))
@@ -95,6 +86,17 @@ def nearest_rotations(matrices: Array) -> Array:
     return matrices
 
 
+def off_rotation(matrices: Array) -> tuple[Array, Array]:
+    """How far the columns of row-major matrices (n, 9) are from orthonormal, and the determinants: (n,) each."""
+    x, y, z = np.ascontiguousarray(matrices.T).reshape(3, 3, -1).swapaxes(0, 1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.abs(np.einsum("im,im->m", x, x) - 1.0)
+        for a, b, unit in [(y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0)]:
+            np.maximum(deviation, np.abs(np.einsum("im,im->m", a, b) - unit), out=deviation)
+        across = [x[i] * y[j] - x[j] * y[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+        return deviation, np.einsum("im,im->m", across, z)
+
+
 def rotation_matrices(orientation: OrientationLike) -> tuple[Array, bool]:
     """`R_base_flange` as (n, 3, 3), and whether a single orientation was given.
 
@@ -104,7 +106,7 @@ def rotation_matrices(orientation: OrientationLike) -> tuple[Array, bool]:
     if hasattr(orientation, "as_matrix"):
         matrices = np.asarray(orientation.as_matrix(), dtype=np.float64)
         return (matrices[None], True) if matrices.ndim == 2 else (matrices, False)
-    values = np.asarray(orientation, dtype=np.float64)
+    values = numbers(orientation, "orientation")
     if values.shape == (4,):
         return from_quat_xyzw(values[None]), True
     if values.shape == (3, 3):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from .arrays import Array
+from .arrays import Array, numbers
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2, by definition (3rd CGPM, 1901)."""
@@ -42,7 +42,7 @@ def wrench_transform(R_new_old: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -
 
 def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
     """`direction` (3,) scaled to length 1. Raises `InputError` unless it is three finite numbers, not all zero."""
-    vector = np.asarray(direction, dtype=np.float64)
+    vector = numbers(direction, name)
     largest = float(np.abs(vector).max(initial=0.0))
     if vector.shape != (3,) or not 0.0 < largest < np.inf:
         parts = ",".join(f"{part:g}" for part in vector.ravel()[:6])
@@ -53,7 +53,7 @@ def unit_direction(direction: ArrayLike, name: str = "gravity") -> Array:
 
 def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     """`wrench` as (n, 6) float64, and whether a single (6,) one was given. Raises `InputError` otherwise."""
-    rows = np.asarray(wrench, dtype=np.float64)
+    rows = numbers(wrench, "wrench")
     if rows.shape == (6,):
         return rows[None], True
     if rows.ndim != 2 or rows.shape[1] != 6:

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
-from ..compensate.compensator import LONGEST_DELAY, Compensator
+from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, require_frame
 from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..samples.delay import LONGEST_DELAY
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import Synchronized, synchronized

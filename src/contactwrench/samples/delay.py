@@ -29,8 +29,8 @@ TOLD = 0.3
 """Of the std that noise alone would show: with a tenth of the information that there is, it does no harm."""
 ASTRAY = 0.1
 """s from the best of the search to the fit: further it finds another answer, or none."""
-WIDE = 10.0
-"""s: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
+LONGEST_DELAY = 10.0
+"""s, either way: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""
 
@@ -194,7 +194,7 @@ def _delay_of_free_readings(streams: Streams) -> Delay:
         free &= ~wrench.saturated
     streams = Streams(wrench.select(free), streams.orientation)
     delay = estimate_delay(streams)
-    return estimate_delay(streams, within=WIDE) if delay.beyond else delay
+    return estimate_delay(streams, within=LONGEST_DELAY) if delay.beyond else delay
 
 
 def with_delay_of_rows(samples: Samples) -> Samples:

@@ -130,6 +130,11 @@ class PoseMoments(Frozen):
     cross: Matrix
     wrench: Matrix
 
+    def squares_left(self, to_wrench: Array) -> Array:
+        """The mean square (6,) of what a wrench `to_wrench @ m`, (6, 10), leaves of the poses."""
+        left = self.wrench - 2.0 * to_wrench @ self.cross + to_wrench @ self.design @ to_wrench.T
+        return np.maximum(np.diag(left) / self.n, 0.0)
+
 
 def moments_of_poses(R_base_flange: Array, wrench: Array) -> PoseMoments:
     """The moments of poses (n, 3, 3) and their mean readings (n, 6)."""

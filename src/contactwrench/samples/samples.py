@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry.arrays import Array, Rows, column, read_only
+from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
 
 ReadAs: TypeAlias = Mapping[str, str | int]
@@ -131,7 +131,7 @@ class OrientationStream(Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class Streams:
+class Streams(Frozen):
     """A recording as it is: what the sensor read, and where the arm was, each at its own times; `read_as` and
     `damage` as in `Samples`.
     """

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import arcs_through
 from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
 from .samples import ReadAs, Samples, Streams
@@ -53,7 +53,7 @@ class Hole:
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class LeftOut(Frozen):
     """Rows (k,) of the wrench stream, counted from 0 as they were recorded, that have no sample, and the reason."""
 
     rows: NDArray[np.intp]
@@ -61,7 +61,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Synchronized:
+class Synchronized(Frozen):
     """`samples`: readings in the order of their stamps, each with the orientation (and position) of its moment; `t` is
     the wrench's stamps. `rows` (k,): the rows of the wrench stream that they are, counted from 0 as recorded.
     `left_out`: all other rows, by reason. `notes`: what was put right or left out, in sentences with times counted from

@@ -1,0 +1,215 @@
+"""Whether a calibration that was read is one: what follows from other numbers does, and the rest can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.arrays import Array, Vector
+from ..geometry.orientation import off_rotation
+from ..model import PARAMETERS, RigidTool, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
+from ..samples.delay import LONGEST_DELAY, is_significant
+from .fields import CalibrationFields
+
+B_TOLERANCE = 1e-9
+ROUNDING, ROUNDING_OF_SUMS = 1e-14, 1e-6
+COVARIANCE_TOLERANCE, ROTATION_TOLERANCE = 1e-6, 2e-6
+FOLLOWS = ("verdict", "expected_error", "left_of_poses")
+"""Properties that are written to the file."""
+NOT_NEGATIVE = ("residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """What the file says beside the fields, for programs that read it; it follows from them."""
+
+    std: dict[str, float | list[float] | None]
+    warnings: list[str]
+    expected_error: Vector | None = None
+    left_of_poses: Vector | None = None
+
+
+def require_consistent(c: CalibrationFields, derived: Derived) -> None:
+    """Raise `InputError` unless shapes fit, rotations and covariances are such, and what follows from others does."""
+    if c.model not in PARAMETERS:
+        raise InputError(f"model is {c.model!r}, expected one of {', '.join(PARAMETERS)}")
+    names = PARAMETERS[c.model]
+    if c.parameter_names != names:
+        raise InputError(f"parameter_names do not fit model {c.model}, expected {', '.join(names)}")
+    for name, array, shape in _shapes(c):
+        _require_shape(name, array, shape)
+        if name in NOT_NEGATIVE and array is not None and (array < 0.0).any():
+            raise InputError(f"{name} has a number below 0, expected 0 or more")
+    if not (c.noise > 0.0).all():
+        raise InputError("noise has a number that is not above 0, expected 6 above 0")
+    _check_numbers(c)
+    _check_poses(c)
+    if not abs(float(np.linalg.norm(c.gravity_direction)) - 1.0) <= B_TOLERANCE:
+        raise InputError("gravity_direction has not length 1")
+    if c.model == "affine":
+        _check_affine(c)
+    else:
+        _check_rigid(c)
+    _require_covariance("covariance", c.covariance)
+    if c.gain_covariance is not None:
+        _require_symmetric("gain_covariance", c.gain_covariance)  # a mean of several: not quite positive
+    _check_derived(c, derived)
+
+
+def _check_poses(c: CalibrationFields) -> None:
+    for k, pose in enumerate(c.poses):
+        _require_shape(f"poses[{k}].wrench", pose.wrench, (6,))
+        _require_shape(f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6))
+        _require_covariance(f"poses[{k}].wrench_cov", pose.wrench_cov)
+        _require_rotation(f"poses[{k}].R_base_flange", pose.R_base_flange)
+        if pose.n < 1:
+            raise InputError(f"poses[{k}].n is {pose.n}, expected 1 row or more")
+    if (m := c.moments) is not None:
+        _require_covariance("moments", np.block([[m.design, m.cross], [m.cross.T, m.wrench]]))
+        _require_near("moments.design", m.design[9, 9], float(m.n), "moments.n")
+
+
+def _shapes(c: CalibrationFields) -> Iterator[tuple[str, Array | None, tuple[int, ...]]]:
+    """Every array whose shape the model or the format says, its name, and that shape."""
+    p = len(c.parameter_names)
+    yield from [
+        ("bias", c.bias, (6,)),
+        ("gravity_direction", c.gravity_direction, (3,)),
+        ("B", c.B, (6, 4)),
+        ("B_covariance", c.B_covariance, (24, 24)),
+        ("parameters", c.parameters, (p,)),
+        ("covariance", c.covariance, (p, p)),
+        ("noise", c.noise, (6,)),
+        ("residual_rms", c.residual_rms, (6,)),
+        ("observability.tilt_range", c.observability.tilt_range, (2,)),
+        ("parameter_dof", c.parameter_dof, (p,)),
+        ("held_out_rms", c.held_out_rms, (6,)),
+        ("gain_covariance", c.gain_covariance, (24, 24)),
+    ]
+    for k, other in enumerate(c.alternatives):
+        yield f"alternatives[{k}].B", other.B, (6, 4)
+        yield f"alternatives[{k}].gravity_direction", other.gravity_direction, (3,)
+    if c.still_noise is not None:
+        yield "still_noise.std", c.still_noise.std, (len(c.still_noise.duration), 6)
+    if c.moments is not None:
+        yield "moments.design", c.moments.design, (10, 10)
+        yield "moments.cross", c.moments.cross, (10, 6)
+        yield "moments.wrench", c.moments.wrench, (6, 6)
+
+
+def _require_shape(name: str, array: Array | None, shape: tuple[int, ...]) -> None:
+    if array is not None and array.shape != shape:
+        raise InputError(f"{name} has not the shape {shape}")
+
+
+def _require_rotation(name: str, R: Array) -> None:
+    _require_shape(name, R, (3, 3))
+    deviation, determinant = off_rotation(R.reshape(1, 9))
+    if not deviation[0] <= ROTATION_TOLERANCE or determinant[0] < 0.0:
+        raise InputError(f"{name} is no rotation matrix")
+
+
+def _check_numbers(c: CalibrationFields) -> None:
+    if c.dof < 0.0 or c.reduced_chi2 < 0.0:
+        raise InputError(f"dof is {c.dof:g} and reduced_chi2 {c.reduced_chi2:g}, expected 0 or more")
+    if (c.delay is None) != (c.delay_std is None):
+        raise InputError("found one of delay and delay_std, expected both or neither")
+    if c.delay is not None and c.delay_std is not None:
+        if c.delay_std < 0.0:
+            raise InputError(f"delay_std is {c.delay_std:g}, expected 0 or more")
+        if abs(c.delay) > LONGEST_DELAY and is_significant(c.delay, c.delay_std):
+            raise InputError(f"delay is {c.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
+    if c.still_noise is not None and not (np.diff(c.still_noise.duration, prepend=0.0) > 0.0).all():
+        raise InputError("found still_noise.duration not ascending from above 0")
+    least = c.dof if c.parameter_dof is None else float(c.parameter_dof.min())
+    if not c.dof <= least + B_TOLERANCE or (c.dof == 0.0 < least):
+        raise InputError(f"dof is {c.dof:g}, expected no more than the least parameter_dof, {least:g}, and not 0")
+    if (np.diag(c.covariance) < 0.0).any():
+        raise InputError("covariance has a variance below 0, expected 0 or more")
+
+
+def _require_covariance(name: str, C: Array) -> None:
+    _require_symmetric(name, C)
+    unit = np.sqrt(np.abs(np.diag(C)))
+    unit[unit == 0.0] = 1.0
+    correlation = C / unit[:, None] / unit
+    if not (np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] >= -COVARIANCE_TOLERANCE):
+        raise InputError(f"{name} is not positive semi-definite, as a covariance is")
+
+
+def _require_symmetric(name: str, C: Array) -> None:
+    std = np.sqrt(np.abs(np.diag(C)))
+    least = COVARIANCE_TOLERANCE**2 * np.abs(C).max()
+    if not (np.abs(C - C.T) <= COVARIANCE_TOLERANCE * np.outer(std, std) + least).all():
+        raise InputError(f"{name} is not symmetric, as a covariance is")
+
+
+def _check_affine(c: CalibrationFields) -> None:
+    if any(value is not None for value in (c.weight, c.mass, c.com, c.R_flange_sensor, c.yaw)):
+        raise InputError("model affine has a weight, mass, com, R_flange_sensor or yaw, expected null")
+    _require_near("the last column of B", c.B[:, 3], c.bias, "bias")
+    _require_near("parameters", c.parameters, c.B.ravel(), "B")
+    _check_B_covariance(c, np.eye(24))
+
+
+def _check_rigid(c: CalibrationFields) -> None:
+    if c.weight is None or c.mass is None or c.com is None or c.R_flange_sensor is None or c.yaw is None:
+        raise InputError(f"model {c.model} lacks weight, mass, com, R_flange_sensor or yaw, expected numbers")
+    _require_rotation("R_flange_sensor", c.R_flange_sensor)
+    _require_shape("com", c.com, (3,))
+    tool = RigidTool(c.weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
+    _require_near("B", c.B, wrench_matrix(tool), "weight, com, bias and R_flange_sensor")
+    if not (c.weight > 0.0 and c.mass > 0.0):
+        raise InputError(f"weight is {c.weight:g} N and mass {c.mass:g} kg, expected numbers above 0")
+    g = c.provenance.get("g")
+    if isinstance(g, float):
+        _require_near("weight", c.weight, c.mass * g, "mass and g")
+    if c.weight_z is not None:
+        _require_near("weight_z", c.weight_z, c.weight, "weight")
+    turned = c.yaw - yaw_of_mounting(c.R_flange_sensor)[0]
+    _require_near("yaw", np.exp(1j * turned), 1.0, "R_flange_sensor")
+    _require_near(
+        "parameters", c.parameters, parameters_of(tool, c.yaw, c.parameter_names), "weight, com, bias and yaw"
+    )
+    _check_B_covariance(c, matrix_jacobian(tool, c.parameter_names))
+
+
+def _check_B_covariance(c: CalibrationFields, J: Array) -> None:
+    """Raise `InputError` unless the covariance of B is that of the parameters, J (24, p) being B's derivative."""
+    size = np.abs(J) @ np.abs(c.covariance) @ np.abs(J).T
+    off = np.abs(J @ c.covariance @ J.T - c.B_covariance)
+    if not (off <= COVARIANCE_TOLERANCE * size).all():
+        raise InputError("found B_covariance off what follows from covariance: the file was edited")
+
+
+def _check_derived(c: CalibrationFields, derived: Derived) -> None:
+    """Raise `InputError` unless the standard deviations and the warnings are those of the fields."""
+    for name, value in c.std.items():
+        stored = derived.std.get(name)
+        if (stored is None) != (value is None):
+            raise InputError(f"std.{name} does not fit model {c.model}")
+        if value is not None:
+            _require_shape(f"std.{name}", np.asarray(stored), np.shape(value))
+            _require_near(f"std.{name}", np.asarray(stored), value, "covariance")
+    if tuple(derived.warnings) != c.warnings:
+        raise InputError("found warnings other than the texts of findings: the file was edited")
+    _require_shape("expected_error", derived.expected_error, (2,))
+    _require_shape("left_of_poses", derived.left_of_poses, (6,))
+    left = c.left_of_poses
+    if derived.left_of_poses is None or left is None:
+        return  # without poses, or from before this was written: the error to expect may have been another then
+    rounding = ROUNDING if c.moments is None else ROUNDING_OF_SUMS
+    _require_near("left_of_poses", derived.left_of_poses, left, "B, gravity_direction and the poses", rounding)
+    if derived.expected_error is not None:
+        _require_near("expected_error", derived.expected_error, np.array(c.expected_error), "noise and covariance")
+
+
+def _require_near(name: str, found: Any, expected: Any, source: str, rounding: float = ROUNDING) -> None:
+    """Raise `InputError` where a number is off from what others in the file give, by more than `B_TOLERANCE`."""
+    off = float(np.abs(found - expected).max())
+    if not off <= B_TOLERANCE + rounding * float(np.abs(expected).max()):
+        raise InputError(f"found {name} {off:.3g} off what follows from {source}: the file was edited")

@@ -1,0 +1,178 @@
+"""A Compensator serves one call at a time: a second one is refused, and no thread is given another's reading."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from itertools import count
+from threading import Barrier, Event, Thread
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.errors import InputError
+from tests.support.rigs import NOISE, example, noisy
+
+IN_USE = "found a call while another runs, expected one at a time: give each thread a Compensator of its own"
+STEPS = [False, pytest.param(True, marks=pytest.mark.skipif(find_spec("numba") is None, reason="no numba"))]
+CALIBRATION = cw.calibrate(noisy(*example(4)), "mount")
+AT_REST = np.eye(3)
+
+
+def compensator(fast: bool = False) -> cw.Compensator:
+    return cw.Compensator(CALIBRATION, rate=1000.0, noise=NOISE, fast=fast)
+
+
+@contextmanager
+def switching_often() -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+def together(*jobs: Callable[[], None]) -> None:
+    """Run jobs in threads that begin at the same time."""
+    barrier = Barrier(len(jobs))
+
+    def begin(job: Callable[[], None]) -> None:
+        barrier.wait()
+        job()
+
+    threads = [Thread(target=begin, args=(job,)) for job in jobs]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+@pytest.mark.parametrize("fast", STEPS)
+def test_two_threads_are_given_their_own_readings_or_refused(fast: bool) -> None:
+    shared = compensator(fast)
+    wrong: list[object] = []
+    free, stamps = CALIBRATION.predict(AT_REST), count()
+
+    def hammer(force: float) -> None:
+        reading = free + np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
+        for _ in range(1500):
+            try:
+                found = shared(reading, AT_REST, 0.001 * next(stamps))
+            except InputError as error:
+                if str(error) != IN_USE:
+                    wrong.append(error)
+                continue
+            if abs(found.wrench[2] - force) > 1e-6:
+                wrong.append((force, found))
+
+    with switching_often():
+        together(lambda: hammer(5.0), lambda: hammer(-5.0))
+    assert wrong == []
+    assert shared(free, AT_REST, 100.0).wrench == pytest.approx(np.zeros(6), abs=1e-9)
+
+
+class Waiting:
+    """The step, held up until it may go on."""
+
+    def __init__(self, step: Any) -> None:
+        self.step_of, self.begun, self.go_on = step, Event(), Event()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.step_of, name)
+
+    def _held(self) -> None:
+        self.begun.set()
+        assert self.go_on.wait(10.0)
+
+    def step(self, *given: Any) -> Any:
+        self._held()
+        return self.step_of.step(*given)
+
+    def advance(self, *given: Any) -> Any:
+        self._held()
+        return self.step_of.advance(*given)
+
+
+@pytest.mark.parametrize("first", ["call", "run"])
+@pytest.mark.parametrize("fast", STEPS)
+def test_every_call_while_another_runs_is_refused_and_changes_nothing(first: str, fast: bool) -> None:
+    shared, alone = compensator(fast), compensator(fast)
+    readings, R, t = np.ones((20, 6)), np.tile(AT_REST, (20, 1, 1)), 0.001 * np.arange(20)
+    calls: dict[str, Callable[[cw.Compensator], Any]] = {
+        "call": lambda c: c(readings[0], AT_REST, 0.0),
+        "run": lambda c: c.run(readings, R, t),
+        "zero": lambda c: c.zero(cw.Samples(readings, R)),
+        "reset": lambda c: c.reset(),
+    }
+    waiting = shared._runner = Waiting(shared._runner)  # type: ignore[assignment]
+    results: list[Any] = []
+    thread = Thread(target=lambda: results.append(calls[first](shared)))
+    thread.start()
+    assert waiting.begun.wait(10.0)
+    for call in calls.values():
+        with pytest.raises(InputError) as caught:
+            call(shared)
+        assert str(caught.value) == IN_USE
+    waiting.go_on.set()
+    thread.join()
+    assert np.array_equal(results[0].wrench, calls[first](alone).wrench)
+    later = shared(readings[0], AT_REST, 1.0), alone(readings[0], AT_REST, 1.0)
+    assert np.array_equal(later[0].wrench, later[1].wrench)
+    assert np.array_equal(later[0].std, later[1].std)
+
+
+@pytest.mark.parametrize("fast", STEPS)
+def test_one_thread_after_the_other_is_as_one(fast: bool) -> None:
+    shared, alone = compensator(fast), compensator(fast)
+    for k in range(5):
+        results: list[cw.ContactWrench] = []
+        together(lambda k=k, into=results: into.append(shared(np.ones(6), AT_REST, 0.01 * k)))  # type: ignore[misc]
+        assert np.array_equal(results[0].wrench, alone(np.ones(6), AT_REST, 0.01 * k).wrench)
+
+
+def test_a_refused_call_leaves_it_free() -> None:
+    shared = compensator()
+    with pytest.raises(InputError, match="wrench and orientation have shapes"):
+        shared(np.ones(5), AT_REST, 0.0)
+    with pytest.raises(InputError, match="orientation, t and temperature have shapes"):
+        shared.run(np.ones((5, 6)), np.ones((4, 4)), np.arange(5.0))
+    with pytest.raises(InputError, match="no new zero: found 1 samples"):
+        shared.zero(cw.Samples(np.ones((1, 6)), AT_REST[None]))
+    assert shared(np.ones(6), AT_REST, 0.0).valid
+
+
+@pytest.mark.parametrize("way", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+@pytest.mark.parametrize("fast", STEPS)
+def test_a_copy_goes_on_from_the_same_state_on_its_own(fast: bool, way: Callable[[Any], Any]) -> None:
+    rng = np.random.default_rng(1)
+    readings = CALIBRATION.predict(AT_REST) + NOISE * rng.normal(size=(300, 6))
+    first = compensator(fast)
+    first.run(readings[:200], np.tile(AT_REST, (200, 1, 1)), 0.001 * np.arange(200))
+    second = way(first)
+    for k in range(200, 300):
+        a, b = (each(readings[k], AT_REST, 0.001 * k) for each in (first, second))
+        assert np.array_equal(a.wrench, b.wrench)
+        assert np.array_equal(a.std, b.std)
+        assert (a.valid, a.contact, a.t) == (b.valid, b.contact, b.t)
+    first(readings[0] + 50.0, AT_REST, 1.0)
+    assert second(readings[0], AT_REST, 1.0).wrench == pytest.approx(readings[0] - CALIBRATION.predict(AT_REST))
+
+
+def test_an_interrupted_call_leaves_it_free() -> None:
+    shared = compensator()
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    step, shared._runner.step = shared._runner.step, interrupted  # type: ignore[method-assign, assignment]
+    with pytest.raises(KeyboardInterrupt):
+        shared(np.ones(6), AT_REST, 0.0)
+    shared._runner.step = step  # type: ignore[method-assign]
+    assert shared(np.ones(6), AT_REST, 0.0).valid
