@@ -16,7 +16,8 @@ from typing import Any, Final, TypeAlias, get_args
 
 from ..errors import FileAccessError
 from ..files import KEPT, STDOUT, already_there, identity, target_of
-from ..recording.bags.open import METADATA, SUFFIXES_OF_BAGS
+from ..recording.bags.folder import METADATA
+from ..recording.bags.open import SUFFIXES_OF_BAGS
 from ..recording.tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from . import options
 

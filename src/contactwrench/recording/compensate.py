@@ -6,6 +6,7 @@ wrong with it, the row says so.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, islice
@@ -143,7 +144,7 @@ def write_compensated(
     Raises:
         ContactWrenchError: as the writers raise it.
     """
-    like_folder = path.is_dir() and not output.suffix and str(output) != "-"
+    like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
     is_bag = reader_of(path, options) is bag_blocks
     if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame

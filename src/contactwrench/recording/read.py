@@ -5,6 +5,7 @@ The suffix tells the reader, which gives the recording in blocks; a whole file i
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
@@ -97,10 +98,9 @@ def reader_of(path: str | Path, options: Options = AS_USUAL) -> Reader:
 
 
 def _by_name(path: Path) -> Reader:
-    if path.is_dir():
+    if os.path.isdir(path):
         return bag_blocks if is_bag(path) and not is_parquet(path) else table_blocks
-    suffix = path.suffix.lower()
-    if suffix not in READERS:
+    if (suffix := path.suffix.lower()) not in READERS:
         raise FileFormatError(
             f"{path}: found the suffix {suffix}, expected .csv, .parquet, .h5, .bag, .db3 or .mcap: export the "
             "recording as one of them"

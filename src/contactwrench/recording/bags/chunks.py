@@ -1,7 +1,7 @@
 """The messages of a recording's file as they were logged, a chunk at a time and many at once.
 
 MCAP and ROS 1 keep messages in chunks of about a MiB. A chunk is read whole, where its messages lie is noted, and the
-rest is left to numpy (chunked_file.py). sqlite3 has no chunks: rosbags gives its rows.
+rest is left to numpy (chunked_file.py). sqlite3 has no chunks (sqlite.py).
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from itertools import islice
 from operator import itemgetter
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,22 +75,15 @@ class Source(Protocol):
         """What the connections of some numbers recorded, in order, some at a time."""
 
 
-class RosbagsSource:
-    """What rosbags' reader of ROS 2 gives one by one."""
+class Part(NamedTuple):
+    """A file of a recording: its connections, as rosbags names their parts, its messages, and when the first was
+    recorded and how long all of them took, ns.
+    """
 
-    def __init__(self, reader: Any) -> None:
-        self.reader = reader
-        self.topics = {c.id: Topic(c.topic, c.msgtype) for c in reader.connections}
-
-    def logged(self, numbers: Set[int]) -> Iterator[Logged]:
-        """As of `Source`."""
-        wanted = [c for c in self.reader.connections if c.id in numbers]
-        rows = iter(self.reader.messages(connections=wanted)) if wanted else iter(())
-        while some := list(islice(rows, AT_ONCE)):
-            log = np.zeros(len(some), LOG)
-            log["connection"] = [connection.id for connection, _, _ in some]
-            log["stamp"] = log["published"] = [stamp for _, stamp, _ in some]
-            yield Logged(log, joined([payload for _, _, payload in some]))
+    connections: tuple[Any, ...]
+    source: Source
+    start: int
+    duration: int
 
 
 def in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logged]:

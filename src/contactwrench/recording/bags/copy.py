@@ -17,10 +17,11 @@ from ...errors import FileAccessError, FileFormatError, InputError
 from ...files import identity, new_place
 from ...geometry.arrays import Array
 from .chunks import Logged, Source, Topic
+from .folder import METADATA, plain_yaml
 from .mcap import Mcap
 from .message_layout import typestore
 from .messages import STAMP, by_layout, definitions
-from .open import METADATA, Bag, kind_of, logged_in, mcap_files, opened_bag
+from .open import Bag, kind_of, logged_in, one_line_errors, opened_bag
 from .topics import wrench_topic as chosen_topic
 from .write import WRENCH_STAMPED, new_bag, stamped
 
@@ -78,7 +79,7 @@ def write_bag_with(
     if identity(path_in) == identity(path_out):
         raise FileAccessError(f"{path_out}: found what is read as {path_in}, expected another file to write: name one")
     kind = kind_of(path_in)
-    if path_out.suffix != kind:
+    if path_out.suffix.lower() != kind:
         raise FileFormatError(
             f"{path_out}: found the suffix {path_out.suffix or '(none)'}, expected {kind or 'none, a folder,'} as of "
             f"{path_in}: a bag is copied to one of its kind"
@@ -90,7 +91,7 @@ def write_bag_with(
             raise InputError(f"{path_in}: found a topic {name} already, expected another name for the contact wrench")
         copied = _copied(bag, source, wrenches, frame)
         mcaps = [file for file in bag.sources if isinstance(file, Mcap)]
-        if mcaps:
+        if mcaps and not bag.compression:
             _copy_mcaps(bag, mcaps, path_out, source, name, copied)
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
@@ -150,7 +151,7 @@ def _copy_mcaps(bag: Bag, mcaps: Sequence[Mcap], path_out: Path, topic: Topic, n
         if folder:
             made.mkdir()
         counts = {}
-        for file, mcap, (_, records) in zip(mcap_files(bag.path), mcaps, copied, strict=True):
+        for file, mcap, (_, records) in zip(bag.mcaps, mcaps, copied, strict=True):
             target = made / file.name if folder else made
             counts[file.name] = _copy_mcap(mcap, target, records, topic, name)
         if folder:
@@ -197,23 +198,33 @@ def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Top
 
 def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: str, copied: Copied) -> None:
     """Write every message of a `.bag`, of sqlite3, or of MCAP files that are packed."""
-    with new_bag(path_out, kind, mcap=bool(mcap_files(bag.path)), compression=bag.compression) as writer:
-        connections: dict[int, Any] = {}
-        publishers: dict[tuple[str, str, str], Any] = {}
+    with new_bag(path_out, kind, mcap=bool(bag.mcaps), compression=bag.compression) as writer:
+        connections: dict[int | Topic, Any] = {}
+        publishers: dict[tuple[Topic, str], Any] = {}
         for connection in bag.connections:
-            publisher = (connection.topic, connection.msgtype, repr(connection.ext))
+            known = Topic(connection.topic, connection.msgtype)
+            publisher = (known, repr(connection.ext) if bag.ros1 else "")
             if publisher not in publishers:
-                details = _definition(bag, connection) | connection.ext._asdict()
-                publishers[publisher] = writer.add_connection(connection.topic, connection.msgtype, **details)
-            connections[connection.id] = publishers[publisher]
+                details = _definition(bag, connection) | connection.ext._asdict() | _quality(bag, connection)
+                publishers[publisher] = writer.add_connection(known.name, known.type, **details)
+            connections[connection.id if bag.ros1 else known] = publishers[publisher]
         like = next(c for c in bag.connections if Topic(c.topic, c.msgtype) == topic)
-        quality = {} if bag.ros1 else {"offered_qos_profiles": like.ext.offered_qos_profiles}
-        connections[CONTACT_WRENCH] = writer.add_connection(
-            name, WRENCH_STAMPED, typestore=typestore(bag.ros1), **quality
-        )
-        for _, records in copied:
+        contact = writer.add_connection(name, WRENCH_STAMPED, typestore=typestore(bag.ros1), **_quality(bag, like))
+        for source, records in copied:
+            into = {number: connections[number if bag.ros1 else of] for number, of in source.topics.items()}
+            into[CONTACT_WRENCH] = contact
             for number, _, stamp, _, payload in records:
-                writer.write(connections[number], stamp, payload)
+                writer.write(into[number], stamp, payload)
+
+
+def _quality(bag: Bag, connection: Any) -> dict[str, Any]:
+    """The quality of service of a topic in ROS 2, which its files have as text."""
+    if bag.ros1:
+        return {}
+    from rosbags.rosbag2.metadata import parse_qos
+
+    with one_line_errors(bag.path):
+        return {"offered_qos_profiles": parse_qos(plain_yaml(connection.ext.offered_qos_profiles))}
 
 
 def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, counts: dict[str, int]) -> None:
@@ -222,7 +233,8 @@ def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, cou
 
     yaml = YAML(typ="safe")
     yaml.default_flow_style = False
-    content = yaml.load((path_in / METADATA).read_text(encoding="utf-8"))
+    yaml.representer.ignore_aliases = lambda _: True
+    content = plain_yaml((path_in / METADATA).read_bytes())
     recording = content["rosbag2_bagfile_information"]
     count = sum(counts.values())
     recording["message_count"] += count

@@ -71,7 +71,8 @@ class Mcap(ChunkedFile):
             if schema is not None and schema.encoding:
                 form = MessageDefinitionFormat.MSG if schema.encoding == "ros2msg" else MessageDefinitionFormat.IDL
                 text = schema.data.decode()
-            details, count = ConnectionExtRosbag2(channel.message_encoding, []), self.counts.get(number, 0)
+            quality: Any = channel.metadata.get("offered_qos_profiles", "")
+            details, count = ConnectionExtRosbag2(channel.message_encoding, quality), self.counts.get(number, 0)
             definition = MessageDefinition(form, text)
             known.append(Connection(number, topic.name, topic.type, definition, "", count, details, self))
         return known

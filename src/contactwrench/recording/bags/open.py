@@ -1,30 +1,32 @@
-"""ROS bags opened through rosbags, with no ROS: `.bag`, `.mcap`, `.db3`, and the folder that ROS 2 writes.
+"""ROS bags opened, with no ROS: `.bag`, `.mcap`, `.db3`, and the folder that ROS 2 writes.
 
 rosbags raises whatever a damaged file makes it stumble over; here each becomes one line that names the file.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from pathlib import Path, PurePath
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
+from ...files import open_bytes
 from ...geometry.arrays import Array
 from ..damage import Damage
-from .chunks import Logged, RosbagsSource, Source, Topic
+from .chunks import Logged, Part, Source, Topic
+from .folder import METADATA, PackedMessages, files_of, hold, metadata, unpacked
 from .mcap import Mcap
 from .ros1 import Ros1Bag
+from .sqlite import sqlite_part
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
-METADATA = "metadata.yaml"
-"""Makes a folder a ROS 2 bag."""
-
 KINDS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "ROS 2 sqlite3 bag", "": "ROS 2 bag folder"}
 
 CHUNKED: dict[str, type[Ros1Bag] | type[Mcap]] = {".bag": Ros1Bag, ".mcap": Mcap}
@@ -34,15 +36,16 @@ Messages: TypeAlias = dict[Topic, Logged]
 
 @dataclass(frozen=True, eq=False)
 class Bag:
-    """An open bag: its connections, one a publisher, as rosbags names their parts; the files of its messages; when the
-    first was recorded, and how long all of them took, s; how it is compressed, in the words of `new_bag`; and its
-    damage so far.
+    """An open bag: its connections, one a publisher, as rosbags names their parts; the files of its messages, and of
+    these the `mcaps`; when the first was recorded, and how long all of them took, s; how it is compressed, in the words
+    of `new_bag`; and its damage so far.
     """
 
     path: Path
     ros1: bool
     connections: tuple[Any, ...]
     sources: tuple[Source, ...]
+    mcaps: tuple[Path, ...]
     start: float
     duration: float
     compression: str
@@ -68,28 +71,29 @@ def seconds(ns: NDArray[np.int64] | np.int64) -> Array:
 def is_bag(path: str | Path) -> bool:
     """Whether the name, or what is in the folder, is that of a bag."""
     path = Path(path)
-    if path.is_dir():
-        return any(file.name == METADATA or file.suffix in SUFFIXES_OF_BAGS for file in path.iterdir())
+    if os.path.isdir(path):
+        return any(file.name == METADATA or file.suffix.lower() in SUFFIXES_OF_BAGS for file in path.iterdir())
     return path.suffix.lower() in SUFFIXES_OF_BAGS
 
 
 def kind_of(path: str | Path) -> str:
     """`.bag`, `.mcap`, `.db3`, or nothing for a folder. Raises `FileAccessError` and `FileFormatError` for others."""
     path = Path(path)
-    if path.is_dir():
-        if not (path / METADATA).exists():
+    if os.path.isdir(path):
+        if not os.path.isfile(path / METADATA):
             raise FileFormatError(
                 f"{path}: found a folder without {METADATA}, expected a ROS 2 bag: name the .mcap or .db3 file in it"
             )
         return ""
-    if not path.exists():
-        raise FileAccessError(f"{path}: there is no such file, expected a readable file: check the path")
-    suffix = path.suffix
-    if suffix not in SUFFIXES_OF_BAGS:
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise FileFormatError(f"{path}: found a pipe or a device, expected a bag: copy it into a file")
+    with open_bytes(path):
+        suffix = path.suffix
+    if suffix.lower() not in SUFFIXES_OF_BAGS:
         raise FileFormatError(
             f"{path}: found the suffix {suffix or '(none)'}, expected .bag, .mcap, .db3 or a folder with {METADATA}"
         )
-    return suffix
+    return suffix.lower()
 
 
 @contextmanager
@@ -108,7 +112,6 @@ def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Ba
     path = Path(path)
     kind = kind_of(path)
     require_rosbags()
-    _require_closed(path)
     damage = Damage(str(path), accept_damaged)
     with ExitStack() as files:
         with one_line_errors(path):
@@ -175,17 +178,16 @@ def one_line_errors(path: Path) -> Iterator[None]:
         ) from None
     except Exception as error:
         reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-        kind = KINDS[path.suffix if path.is_file() else ""]
+        kind = KINDS["" if os.path.isdir(path) else path.suffix.lower()]
         raise FileFormatError(
             f"{path}: cannot be read as a {kind} ({reason}), expected a whole one: record or copy it again"
         ) from None
 
 
-def _require_closed(path: Path) -> None:
-    """Raise `FileFormatError` for sqlite3 of which the last part is in a file of its own: rosbags reads without it."""
-    for file in sorted(path.glob("*.db3")) if path.is_dir() else [path]:
-        rest = file.with_name(f"{file.name}-wal")
-        if file.suffix == ".db3" and rest.exists() and rest.stat().st_size:
+def _require_closed(file: Path) -> None:
+    """Raise `FileFormatError` for sqlite3 of which the last part is in a file of its own: it is read without."""
+    for rest in (file.with_name(f"{file.name}{end}") for end in ("-wal", "-journal")):
+        if os.path.isfile(rest) and np.fromfile(rest, np.uint8, 1).any():  # one that is done with begins with zeros
             raise FileFormatError(
                 f"{file}: found {rest.name} with messages beside it, expected a recording that was closed: join them "
                 f"with sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
@@ -195,35 +197,39 @@ def _require_closed(path: Path) -> None:
 def _of_chunks(path: Path, file: Ros1Bag | Mcap) -> Bag:
     """A file whose messages are in chunks: it says of itself what rosbags would."""
     (start, duration), ros1 = file.span(), isinstance(file, Ros1Bag)
-    how = file.compression if ros1 else ""
-    return Bag(path, ros1, tuple(file.connections()), (file,), _s(start), 1e-9 * duration, how, file.damage)
+    how, mcaps = (file.compression, ()) if ros1 else ("", (path,))
+    return Bag(path, ros1, tuple(file.connections()), (file,), mcaps, _s(start), 1e-9 * duration, how, file.damage)
 
 
 def _of_ros2(path: Path, files: ExitStack, damage: Damage) -> Bag:
-    from rosbags.rosbag2 import Reader
+    said = metadata(path) if os.path.isdir(path) else None
+    named, packed = ([path], "") if said is None else (files_of(path, said), said.packed)
+    is_mcap = said is not None and said.storage_identifier == "mcap"
+    whole = named
+    if packed == "file":
+        folder = Path(files.enter_context(TemporaryDirectory()))
+        whole = [unpacked(file, folder) for file in named]
+    parts = [(_mcap_part if is_mcap else _sqlite_part)(file, files, damage) for file in whole]
+    if said is not None:
+        hold(said, named, parts, damage)
+    connections = tuple(connection for part in parts for connection in part.connections)
+    sources: tuple[Source, ...] = tuple(part.source for part in parts)
+    if packed == "message":
+        sources = tuple(PackedMessages(source, file) for source, file in zip(sources, named, strict=True))
+    spans = [(part.start, part.start + part.duration) for part in parts if any(c.msgcount for c in part.connections)]
+    start, end = (min(first for first, _ in spans), max(last for _, last in spans)) if spans else (0, 0)
+    mcaps = tuple(named) if is_mcap else ()
+    return Bag(path, False, connections, sources, mcaps, _s(start), 1e-9 * (end - start), packed, damage)
 
-    reader = files.enter_context(Reader(path))
-    connections = tuple(reader.connections)
-    if not connections and reader.message_count:
-        raise FileFormatError(
-            f"{path}: found messages and no topics in its index, expected both: mend it with `mcap recover`"
-        )
-    plain = [] if reader.compression_mode else mcap_files(path)
-    mcaps = (Mcap(files.enter_context(file.open("rb")), damage) for file in plain)
-    sources: tuple[Source, ...] = tuple(mcaps) or (RosbagsSource(reader),)
-    start, duration = (reader.start_time, reader.duration) if reader.message_count else (0, 0)
-    return Bag(path, False, connections, sources, _s(start), 1e-9 * duration, reader.compression_mode or "", damage)
+
+def _sqlite_part(path: Path, files: ExitStack, damage: Damage) -> Part:
+    _require_closed(path)
+    return sqlite_part(path, files, damage)
 
 
-def mcap_files(path: Path) -> list[Path]:
-    """The MCAP files of a recording of ROS 2, in their order."""
-    if path.is_file():
-        return [path] if path.suffix == ".mcap" else []
-    from ruamel.yaml import YAML
-
-    said = YAML(typ="safe").load((path / METADATA).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
-    files = said["relative_file_paths"] if said["storage_identifier"] == "mcap" else []
-    return [path / PurePath(file).name for file in files]
+def _mcap_part(path: Path, files: ExitStack, damage: Damage) -> Part:
+    file = Mcap(files.enter_context(path.open("rb")), damage)
+    return Part(tuple(file.connections()), file, *file.span())
 
 
 def _s(ns: int) -> float:

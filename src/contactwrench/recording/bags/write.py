@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from struct import pack
 from typing import Any, Final
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +43,13 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
         MissingExtraError: rosbags or mcap is not installed.
     """
     path = Path(path)
-    if path.suffix not in (*SUFFIXES_OF_BAGS, ""):
+    kind = path.suffix.lower()
+    if kind not in (*SUFFIXES_OF_BAGS, ""):
         raise FileFormatError(f"{path}: found the suffix {path.suffix}, expected .bag, .mcap, .db3, or none: a folder")
     require_rosbags()
     from scipy.spatial.transform import Rotation
 
-    ros1 = path.suffix == ".bag"
+    ros1 = kind == ".bag"
     wrench, orientation = streams.wrench, streams.orientation
     position = np.zeros((len(orientation), 3)) if orientation.position is None else orientation.position
     quaternions = Rotation.from_matrix(orientation.R_base_flange).as_quat() if len(orientation) else np.empty((0, 4))
@@ -56,7 +58,7 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
         stamped(ros1, "sensor", stamps[0], wrench.wrench),
         stamped(ros1, "base", stamps[1], np.hstack([position, quaternions])),
     ]
-    with new_bag(path, path.suffix, mcap=path.suffix == ".mcap") as writer:
+    with new_bag(path, kind, mcap=kind == ".mcap") as writer:
         connections = [
             writer.add_connection(topic, msgtype, typestore=typestore(ros1))
             for topic, msgtype in (("/wrench", WRENCH_STAMPED), ("/pose", POSE_STAMPED))
@@ -85,6 +87,7 @@ def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iter
         else:
             plugin = rosbag2.StoragePlugin.MCAP if mcap else rosbag2.StoragePlugin.SQLITE3
             writer = rosbag2.Writer(target, version=METADATA_VERSION, storage_plugin=plugin)
+            writer.path = _InUri(target)
             if compression:
                 writer.set_compression(rosbag2.CompressionMode[compression.upper()], rosbag2.CompressionFormat.ZSTD)
         try:
@@ -94,6 +97,13 @@ def new_bag(path: Path, kind: str, *, mcap: bool, compression: str = "") -> Iter
             raise OSError(str(error)) from None
         if target != made:
             (target / f"{target.name}{kind}").replace(made)
+
+
+class _InUri(type(Path())):  # type: ignore[misc]
+    """A path that is quoted where rosbags puts it into sqlite's URI."""
+
+    def __format__(self, _: str) -> str:
+        return quote(bytes(self))
 
 
 def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> list[bytes]:

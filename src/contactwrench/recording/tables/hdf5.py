@@ -7,6 +7,7 @@ with a column of the episode; rows are counted within each.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -40,7 +41,7 @@ class _Group:
 
 def is_hdf5(path: str | Path) -> bool:
     """Whether a path is an HDF5 file by its suffix."""
-    return Path(path).suffix.lower() in SUFFIXES and not Path(path).is_dir()
+    return Path(path).suffix.lower() in SUFFIXES and not os.path.isdir(path)
 
 
 def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:

@@ -9,6 +9,7 @@ https://arrow.apache.org/docs/python/parquet.html.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -69,7 +70,7 @@ class _Leaf:
 
 def is_parquet(path: str | Path) -> bool:
     """Whether a path is a Parquet file by its suffix, or a folder that has such files."""
-    return bool(_parts(Path(path))) if Path(path).is_dir() else Path(path).suffix.lower() in SUFFIXES
+    return bool(_parts(Path(path))) if os.path.isdir(path) else Path(path).suffix.lower() in SUFFIXES
 
 
 def open_parquet(path: str | Path, rows: int, episode: int | None = None, *, whole: bool = False) -> OpenTable:
@@ -177,7 +178,7 @@ def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
     parts: list[_Part] = []
     leaves: list[_Leaf] = []
     lengths: dict[tuple[str, ...], int] = {}
-    for part in _parts(Path(path)) if Path(path).is_dir() else [Path(path)]:
+    for part in _parts(Path(path)) if os.path.isdir(path) else [Path(path)]:
         with _opened(part) as file, _readable(str(part)):
             found = list(_leaves(file.schema_arrow))
             parts.append(_Part(part, file.metadata.num_rows, _episodes(file.metadata)))
@@ -255,14 +256,15 @@ def _records(path: Path, columns: list[str] | None, rows: int) -> Iterator[Any]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """An open Parquet file. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`."""
+    """An open Parquet file, by no name that pyarrow could take for a URI. Raises `FileAccessError`, `FileFormatError`
+    and `MissingExtraError`.
+    """
     pq = import_parquet()
-    with open_bytes(path):
-        pass
-    with _readable(str(path)):
-        file = pq.ParquetFile(path, buffer_size=BUFFER, pre_buffer=False)
-    with file:
-        yield file
+    with open_bytes(path) as opened:
+        with _readable(str(path)):
+            file = pq.ParquetFile(opened, buffer_size=BUFFER, pre_buffer=False)
+        with file:
+            yield file
 
 
 @contextmanager

@@ -1,0 +1,193 @@
+"""The messages of a ROS 2 sqlite3 recording, by Python's sqlite3 alone.
+
+Only tables are read, and of these only columns that are stored: a view, a virtual table and a generated column run what
+the file's author wrote. The table of messages and its index of stamps are held against one another, so that a damaged
+page loses no row in silence. Work and sizes are bounded by the size of the file. Tables: ros2/rosbag2,
+rosbag2_storage_sqlite3; later versions have more columns, and a table of definitions.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import Counter
+from collections.abc import Iterator, Set
+from contextlib import ExitStack
+from dataclasses import MISSING, dataclass, fields
+from itertools import count
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from ..damage import Damage
+from .chunks import AT_ONCE, LOG, Logged, Part, Topic
+from .message_layout import joined
+
+SAFE = ("trusted_schema = OFF", "query_only = ON", "cell_size_check = ON")
+LONGEST_PATH = 500
+"""Bytes: sqlite opens no longer one."""
+BYTES_AT_ONCE = 2**23
+STEPS, STEPS_FREE, STEPS_PER_BYTE = 100_000, 10_000_000, 16
+"""Of sqlite's machine: how often they are counted, and the most that a query may take, several times what any file of
+messages needs."""
+
+ALL = """
+    SELECT count(*), min(timestamp) FILTER (WHERE typeof(timestamp) = 'integer'),
+        max(timestamp) FILTER (WHERE typeof(timestamp) = 'integer'), max(length(data)), total(length(data))
+    FROM messages NOT INDEXED"""
+BY_TOPIC = """
+    SELECT topic_id, count(*) FROM messages NOT INDEXED
+    WHERE typeof(timestamp) = 'integer' AND typeof(data) = 'blob' GROUP BY topic_id"""
+LONGEST = "SELECT max(length(data)) FROM messages NOT INDEXED WHERE topic_id IN ({})"
+IN_ORDER = """
+    SELECT m.topic_id, m.timestamp, m.data FROM messages AS i
+    LEFT JOIN messages AS m NOT INDEXED ON m.rowid = i.rowid AND m.timestamp IS i.timestamp
+    WHERE m.topic_id IN ({}) OR m.rowid IS NULL ORDER BY i.timestamp"""
+"""The rows of the table in the order of its index, which is all that `i` reads; NULL for an entry without its row."""
+
+
+@dataclass
+class _TopicRow:
+    id: int
+    name: str
+    type: str
+    serialization_format: str
+    offered_qos_profiles: str = ""
+    type_description_hash: str = ""
+
+
+@dataclass
+class _DefinitionRow:
+    topic_type: str
+    encoding: str
+    encoded_message_definition: str
+
+
+_Row = TypeVar("_Row", _TopicRow, _DefinitionRow)
+
+
+def sqlite_part(path: Path, files: ExitStack, damage: Damage) -> Part:
+    """A `.db3`, open as long as `files`.
+
+    Raises `FileFormatError` for damage that is not accepted, and `ValueError`, `OSError` or `sqlite3.Error` for what is
+    no such file.
+    """
+    from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+
+    base = _Base(path, files)
+    topics = base.table("topics", _TopicRow)
+    base.stored("messages", ("topic_id", "timestamp", "data"))
+    ((every, first, last, longest, length),) = base.all(ALL)
+    if length > base.size:
+        raise ValueError(f"more bytes in its messages than the {base.size} that it has")
+    counted = dict(base.all(BY_TOPIC))
+    if lost := every - sum(counted.get(row.id, 0) for row in topics):
+        damage.found(f"{lost} rows of other types or of no topic in it", "messages: a topic, a stamp and bytes")
+    formats = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
+    definitions: dict[str, Any] = {}
+    for defined in base.table("message_definitions", _DefinitionRow) if base.stored("message_definitions") else ():
+        if defined.encoding in formats:
+            text = MessageDefinition(formats[defined.encoding], defined.encoded_message_definition)
+            definitions.setdefault(defined.topic_type, text)
+    none = MessageDefinition(MessageDefinitionFormat.NONE, "")
+    connections = []
+    for row in topics:
+        digest = row.type_description_hash if row.type in definitions else ""
+        written = (row.id, row.name, row.type, definitions.get(row.type, none), digest)
+        details: Any = ConnectionExtRosbag2(row.serialization_format, cast(Any, row.offered_qos_profiles))
+        connections.append(Connection(*written, counted.get(row.id, 0), details, base))
+    start, end = (first, last + 1) if first is not None else (0, 0)
+    return Part(tuple(connections), _Messages(base, connections, longest or 1, damage), start, end - start)
+
+
+class _Messages:
+    """The messages by the index of stamps, where there is one, and by the table; what differs is damage."""
+
+    def __init__(self, base: _Base, connections: list[Any], longest: int, damage: Damage) -> None:
+        self.topics = {c.id: Topic(c.topic, c.msgtype) for c in connections}
+        self._counts = {c.id: c.msgcount for c in connections}
+        self._base, self._longest, self._damage = base, longest, damage
+
+    def logged(self, numbers: Set[int]) -> Iterator[Logged]:
+        """As of `Source`."""
+        among, most = ", ".join(map(str, numbers)), self._longest
+        if most * AT_ONCE > BYTES_AT_ONCE:
+            most = self._base.all(LONGEST.format(among))[0][0] or 1
+        at_once = max(1, min(AT_ONCE, BYTES_AT_ONCE // most))
+        read, lost, last = Counter[int](), 0, -(2**63)
+        for entries in self._base.blocks(IN_ORDER.format(among), at_once) if numbers else ():
+            rows = [row for row in entries if type(row[1]) is int and type(row[2]) is bytes]
+            lost += sum(topic is None for topic, _, _ in entries) if len(rows) < len(entries) else 0
+            if rows:
+                log = np.zeros(len(rows), LOG)
+                log["connection"] = topics = [topic for topic, _, _ in rows]
+                log["stamp"] = [stamp for _, stamp, _ in rows]
+                log["published"] = log["stamp"]
+                if last > rows[0][1] or (log["stamp"][1:] < log["stamp"][:-1]).any():
+                    raise ValueError("its index of stamps is not in order")
+                last = rows[-1][1]
+                read.update(topics)
+                yield Logged(log, joined([payload for _, _, payload in rows]))
+        if lost:
+            self._damage.found(f"{lost} entries in its index of stamps without their message", "none")
+        for number in numbers:
+            if read[number] != self._counts[number]:
+                found = f"{read[number]} messages of {self.topics[number].name} by its index of stamps"
+                self._damage.found(found, f"{self._counts[number]} as in its table")
+
+
+class _Base:
+    """A file that is open to be read and nothing else, by exactly its name."""
+
+    def __init__(self, path: Path, files: ExitStack) -> None:
+        absolute = path.absolute()
+        if len(bytes(absolute)) > LONGEST_PATH:
+            raise ValueError(f"a path of {len(bytes(absolute))} bytes, of which sqlite takes {LONGEST_PATH}")
+        with path.open("rb") as file:
+            self.size = file.seek(0, 2)
+        self._base = sqlite3.connect(f"{absolute.as_uri()}?mode=ro&immutable=1", uri=True)
+        files.callback(self._base.close)
+        self._base.text_factory = lambda text: text.decode(errors="replace")
+        for pragma in SAFE:
+            self.all(f"PRAGMA {pragma}")
+
+    def blocks(self, query: str, at_once: int) -> Iterator[list[tuple[Any, ...]]]:
+        """What a query gives, so many rows at a time. Raises `ValueError` once it takes more work than a file of this
+        size explains.
+        """
+        steps, most = count(0, STEPS), STEPS_FREE + STEPS_PER_BYTE * self.size
+        self._base.set_progress_handler(lambda: next(steps) > most, STEPS)
+        try:
+            cursor = self._base.execute(query)
+            while rows := cursor.fetchmany(at_once):
+                yield rows
+        except sqlite3.OperationalError:
+            if next(steps) > most:
+                raise ValueError("more rows than a file of its size can hold") from None
+            raise
+
+    def all(self, query: str) -> list[tuple[Any, ...]]:
+        """All that a query gives."""
+        return [row for rows in self.blocks(query, AT_ONCE) for row in rows]
+
+    def stored(self, table: str, needed: tuple[str, ...] = ()) -> set[str]:
+        """The columns stored in a table; none of what is no table. Raises `ValueError` without those needed."""
+        is_table = self.all(f"SELECT 1 FROM sqlite_master WHERE name = '{table}' AND sql LIKE 'CREATE TABLE%'")
+        columns = self.all(f"PRAGMA table_xinfo({table})") if is_table else []
+        names = {name for _, name, *_, hidden in columns if not hidden}
+        if missing := [name for name in needed if name not in names]:
+            raise ValueError(f"no table {table} with {', '.join(missing)} stored in it")
+        return names
+
+    def table(self, name: str, of: type[_Row]) -> list[_Row]:
+        """All rows. Raises `ValueError` where they are of other types, lack a column, or are longer than the file."""
+        from msgspec import convert
+
+        stored = self.stored(name, tuple(field.name for field in fields(of) if field.default is MISSING))
+        columns, rows, length = [field.name for field in fields(of) if field.name in stored], [], 0
+        for (row,) in self.blocks(f"SELECT {', '.join(columns)} FROM {name} ORDER BY rowid", 1):
+            rows.append(convert(dict(zip(columns, row, strict=True)), of))
+            length += sum(len(value) for value in row if isinstance(value, str))
+            if length > self.size:
+                raise ValueError(f"more bytes in its {name} than the {self.size} that it has")
+        return rows
