@@ -81,6 +81,11 @@ def run_program(*arguments: str | Path) -> Run:
     return Run(status, out.getvalue(), err.getvalue())
 
 
+def note_of_the_end(path: Path) -> str:
+    """What is said of a table that has no line end."""
+    return f"Note: {path}: the last line has no line end: its last number may be cut off\n"
+
+
 def lines_of_cells(content: bytes) -> list[list[str]]:
     return [line.split(",") for line in content.decode().splitlines()]
 
@@ -242,7 +247,7 @@ def assert_done_or_one_line(done: Run, *paths: Path) -> None:
         assert any(str(path) in done.complaint for path in paths) or "poses" in done.complaint or "--" in done.complaint
     else:
         assert done.status in (0, 1)
-        assert done.err == ""
+        assert done.err in ("", *(note_of_the_end(path) for path in paths))
 
 
 @pytest.mark.slow
@@ -280,5 +285,6 @@ def test_calibrate_on_bad_recordings_answers_or_refuses_in_one_line(folder: Path
         assert done.complaint
     else:
         values = json.loads(done.out)
-        assert (done.status, done.err) == (0, "")
+        assert done.status == 0
+        assert done.err in ("", note_of_the_end(path))
         assert math.isfinite(values["weight"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import json
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -64,6 +66,7 @@ def load(path: str | Path, form: type[Form]) -> Form:
     content = read_bytes(path).removeprefix(codecs.BOM_UTF8)
     try:
         values = msgspec.json.decode(content)
+        json.loads(content, object_pairs_hook=_each_once)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
     schema = values.get("schema") if isinstance(values, dict) else None
@@ -89,6 +92,12 @@ def load(path: str | Path, form: type[Form]) -> Form:
         return calibration
     except InputError as error:
         raise FileFormatError(f"{path}: {error}: {_AGAIN}") from None
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> None:
+    """Raise `msgspec.DecodeError` for an object that has a key twice, of which a reader takes either."""
+    if twice := [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]:
+        raise msgspec.DecodeError(f"{twice[0][:40]!r} is there twice")
 
 
 def _encoded(value: Any) -> str:
