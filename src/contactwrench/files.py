@@ -20,32 +20,25 @@ from .errors import FileAccessError, FileFormatError
 
 STDOUT = STDIN = "-"
 
-MOST_BYTES = 2**25
-"""Of a file that is held as a whole: the calibration of 10,000 poses takes half of it."""
-
-TEXT_AT_ONCE = 2**22
-"""Bytes of a text file that are read at once, and what no line is longer than."""
-
-KEPT_IN_MEMORY = 2**24
-"""Bytes of standard input; a longer one is kept on the disk."""
+MOST_BYTES, TEXT_AT_ONCE = 2**25, 2**22
+"""Of a file that is held as a whole, of which the calibration of 10,000 poses takes half; of a text that is read at
+once, than which no line is longer, and of standard input that is kept in memory, not on the disk.
+"""
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The content of a file. Raises `FileAccessError` naming the path and why it cannot be read, and `FileFormatError`
-    for more than `MOST_BYTES`.
-    """
+    """The content of a file. Raises as `open_bytes`, and `FileFormatError` for more than `MOST_BYTES`."""
     with open_bytes(path) as file:
         content = file.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
-        most = f"{MOST_BYTES // 2**20} MiB"
-        raise FileFormatError(f"{name_of(path)}: found more than {most}, expected at most that: name another file")
+        raise FileFormatError(f"{name_of(path)}: found more than 32 MiB, expected at most that: name another file")
     return content
 
 
 def blocks_of_lines(path: str | Path, lines: int) -> Iterator[tuple[bytes, float]]:
     """The content of a text file, at most so many lines at a time, each block with the part of the file, 0 to 1, that
-    ends with it; NaN for a pipe. What begins with the mark of UTF-16 comes as UTF-8. Raises `FileAccessError` naming
-    the path and why it cannot be read, and `FileFormatError` for a line longer than `TEXT_AT_ONCE`.
+    ends with it; NaN for a pipe. What begins with the mark of UTF-16 comes as UTF-8. Raises as `open_bytes`, and
+    `FileFormatError` for a line longer than `TEXT_AT_ONCE`.
     """
     with open_bytes(path) as file:
         size, so_far, row, rest, content = os.fstat(file.fileno()).st_size, 0, 1, b"", b" "
@@ -132,7 +125,7 @@ class _StandardInput(RawIOBase):
 
 @cache
 def _kept_of(stdin: TextIO) -> IO[bytes]:
-    return tempfile.SpooledTemporaryFile(KEPT_IN_MEMORY)
+    return tempfile.SpooledTemporaryFile(TEXT_AT_ONCE)
 
 
 def make_folder(path: Path) -> None:

@@ -131,7 +131,9 @@ def saved() -> str:
 def test_calibrations(tmp_path: Path, saved: str) -> None:
     again = "expected a saved calibration: calibrate again or restore the file"
     cases = {
-        saved.replace('"dof":', '"dof": 1.0, "dof":'): f"no whole JSON file ('dof' is there twice), {again}",
+        saved.replace(
+            '"dof":', '"dof": 1.0, "dof":'
+        ): f"no whole JSON file (a key is there twice beside 'schema'), {again}",
         saved.replace('"dof":', '"dof": NaN, "x":'): "no whole JSON file (JSON is malformed: invalid character (byte ",
         saved.replace('"dof":', '"dof": 1e999999, "x":'): "no whole JSON file (Number out of range - at `$[...]`), ",
         saved.replace('"dof":', f'"dof": {"[" * 100_000}'): "no whole JSON file (maximum recursion depth exceeded",

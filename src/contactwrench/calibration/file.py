@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import json
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -95,9 +94,8 @@ def load(path: str | Path, form: type[Form]) -> Form:
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> None:
-    """Raise `msgspec.DecodeError` for an object that has a key twice, of which a reader takes either."""
-    if twice := [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]:
-        raise msgspec.DecodeError(f"{twice[0][:40]!r} is there twice")
+    if len(dict(pairs)) < len(pairs):
+        raise msgspec.DecodeError(f"a key is there twice beside {pairs[0][0][:40]!r}")
 
 
 def _encoded(value: Any) -> str:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError, InputError
-from ..files import name_of
 from ..geometry.arrays import Array
 from ..samples.samples import ReadAs
 from .tables.columns import Naming
@@ -66,9 +65,7 @@ class Options:
         for name in OF_TABLES if bag else (*OF_BAGS, "accept_damaged"):
             value = getattr(self, name)
             if value != getattr(AS_USUAL, name):
-                raise InputError(
-                    f"{name_of(path)}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out"
-                )
+                raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
 
     def told(self, found: ReadAs) -> ReadAs:
         """How a recording was read: what was `found` in it, and these options as far as they say something, plain. The
@@ -100,7 +97,7 @@ class Options:
         R, wrench = self.R_base_flange(table.orientation), self.pull(table.wrench)
         if self.wrench_frame == "base":
             if table.lacks_orientations:
-                raise FileFormatError(f"{name_of(path)}: {IN_BASE_AXES}")
+                raise FileFormatError(f"{path}: {IN_BASE_AXES}")
             parts = [np.einsum("nij,ni->nj", R, part) for part in (wrench[:, :3], wrench[:, 3:])]
             wrench = np.concatenate(parts, axis=1)
         return replace(table, wrench=wrench, orientation=R, read_as=self.told(table.read_as))

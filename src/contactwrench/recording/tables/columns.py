@@ -220,9 +220,7 @@ def _alike(names: list[str]) -> int:
 
 
 def places_of(names: Iterable[str], source: str) -> dict[str, int]:
-    """The place of each column by its name. Raises `FileFormatError` for a name that is there twice, in any case, for
-    one longer than `LONGEST_NAME` and for more than `MOST_COLUMNS`.
-    """
+    """The place of each column by its name. Raises `FileFormatError` for a name twice, in any case, and too much."""
     places: dict[str, int] = {}
     lower: set[str] = set()
     for place, name in enumerate(names):

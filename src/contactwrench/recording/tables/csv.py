@@ -40,11 +40,8 @@ BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")
 """Of rows with decimal commas; a point among them is made what no number has."""
 
-FIRST_ROWS = 100
-"""The layout is judged by at least so many lines, where there are as many."""
-
-LONGEST_HEAD = 100_000
-"""Lines in which a header and the first rows are looked for."""
+FIRST_ROWS, LONGEST_HEAD = 100, 100_000
+"""The layout is judged by at least so many rows, where there are as many in so many lines."""
 
 OTHER_KINDS = {
     b"\x1f\x8b": "a gzip file, expected text: unpack it",
