@@ -11,49 +11,121 @@ import tempfile
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from io import BufferedReader
-from itertools import islice
+from functools import cache
+from io import BufferedReader, RawIOBase
 from pathlib import Path
+from typing import IO, Any, TextIO
 
-from .errors import FileAccessError
+from .errors import FileAccessError, FileFormatError
 
-STDOUT = "-"
+STDOUT = STDIN = "-"
+
+MOST_BYTES, TEXT_AT_ONCE = 2**25, 2**22
+"""Of a file that is held as a whole, of which the calibration of 10,000 poses takes half; of a text that is read at
+once, than which no line is longer, and of standard input that is kept in memory, not on the disk.
+"""
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The content of a file. Raises `FileAccessError` naming the path and why it cannot be read."""
+    """The content of a file. Raises as `open_bytes`, and `FileFormatError` for more than `MOST_BYTES`."""
     with open_bytes(path) as file:
-        return file.read()
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise FileFormatError(f"{name_of(path)}: found more than 32 MiB, expected at most that: name another file")
+    return content
 
 
 def blocks_of_lines(path: str | Path, lines: int) -> Iterator[tuple[bytes, float]]:
-    """The content of a text file, so many lines at a time, each block with the part of the file, 0 to 1, that ends with
-    it; NaN for a pipe. What begins with the mark of UTF-16 comes as UTF-8. Raises `FileAccessError` naming the path and
-    why it cannot be read.
+    """The content of a text file, at most so many lines at a time, each block with the part of the file, 0 to 1, that
+    ends with it; NaN for a pipe. What begins with the mark of UTF-16 comes as UTF-8. Raises as `open_bytes`, and
+    `FileFormatError` for a line longer than `TEXT_AT_ONCE`.
     """
     with open_bytes(path) as file:
-        size, so_far = os.fstat(file.fileno()).st_size, 0
+        size, so_far, row, rest, content = os.fstat(file.fileno()).st_size, 0, 1, b"", b" "
         wide = file.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-        rows = codecs.EncodedFile(file, "utf-8", "utf-16", "replace") if wide else file
-        while block := b"".join(islice(rows, lines)):
-            so_far += len(block) * (2 if wide else 1)
-            yield block, min(so_far / size, 1.0) if size else float("nan")
+        utf16 = codecs.getincrementaldecoder("utf-16")("replace")
+        while content:
+            content = file.read(TEXT_AT_ONCE)
+            text = rest + (utf16.decode(content, final=not content).encode() if wide else content)
+            end = max(text.rfind(b"\n"), text.rfind(b"\r", 0, -1)) + 1 if content else len(text)
+            if not end and len(text) >= TEXT_AT_ONCE:
+                raise FileFormatError(
+                    f"{name_of(path)}: row {row}: found a line of more than {TEXT_AT_ONCE // 2**20} MiB, expected a "
+                    "table with a row for each reading: write it so"
+                )
+            whole, rest = text[:end].splitlines(keepends=True), text[end:]
+            row += len(whole)
+            for first in range(0, len(whole), lines):
+                block = b"".join(whole[first : first + lines])
+                so_far += len(block) * (2 if wide else 1)
+                yield block, min(so_far / size, 1.0) if size else float("nan")
 
 
 @contextmanager
-def open_bytes(path: str | Path) -> Iterator[BufferedReader]:
-    """A file that is open to be read. Raises `FileAccessError` naming the path and why it cannot be read."""
+def open_bytes(path: str | Path) -> Iterator[BufferedReader[Any]]:
+    """A file that is open to be read, `-` standard input, as often as is wanted. Raises `FileAccessError` naming the
+    path and why it cannot be read; what is no file is not opened.
+    """
+    name = name_of(path)
     try:
-        with Path(path).open("rb") as file:
+        with BufferedReader(_StandardInput()) if str(path) == STDIN else _opened(Path(path)) as file:
             yield file
+    except FileAccessError:
+        raise
     except IsADirectoryError:
-        raise FileAccessError(f"{path}: found a directory, expected a file: name the file in it") from None
+        raise FileAccessError(f"{name}: found a directory, expected a file: name the file in it") from None
     except FileNotFoundError:
-        raise FileAccessError(f"{path}: there is no such file, expected a readable file: check the path") from None
+        raise FileAccessError(f"{name}: there is no such file, expected a readable file: check the path") from None
     except OSError as error:
         raise FileAccessError(
-            f"{path}: cannot be read ({_reason(error)}): check the path and its permissions"
+            f"{name}: cannot be read ({_reason(error)}): check the path and its permissions"
         ) from None
+
+
+def _opened(path: Path) -> BufferedReader[Any]:
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise FileAccessError(f"{path}: found a pipe or a device, expected a file: give it as - on standard input")
+    return path.open("rb")
+
+
+class _StandardInput(RawIOBase):
+    """Standard input from its beginning: what was read of it is kept for the next who opens it."""
+
+    def __init__(self) -> None:
+        if sys.stdin is None:
+            raise FileAccessError("standard input: found it closed, expected a table: name a file, or write one to it")
+        self._source, self._kept, self._at = sys.stdin.buffer, _kept_of(sys.stdin), 0
+
+    def readable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return self._source.fileno()
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """In what was read of it so far."""
+        self._kept.seek(self._at)
+        self._at = self._kept.seek(offset, whence)
+        return self._at
+
+    def readinto(self, buffer: Any) -> int:
+        self._kept.seek(self._at)
+        content = self._kept.read(len(buffer))
+        if not content:
+            content = self._source.read(len(buffer))
+            self._kept.write(content)
+        buffer[: len(content)] = content
+        self._at += len(content)
+        return len(content)
+
+
+@cache
+def _kept_of(stdin: TextIO) -> IO[bytes]:
+    return tempfile.SpooledTemporaryFile(TEXT_AT_ONCE)
 
 
 def make_folder(path: Path) -> None:
@@ -167,8 +239,8 @@ def already_there(path: str | Path) -> FileAccessError:
 
 
 def name_of(path: str | Path) -> str:
-    """A path as text, whatever bytes it has."""
-    return os.fsencode(path).decode(errors="replace")
+    """A path as text, whatever bytes it has; of `-` what is read there."""
+    return "standard input" if str(path) == STDIN else os.fsencode(path).decode(errors="replace")
 
 
 def _reason(error: OSError) -> str:

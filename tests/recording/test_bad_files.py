@@ -81,6 +81,11 @@ def run_program(*arguments: str | Path) -> Run:
     return Run(status, out.getvalue(), err.getvalue())
 
 
+def note_of_the_end(path: Path) -> str:
+    """What is said of a table that has no line end."""
+    return f"Note: {path}: the last line has no line end: its last number may be cut off\n"
+
+
 def lines_of_cells(content: bytes) -> list[list[str]]:
     return [line.split(",") for line in content.decode().splitlines()]
 
@@ -242,7 +247,7 @@ def assert_done_or_one_line(done: Run, *paths: Path) -> None:
         assert any(str(path) in done.complaint for path in paths) or "poses" in done.complaint or "--" in done.complaint
     else:
         assert done.status in (0, 1)
-        assert done.err == ""
+        assert done.err in ("", *(note_of_the_end(path) for path in paths))
 
 
 @pytest.mark.slow
@@ -280,6 +285,7 @@ def test_calibrate_on_bad_recordings_answers_or_refuses_in_one_line(folder: Path
         assert done.complaint
     else:
         values = json.loads(done.out)
-        fits_badly = done.err.startswith("The fit is bad: ") and done.err.count("\n") == 1
-        assert (done.status, done.err == "") == ((1, False) if fits_badly else (0, True))
+        said = done.err.removeprefix(note_of_the_end(path))
+        fits_badly = said.startswith("The fit is bad: ") and said.count("\n") == 1
+        assert (done.status, said == "") == ((1, False) if fits_badly else (0, True))
         assert math.isfinite(values["weight"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -42,6 +43,7 @@ def load(path: str | Path, form: type[Form]) -> Form:
     content = read_bytes(path).removeprefix(codecs.BOM_UTF8)
     try:
         values = msgspec.json.decode(content)
+        json.loads(content, object_pairs_hook=_each_once)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileFormatError(f"{path}: no whole JSON file ({error}), expected a saved calibration: {_AGAIN}") from None
     schema = values.get("schema") if isinstance(values, dict) else None
@@ -66,6 +68,11 @@ def load(path: str | Path, form: type[Form]) -> Form:
         return calibration
     except InputError as error:
         raise FileFormatError(f"{path}: {error}: {_AGAIN}") from None
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> None:
+    if len(dict(pairs)) < len(pairs):
+        raise msgspec.DecodeError(f"a key is there twice beside {pairs[0][0][:40]!r}")
 
 
 def _encoded(value: Any) -> str:

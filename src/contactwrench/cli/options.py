@@ -43,7 +43,9 @@ def above_zero(metavar: str, help: str, *names: str) -> Any:
     return typer.Option(*names, metavar=metavar, help=help, callback=checked)
 
 
-RECORDING_HELP = "Recording: a table (CSV, Parquet, HDF5) with fx..tz and an orientation, or a bag."
+RECORDING_HELP = (
+    "Recording: a table (CSV, - on standard input, Parquet, HDF5) with fx..tz and an orientation, or a bag."
+)
 File = Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)]
 Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared.")]
 OR_ITS = "or the calibration's]"
@@ -191,6 +193,14 @@ def say(text: str, *, err: bool = False, elsewhere: int | None = None) -> None:
     on_terminal = (sys.stderr if err else sys.stdout).isatty()
     columns = min(get_terminal_size().columns, MOST_COLUMNS) if on_terminal else elsewhere
     typer.echo(text if columns is None else flowed(text, columns), err=err)
+
+
+def note_ends(*paths: Path | None) -> None:
+    """Say of which text files the last number may be cut off."""
+    from ..recording.tables.doubts import end_in_doubt
+
+    for said in filter(None, map(end_in_doubt, filter(None, paths))):
+        note(said)
 
 
 def note(text: str) -> None:

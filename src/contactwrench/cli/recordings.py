@@ -94,7 +94,9 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         recordings = _recordings(**{option: values.pop(option) for option in READING})
         if not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
-        return verb(**values, **{name: recordings})
+        result = verb(**values, **{name: recordings})
+        options.note_ends(*recordings.files, recordings.options.pose_file)
+        return result
 
     spelled = [each for own_one in own.values() for each in (reading if own_one.name == name else [own_one])]
     vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in spelled])

@@ -17,6 +17,7 @@ from typing import Any
 
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError, FileFormatError, InputError
+from ..files import name_of
 from ..geometry.orientation import RECOGNISED_BY_NAME
 from .bags.chunks import Topic
 from .bags.open import Bag, opened_bag
@@ -108,8 +109,8 @@ def as_calibrated(
         if was_bag != of_bag or GOES_WITH[name] in changed:
             found = "other columns" if was_bag == of_bag else "a bag" if of_bag else "a table"
             raise InputError(
-                f"{path}: found {found}, and a calibration read with {_flags({name: value})}, expected to be told "
-                f"whether that holds here: repeat it, or say {OTHERWISE[name]}"
+                f"{name_of(path)}: found {found}, and a calibration read with {_flags({name: value})}, expected to be "
+                f"told whether that holds here: repeat it, or say {OTHERWISE[name]}"
             )
     read = replace(read, **meant)
     if not (of_bag or was_bag):
@@ -183,8 +184,9 @@ def _require_units(path: Path, read: Options, provenance: Mapping[str, Any]) -> 
         unit, silent = before.get(quantity), next((column for column in columns if not column.unit), None)
         if unit is not None and silent is not None and silent.per_si != per_si(quantity, unit):
             raise InputError(
-                f"{path}: found no unit of the {quantity} in {shown(silent.name)}, and a calibration whose {quantity} "
-                f"was read in {unit}, expected to be told which: say --units {quantity}={symbol(unit)}, or another unit"
+                f"{name_of(path)}: found no unit of the {quantity} in {shown(silent.name)}, and a calibration whose "
+                f"{quantity} was read in {unit}, expected to be told which: say --units {quantity}={symbol(unit)}, or "
+                "another unit"
             )
 
 

@@ -133,9 +133,9 @@ def table_contents(path: str | Path, advance: Advance | None = None) -> TableCon
         reading = (*reading[:-1], f"times: {str(error).removeprefix(f'{table.source}: ')}")
         count, t, episodes = _counted(open_set(path), (), advance)
     if t is None or not len(t):
-        return TableContents(str(path), tuple(table.places), count, None, None, reading, episodes)
+        return TableContents(table.source, tuple(table.places), count, None, None, reading, episodes)
     start = float(t[0])
-    return TableContents(str(path), tuple(table.places), count, start, rhythm(t, start), reading, episodes)
+    return TableContents(table.source, tuple(table.places), count, start, rhythm(t, start), reading, episodes)
 
 
 def _counted(

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..assess.interpretations import Interpretations, OrientationInterpretation, TorqueUnit, WrenchInterpretation
 from ..errors import FileFormatError, InputError
+from ..files import name_of
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS, LONGEST_ROTATION_VECTOR, Convention, convention
 from .options import AS_USUAL, Options
@@ -75,7 +76,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     """
     rows = rows_as_written(path, options)
     if not len(rows.wrench):
-        raise FileFormatError(f"{path}: found no contact-free samples, expected poses without a load")
+        raise FileFormatError(f"{name_of(path)}: found no contact-free samples, expected poses without a load")
     turning = _turning(rows)
     written = rows if turning is None else poses_of(rows, turning)
     n = len(written.wrench)

@@ -262,8 +262,8 @@ def _streams(wrenches: Table, poses: Table, path: str | Path, pose_path: str | P
     wrench, pose = wrenches.select(wrenches.has_wrench), poses.select(poses.has_orientation)
     if wrench.t is None or pose.t is None:
         raise FileFormatError(
-            f"{path}: found no column t, expected the time of each row of a recording: add it, or use the file as a "
-            "table of poses"
+            f"{name_of(path)}: found no column t, expected the time of each row of a recording: add it, or use the "
+            "file as a table of poses"
         )
     try:
         orientation = OrientationStream(pose.t, pose.orientation, pose.position, name_of(pose_path))
@@ -280,8 +280,8 @@ def _samples(table: Table, path: str | Path) -> Samples:
         lacking = table.has_wrench & ~table.has_orientation
         t = np.nan if table.t is None else table.t[lacking][0]
         raise FileFormatError(
-            f"{path}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in the "
-            "first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
+            f"{name_of(path)}: found a wrench without an orientation at t = {t:.6f} s, expected one in each row as in "
+            "the first rows: fill it in, or give wrenches and poses as two files with --wrench and --pose"
         )
     rows = table if table.has_wrench.all() else table.select(table.has_wrench)
     saturated = None if rows.saturated is None else rows.saturated == 1.0
@@ -297,4 +297,4 @@ def _samples(table: Table, path: str | Path) -> Samples:
             read_as=rows.read_as,
         )
     except InputError as error:
-        raise FileFormatError(f"{path}: {error}") from None
+        raise FileFormatError(f"{name_of(path)}: {error}") from None

@@ -7,6 +7,7 @@ meshes, masses and colours are passed over. Format: http://wiki.ros.org/urdf/XML
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,10 @@ REVOLUTE = ("revolute", "continuous")
 WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
 
 URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE)
+
+
+MOST_JOINTS, FARTHEST = 2_000, 1e6
+"""A humanoid with its hands has some 100; m or rad, and no axis is written shorter than the inverse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +59,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     Its base is the root link, its home the middle of each joint's range. Raises `FileAccessError`, and
     `FileFormatError` for what is no URDF, a link that is not there or not the only candidate, and joints that slide.
     """
-    joints = _joints(path)
-    to_child = {joint.child: joint for joint in joints}
+    to_child = {joint.child: joint for joint in _joints(path)}
     tip = _flange(path, to_child) if flange is None else flange
     if tip not in to_child:
         raise FileFormatError(f"{path}: found no joint that carries a link {tip!r}, expected one of {_list(to_child)}")
@@ -94,9 +98,16 @@ def _joints(path: str | Path) -> list[_Joint]:
     if root.tag != "robot":
         raise FileFormatError(f"{path}: found <{root.tag}>, expected <robot>: a URDF")
     # Only the robot's own: a <transmission> names joints too.
-    joints = [_joint(path, element) for element in root.findall("joint")]
+    elements = root.findall("joint")
+    if len(elements) > MOST_JOINTS:
+        raise FileFormatError(f"{path}: found {len(elements)} joints, expected at most {MOST_JOINTS}: leave some out")
+    joints = [_joint(path, element) for element in elements]
     if not joints:
         raise FileFormatError(f"{path}: found no joint, expected a URDF (of a xacro file, run xacro on it first)")
+    for what, names in (("joints named", [j.name for j in joints]), ("joints that carry", [j.child for j in joints])):
+        name, count = Counter(names).most_common(1)[0]
+        if count > 1:
+            raise FileFormatError(f"{path}: found {count} {what} {name}, expected one: rename or remove the others")
     return joints
 
 
@@ -113,8 +124,8 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         except ValueError:
             values = np.empty(0)
         count = len(otherwise.split())
-        if values.size != count or not np.isfinite(values).all():
-            expected = "1 number" if count == 1 else f"{count} numbers"
+        if values.size != count or not (np.abs(values) <= FARTHEST).all():
+            expected = f"{count} number{'s' * (count > 1)}, at most {FARTHEST:g}"
             raise FileFormatError(f"{path}: joint {name}: {tag} {attribute} is {text!r}, expected {expected}")
         return values
 
@@ -128,18 +139,21 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         return str(found.get("link"))
 
     axis = numbers("axis", "xyz", "1 0 0")
-    if kind in REVOLUTE and not axis.any():
-        raise FileFormatError(f"{path}: joint {name} has the axis 0 0 0, expected a direction")
+    length, mimic = float(np.linalg.norm(axis)), element.find("mimic")
+    if kind in REVOLUTE and length < 1.0 / FARTHEST:
+        raise FileFormatError(
+            f"{path}: joint {name} has the axis {axis[0]:g} {axis[1]:g} {axis[2]:g}, expected length 1"
+        )
     if kind == "revolute" and element.find("limit") is None:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
     return _Joint(
         name,
-        kind,
+        kind if mimic is None else f"a mimic of {mimic.get('joint')}",
         link("parent"),
         link("child"),
         Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
         numbers("origin", "xyz", "0 0 0"),
-        axis / max(float(np.linalg.norm(axis)), 1e-300),
+        axis / max(length, 1.0 / FARTHEST),
         (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT,
     )
 
@@ -149,11 +163,11 @@ def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joi
     chain: list[_Joint] = []
     link = tip
     while link in to_child:
-        chain.insert(0, to_child[link])
+        chain.append(to_child[link])
         link = to_child[link].parent
         if len(chain) > len(to_child):
             raise FileFormatError(f"{path}: the joints from {tip} go round in a circle, expected a tree")
-    return chain
+    return chain[::-1]
 
 
 def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:

@@ -117,10 +117,10 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
         place = (np.cumsum(posed) - 1)[free]
     elif t is None or pose_t is None:
         raise FileFormatError(
-            f"{path}: found no column t, expected one in each of two files, on one clock: add the times"
+            f"{name_of(path)}: found no column t, expected one in each of two files, on one clock: add the times"
         )
     elif options.wrench_frame == "base":
-        raise FileFormatError(f"{path}: {IN_BASE_AXES}")
+        raise FileFormatError(f"{name_of(path)}: {IN_BASE_AXES}")
     else:
         place = _nearest(t[free], pose_t[posed])
     numbers = _joined([block.orientation[block.has_orientation] for block in pose_blocks])[place]

@@ -100,7 +100,7 @@ def files_of(folder: Path, said: Metadata) -> list[Path]:
         *above, name = PurePath(named).parts or ("",)
         file = folder / name
         is_old = said.version < VERSION_OF_NAMES and len(above) == 1 and above[0] not in ("..", os.sep)
-        if (above and not is_old) or file.is_symlink():
+        if above and not is_old:
             raise FileFormatError(f"{folder}: found {named} in {METADATA}, expected files in it: name that file")
         if file in files:
             raise FileFormatError(f"{folder}: found {named} twice in {METADATA}, expected it once: take the second out")

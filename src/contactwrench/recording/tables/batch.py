@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
@@ -16,6 +18,22 @@ from .columns import Column, shown
 
 MOST_ELEMENTS = 64
 """Longer lists are images, spectra and the like: they stand for no columns."""
+
+ROOM, BYTES_PER_ROW = 2**27, 2**7
+"""Bytes of memory: of what any file may state to hold, and of a row. A larger file may state as many rows as it has
+bytes: readings have noise, which nothing packs so tightly.
+"""
+
+
+def require_room(path: str | Path, count: int, what: str, each: int = 1) -> None:
+    """Raise `FileFormatError` for a file that states so many of something, of so many bytes `each`, as do not fit."""
+    size = os.path.getsize(path)
+    most = max(ROOM, BYTES_PER_ROW * size) // each
+    if count > most:
+        raise FileFormatError(
+            f"{path}: found {count} {what} in a file of {size} bytes, expected at most {most}: is it damaged, or were "
+            "they never written? record or export it again"
+        )
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ from .units import per_si, symbol, unit_shown
 ROWS = 2**15
 """Rows that are read at once: some 10 MB."""
 
+MOST_COLUMNS, LONGEST_NAME = 10_000, 1_000
+
 Advance: TypeAlias = Callable[[float], None]
 """Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
 
@@ -218,10 +220,13 @@ def _alike(names: list[str]) -> int:
 
 
 def places_of(names: Iterable[str], source: str) -> dict[str, int]:
-    """The place of each column by its name. Raises `FileFormatError` for a name that is there twice, in any case."""
+    """The place of each column by its name. Raises `FileFormatError` for a name twice, in any case, and too much."""
     places: dict[str, int] = {}
     lower: set[str] = set()
     for place, name in enumerate(names):
+        if place == MOST_COLUMNS or len(name) > LONGEST_NAME:
+            what = f"more than {place} columns" if place == MOST_COLUMNS else f"a column's name of {len(name)} letters"
+            raise FileFormatError(f"{source}: found {what}, expected columns of a recording: leave out what is none")
         if name.lower() in lower:
             raise FileFormatError(f"{source}: column {shown(name)} is there twice, expected once: rename or remove one")
         if name:

@@ -6,7 +6,6 @@ say which row and column is wrong; rows are counted as an editor counts lines, t
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError
-from ...files import blocks_of_lines
+from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
 from .columns import SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
 from .layout import (
@@ -31,6 +30,7 @@ from .layout import (
     is_number,
     is_row,
     layout_of,
+    split,
     value,
 )
 
@@ -40,26 +40,36 @@ BOOLEANS = {"true": 1.0, "false": 0.0}
 POINT_FOR_COMMA = str.maketrans(",.", ".\0")
 """Of rows with decimal commas; a point among them is made what no number has."""
 
-FIRST_ROWS = 100
-"""The layout is judged by at least so many lines, where there are as many."""
+FIRST_ROWS, LONGEST_HEAD = 100, 100_000
+"""The layout is judged by at least so many rows, where there are as many in so many lines."""
+
+OTHER_KINDS = {
+    b"\x1f\x8b": "a gzip file, expected text: unpack it",
+    b"PK\3\4": "an Excel workbook or a zip file, expected text: export it as CSV, or unpack it",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook, expected text: export it as CSV",
+    b"PAR1": "a Parquet file, expected text: name it .parquet",
+    b"\x89HDF": "an HDF5 file, expected text: name it .h5",
+}
+"""By what they begin with."""
 
 
 def open_csv(path: str | Path, rows: int) -> OpenTable:
     """A text file, `rows` lines at a time. Raises `FileAccessError`, and `FileFormatError` for what is no text or has
     no header.
     """
-    source = str(path)
+    source = name_of(path)
     blocks = _blocks_of_text(path, source, rows)
     first: list[tuple[int, str, float]] = []
     lines: list[str] = []
     for block in blocks:
         first.append(block)
-        lines = "".join(text for _, text, _ in first).split("\n")
-        if sum(map(is_row, lines)) >= FIRST_ROWS:
+        lines += block[1].removesuffix("\n").split("\n")
+        if len(lines) > LONGEST_HEAD or sum(map(is_row, lines)) >= FIRST_ROWS:
             break
     found = layout_of(lines, source)
     if found is None:
         said = "found comments only" if any(line.strip() for line in lines) else "the file is empty"
+        said = f"found no row in {len(lines)} lines" if len(lines) > LONGEST_HEAD else said
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
     header_row, layout = found
     below = ((row, _blanked(text, header_row + 1 - row), done) for row, text, done in first)
@@ -77,6 +87,8 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
     """The row at which a block of lines begins, its text, and the part of the file that ends with it."""
     row = 1
     for content, done in blocks_of_lines(path, rows):
+        if row == 1 and (kind := next((kind for start, kind in OTHER_KINDS.items() if content.startswith(start)), "")):
+            raise FileFormatError(f"{source}: found {kind}")
         if row == 1 and b"\0" in content[:4096]:  # UTF-16 with its mark comes as UTF-8
             raise FileFormatError(
                 f"{source}: found UTF-16 or binary content, expected CSV text in UTF-8: save it as that"
@@ -204,12 +216,8 @@ class Lines:
 
     def _is_whole(self, line: str) -> bool:
         """Whether a row has as many cells as the header; a quoted cell may hold the delimiter."""
-        if '"' not in line:
-            return line.count(self._layout.separator) == len(self._layout.names) - 1
-        try:
-            return len(next(csv.reader([line], delimiter=self._layout.separator))) == len(self._layout.names)
-        except csv.Error:
-            return False
+        separator, width = self._layout.separator, len(self._layout.names)
+        return (len(split(line, separator)) if '"' in line else line.count(separator) + 1) == width
 
     def _numbered(self) -> Iterator[tuple[int, str]]:
         """Row number and text of every row of data."""
@@ -249,7 +257,7 @@ class Lines:
         where = f"{self.source}: row {row}, column {column.name}"
         if not cell:
             return FileFormatError(f"{where}: found nothing, expected a number: fill it in or leave the row out")
-        return FileFormatError(f"{where}: found {cell}, expected a finite number: leave the row out")
+        return FileFormatError(f"{where}: found {cell[:40]}, expected a finite number: leave the row out")
 
 
 def _may_be_thousands(values: Array) -> bool:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from os import SEEK_END
 from pathlib import Path
 
 import numpy as np
 
+from ...files import TEXT_AT_ONCE, name_of, open_bytes
 from ...geometry.arrays import Array
 from .columns import Naming, shown
+from .csv import SUFFIXES
+from .layout import is_row
 from .orientations import orientation_columns
 from .roles import time_columns
 from .table import open_table
@@ -61,6 +66,17 @@ def angles_in_doubt(path: str | Path, naming: Naming) -> str:
         f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with --units angle=rad; if they are degrees, "
         "say --units angle=deg; contactwrench diagnose tries both"
     )
+
+
+def end_in_doubt(path: str | Path) -> str:
+    """What to say of a text file whose last row has no line end; empty for any other file."""
+    if Path(path).suffix.lower() not in SUFFIXES or Path(path).is_dir():
+        return ""
+    with open_bytes(path) as file:
+        file.seek(max(file.seek(0, SEEK_END) - TEXT_AT_ONCE, 0))
+        last = re.split(rb"[\r\n]", file.read())[-1].replace(b"\0", b"")
+    said = f"{name_of(path)}: the last line has no line end: its last number may be cut off"
+    return said if is_row(last.decode(errors="replace")) else ""
 
 
 def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:

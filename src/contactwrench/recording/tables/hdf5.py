@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from ...errors import ContactWrenchError, FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import Batch, Field, not_whole
+from .batch import BYTES_PER_ROW, ROOM, Batch, Field, not_whole, require_room
 from .columns import Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE
-from .hdf5_columns import datasets_stated, fields_found, fields_of_roles, holds_numbers, width_of
+from .hdf5_columns import bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
 
 SUFFIXES = (".h5", ".hdf5")
-EPISODES = re.compile(r"((?:.*/)?)(?:demo|episode|traj)_?(\d+)")
+DEEPEST = 32
+EPISODES = re.compile(r"((?:.*/)?)(?:demo|episode|traj)_?(\d{1,18})")
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
     source = str(path)
     with _opened(path) as file, _readable(source):
         stated = None if naming.hdf5 is None else datasets_stated(naming.hdf5)
-        in_file = stated is not None and all(name in file for name in stated.values())
+        in_file = stated is not None and None not in [dataset_at(file, name, source) for name in stated.values()]
         every = [_Group("/", None)] if in_file else _groups(file, source)
         groups = [group for group in every if group.episode == naming.episode] or every
         one, orientation = file[groups[0].path], naming.orientation
@@ -69,11 +70,12 @@ def open_hdf5(path: str | Path, naming: Naming, rows: int) -> OpenTable:
         asked = {field.path[0]: field.length for column in columns if (field := fields[column.place]).path}
         with _opened(path) as file:
             for k, group in enumerate(groups):
-                length = _length(file[group.path], group, asked, source)
+                datasets = _datasets(file[group.path], group, asked, source)
+                length = min(map(len, datasets.values())) if datasets else _longest(file[group.path], source)
                 for start in range(0, length, rows):
                     block = np.arange(start, min(start + rows, length))
                     done = (k + (block[-1] + 1) / length) / len(groups)
-                    yield Datasets(file[group.path], group, fields, block, source, done)
+                    yield Datasets(datasets, group, fields, block, source, done)
 
     return OpenTable(source, places_of((field.name for field in fields), source), bodies)
 
@@ -82,15 +84,21 @@ class Datasets(Batch):
     """Rows of one group of datasets, read when they are asked for."""
 
     def __init__(
-        self, group: Any, which: _Group, fields: list[Field], rows: NDArray[np.intp], source: str, done: float
+        self,
+        datasets: dict[str, Any],
+        which: _Group,
+        fields: list[Field],
+        rows: NDArray[np.intp],
+        source: str,
+        done: float,
     ) -> None:
         super().__init__(rows, source, done)
-        self._group, self._which, self._fields = group, which, fields
+        self._datasets, self._which, self._fields = datasets, which, fields
         self._read: dict[str, Array] = {}
 
     def select(self, kept: NDArray[np.bool_]) -> Datasets:
         """Some of the rows, by a mask (n,)."""
-        return Datasets(self._group, self._which, self._fields, self._rows[kept], self.source, self.done)
+        return Datasets(self._datasets, self._which, self._fields, self._rows[kept], self.source, self.done)
 
     def floats(self, column: Column) -> Array:
         """The numbers (n,) of a column. Raises `FileFormatError` where they cannot be read."""
@@ -100,7 +108,7 @@ class Datasets(Batch):
         name, first = field.path[0], int(self._rows[0])
         if name not in self._read:
             with _readable(self.source):
-                block = np.asarray(self._group[name][first : int(self._rows[-1]) + 1], dtype=np.float64)
+                block = np.asarray(self._datasets[name][first : int(self._rows[-1]) + 1], dtype=np.float64)
             self._read[name] = block.reshape(len(block), -1)[self._rows - first]
         return self._read[name][:, field.element or 0]
 
@@ -109,6 +117,8 @@ def _groups(file: Any, source: str) -> list[_Group]:
     """The episodes of a set in the order of their numbers, or the whole file."""
     names: list[str] = []
     file.visit(names.append)
+    if any(name.count("/") > DEEPEST for name in names):
+        raise FileFormatError(f"{source}: found over {DEEPEST} groups in each other, expected fewer: export it anew")
     found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
     outer = [(parent, number, name) for parent, number, name in found if not EPISODES.fullmatch(parent.rstrip("/"))]
     groups = [each for each in outer if hasattr(file[each[2]], "visititems")]
@@ -120,23 +130,30 @@ def _groups(file: Any, source: str) -> list[_Group]:
     return [_Group(name, number) for _, number, name in sorted(groups, key=itemgetter(1))] or [_Group("/", None)]
 
 
-def _length(group: Any, which: _Group, asked: dict[str, int], source: str) -> int:
-    """The number of rows of the datasets that are asked for, by their paths and how many numbers they have in a row; if
-    none is, of the longest.
-    """
+def _longest(group: Any, source: str) -> int:
+    """The number of rows of the longest dataset."""
     with _readable(source):
-        if not asked:
-            fields = fields_found(group)
-            return max((len(group[field.path[0]]) for field in fields), default=0)
-        lengths: dict[str, int] = {}
+        length = max((len(group[field.path[0]]) for field in fields_found(group)), default=0)
+    require_room(source, length, "rows", BYTES_PER_ROW)
+    return length
+
+
+def _datasets(group: Any, which: _Group, asked: dict[str, int], source: str) -> dict[str, Any]:
+    """The datasets that are asked for, by their paths and how many numbers they have in a row; each has as many."""
+    if not asked:
+        return {}
+    datasets: dict[str, Any] = {}
+    with _readable(source):
         for path, width in asked.items():
-            dataset = group.get(path)
-            if not holds_numbers(dataset) or width_of(dataset) != width:
+            dataset = dataset_at(group, path, source)
+            if dataset is None or width_of(dataset) != width:
                 raise FileFormatError(
                     f"{source}: found no dataset {shown(path)} of {width} numbers a row in {shown(which.path)}, "
                     "expected the same datasets in each episode: choose another with --episode"
                 )
-            lengths[path] = len(dataset)
+            datasets[path] = dataset
+    require_room(source, sum(map(bytes_at_once, datasets.values())), "bytes in chunks")
+    lengths = {path: len(dataset) for path, dataset in datasets.items()}
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
     if lengths[shortest] != lengths[longest]:
         raise FileFormatError(
@@ -146,7 +163,7 @@ def _length(group: Any, which: _Group, asked: dict[str, int], source: str) -> in
         )
     if not lengths[longest]:
         raise FileFormatError(f"{source}: found datasets and no rows, expected a row for each reading: add them")
-    return lengths[longest]
+    return datasets
 
 
 @contextmanager
@@ -159,7 +176,7 @@ def _opened(path: str | Path) -> Iterator[Any]:
     with open_bytes(path):
         pass
     with _readable(str(path)):
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", rdcc_nbytes=ROOM)
     with file:
         yield file
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
-from .batch import MOST_ELEMENTS, Field
+from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Field, require_room
 from .columns import POSITION, WRENCH_COLUMNS, shown
 
 
@@ -56,8 +56,8 @@ def fields_of_roles(group: Any, stated: dict[str, str], orientation: str | None,
     """
     fields: list[Field] = []
     for role, path in stated.items():
-        dataset = group.get(path)
-        if not holds_numbers(dataset):
+        dataset = dataset_at(group, path, source)
+        if dataset is None:
             raise FileFormatError(
                 f"{source}: found no dataset of numbers {shown(path)}, expected the one of the {role}: name another "
                 "with --hdf5"
@@ -70,6 +70,35 @@ def fields_of_roles(group: Any, stated: dict[str, str], orientation: str | None,
                 raise _wrong_shape(dataset, path, "(n, 6)" if role == "wrench" else "(n,)", source)
         fields.extend(_with_units(dataset, path, names))
     return fields
+
+
+def dataset_at(group: Any, path: str, source: str) -> Any:
+    """The dataset of numbers under a path; None where there is none.
+
+    Raises `FileFormatError` for one whose rows are elsewhere, were not all written, or are more than the file can hold.
+    """
+    where = f"{source}: dataset {shown(path)}"
+    for end in re.finditer("/|$", path):
+        if hasattr(group.get(path[: end.start()], getlink=True), "path"):
+            raise FileFormatError(f"{where}: found a link, expected a dataset of this file: name what it points at")
+    dataset = group.get(path)
+    if not holds_numbers(dataset):
+        return None
+    if dataset.external or dataset.is_virtual:
+        raise FileFormatError(
+            f"{where}: found rows that other files hold, expected them here: copy them into this file"
+        )
+    require_room(source, len(dataset), f"rows in {shown(path)}", BYTES_PER_ROW)
+    require_room(source, bytes_at_once(dataset), f"bytes in a chunk of {shown(path)}")
+    chunks = [-(-n // max(k, 1)) for n, k in zip(dataset.shape, dataset.chunks or dataset.shape, strict=True)]
+    if prod(chunks) > (dataset.id.get_num_chunks() if dataset.chunks else dataset.id.get_storage_size()):
+        raise FileFormatError(f"{where}: found rows that were never written, expected readings: leave them out")
+    return dataset
+
+
+def bytes_at_once(dataset: Any) -> int:
+    """The least that can be read of a dataset."""
+    return prod(dataset.chunks) * int(dataset.dtype.itemsize) if dataset.chunks else 0
 
 
 def holds_numbers(item: Any) -> TypeGuard[Any]:

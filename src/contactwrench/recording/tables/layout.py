@@ -61,11 +61,11 @@ def layout_of(lines: Sequence[str], source: str) -> tuple[int, Layout] | None:
         return None
     row, header = rows[0]
     data = [line for _, line in rows[1:]]
-    if any(_numbers_in(each := _split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
+    if any(_numbers_in(each := split(header, mark)) == len(each) > 0 for mark in SEPARATORS):
         return row - 1, _named_by_comment(lines[: row - 1], [header, *data], row, source)
     separator = _separator(header, data[:SAMPLE])
     names = _names(header, separator, row, source)
-    if data and _are_units(units := _split(data[0], separator), names):
+    if data and _are_units(units := split(data[0], separator), names):
         units = [unit.strip("[]() ") for unit in units]
         names = [f"{name} [{unit}]" if unit not in NO_UNIT else name for name, unit in zip(names, units, strict=True)]
         row, data = rows[1][0], data[1:]
@@ -77,7 +77,7 @@ def _named_by_comment(above: Sequence[str], data: Sequence[str], row: int, sourc
     comment = next((line.strip().lstrip("# ") for line in reversed(above) if line.strip()), "")
     separator = _separator(comment, data[:SAMPLE])
     names = _names(comment, separator, row, source)
-    if len(names) < 2 or len(names) != len(_split(data[0], separator)) or any(map(is_number, names)):
+    if len(names) < 2 or len(names) != len(split(data[0], separator)) or any(map(is_number, names)):
         raise FileFormatError(f"{source}: row {row}: found numbers, expected a header with the columns' names")
     return Layout(tuple(names), separator, _decimal(data, separator))
 
@@ -97,9 +97,9 @@ def _separator(header: str, data: Sequence[str]) -> str:
     candidates = [mark for mark in SEPARATORS[:-1] if mark in bare] or [" "]
     best, most = max(candidates, key=bare.count), 0
     for candidate in candidates:
-        width = len(_split(header, candidate))
-        split = [some for line in data if len(some := _split(line, candidate)) == width]
-        count = sum(map(_numbers_in, split))
+        width = len(split(header, candidate))
+        rows = [row for line in data if len(row := split(line, candidate)) == width]
+        count = sum(map(_numbers_in, rows))
         if count > most:
             best, most = candidate, count
     return best
@@ -125,7 +125,7 @@ def _decimal(data: Sequence[str], separator: str) -> str:
         return "."
     for line in data:
         if "," in line and any(
-            DECIMAL_COMMA.fullmatch(cell) and not PERHAPS_THOUSANDS.fullmatch(cell) for cell in _split(line, separator)
+            DECIMAL_COMMA.fullmatch(cell) and not PERHAPS_THOUSANDS.fullmatch(cell) for cell in split(line, separator)
         ):
             return ","
     return "."
@@ -146,15 +146,18 @@ def cells(line: str, separator: str, row: int, source: str) -> list[str]:
     """The cells of one line, without the space around them. Raises `FileFormatError`."""
     try:
         blanks = separator == " "
-        split = next(csv.reader([line.strip() if blanks else line], delimiter=separator, skipinitialspace=blanks))
-        return [cell.strip() for cell in split]
+        reader = csv.reader([line.strip() if blanks else line, ""], delimiter=separator, skipinitialspace=blanks)
+        found = next(reader)
+        if reader.line_num > 1:
+            raise csv.Error("a quote is not closed")
+        return [cell.strip() for cell in found]
     except csv.Error as error:
         raise FileFormatError(
             f"{source}: row {row}: found what is no CSV ({error}), expected cells of names and numbers: correct it"
         ) from None
 
 
-def _split(line: str, separator: str) -> list[str]:
+def split(line: str, separator: str) -> list[str]:
     """The same; none where they cannot be told apart."""
     try:
         return cells(line, separator, 0, "")

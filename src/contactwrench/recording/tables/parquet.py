@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import MOST_ELEMENTS, Batch, Field, not_whole
+from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, not_whole, require_room
 from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE, one_episode
 from .roles import wrench_columns
@@ -92,6 +92,9 @@ def open_parquet(path: str | Path, rows: int, episode: int | None = None, *, who
                 numbers = np.arange(begin, begin + len(record))
                 begin += len(record)
                 yield Records(record, fields, numbers, str(path), begin / total)
+            if part in having and begin != before:
+                read = part.rows + begin - before
+                raise FileFormatError(f"{part.path}: found {read} rows, expected the {part.rows} stated: write it anew")
 
     return OpenTable(str(path), places_of((field.name for field in fields), str(path)), bodies)
 
@@ -180,6 +183,7 @@ def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
     lengths: dict[tuple[str, ...], int] = {}
     for part in _parts(Path(path)) if os.path.isdir(path) else [Path(path)]:
         with _opened(part) as file, _readable(str(part)):
+            _require_room(part, file.metadata)
             found = list(_leaves(file.schema_arrow))
             parts.append(_Part(part, file.metadata.num_rows, _episodes(file.metadata)))
             unknown = [leaf.path for leaf in found if leaf.length == 0 and leaf.path not in lengths]
@@ -193,6 +197,14 @@ def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
         raise FileFormatError(f"{path}: found columns and no rows, expected a row for each reading: add them")
     fields = [leaf.fields(lengths.get(leaf.path, leaf.length)) for leaf in leaves]
     return parts, list(chain.from_iterable(fields))
+
+
+def _require_room(part: Path, metadata: Any) -> None:
+    groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
+    require_room(part, max(metadata.num_rows, sum(group.num_rows for group in groups)), "rows", BYTES_PER_ROW)
+    require_room(part, sum(group.total_byte_size for group in groups), "bytes")
+    lists = [k for k in range(metadata.num_columns) if metadata.schema.column(k).max_repetition_level]
+    require_room(part, sum(group.column(k).num_values for group in groups for k in lists), "numbers in lists", 8)
 
 
 def _episodes(metadata: Any) -> tuple[float, float] | None:
@@ -262,7 +274,7 @@ def _opened(path: Path) -> Iterator[Any]:
     pq = import_parquet()
     with open_bytes(path) as opened:
         with _readable(str(path)):
-            file = pq.ParquetFile(opened, buffer_size=BUFFER, pre_buffer=False)
+            file = pq.ParquetFile(opened, buffer_size=BUFFER, pre_buffer=False, page_checksum_verification=True)
         with file:
             yield file
 
