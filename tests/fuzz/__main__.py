@@ -27,10 +27,14 @@ import numpy as np
 
 import contactwrench as cw
 
+from .hostile import hostile
 from .mutations import mutated
-from .originals import URDF, Original, joints_bag, originals, rows_of_text
+from .originals import URDF, Original, joints_bag, messages_of, originals, recorded, rows_of_text
 from .runs import Run, run_all
 
+HOSTILE = "hostile"
+OF_SUFFIX = {".urdf": "URDF", ".csv": "CSV", ".parquet": "Parquet", ".h5": "HDF5"}
+MOST_SECONDS_OF_HOSTILE = 10.0
 VERBS = {
     "recording": {
         "info": "info {file} --json",
@@ -84,6 +88,10 @@ class Case:
     @property
     def verbs(self) -> dict[str, str]:
         kind = self.original.kind
+        if kind == HOSTILE:
+            kind = {".urdf": "URDF", ".csv": "CSV", ".parquet": "Parquet", ".h5": "HDF5"}.get(
+                self.original.path.suffix, "bag"
+            )
         return VERBS.get(kind) or VERBS["recording" if kind.startswith(("CSV", "Parquet", "HDF5")) else "bag"]
 
 
@@ -115,8 +123,10 @@ def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
                 shutil.copytree(case.place, kept, dirs_exist_ok=True)
             shutil.rmtree(case.place)
 
-        cases = _cases(chosen, mutations, seed, folder)
-        run_all(_work(cases, known, judge), _cores(), begin + seconds)
+        run_all(_work(_cases(chosen, mutations, seed, folder), known, judge), _cores(), begin + seconds)
+        if not kinds or HOSTILE in kinds:
+            tallies[HOSTILE], expected[HOSTILE] = Tally(), []
+            run_all(_work(_hostile_cases(folder), known, judge), _cores())
     _print_table(tallies, seed, time.monotonic() - begin)
     return 1 if any(tally.faults for tally in tallies.values()) else 0
 
@@ -153,6 +163,11 @@ def _cases(chosen: list[Original], mutations: int, seed: int, folder: Path) -> I
             case = Case(original, own, way, place, readings)
             _put(case, content)
             yield case
+
+
+def _hostile_cases(folder: Path) -> Iterator[Case]:
+    for name, path in hostile(folder, list(messages_of(recorded()))[:200]):
+        yield Case(Original(HOSTILE, path, path, -1), 0, name, path.parent, -1)
 
 
 def _put(case: Case, content: bytes) -> None:
@@ -198,6 +213,13 @@ def _judged(case: Case, expected: list[str], tally: Tally) -> list[str]:
     tally.seconds = max(tally.seconds, *(run.seconds for run in case.runs.values()))
     tally.peak = max(tally.peak, *(run.peak for run in case.runs.values()))
     faults = [f"{fault} ({name})" for name, run in case.runs.items() for fault in run.faults]
+    if case.original.kind == HOSTILE:
+        faults += [
+            f"{run.seconds:.0f} s ({name})" for name, run in case.runs.items() if run.seconds > MOST_SECONDS_OF_HOSTILE
+        ]
+        tally.refused += all(run.status == 2 for run in case.runs.values())
+        tally.faults.update(faults)
+        return faults
     run, rows = case.runs["compensate"], _compensated(case)
     if run.status == 2:
         tally.refused += 1

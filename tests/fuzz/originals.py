@@ -62,7 +62,7 @@ def numbers(run: Recorded) -> Array:
 def originals(folder: Path) -> list[Original]:
     """One of every kind, made in `folder`, each in a folder of its own."""
     run = recorded()
-    messages = list(_messages(run))
+    messages = list(messages_of(run))
     made: list[Original] = []
 
     def place(kind: str) -> Path:
@@ -98,7 +98,8 @@ def joints_bag(folder: Path) -> Path:
     return write_mcap(folder / "joints.mcap", messages)
 
 
-def _messages(run: Recorded) -> list[Message]:
+def messages_of(run: Recorded) -> list[Message]:
+    """A pose and a reading at each moment."""
     messages = []
     for k, t in enumerate(run.t):
         messages += [pose_stamped(t, run.R_base_flange[k], run.position[k]), wrench_stamped(t, run.wrench[k])]
