@@ -1,5 +1,13 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
+import re
+
+LONGEST = 299
+"""Characters of a message on a terminal."""
+SHORTEST = 40
+"""Characters of a name that is shortened: it can still be told from others."""
+_INVISIBLE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
 
 class ContactWrenchError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -42,3 +50,26 @@ class AmbiguityError(ContactWrenchError, ValueError):
 
 class MissingExtraError(ContactWrenchError, ImportError):
     """An optional dependency is not installed; the message gives the command that installs it."""
+
+
+def visible(text: str) -> str:
+    """Text from a file in one line that a terminal shows and does not obey: what controls it or turns the direction of
+    writing is escaped, as in JSON.
+    """
+    return _INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def shortened(message: str, most: int = LONGEST) -> str:
+    """A message of at most so many characters: the middle of its longest names, as of a path, is left out, and where that
+    is not enough, of its longest phrases.
+    """
+    for joints in ("( )", "(: |, |; )"):
+        parts = re.split(joints, message)
+        while (excess := sum(map(len, parts)) - most) > 0 and len(longest := max(parts, key=len)) > SHORTEST:
+            parts[parts.index(longest)] = _without_middle(longest, max(len(longest) - excess, SHORTEST))
+        message = "".join(parts)
+    return _without_middle(message, most) if len(message) > most else message
+
+
+def _without_middle(text: str, most: int) -> str:
+    return f"{text[: (most - 1) // 2]}…{text[len(text) - most // 2 :]}"

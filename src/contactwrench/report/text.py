@@ -16,6 +16,7 @@ import numpy as np
 from ..assess.verify import Verification
 from ..assess.weigh import REFUSALS, HeldObject
 from ..calibration.difference import Difference, GroupChange
+from ..errors import visible
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
@@ -180,7 +181,8 @@ def _test(group: GroupChange) -> dict[str, Any]:
 
 def contents_text(contents: BagContents | TableContents) -> str:
     """Topics or columns, how many, how often, the longest gap; times from the start of the recording."""
-    return "\n".join(_bag(contents) if isinstance(contents, BagContents) else _table(contents))
+    lines = _bag(contents) if isinstance(contents, BagContents) else _table(contents)
+    return "\n".join(map(visible, lines))
 
 
 def _bag(contents: BagContents) -> Iterator[str]:
