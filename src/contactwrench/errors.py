@@ -60,8 +60,8 @@ def visible(text: str) -> str:
 
 
 def shortened(message: str, most: int = LONGEST) -> str:
-    """A message of at most so many characters: the middle of its longest names, as of a path, is left out, and where that
-    is not enough, of its longest phrases.
+    """A message of at most so many characters: the middle of its longest names, as of a path, is left out; then of its
+    longest phrases.
     """
     for joints in ("( )", "(: |, |; )"):
         parts = re.split(joints, message)

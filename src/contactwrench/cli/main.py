@@ -98,7 +98,9 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
         return 0
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else _largest_input()
-        return _say(f"{where}cannot be read or written ({(error.strerror or str(error)).lower()}): check path and disk")
+        return _say(
+            f"{where}cannot be read or written ({(error.strerror or str(error)).lower()}): check the path and its disk"
+        )
     except MemoryError:
         return _say(f"{_largest_input()}needs more memory than there is, expected a recording that fits: split it")
     return status if isinstance(status, int) else 0

@@ -169,7 +169,7 @@ def said_while_it_lasts(what: str) -> Iterator[None]:
     """A line on stderr, where that is a terminal, if it lasts longer than a moment."""
     timer = Timer(MOMENT, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
     timer.daemon = True
-    if sys.stderr.isatty():
+    if sys.stderr is not None and sys.stderr.isatty():
         timer.start()
     try:
         yield
