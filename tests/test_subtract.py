@@ -231,6 +231,6 @@ def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(full: str, monkey
     from numba import int64, njit
 
     monkeypatch.setattr(full, Full)
-    with pytest.raises((RuntimeError, OSError), match="no locator available|No space left"):
+    with pytest.raises((RuntimeError, OSError), match=r"no locator available|No space left"):
         njit(cache=True)(_add)
     assert kernel.compiled_by_numba(_add, (int64, int64))(1, 2) == 3

@@ -4,8 +4,10 @@ import re
 
 LONGEST = 299
 """Characters of a message on a terminal."""
-SHORTEST = 40
-"""Characters of a name that is shortened: it can still be told from others."""
+_LONG = (r"\S{100,}", r"\([^()]{100,}\)", "[^:,;]{120,}", ".{600,}")
+"""What comes from a file, not from this package, in a message that is too long: a name, a list in brackets, a name with
+blanks, a list.
+"""
 _INVISIBLE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
@@ -60,15 +62,12 @@ def visible(text: str) -> str:
 
 
 def shortened(message: str, most: int = LONGEST) -> str:
-    """A message of at most so many characters: the middle of its longest names, as of a path, is left out; then of its
-    longest phrases.
-    """
-    for joints in ("( )", "(: |, |; )"):
-        parts = re.split(joints, message)
-        while (excess := sum(map(len, parts)) - most) > 0 and len(longest := max(parts, key=len)) > SHORTEST:
-            parts[parts.index(longest)] = _without_middle(longest, max(len(longest) - excess, SHORTEST))
-        message = "".join(parts)
-    return _without_middle(message, most) if len(message) > most else message
+    """A message of at most so many characters: the middle of long names and lists is left out, no word of ours is."""
+    for which in _LONG:
+        while (excess := len(message) - most) > 0 and (found := re.findall(which, message)):
+            longest = max(found, key=len)
+            message = message.replace(longest, _without_middle(longest, max(len(longest) - excess, 60)), 1)
+    return message
 
 
 def _without_middle(text: str, most: int) -> str:
