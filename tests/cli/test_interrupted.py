@@ -35,7 +35,7 @@ main()
 MOMENTS = {
     "while it is imported": ("import", "numpy", "SIGINT", 130, "interrupted"),
     "while it reads": ("open", "run.csv", "SIGINT", 130, "interrupted"),
-    "as a temporary file is made": ("tempfile.mkstemp", ".contactwrench-", "SIGHUP", 129, "its terminal is gone"),
+    "as a temporary folder is made": ("tempfile.mkdtemp", ".contactwrench-", "SIGHUP", 129, "its terminal is gone"),
     "when it is whole": ("os.rename", ".contactwrench-", "SIGTERM", 143, "terminated"),
     "when all is done": ("exit", "", "SIGINT", 0, ""),
 }
@@ -52,6 +52,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def struck(
     folder: Path, event: str, part: str, name: str, before: Callable[[], object] | None = None
 ) -> subprocess.CompletedProcess[str]:
+    (folder / "out.csv").unlink(missing_ok=True)
     script = PLANTED.format(event=event, part=part, name=name)
     compensate = ["compensate", "run.csv", "-c", "tool.json", "-o", "out.csv"]
     arguments = ["show", "tool.json"] if event == "exit" else compensate

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from io import BufferedWriter, TextIOWrapper
 from typing import TYPE_CHECKING
 
@@ -31,23 +29,23 @@ class _Stream(BufferedWriter):
     """After the first failure what is left goes nowhere. Of standard output the failure is raised."""
 
     def write(self, data: ReadableBuffer, /) -> int:
-        with self._failing_once():
+        try:
             return super().write(data)
+        except OSError as error:
+            self._fail(error)
         return memoryview(data).nbytes
 
     def flush(self) -> None:
-        with self._failing_once():
-            super().flush()
-
-    @contextmanager
-    def _failing_once(self) -> Iterator[None]:
         try:
-            yield
+            super().flush()
         except OSError as error:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
-            if self.fileno() == 2:
-                return
-            if isinstance(error, BrokenPipeError):
-                raise
-            reason = (error.strerror or str(error)).lower()
-            raise FileAccessError(f"standard output cannot be written ({reason}): check where it goes") from None
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+        if self.fileno() == 2:
+            return
+        if isinstance(error, BrokenPipeError):
+            raise error
+        reason = (error.strerror or str(error)).lower()
+        raise FileAccessError(f"standard output cannot be written ({reason}): check where it goes") from None
