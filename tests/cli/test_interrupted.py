@@ -36,7 +36,7 @@ MOMENTS = {
     "while it is imported": ("import", "numpy", "SIGINT", 130, "interrupted"),
     "while it reads": ("open", "run.csv", "SIGINT", 130, "interrupted"),
     "as a temporary folder is made": ("tempfile.mkdtemp", ".contactwrench-", "SIGHUP", 129, "its terminal is gone"),
-    "when it is whole": ("os.rename", ".contactwrench-", "SIGTERM", 143, "terminated"),
+    "while it is written": ("open", ".contactwrench-", "SIGTERM", 143, "terminated"),
     "when all is done": ("exit", "", "SIGINT", 0, ""),
 }
 
