@@ -65,18 +65,27 @@ def test_the_number_of_a_closed_stderr_is_no_files(tool: Path, tmp_path: Path) -
     assert (tmp_path / "out").read_bytes() == b"written"
 
 
-def test_an_error_of_a_file_is_not_blamed_on_stdout(capsys: Capture) -> None:
-    name = f"{'x' * 5000}.csv"
-    complaint = run(capsys, "info", name).complaint
-    assert complaint.endswith("x.csv: cannot be read or written (file name too long): check the path and its disk")
-    assert len(complaint) < 300
-
-
 def _failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     def fail(*_: object) -> None:
         raise error
 
     monkeypatch.setattr("contactwrench.recording.contents.contents", fail)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_an_error_of_a_file_is_not_blamed_on_stdout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture, named: bool
+) -> None:
+    path = written(tmp_path, "fx\n1\n")
+    _failing(monkeypatch, OSError(5, "Input/output error", *(["part.db3"] if named else [])))
+    said = "cannot be read or written (input/output error): check the path and its disk"
+    assert run(capsys, "info", path).complaint == f"{'part.db3' if named else path}: {said}"
+
+
+def test_a_name_of_any_length_is_refused_in_one_short_line(capsys: Capture) -> None:
+    complaint = run(capsys, "info", f"{'x' * 5000}.csv").complaint
+    assert "x.csv: " in complaint
+    assert len(complaint) < 300
 
 
 def test_too_little_memory_is_one_line_that_names_the_recording(
