@@ -211,3 +211,26 @@ def test_the_fused_kernel_may_run_in_several_threads_at_once() -> None:
     with ThreadPoolExecutor(4) as pool:
         results = list(pool.map(lambda _: calibration.compensate(wrench, quat_xyzw), range(8)))
     assert all(np.abs(result - contact).max() < 1e-8 for result in results)
+
+
+class Full:
+    """In place of numba's files: a disk without space."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+
+def _add(a, b):  # type: ignore[no-untyped-def]
+    return a + b
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="no numba")
+@pytest.mark.parametrize("full", ["tempfile.TemporaryFile", "numba.core.caching.IndexDataCacheFile"])
+def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(full: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A read-only installation without a home, where numba finds no folder; and a full disk."""
+    from numba import int64, njit
+
+    monkeypatch.setattr(full, Full)
+    with pytest.raises((RuntimeError, OSError), match=r"no locator available|No space left"):
+        njit(cache=True)(_add)
+    assert kernel.compiled_by_numba(_add, (int64, int64))(1, 2) == 3

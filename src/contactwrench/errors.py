@@ -1,5 +1,15 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
+import re
+
+LONGEST = 299
+"""Characters of a message on a terminal."""
+_LONG = (r"\S{100,}", r"\([^()]{100,}\)", "[^:,;]{120,}", ".{600,}")
+"""What comes from a file, not from this package, in a message that is too long: a name, a list in brackets, a name with
+blanks, a list.
+"""
+_INVISIBLE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
 
 class ContactWrenchError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -42,3 +52,23 @@ class AmbiguityError(ContactWrenchError, ValueError):
 
 class MissingExtraError(ContactWrenchError, ImportError):
     """An optional dependency is not installed; the message gives the command that installs it."""
+
+
+def visible(text: str) -> str:
+    """Text from a file in one line that a terminal shows and does not obey: what controls it or turns the direction of
+    writing is escaped, as in JSON.
+    """
+    return _INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def shortened(message: str, most: int = LONGEST) -> str:
+    """A message of at most so many characters: the middle of long names and lists is left out, no word of ours is."""
+    for which in _LONG:
+        while (excess := len(message) - most) > 0 and (found := re.findall(which, message)):
+            longest = max(found, key=len)
+            message = message.replace(longest, _without_middle(longest, max(len(longest) - excess, 60)), 1)
+    return message
+
+
+def _without_middle(text: str, most: int) -> str:
+    return f"{text[: (most - 1) // 2]}…{text[len(text) - most // 2 :]}"

@@ -140,6 +140,8 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
     """Write UTF-8 text, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
     pieces = [pieces] if isinstance(pieces, str) else pieces
     if str(path) == STDOUT:
+        if sys.__stdout__ is None:
+            raise FileAccessError("standard output is closed, expected one that can be written: name a file")
         for piece in pieces:
             sys.stdout.write(piece)
         sys.stdout.flush()

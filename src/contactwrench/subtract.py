@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -158,7 +158,10 @@ def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    kernel = _compiled(_fused_from_quaternions if parts.shape[1] == 4 else _fused_from_matrices)
+    from numba import typeof
+
+    types = tuple(map(typeof, (B, gravity_direction, readings, parts, result)))
+    kernel = _compiled(_fused_from_quaternions if parts.shape[1] == 4 else _fused_from_matrices, types)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = min(MAX_THREADS, cores)
     edges = np.linspace(0, len(readings), threads + 1).astype(int).tolist()
@@ -172,11 +175,21 @@ def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts
 
 
 @cache
-def _compiled(kernel: Callable[..., int]) -> Callable[..., int]:
-    import numba
+def _compiled(kernel: Callable[..., int], types: tuple[Any, ...]) -> Callable[..., int]:
+    return compiled_by_numba(kernel, types, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 
-    fast = {"contract", "reassoc", "nsz"}
-    compiled: Callable[..., int] = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=fast)(kernel)
+
+def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **options: Any) -> Callable[..., int]:
+    """A function for arguments of these types, kept on disk for the next time where that can be."""
+    from numba import njit
+
+    try:
+        kept = njit(cache=True, **options)(function)
+        kept.compile(types)
+    except Exception:  # no folder that can be written, a full disk, or what is kept is damaged
+        kept = njit(**options)(function)
+        kept.compile(types)
+    compiled: Callable[..., int] = kept
     return compiled
 
 

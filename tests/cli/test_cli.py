@@ -369,7 +369,7 @@ def test_a_full_disk_behind_stdout_is_one_line(panda_json: Path) -> None:
             done = started(*map(str, arguments), stdout=full.fileno())
         assert done.returncode == 2
         assert done.stderr.decode() == (
-            "contactwrench: standard output cannot be written (No space left on device): check where it goes\n"
+            "contactwrench: standard output cannot be written (no space left on device): check where it goes\n"
         )
 
 

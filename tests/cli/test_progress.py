@@ -59,3 +59,13 @@ def test_a_short_action_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_no_terminal_sees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shown(monkeypatch, io.StringIO(), -1.0, [0.25, 0.5, 1.0]) == ""
+
+
+def test_a_name_is_shown_as_it_is_and_does_not_control_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Terminal()
+    monkeypatch.setattr(module, "MOMENT", -1.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress("reading [/red]\x07.csv") as advance:
+        advance(0.5)
+    assert "reading [/red]\\u0007.csv" in stream.getvalue()

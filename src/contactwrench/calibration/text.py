@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import visible
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import AXES, GRAVITY, LINEAR_PARAMETERS, MOUNT, horizontal_axes
@@ -29,8 +30,7 @@ if TYPE_CHECKING:
     from .difference import Difference, GroupChange
 
 NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
-Row = tuple[str, str, str, str]
-"""Name, value, standard deviation, unit."""
+Row = tuple[str, str, str, str]  # name, value, standard deviation, unit
 
 COLUMNS = 80
 """Of text where nobody says how wide it may be."""
@@ -75,7 +75,7 @@ def describe(calibration: CalibrationFields, missed: str = "") -> str:
         lines += [*(f"  {a:<12}  {b:<18}  {c:>7}  {d:>7}   {e} N" for a, b, c, d, e in others), ""]
     head, *reasons = verdict_sentences(calibration, missed)
     lines += [f"Verdict  {head}: {'; '.join(reasons)}", *(f"Warning  {warning}" for warning in calibration.warnings)]
-    return "\n".join(lines)
+    return "\n".join(map(visible, lines))
 
 
 def verdict_sentences(c: CalibrationFields, missed: str = "") -> list[str]:

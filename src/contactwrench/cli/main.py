@@ -1,17 +1,19 @@
 """The program: verbs, exit status, and one line on stderr for whatever the user can mend.
 
-0 done; 1 a check failed; 2 bad use, bad input, or data that cannot give the answer.
+0 done; 1 a check failed; 2 bad use, bad input, or data that cannot give the answer; 130 Ctrl-C (__main__.py).
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
-from io import TextIOWrapper
+import traceback
+from itertools import pairwise
 
 import typer
 
-from ..errors import ContactWrenchError
+from ..errors import ContactWrenchError, shortened, visible
 from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
@@ -25,17 +27,21 @@ from .outputs import guarded
 from .plan import plan
 from .show import show
 from .simulate import simulate
+from .streams import open_streams
 from .verify import verify
 from .weigh import weigh
 
 CHECK_FAILED = 1
 BAD = 2
+OUTPUTS = ("-o", "--output", "--report", "--out")
+TRACEBACK = "CONTACTWRENCH_TRACEBACK"
+"""The variable of the environment that asks for the traceback of an error of the program's own."""
 
 app = typer.Typer(
     name="contactwrench",
     help="From a raw wrist force/torque sensor to the pure contact wrench.",
     epilog="Every verb has --help. Exit status: 0 done; 1 a check failed; 2 bad use, bad input, or poses that cannot "
-    "give the answer, with one line on stderr that says what to do.",
+    "give the answer, with one line on stderr that says what to do; 130 interrupted by Ctrl-C (143, 129: by a signal).",
     add_completion=False,
     no_args_is_help=False,
     rich_markup_mode=None,
@@ -61,15 +67,22 @@ def _program(
 
 def main(program: typer.Typer = app, name: str = "contactwrench") -> None:
     """Run the program and leave with its exit status."""
-    if sys.stdout is None:  # closed by whoever started the program
-        sys.stdout = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8")
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
-    sys.exit(exit_status(program, name))
+    open_streams()
+    logging.getLogger().addHandler(logging.NullHandler())
+    try:
+        status = exit_status(program, name)
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            traceback.print_exc()
+        status = _say(
+            f"{_largest_input()}found {type(error).__name__} ({' '.join(str(error).split())}), expected no such error, "
+            f"which is the program's: report it with what {TRACEBACK}=1 shows"
+        )
+    sys.exit(status)
 
 
 def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
-    """Run the program: its exit status."""
+    """Run the program: its exit status. What is an error of the program itself is raised."""
     try:
         status = program(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
@@ -78,17 +91,27 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = name if context is None else context.command_path
-        return _say(f"{error.format_message().rstrip('.')}: try '{command} --help'")
-    except typer.Abort:
-        return _say("interrupted")
+        return _say(f"{' '.join(error.format_message().split()).rstrip('.')}: try '{command} --help'")
+    except typer.Abort as error:  # of typer's own, where a verb raised EOFError
+        raise error.__cause__ or error from None
     except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _say(f"standard output cannot be written ({error.strerror}): check where it goes")
+        where = f"{error.filename}: " if error.filename is not None else _largest_input()
+        return _say(
+            f"{where}cannot be read or written ({(error.strerror or str(error)).lower()}): check the path and its disk"
+        )
+    except MemoryError:
+        return _say(f"{_largest_input()}needs more memory than there is, expected a recording that fits: split it")
     return status if isinstance(status, int) else 0
 
 
+def _largest_input() -> str:
+    """The recording, as far as the command line tells, to begin a message with."""
+    files = [this for option, this in pairwise(sys.argv[1:]) if option not in OUTPUTS and os.path.exists(this)]
+    return f"{max(files, key=lambda file: (os.path.isdir(file), os.path.getsize(file)))}: " if files else ""
+
+
 def _say(message: str) -> int:
-    print(f"contactwrench: {' '.join(message.split())}", file=sys.stderr)
+    print(shortened(f"contactwrench: {visible(message)}"), file=sys.stderr)
     return BAD

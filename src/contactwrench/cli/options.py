@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 import typer
 
-from ..errors import InputError
+from ..errors import InputError, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
 from ..geometry.wrench import STANDARD_GRAVITY
@@ -175,13 +175,13 @@ def print_result(
 ) -> None:
     """A result on stdout: as JSON and nothing else, or as text, as `say` prints it."""
     if json:
-        typer.echo(as_json(result).rstrip("\n"))
+        typer.echo(_visible_lines(as_json(result).rstrip("\n")))
     else:
         say(as_text(result), elsewhere=elsewhere)
 
 
 def say(text: str, *, err: bool = False, elsewhere: int | None = None) -> None:
-    """Print text: on a terminal sentences flow to its width.
+    """Print text, visibly: on a terminal sentences flow to its width.
 
     Args:
         text: a sentence is one line.
@@ -190,6 +190,7 @@ def say(text: str, *, err: bool = False, elsewhere: int | None = None) -> None:
     """
     from ..calibration.text import flowed
 
+    text = _visible_lines(text)
     on_terminal = (sys.stderr if err else sys.stdout).isatty()
     columns = min(get_terminal_size().columns, MOST_COLUMNS) if on_terminal else elsewhere
     typer.echo(text if columns is None else flowed(text, columns), err=err)
@@ -205,4 +206,8 @@ def note_ends(*paths: Path | None) -> None:
 
 def note(text: str) -> None:
     """Say on stderr what is good to know."""
-    say(f"Note: {text}", err=True)
+    say(f"Note: {visible(text)}", err=True)
+
+
+def _visible_lines(text: str) -> str:
+    return "\n".join(map(visible, text.split("\n")))

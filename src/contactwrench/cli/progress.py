@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from math import isnan, nan
 from typing import TYPE_CHECKING
 
+from ..errors import visible
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -27,7 +29,7 @@ class Bar:
         """The part that is done, 0 to 1 (NaN: nobody knows how much there is)."""
         if self._bar is None and time.monotonic() - self._start > MOMENT and sys.stderr.isatty():
             self._bar = _bar()
-            self._bar.add_task(self._what, total=None if isnan(done) else 1.0)
+            self._bar.add_task(visible(self._what), total=None if isnan(done) else 1.0)
             self._bar.start()
         if self._bar is not None:
             self._bar.update(self._bar.task_ids[0], completed=0.0 if isnan(done) else done)
@@ -60,5 +62,5 @@ def _bar() -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     return Progress(*columns, console=Console(stderr=True), transient=True)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, read_only
+from ..subtract import compiled_by_numba
 from .state import KERNEL, SAMPLE, STATE, Function, Sample, State
 from .step import take
 
@@ -140,12 +141,11 @@ def compiled() -> Callable[..., int]:
     for function in KERNEL:
         register_jitable(error_model="numpy")(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
-    signature = types.int64(state[::1], sample[::1], rows, types.int64, types.int64)
+    arguments = (state[::1], sample[::1], rows, types.int64, types.int64)
     sources = [getsource(sys.modules[name]) for name in sorted({function.__module__ for function in KERNEL})]
     digest = sha256("".join(sources).encode()).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        advance: Callable[..., int] = numba.njit(signature, cache=True, nogil=True, error_model="numpy")(_keyed(digest))
-    return advance
+        return compiled_by_numba(_keyed(digest), arguments, nogil=True, error_model="numpy")
 
 
 def _keyed(digest: str) -> Callable[..., int]:
@@ -169,7 +169,7 @@ def said_while_it_lasts(what: str) -> Iterator[None]:
     """A line on stderr, where that is a terminal, if it lasts longer than a moment."""
     timer = Timer(MOMENT, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
     timer.daemon = True
-    if sys.stderr.isatty():
+    if sys.stderr is not None and sys.stderr.isatty():
         timer.start()
     try:
         yield

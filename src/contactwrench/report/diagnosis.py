@@ -9,6 +9,7 @@ import numpy as np
 from ..assess.diagnose import Diagnosis, Explanation
 from ..assess.interpretations import Interpretation
 from ..calibration.text import COLUMNS
+from ..errors import visible
 from ..estimation.plausibility import REVERSED
 from ..geometry.arrays import Array
 from ..statistics import two_digits
@@ -71,7 +72,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += [f"  {_label(interpretation)}" for interpretation in d.alike[: d.likely]]
         lines += ["To decide:", *(f"- {observation}" for observation in d.observations)]
     lines += _unseen(d)
-    return "\n".join(lines)
+    return "\n".join(map(visible, lines))
 
 
 def _unseen(d: Diagnosis) -> list[str]:

@@ -16,6 +16,7 @@ import numpy as np
 from ..assess.verify import Verification
 from ..assess.weigh import REFUSALS, HeldObject
 from ..calibration.difference import Difference, GroupChange
+from ..errors import visible
 from ..geometry.arrays import Array
 from ..model import AXES
 from ..recording.contents import BagContents, FrameContent, Rhythm, TableContents, TopicContent
@@ -58,7 +59,7 @@ def verification_text(result: Verification) -> str:
         lines += [""]
     lines += [f"Warning  {warning}" for warning in result.warnings]
     lines.append(f"{'PASSED' if result.passed else 'FAILED'}  {result.reason}")
-    return "\n".join(lines)
+    return "\n".join(map(visible, lines))
 
 
 def _axes_lines(rows: dict[str, Array]) -> list[str]:
@@ -92,7 +93,7 @@ def held_object_text(held: HeldObject) -> str:
         f"  chi-square {held.chi2:.3g} per degree of freedom, probability {percent(held.probability)}",
         *(f"{'REFUSED' if f.kind in REFUSALS else 'Warning'}  {f.text}" for f in held.findings),
     ]
-    return "\n".join(lines)
+    return "\n".join(map(visible, lines))
 
 
 def _com_lines(held: HeldObject) -> list[str]:
@@ -150,7 +151,7 @@ def difference_text(change: Difference) -> str:
         lines.append(f"* more than 3 standard deviations: {', '.join(change.significant)}")
     else:
         lines.append("no parameter changed by more than 3 standard deviations")
-    return "\n".join(lines)
+    return "\n".join(map(visible, lines))
 
 
 def difference_json(change: Difference) -> str:
@@ -180,7 +181,8 @@ def _test(group: GroupChange) -> dict[str, Any]:
 
 def contents_text(contents: BagContents | TableContents) -> str:
     """Topics or columns, how many, how often, the longest gap; times from the start of the recording."""
-    return "\n".join(_bag(contents) if isinstance(contents, BagContents) else _table(contents))
+    lines = _bag(contents) if isinstance(contents, BagContents) else _table(contents)
+    return "\n".join(map(visible, lines))
 
 
 def _bag(contents: BagContents) -> Iterator[str]:

@@ -1,0 +1,148 @@
+"""A signal at any moment: one line, its own exit status, and no temporary file; and the process as its user left it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import contactwrench as cw
+from contactwrench import __main__ as program
+from tests.support.recordings import PANDA
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
+
+PLANTED = """
+import atexit, os, signal, sys
+
+def strike(event, arguments):
+    if event == {event!r} and {part!r} in str(arguments[0]):
+        os.kill(os.getpid(), signal.{name})
+        os.kill(os.getpid(), signal.{name})
+
+if {event!r} == "exit":
+    atexit.register(os.kill, os.getpid(), signal.{name})
+sys.addaudithook(strike)
+from contactwrench.__main__ import main
+main()
+"""
+"""The program, which is sent a signal, twice, at the first audit event of that kind with that text."""
+MOMENTS = {
+    "while it is imported": ("import", "numpy", "SIGINT", 130, "interrupted"),
+    "while it reads": ("open", "run.csv", "SIGINT", 130, "interrupted"),
+    "as a temporary folder is made": ("tempfile.mkdtemp", ".contactwrench-", "SIGHUP", 129, "its terminal is gone"),
+    "while it is written": ("open", ".contactwrench-", "SIGTERM", 143, "terminated"),
+    "when all is done": ("exit", "", "SIGINT", 0, ""),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("interrupted")
+    (folder / "run.csv").write_bytes(PANDA.read_bytes())
+    cw.calibrate(cw.read(PANDA), "mount").save(folder / "tool.json")
+    return folder
+
+
+def struck(
+    folder: Path, event: str, part: str, name: str, before: Callable[[], object] | None = None
+) -> subprocess.CompletedProcess[str]:
+    (folder / "out.csv").unlink(missing_ok=True)
+    script = PLANTED.format(event=event, part=part, name=name)
+    compensate = ["compensate", "run.csv", "-c", "tool.json", "-o", "out.csv"]
+    arguments = ["show", "tool.json"] if event == "exit" else compensate
+    command = [sys.executable, "-c", script, *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=before)
+
+
+@pytest.mark.parametrize(("event", "part", "name", "status", "said"), MOMENTS.values(), ids=MOMENTS)
+def test_a_signal_is_one_line_and_leaves_nothing(
+    folder: Path, event: str, part: str, name: str, status: int, said: str
+) -> None:
+    done = struck(folder, event, part, name)
+    assert (done.returncode, done.stderr) == (status, f"contactwrench: {said}\n" if said else "")
+    assert {path.name for path in folder.iterdir()} == {"run.csv", "tool.json"}
+
+
+def test_a_signal_that_the_parent_ignores_is_ignored(folder: Path) -> None:
+    done = struck(folder, "open", "run.csv", "SIGHUP", lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (folder / "out.csv").exists()
+
+
+class LeftError(BaseException):
+    """In place of the process's end."""
+
+
+def test_folders_and_files_that_tempfile_made_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, gone, kept = tmp_path / "made", tmp_path / "gone", tmp_path / "kept"
+    made.mkdir()
+    for path in (made / "part.db3", tmp_path / "file", kept):
+        path.write_text("1")
+    shown: list[bytes] = []
+
+    def leave(status: int) -> None:
+        raise LeftError(status)
+
+    monkeypatch.setattr(program, "_temporary", [])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setattr(os, "_exit", leave)
+    monkeypatch.setattr(os, "write", lambda _, text: shown.append(text))
+    monkeypatch.setattr(os, "isatty", lambda _: True)
+    monkeypatch.setitem(sys.modules, "rich.live", os)
+    for event, path in (("tempfile.mkdtemp", made), ("tempfile.mkstemp", tmp_path / "file"), ("open", kept)):
+        program._remember(event, (str(path),))
+    program._remember("tempfile.mkstemp", (str(gone),))
+    with pytest.raises(LeftError, match=r"^143$"):
+        program._leave(signal.SIGTERM, None)
+    assert list(tmp_path.iterdir()) == [kept]
+    assert shown == [b"\r\x1b[2K\x1b[?25hcontactwrench: terminated\n"]
+
+
+def test_to_import_the_package_touches_no_signal_and_no_limit() -> None:
+    script = (
+        "import resource, signal, sys\n"
+        "def state():\n"
+        "    return [signal.getsignal(n) for n in signal.valid_signals()], resource.getrlimit(resource.RLIMIT_DATA)\n"
+        "before = state()\n"
+        "import contactwrench, contactwrench.__main__, contactwrench.cli.main\n"
+        "sys.exit(before != state())\n"
+    )
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_what_libraries_warn_of_and_log_is_not_shown() -> None:
+    script = (
+        "import contactwrench.__main__ as start, contactwrench.cli.main as program, logging, warnings\n"
+        "def warn(*_):\n"
+        "    warnings.warn('overflow', RuntimeWarning)\n"
+        "    logging.getLogger('matplotlib').warning('created a temporary cache directory')\n"
+        "    return 1\n"
+        "program.exit_status = warn\n"
+        "start.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (1, b"")
+    shown = subprocess.run([sys.executable, "-W", "default", "-c", script], capture_output=True, check=False)
+    assert b"RuntimeWarning: overflow" in shown.stderr
+
+
+@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="this system does not say what memory is left")
+@pytest.mark.parametrize("stated", [False, True])
+def test_memory_is_bounded_by_what_is_left_unless_it_is_already(monkeypatch: pytest.MonkeyPatch, stated: bool) -> None:
+    import resource
+
+    limits: list[tuple[int, int]] = []
+    soft = 10**12 if stated else resource.RLIM_INFINITY
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (soft, resource.RLIM_INFINITY))
+    monkeypatch.setattr(resource, "setrlimit", lambda _, bound: limits.append(bound))
+    program._bound_memory()
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") + (os.cpu_count() or 1) * program.RESERVED
+    assert [(0 < bound <= memory, hard) for bound, hard in limits] == (
+        [] if stated else [(True, resource.RLIM_INFINITY)]
+    )
