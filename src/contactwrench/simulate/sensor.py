@@ -19,6 +19,8 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from .settings import JointTorque, Sensor
 
+LEAST_STEP = 1e-12
+"""N and N m: no double tells smaller steps of a reading apart."""
 HOUR, DAY = 3600.0, 86_400.0
 MINUTE_AT_1_KHZ = 30_000.0
 """Largest over least frequency: of half the rate, and of once a minute."""
@@ -86,7 +88,8 @@ class SensorStream:
         saturated = np.abs(shown) >= self._limit
         shown = np.minimum(np.maximum(shown, -self._limit), self._limit)
         if self._sensor.quantum > 0.0:
-            shown = np.rint(shown / self._sensor.quantum) * self._sensor.quantum + 0.0
+            step = max(self._sensor.quantum, LEAST_STEP)
+            shown = np.rint(shown / step) * step + 0.0
         self._rows += len(wrench)
         return Readings(shown, saturated)
 
@@ -139,6 +142,7 @@ def friction_torque(sensors: JointTorque, velocity: Array, rng: np.random.Genera
     the velocity. At rest it is anything up to that, either way, as the joint came to rest; it stays as long as the
     joint does, so a row here is a stay.
     """
-    at_rest = rng.uniform(-sensors.friction, sensors.friction, size=velocity.shape)
-    friction: Array = np.where(velocity == 0.0, at_rest, sensors.friction * np.sign(velocity))
+    most = abs(sensors.friction)  # -0.0 is a range upside down to the generator
+    at_rest = rng.uniform(-most, most, size=velocity.shape)
+    friction: Array = np.where(velocity == 0.0, at_rest, most * np.sign(velocity))
     return friction

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import ROWS
 from ..geometry.rotations import rotation_exp
 from ..geometry.wrench import STANDARD_GRAVITY
 
@@ -30,9 +31,6 @@ UPRIGHT_OF: dict[str, Array] = {
     "ceiling": np.diag([1.0, -1.0, -1.0]),
 }
 """`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
-
-MOST_ROWS = 1e7
-"""Of a motion: 3 GB of CSV."""
 
 
 def between(least: float, most: float, hint: str = "") -> dict[str, Any]:
@@ -195,9 +193,9 @@ class Settings:
             if beyond.any():
                 raise InputError(f"{name} is {values[beyond][0]:g}, expected {least:g} to {most:g}{hint}")
         rows = self.recording.duration * self.recording.rate
-        if rows > MOST_ROWS:
+        if rows > ROWS.most:
             raise InputError(
-                f"a motion would have {rows:.3g} rows, expected at most {MOST_ROWS:.0e}: shorten recording.duration or "
+                f"a motion would have {rows:.3g} rows, expected at most {ROWS.most:.0e}: shorten recording.duration or "
                 "lower recording.rate"
             )
 
@@ -271,7 +269,7 @@ def _value(text: str, like: Any) -> Any:
     """
     try:
         value = msgspec.json.decode(text)
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, RecursionError):
         return text
     if not isinstance(like, (list, tuple)) or not isinstance(value, (int, float)):
         return value
