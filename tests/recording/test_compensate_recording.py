@@ -316,7 +316,8 @@ def test_the_calibrations_delay_is_made_up_for_where_it_is_more_than_chance(
         (["--output-frame", "tool"], "output frame is 'tool', expected sensor, flange, base"),
         (
             ["--delay", "20"],
-            "Invalid value for '--delay': found 20, expected -10 to 10 s (is it in ms?): try 'contactwrench compensate --help'",
+            "Invalid value for '--delay': found 20, expected -10 to 10 s (is it in ms?): try 'contactwrench compensate "
+            "--help'",
         ),
         (["-o", "out.mcap"], "out.mcap: found the suffix .mcap, expected .csv or .parquet: name it so"),
         (["-o", "out.foo"], "out.foo: found the suffix .foo, expected .csv or .parquet: name it so"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from .arrays import Array, numbers
@@ -23,10 +23,14 @@ class Range:
     def __str__(self) -> str:
         return f"{'0 or ' if self.or_zero else ''}{self.least:g} to {self.most:g} {self.unit}".rstrip()
 
+    def holds(self, values: Array) -> NDArray[np.bool_]:
+        """Which of the values lie within; a NaN does not."""
+        inside: NDArray[np.bool_] = (self.least <= values) & (values <= self.most) | (self.or_zero & (values == 0.0))
+        return inside
+
     def outside(self, values: Array) -> Array:
-        """Those (k,) of `values` that lie outside; a NaN does."""
-        inside = (self.least <= values) & (values <= self.most) | (self.or_zero & (values == 0.0))
-        beyond: Array = values[~inside]
+        """Those (k,) of `values` that do not."""
+        beyond: Array = values[~self.holds(values)]
         return beyond
 
     def require(self, values: ArrayLike, name: str, *shapes: tuple[int, ...]) -> Array:
@@ -44,8 +48,8 @@ class Range:
 G = Range(0.1, 100.0, "m/s^2")
 """From an asteroid's to a large planet's; a centrifuge's."""
 WEIGHT, WEIGHT_STD = Range(1e-6, 1e6, "N"), Range(1e-6, 1e6, "N")
-LOAD, TOOL_MASS, SENSOR_MASS = (
-    Range(0.0, 1e6, "g"),
+LOAD, LOAD_KG = Range(1e-3, 1e6, "g", or_zero=True), Range(1e-6, 1e6, "kg", or_zero=True)
+TOOL_MASS, SENSOR_MASS = (
     Range(1e-6, 200.0, "kg (is it in g?)"),
     Range(0.0, 50.0, "kg (is it in g?)"),
 )
@@ -58,6 +62,8 @@ READING, NOISE_OR_NONE = Range(-1e9, 1e9, "N or N m"), Range(0.0, 1e6, "N or N m
 NOISE, NOISE_OF_AXIS, WALK = Range(1e-9, 1e6, "N"), Range(1e-12, 1e6, "N or N m"), Range(0.0, 1e6, "N or N m")
 LEFT_FORCE, LEFT_TORQUE = Range(0.0, 1e9, "N"), Range(0.0, 1e9, "N m")
 PER_KELVIN, CAPACITY = Range(-1e6, 1e6, "N/K or N m/K"), Range(1e-6, 1e9, "N or N m")
+TIME, PLACE = Range(-1e19, 1e19, "s"), Range(-1e6, 1e6, "m")
+"""Of a recording: s since 1970, were they ns; a position from the base."""
 RATE, CUTOFF = Range(1e-3, 1e6, "Hz"), Range(1e-3, 1e6, "Hz")
 DELAY, DURATION = Range(-10.0, 10.0, "s (is it in ms?)"), Range(1e-6, 1e6, "s")
 ROWS = Range(0, 1e7, "(fewer, or a lower rate)")
