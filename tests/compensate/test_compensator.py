@@ -390,7 +390,7 @@ def test_results_are_read_only() -> None:
         ({"delay": np.nan}, "delay is nan, expected -10 to 10 s (is it in ms?)"),
         ({"drift": -np.ones(6)}, "drift is -1, expected 0 to 1e+06 N or N m"),
         ({"ranges": np.ones(2)}, "range is array([1., 1.]), expected numbers (6,), 1e-06 to 1e+09 N or N m"),
-        ({"false_alarm_rate": 0.5}, "false-alarm rate is 0.5, expected 1e-9 to 0.01 per sample"),
+        ({"false_alarm_rate": 0.5}, "false-alarm rate is 0.5, expected 1e-09 to 0.01 per sample"),
         ({"minimum_duration": -1.0}, "minimum duration is -1, expected 1e-06 to 1e+06 s"),
         ({"lowpass": 600.0}, "cut-off of a low-pass is 600 Hz at 1000 Hz, expected less than half the rate"),
         ({"gravity": np.zeros(3)}, "gravity is 0,0,0, expected three finite numbers"),

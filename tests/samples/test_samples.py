@@ -76,7 +76,10 @@ LEAVE_OUT = "leave such samples out"
             with_value("wrench", (3, 5), -1.5e9),
             f"wrench in sample 3 is -1.5e+09, expected at most 1e+09 N or N m: {LEAVE_OUT}",
         ),
-        (with_value("load_mass", (2,), -0.5), f"load_mass in sample 2 is -0.5, expected 0 or 1e-06 to 1e+06 kg: {LEAVE_OUT}"),
+        (
+            with_value("load_mass", (2,), -0.5),
+            f"load_mass in sample 2 is -0.5, expected 0 or 1e-06 to 1e+06 kg: {LEAVE_OUT}",
+        ),
         (
             with_value("R_base_flange", (1,), 0.0),
             "orientation 1 is a matrix that is no rotation (columns off orthonormal by 1, determinant 0), expected "
