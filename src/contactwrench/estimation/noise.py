@@ -159,7 +159,7 @@ def stated_noise(noise: NoiseLike) -> StatedNoise | None:
     if values.shape != (6,) or len(NOISE_OF_AXIS.outside(values)):
         raise InputError(
             f"noise must be six standard deviations (fx..tz), {NOISE_OF_AXIS}, or a recording at rest (n, 6) in which "
-            f"every axis moves; found {np.array2string(values, threshold=8)}"
+            f"every axis moves; found {np.array2string(values, threshold=8, max_line_width=1000)}"
         )
     return StatedNoise(values)
 

@@ -25,8 +25,8 @@ class Range:
 
     def holds(self, values: Array) -> NDArray[np.bool_]:
         """Which of the values lie within; a NaN does not."""
-        inside: NDArray[np.bool_] = (self.least <= values) & (values <= self.most) | (self.or_zero & (values == 0.0))
-        return inside
+        inside: NDArray[np.bool_] = (self.least <= values) & (values <= self.most)
+        return inside | (values == 0.0) if self.or_zero else inside
 
     def outside(self, values: Array) -> Array:
         """Those (k,) of `values` that do not."""

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
-from ..geometry.ranges import LOAD_KG, PLACE, TIME, Range
+from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
 
 ReadAs: TypeAlias = Mapping[str, str | int]
 """How a file was read, by the names of the options of reading."""
 
-LARGEST_READING = 1e9
+LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
 LONGEST_CHANCE, TIMES_USUAL = 20, 4.0
 """Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
@@ -64,19 +64,10 @@ class Samples(Rows):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("wrench", "R_base_flange", "t", "load_mass"):
-            _require_finite(name, getattr(self, name))
-        for name, within in {"t": TIME, "load_mass": LOAD_KG}.items():
+        for name, within in {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG}.items():
             _require_within(name, getattr(self, name), within)
         object.__setattr__(self, "position", _known(self.position))
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
-        if len(self) and max(self.wrench.max(), -self.wrench.min()) > LARGEST_READING:
-            row, axis = (int(k) for k in np.argwhere(np.abs(self.wrench) > LARGEST_READING)[0])
-            raise InputError(
-                f"wrench in sample {row} is {self.wrench[row, axis]:g}, expected at most {LARGEST_READING:g} N or N m: "
-                "leave such samples out",
-                row,
-            )
 
     def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
         """The samples less those with a saturated channel, and a note where there are such."""
@@ -187,21 +178,6 @@ def _known(position: Array | None) -> Array | None:
 
 
 def _require_within(name: str, values: Array | None, within: Range) -> None:
-    if values is not None and len(within.outside(values)):
-        row = int(np.argmin(within.holds(values)))
-        raise InputError(f"{name} in sample {row} is {values[row]:g}, expected {within}: leave such samples out", row)
-
-
-def _require_finite(name: str, values: Array | None) -> None:
-    if values is None:
-        return
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(values.sum()):
-            return
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
-        raise InputError(
-            f"{name} in sample {bad[0][0]} is {values[tuple(bad[0])]}, expected a finite number: "
-            "leave such samples out",
-            int(bad[0][0]),
-        )
+    if values is not None and len(beyond := within.outside(values)):
+        row = int(np.argwhere(~within.holds(values))[0][0])
+        raise InputError(f"{name} in sample {row} is {beyond[0]:g}, expected {within}: leave such samples out", row)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..geometry.ranges import ROWS
+from ..geometry.ranges import ROWS, Range
 from ..geometry.rotations import rotation_exp
 from ..geometry.wrench import STANDARD_GRAVITY
 
@@ -37,10 +37,10 @@ def between(least: float, most: float, hint: str = "") -> dict[str, Any]:
     """Metadata of a setting: the least and the most that MuJoCo can compute and somebody could mean, each included, and
     what to ask of a number beyond them.
     """
-    return {"bounds": (least, most, hint)}
+    return {"bounds": Range(least, most, hint.strip())}
 
 
-def bounded_settings(settings: Any, path: str = "") -> Iterator[tuple[str, Any, tuple[float, float, str]]]:
+def bounded_settings(settings: Any, path: str = "") -> Iterator[tuple[str, Any, Range]]:
     """Every number that can be set: its full name, its value, and its bounds."""
     for each in fields(settings):
         name, value = f"{path}{each.name}", getattr(settings, each.name)
@@ -187,11 +187,8 @@ class Settings:
     recording: Recording = Recording()
 
     def __post_init__(self) -> None:
-        for name, value, (least, most, hint) in bounded_settings(self):
-            values = np.atleast_1d(value).ravel()
-            beyond = ~((values >= least) & (values <= most))
-            if beyond.any():
-                raise InputError(f"{name} is {values[beyond][0]:g}, expected {least:g} to {most:g}{hint}")
+        for name, value, within in bounded_settings(self):
+            within.require(value, name, np.shape(value))
         rows = self.recording.duration * self.recording.rate
         if rows > ROWS.most:
             raise InputError(
