@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..geometry.arrays import Array, numbers, read_only, seconds
+from ..geometry.arrays import Array, number, numbers, read_only, seconds
 from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
 from ..samples.samples import Samples
@@ -20,7 +20,7 @@ from .contact_detection import LEARN_FIRST, SAME_SECONDS, readings_held, thresho
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of, reasons_of
 from .filters import LowPass, delay_of
-from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, positive, six_numbers, stated_noise, with_torques
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import IN_USE, Compiled, Plain, given, one_at_a_time
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
