@@ -19,8 +19,6 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from .settings import JointTorque, Sensor
 
-LEAST_STEP = 1e-12
-"""N and N m: no double tells smaller steps of a reading apart."""
 HOUR, DAY = 3600.0, 86_400.0
 MINUTE_AT_1_KHZ = 30_000.0
 """Largest over least frequency: of half the rate, and of once a minute."""
@@ -88,8 +86,7 @@ class SensorStream:
         saturated = np.abs(shown) >= self._limit
         shown = np.minimum(np.maximum(shown, -self._limit), self._limit)
         if self._sensor.quantum > 0.0:
-            step = max(self._sensor.quantum, LEAST_STEP)
-            shown = np.rint(shown / step) * step + 0.0
+            shown = np.rint(shown / self._sensor.quantum) * self._sensor.quantum + 0.0
         self._rows += len(wrench)
         return Readings(shown, saturated)
 

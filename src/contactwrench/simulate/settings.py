@@ -120,7 +120,7 @@ class Sensor:
     bias: Six = field(default=(3.769, -6.903, 57.657, 2.228, 0.963, -0.002), metadata=between(-1e6, 1e6))
     """N and N m: the paper, Table V."""
     noise: Noise = Noise()
-    quantum: float = field(default=0.001, metadata=between(0.0, 1e6))
+    quantum: float = field(default=0.001, metadata={"bounds": Range(1e-9, 1e6, or_zero=True)})
     """Step of the readings, N and N m: the digits of the paper's Table IV. 0: none."""
     gain: Six = field(default=(1.0, 1.0, 1.0, 1.0, 1.0, 1.0), metadata=between(-1e3, 1e3))
     """Reading over truth, axis by axis. Default: exact; Table IX of the paper shows 0.974."""
