@@ -259,7 +259,7 @@ REFUSALS: list[tuple[str, Array | None, int, float | None]] = [
         None,
     ),
     ("arrays: found no samples, expected poses in which the object is held", None, 0, None),
-    ("g is 0, expected m/s^2 above 0", None, 6, 0.0),
+    ("g is 0, expected 0.1 to 100 m/s^2", None, 6, 0.0),
 ]
 
 

@@ -231,24 +231,25 @@ USAGE = [
     (["verify", PANDA], "Missing option '--calibration' / '-c': try 'contactwrench verify --help'"),
     (
         ["verify", PANDA, "-c", "x", "--limit-force", "nan"],
-        "Invalid value for '--limit-force': found nan, expected a number of 0 or more: try 'contactwrench verify "
-        "--help'",
+        "Invalid value for '--limit-force': found nan, expected 0 to 1e+09 N: try 'contactwrench verify --help'",
     ),
     (
         ["calibrate", PANDA, "--require-torque", "-1"],
-        "Invalid value for '--require-torque': found -1, expected a number of 0 or more: try 'contactwrench calibrate "
-        "--help'",
+        "Invalid value for '--require-torque': found -1, expected 0 to 1e+09 N m: try 'contactwrench calibrate --help'",
     ),
     (
         ["calibrate", PANDA, "--g", "0"],
-        "Invalid value for '--g': found 0, expected a number above 0: try 'contactwrench calibrate --help'",
+        "Invalid value for '--g': found 0, expected 0.1 to 100 m/s^2: try 'contactwrench calibrate --help'",
     ),
     (
         ["calibrate", PANDA, "--model", "plane"],
         "model 'plane' is not known, expected one of auto, paper, yaw, mount, mount+base, affine",
     ),
-    (["calibrate", PANDA, "--gravity", "0,0"], "--gravity is '0,0', expected three numbers X,Y,Z"),
-    (["calibrate", PANDA, "--gravity", "0,0,nan"], "--gravity is '0,0,nan', expected three numbers X,Y,Z"),
+    (["calibrate", PANDA, "--gravity", "0,0"], "--gravity is '0,0', expected three numbers X,Y,Z, -1e+06 to 1e+06"),
+    (
+        ["calibrate", PANDA, "--gravity", "0,0,nan"],
+        "--gravity is '0,0,nan', expected three numbers X,Y,Z, -1e+06 to 1e+06",
+    ),
     (
         ["calibrate", PANDA, "--gravity", "0,0,0"],
         "--gravity is 0,0,0, expected three finite numbers X,Y,Z that are not all zero",

@@ -86,23 +86,25 @@ def test_every_format_is_listed(capsys: Capture) -> None:
         (["TOOL", "--to", "rh20t", "-o", "TOOL"], "TOOL: found what is read as TOOL, expected another file to write: "
          "name one"),
         (["TOOL", "--to", "mc_rtc", "--sensor-offset", "1,2"],
-         "--sensor-offset is '1,2', expected three numbers X,Y,Z, m"),
+         "--sensor-offset is '1,2', expected three numbers X,Y,Z, -2 to 2 m (is it in mm?)"),
         (["TOOL", "--to", "mc_rtc", "--sensor-com", "a,b,c"],
-         "--sensor-com is 'a,b,c', expected three numbers X,Y,Z, m"),
+         "--sensor-com is 'a,b,c', expected three numbers X,Y,Z, -2 to 2 m (is it in mm?)"),
         (["TOOL", "--to", "rh20t", "--sensor-name", "my sensor"], "--sensor-name is 'my sensor', expected a name of "
          "letters, digits and _ . / -"),
-        (["TOOL", "--to", "rh20t", "--tool-mass", "0"], "Invalid value for '--tool-mass': found 0, expected a number "
-         "above 0: try 'contactwrench export --help'"),
-        (["TOOL", "--to", "rh20t", "--sensor-mass", "-1"], "Invalid value for '--sensor-mass': found -1, expected a "
-         "number of 0 or more: try 'contactwrench export --help'"),
+        (["TOOL", "--to", "rh20t", "--tool-mass", "0"], "Invalid value for '--tool-mass': found 0, expected 1e-06 "
+         "to 200 kg (is it in g?): try 'contactwrench export --help'"),
+        (["TOOL", "--to", "rh20t", "--sensor-mass", "-1"], "Invalid value for '--sensor-mass': found -1, expected 0 "
+         "to 50 kg (is it in g?): try 'contactwrench export --help'"),
         (["TOOL", "--to", "ur", "--sensor-mass", "350"],
-         "--sensor-mass is 350, expected kg, from 0 to 50: is it in g?"),
+         "Invalid value for '--sensor-mass': found 350, expected 0 to 50 kg (is it in g?): try 'contactwrench export "
+         "--help'"),
         (["TOOL", "--to", "ur", "--tool-mass", "1e308"],
-         "--tool-mass is 1e+308, expected kg, from 0 to 200: is it in g?"),
+         "Invalid value for '--tool-mass': found 1e+308, expected 1e-06 to 200 kg (is it in g?): try 'contactwrench "
+         "export --help'"),
         (["TOOL", "--to", "mc_rtc", "--sensor-offset", "0,0,45"],
-         "--sensor-offset is 0,0,45, expected m, each at most 2: is it in mm?"),
+         "--sensor-offset is '0,0,45', expected three numbers X,Y,Z, -2 to 2 m (is it in mm?)"),
         (["TOOL", "--to", "ur", "--sensor-com", "0,-1e300,2"],
-         "--sensor-com is 0,-1e+300,2, expected m, each at most 2: is it in mm?"),
+         "--sensor-com is '0,-1e300,2', expected three numbers X,Y,Z, -2 to 2 m (is it in mm?)"),
     ],
 )  # fmt: skip
 def test_bad_use_is_one_line(arguments: list[str], complaint: str, tool: Path, capsys: Capture) -> None:

@@ -220,9 +220,9 @@ def test_a_calibration_serves_on_a_robot_that_hangs_otherwise(tmp_path: Path, ca
     ("flags", "message"),
     [
         (["--output-frame", "tool"], "output frame is 'tool', expected sensor, flange, base"),
-        (["--at", "1,2"], "--at is '1,2', expected three numbers X,Y,Z"),
-        (["--at", "1,2,inf"], "--at is '1,2,inf', expected three numbers X,Y,Z"),
-        (["--at", "tcp"], "--at is 'tcp', expected three numbers X,Y,Z"),
+        (["--at", "1,2"], "--at is '1,2', expected three numbers X,Y,Z, -10 to 10 m (is it in mm?)"),
+        (["--at", "1,2,inf"], "--at is '1,2,inf', expected three numbers X,Y,Z, -10 to 10 m (is it in mm?)"),
+        (["--at", "tcp"], "--at is 'tcp', expected three numbers X,Y,Z, -10 to 10 m (is it in mm?)"),
     ],
 )
 def test_bad_frames_and_points_are_refused(pushed: Pushed, capsys: Capture, flags: list[str], message: str) -> None:

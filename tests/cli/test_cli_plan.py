@@ -126,7 +126,7 @@ def test_a_wrist_that_reaches_little_is_said_to_cost(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("-n", "0"), "number of poses is 0, expected 1 to 100"),
+        (("-n", "0"), "Invalid value for '-n': found 0, expected 1 to 100: try 'contactwrench plan --help'"),
         (("--model", "affine"), "model 'affine' cannot be planned for, expected one of auto, yaw, mount, mount+base"),
         (
             ("--robot", "kr16"),
@@ -137,7 +137,10 @@ def test_a_wrist_that_reaches_little_is_said_to_cost(capsys: pytest.CaptureFixtu
             ("--around", "0,0,0"),
             "--around says where a robot stands, and there is none: give --robot, or leave it out",
         ),
-        (("--robot", "ur5e", "--around", "0,x"), "--around is '0,x', expected joint angles Q1,Q2,..., rad"),
+        (
+            ("--robot", "ur5e", "--around", "0,x"),
+            "--around is '0,x', expected joint angles Q1,Q2,..., -1000 to 1000 rad",
+        ),
         (
             ("--robot", "ur5e", "--around", "0,0"),
             "found 2 joint angles, expected 6 for ur5e: give one a joint, rad",

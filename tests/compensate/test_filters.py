@@ -76,7 +76,7 @@ def test_what_is_refused() -> None:
     assert str(caught.value) == "order of a low-pass is 5, expected 1 to 4 (Butterworth) or 0 (y += a (x - y))"
     with pytest.raises(InputError) as caught:
         LowPass(-1.0)
-    assert str(caught.value) == "cut-off of a low-pass is -1 Hz, expected a positive number"
+    assert str(caught.value) == "cut-off of a low-pass is -1, expected 0.001 to 1e+06 Hz"
     with pytest.raises(InputError) as caught:
         LowPass(500.0).sections(RATE)
     assert str(caught.value) == "cut-off of a low-pass is 500 Hz at 1000 Hz, expected less than half the rate"

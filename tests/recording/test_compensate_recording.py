@@ -302,19 +302,23 @@ def test_the_calibrations_delay_is_made_up_for_where_it_is_more_than_chance(
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (["--lowpass", "fast"], "--lowpass is 'fast', expected HZ or HZ:ORDER, as in 20 or 20:4"),
+        (["--lowpass", "fast"], "--lowpass is 'fast', expected HZ or HZ:ORDER, 0.001 to 1e+06 Hz, as in 20 or 20:4"),
         (
             ["--lowpass", "20:9"],
             "--lowpass 20:9: order of a low-pass is 9, expected 1 to 4 (Butterworth) or 0 (y += a (x - y))",
         ),
         (
             ["--sensor-filter", "-3"],
-            "--sensor-filter -3: cut-off of a low-pass is -3 Hz, expected a positive number",
+            "--sensor-filter -3: cut-off of a low-pass is -3, expected 0.001 to 1e+06 Hz",
         ),
-        (["--noise", "0"], "--noise is 0, expected N above 0, or a recording of a free tool"),
+        (["--noise", "0"], "--noise is 0, expected 1e-09 to 1e+06 N, or a recording of a free tool"),
         (["--noise", "gone.csv"], "gone.csv: there is no such file, expected a readable file: check the path"),
         (["--output-frame", "tool"], "output frame is 'tool', expected sensor, flange, base"),
-        (["--delay", "20"], "the delay is 20 s, expected at most 10 s either way: is it in ms?"),
+        (
+            ["--delay", "20"],
+            "Invalid value for '--delay': found 20, expected -10 to 10 s (is it in ms?): try 'contactwrench compensate "
+            "--help'",
+        ),
         (["-o", "out.mcap"], "out.mcap: found the suffix .mcap, expected .csv or .parquet: name it so"),
         (["-o", "out.foo"], "out.foo: found the suffix .foo, expected .csv or .parquet: name it so"),
     ],

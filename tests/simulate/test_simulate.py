@@ -314,8 +314,8 @@ BAD_FILES = {
             ["--trajectory=sweep", "--poses=paper"],
             "found both --poses and --trajectory, expected one of them: leave the other out",
         ),
-        (["--load-g=a"], "--load-g is 'a', expected loads in grams, 0 or more, as in 100,200,500"),
-        (["--load-g=-1"], "--load-g is '-1', expected loads in grams, 0 or more, as in 100,200,500"),
+        (["--load-g=a"], "--load-g is 'a', expected numbers like 100,200,500, 0 to 1e+06 g"),
+        (["--load-g=-1"], "--load-g is '-1', expected numbers like 100,200,500, 0 to 1e+06 g"),
         (["--set=base.on=roof"], "base.on is roof, expected one of: table, wall, ceiling"),
         (["--poses=far.csv", "-o", "far.csv"], "far.csv: found what is read as far.csv, expected another file to "
          "write: name one"),
@@ -377,7 +377,7 @@ def test_one_over_f_noise_is_a_setting(tmp_path: Path, capsys: Capture, text: st
 def test_another_noise_is_refused(tmp_path: Path, capsys: Capture, text: str) -> None:
     done = run(capsys, "simulate", "-o", tmp_path / "out.csv", "--noise", text)
     assert done.status == 2
-    assert f"--noise is {text}, expected 1/f or 1/f:N with N above 0, as in 1/f:0.05" in done.err
+    assert f"--noise is {text}, expected 1/f or 1/f:N with N 1e-09 to 1e+06 N, as in 1/f:0.05" in done.err
 
 
 def test_the_page_on_the_rig_has_every_setting_with_its_default() -> None:

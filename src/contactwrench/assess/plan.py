@@ -18,6 +18,7 @@ from ..errors import AmbiguityError, InputError, UnobservableError
 from ..estimation.calibrate import calibrate
 from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..geometry.arrays import Array, Frozen, read_only
+from ..geometry.ranges import POSES
 from ..geometry.rotations import spread_rotations
 from ..geometry.wrench import unit_direction
 from ..model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
@@ -27,7 +28,6 @@ from .experiment_design import chosen_experiments, short_order
 from .robot_arms import Reach
 
 MODELS = ("auto", "yaw", "mount", "mount+base")
-MOST_POSES = 100
 
 TILTS = {"mount_x": MOUNT_TILT_SD, "mount_y": MOUNT_TILT_SD, **dict.fromkeys(GRAVITY, BASE_TILT_SD)}
 """Standard deviations that `auto` expects of the tilts, rad."""
@@ -161,8 +161,7 @@ def plan(
         InputError: a model or a number that cannot be planned for, or no orientation is left.
     """
     _require_model(model)
-    if not 1 <= n <= MOST_POSES:
-        raise InputError(f"number of poses is {n}, expected 1 to {MOST_POSES}")
+    POSES.require(n, "number of poses")
     expected = expected_tool(None, model) if expected is None else expected
     recorded = np.empty((0, 3, 3)) if recorded is None else recorded
     free = spread_rotations(*CANDIDATES)

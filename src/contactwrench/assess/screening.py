@@ -99,7 +99,7 @@ def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Array:
         moment = np.stack([across[..., i, j] - across[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
         explained = np.einsum("vki,vkij,vkj->vk", moment, inverse_inertia * moving[:, None, None, None], moment)
         squares[..., k, 1] = total[..., 1] - explained
-    left: Array = np.maximum(squares, NOTHING_LEFT**2 * total[0, 0])
+    left: Array = np.maximum(squares, NOTHING_LEFT**2 * total[0, 0] + 1e-300)
     return left
 
 

@@ -19,6 +19,7 @@ from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
+from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
@@ -168,12 +169,10 @@ def verify(
     without limits the weighings must agree with the loads at that level too. Samples with a saturated channel are left
     out. Raises `InputError` for a limit or a `g` that is none, and where there is nothing to judge by.
     """
-    for name, value in (("limit_force", limit_force), ("limit_torque", limit_torque)):
-        if value is not None and not 0.0 <= value < np.inf:
-            raise InputError(f"{name} is {value:g}, expected a number of 0 or more")
-    g = calibration.g if g is None else g
-    if not 0.0 < g < np.inf:
-        raise InputError(f"g is {g:g}, expected m/s^2 above 0")
+    for limits, name, value in ((LEFT_FORCE, "limit_force", limit_force), (LEFT_TORQUE, "limit_torque", limit_torque)):
+        if value is not None:
+            limits.require(value, name)
+    g = float(G.require(calibration.g if g is None else g, "g"))
     samples, notes = samples.unsaturated()
     findings = [Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes]
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass

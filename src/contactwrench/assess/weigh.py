@@ -21,6 +21,7 @@ from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..estimation.plausibility import FURTHEST_COM
 from ..geometry.arrays import Array, Frozen, read_only
+from ..geometry.ranges import G
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, mounting_turn
 from ..samples.poses import SAME_POSE_ANGLE
@@ -94,9 +95,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
     those with a saturated channel always. Raises `InputError` for no samples, for loads of several masses, and for a
     `g` that is none.
     """
-    g = calibration.g if g is None else g
-    if not 0.0 < g < np.inf:
-        raise InputError(f"g is {g:g}, expected m/s^2 above 0")
+    g = float(G.require(calibration.g if g is None else g, "g"))
     held, left_out = _of_one_object(samples)
     poses = resting_poses(held, is_stream(samples))
     if not poses:

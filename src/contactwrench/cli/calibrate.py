@@ -13,6 +13,7 @@ import typer
 
 from ..files import STDOUT
 from ..geometry.arrays import Array
+from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .recordings import Recordings, with_reading_options
@@ -52,10 +53,10 @@ def calibrate(
         typer.Option(metavar="mount,gravity", help="Several tools on one sensor: what the recordings share."),
     ] = None,
     mount_tilt_sd: Annotated[
-        float | None, options.above_zero("DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]")
+        float | None, options.number(TILT_STD_DEG, "DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]")
     ] = None,
     base_tilt_sd: Annotated[
-        float | None, options.above_zero("DEG", "auto: std of the base's tilt, an axis. [default: 0.71]")
+        float | None, options.number(TILT_STD_DEG, "DEG", "auto: std of the base's tilt, an axis. [default: 0.71]")
     ] = None,
     known: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP)] = None,
     prior: Annotated[
@@ -76,10 +77,11 @@ def calibrate(
         Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file."), Writes(remade=".html")
     ] = None,
     require_force: Annotated[
-        float | None, options.not_negative("N", "Exit 1 if a larger error of the contact force is to be expected.")
+        float | None,
+        options.number(LEFT_FORCE, "N", "Exit 1 if a larger error of the contact force is to be expected."),
     ] = None,
     require_torque: Annotated[
-        float | None, options.not_negative("NM", "Exit 1 if a larger error of the torque is to be expected.")
+        float | None, options.number(LEFT_TORQUE, "NM", "Exit 1 if a larger error of the torque is to be expected.")
     ] = None,
     require_mass: Annotated[
         str | None, typer.Option(metavar="LOW,HIGH", help="Exit 1 unless the mass, kg, lies inside by its std.")
@@ -247,4 +249,5 @@ def _in_si(name: str, value: Array, std: Array, g: float) -> tuple[str, tuple[An
         return name, (nearest_rotations(value.reshape(1, 3, 3))[0], np.deg2rad(std))
     from scipy.spatial.transform import Rotation
 
-    return name, (Rotation.from_euler("ZYX", value, degrees=True).as_matrix(), np.deg2rad(std))
+    angles = TURN_DEG.require(value, "known mount", (3,))
+    return name, (Rotation.from_euler("ZYX", angles, degrees=True).as_matrix(), np.deg2rad(std))

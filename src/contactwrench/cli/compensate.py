@@ -10,6 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
+from ..geometry.ranges import CUTOFF, DELAY, POINT, WALK
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .progress import progress
@@ -63,8 +64,10 @@ def compensate(
     ] = None,
     drift: Annotated[
         float | None,
-        options.not_negative(
-            "N", "Judging: follow the bias in free space, a random walk with this std after an hour; 0.05 is typical."
+        options.number(
+            WALK,
+            "N",
+            "Judging: follow the bias in free space, a random walk of this std after an hour; 0.05 is typical.",
         ),
     ] = None,
     sensor_filter: Annotated[
@@ -82,8 +85,8 @@ def compensate(
     ] = None,
     delay: Annotated[
         float | None,
-        typer.Option(
-            metavar="S", help="By how much later than the pose the wrench is stamped. [default: the calibration's]"
+        options.number(
+            DELAY, "S", "By how much later than the pose the wrench is stamped. [default: the calibration's]"
         ),
     ] = None,
     recording: Recordings,
@@ -102,7 +105,7 @@ def compensate(
     judging = (noise, drift, sensor_filter, report)
     treatment = Treatment(
         output_frame=output_frame,
-        point=None if at is None else options.numbers(at, "--at", "three numbers X,Y,Z", 3),
+        point=None if at is None else options.numbers(at, "--at", "three numbers X,Y,Z", POINT, 3),
         gravity=direction,
         delay=delay,
         low_pass=_low_pass(lowpass, "--lowpass", 2),
@@ -133,7 +136,7 @@ def _low_pass(text: str | None, option: str, usual_order: int) -> LowPass | None
     except InputError as error:
         raise InputError(f"{option} {text}: {error}") from None
     except ValueError:
-        raise InputError(f"{option} is {text!r}, expected HZ or HZ:ORDER, as in 20 or 20:4") from None
+        raise InputError(f"{option} is {text!r}, expected HZ or HZ:ORDER, {CUTOFF}, as in 20 or 20:4") from None
 
 
 def _noise(text: str, recording: Recordings, calibration: Calibration, gravity: Array | None) -> Array:

@@ -11,10 +11,9 @@ import typer
 from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.arrays import Array
+from ..geometry.ranges import ON_FLANGE, SENSOR_MASS, TOOL_MASS
 from . import options
 from .outputs import Writes
-
-POINT = "three numbers X,Y,Z, m"
 
 
 def export(
@@ -27,9 +26,9 @@ def export(
     ] = Path(STDOUT),
     list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
     tool_mass: Annotated[
-        float | None, options.above_zero("KG", "The tool's mass as weighed, in place of the identified one.")
+        float | None, options.number(TOOL_MASS, "KG", "The tool's mass as weighed, in place of the identified one.")
     ] = None,
-    sensor_mass: Annotated[float | None, options.not_negative("KG", "The sensor's own, adapters included.")] = None,
+    sensor_mass: Annotated[float | None, options.number(SENSOR_MASS, "KG", "The sensor's own, with adapters.")] = None,
     sensor_com: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="The sensor's centre of mass from the flange, m, flange axes.")
     ] = None,
@@ -86,4 +85,4 @@ def _name(name: str | None, option: str) -> str | None:
 
 
 def _point(text: str | None, option: str) -> Array | None:
-    return None if text is None else options.numbers(text, option, POINT, 3)
+    return None if text is None else options.numbers(text, option, "three numbers X,Y,Z", ON_FLANGE, 3)

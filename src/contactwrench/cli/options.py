@@ -14,6 +14,7 @@ import typer
 from ..errors import InputError, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
+from ..geometry.ranges import DIRECTION, EPISODE, NOISE, G, Range
 from ..geometry.wrench import STANDARD_GRAVITY
 
 Result = TypeVar("Result")
@@ -21,24 +22,14 @@ MOST_COLUMNS = 120
 """Of text on a terminal, however wide: longer lines are hard to read."""
 
 
-def not_negative(metavar: str, help: str) -> Any:
-    """The declaration of an option that takes a finite number of 0 or more."""
+def number(within: Range, metavar: str, help: str, *names: str) -> Any:
+    """The declaration of an option that takes a number of that range."""
 
     def checked(value: float | None) -> float | None:
-        if value is not None and not 0.0 <= value < np.inf:
-            raise typer.BadParameter(f"found {value:g}, expected a number of 0 or more")
-        return value
-
-    return typer.Option(metavar=metavar, help=help, callback=checked)
-
-
-def above_zero(metavar: str, help: str, *names: str) -> Any:
-    """The declaration of an option that takes a finite number above 0."""
-
-    def checked(value: float | None) -> float | None:
-        if value is not None and not 0.0 < value < np.inf:
-            raise typer.BadParameter(f"found {value:g}, expected a number above 0")
-        return value
+        try:
+            return None if value is None else type(value)(within.require(value, "VALUE"))
+        except InputError as error:
+            raise typer.BadParameter(str(error).replace("VALUE is", "found", 1)) from None
 
     return typer.Option(*names, metavar=metavar, help=help, callback=checked)
 
@@ -107,7 +98,7 @@ Hdf5 = Annotated[
         "--hdf5", metavar="wrench=/PATH,pose=/PATH,time=/PATH", help="Of an HDF5 file: which datasets hold what."
     ),
 ]
-Episode = Annotated[int | None, typer.Option(metavar="N", help="Of a set of recordings: which one.", min=0)]
+Episode = Annotated[int | None, number(EPISODE, "N", "Of a set of recordings: which one.")]
 BaseFrame = Annotated[
     str | None, typer.Option(metavar="NAME", help="Of the orientations. [default: what a bag, or --robot, says]")
 ]
@@ -118,9 +109,9 @@ Gravity = Annotated[
     str | None,
     typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
 ]
-StandardGravity = Annotated[float, above_zero("G", "m/s^2, turns a weight into a mass.", "--g")]
+StandardGravity = Annotated[float, number(G, "G", "m/s^2, turns a weight into a mass.", "--g")]
 WeighingGravity = Annotated[
-    float | None, above_zero("G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
+    float | None, number(G, "G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
 ]
 CalibrationFile = Annotated[
     Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
@@ -141,19 +132,19 @@ def noise_or_file(text: str, what: str) -> Array | Path:
         std = float(text)
     except ValueError:
         return Path(text)
-    if not 0.0 < std < np.inf:
-        raise InputError(f"--noise is {text}, expected N above 0, or a recording of {what}")
+    if len(NOISE.outside(np.array([std]))):
+        raise InputError(f"--noise is {text}, expected {NOISE}, or a recording of {what}")
     return with_torques(std)
 
 
-def numbers(text: str, option: str, expected: str, count: int | None = None, least: float = -np.inf) -> Array:
-    """Finite numbers with commas between, so many or any. Raises `InputError` naming the option and what it takes."""
+def numbers(text: str, option: str, form: str, within: Range, count: int | None = None) -> Array:
+    """Numbers with commas between, so many or any. Raises `InputError` naming the option and what it takes."""
     try:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError:
         values = np.array([np.nan])
-    if not (np.isfinite(values) & (values >= least)).all() or count not in (None, len(values)):
-        raise InputError(f"{option} is {text!r}, expected {expected}")
+    if len(within.outside(values)) or count not in (None, len(values)):
+        raise InputError(f"{option} is {text!r}, expected {form}, {within}")
     return values
 
 
@@ -163,7 +154,7 @@ def gravity_direction(text: str | None) -> Array | None:
         return None
     from ..geometry.wrench import unit_direction
 
-    return unit_direction(numbers(text, "--gravity", "three numbers X,Y,Z", 3), "--gravity")
+    return unit_direction(numbers(text, "--gravity", "three numbers X,Y,Z", DIRECTION, 3), "--gravity")
 
 
 def print_result(

@@ -9,6 +9,7 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
+from ..geometry.ranges import JOINT, POSES
 from ..recording.options import Options
 from . import options
 from .outputs import Writes
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def plan(
-    n: Annotated[int, typer.Option("-n", metavar="N", help="Number of poses.")] = 6,
+    n: Annotated[int, options.number(POSES, "N", "Number of poses.", "-n")] = 6,
     recorded: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Plan the next poses after those in this recording.")
     ] = None,
@@ -104,5 +105,5 @@ def _reach(robot: str | None, around: str | None) -> Reach | None:
         if around is not None:
             raise InputError("--around says where a robot stands, and there is none: give --robot, or leave it out")
         return None
-    joints = None if around is None else options.numbers(around, "--around", "joint angles Q1,Q2,..., rad")
+    joints = None if around is None else options.numbers(around, "--around", "joint angles Q1,Q2,...", JOINT)
     return reach(arm_of(robot), joints)

@@ -11,6 +11,7 @@ import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
 from ..statistics import counted
 from . import options
 from .outputs import Writes
@@ -24,7 +25,7 @@ ONE_OVER_F = 0.035
 """N: as much as the white noise."""
 TORQUE_PER_FORCE = 0.02
 """m: of the 1/f noise."""
-MOST_RANDOM = 10_000
+MOST_RANDOM, DIGITS = 10_000, 10
 
 
 def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
@@ -65,7 +66,7 @@ def simulate(
         ),
     ] = None,
     pushes: Annotated[
-        int, typer.Option(metavar="N", help="Pushes by a hand on the tool's hook during the motion, 1 to 10 N.", min=0)
+        int, options.number(PUSHES, "N", "Pushes by a hand on the tool's hook during the motion, 1 to 10 N.")
     ] = 0,
     noise: Annotated[
         str | None,
@@ -75,7 +76,7 @@ def simulate(
             f"[default: none; 1/f alone: {ONE_OVER_F:g}]",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="S", help="Of everything random: same seed, same bytes.", min=0)] = 0,
+    seed: Annotated[int, options.number(SEED, "S", "Of everything random: same seed, same bytes.")] = 0,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -103,8 +104,7 @@ def simulate(
         raise InputError(f"found --pushes {pushes} without a motion, expected --trajectory: add it")
     source = trajectory or poses or DEFAULT_POSES
     rng = np.random.default_rng(seed)
-    expected_loads = "loads in grams, 0 or more, as in 100,200,500"
-    grams = options.numbers("0" if load_g is None else load_g, "--load-g", expected_loads, least=0.0)
+    grams = options.numbers("0" if load_g is None else load_g, "--load-g", "numbers like 100,200,500", LOAD)
     loads = tuple((grams / 1000.0).tolist())
     if trajectory is None:
         recorded = record_poses(rig_settings, _joints(rig_settings, source, orientation or "auto", rng), loads, rng=rng)
@@ -129,9 +129,9 @@ def _noise(text: str | None) -> list[str]:
     try:
         force = float(strength) if colon else ONE_OVER_F
     except ValueError:
-        force = -1.0
-    if kind != "1/f" or not 0.0 < force < np.inf:
-        raise InputError(f"--noise is {text}, expected 1/f or 1/f:N with N above 0, as in 1/f:0.05")
+        force = np.nan
+    if kind != "1/f" or len(NOISE.outside(np.array([force]))):
+        raise InputError(f"--noise is {text}, expected 1/f or 1/f:N with N {NOISE}, as in 1/f:0.05")
     return [f"sensor.noise.one_over_f={[force] * 3 + [TORQUE_PER_FORCE * force] * 3}"]
 
 
@@ -155,9 +155,9 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
     rig = build(settings)
     if poses == "paper":
         return paper_joints(rig)
-    if kind == "plan" and (not colon or count.isdecimal()):
+    if kind == "plan" and (not colon or _is_count(count)):
         return _planned(settings, int(count or 6))
-    if kind == "random" and colon and count.isdecimal() and 0 < int(count) <= MOST_RANDOM:
+    if kind == "random" and _is_count(count) and 0 < int(count) <= MOST_RANDOM:
         return random_joints(rig, int(count), rng)
     if not Path(poses).suffix:
         raise InputError(
@@ -173,6 +173,10 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
         return joints_through(rig, targets.R_base_flange, targets.position)
     except InputError as error:
         raise InputError(f"{poses}: {error}") from None
+
+
+def _is_count(text: str) -> bool:
+    return text.isdecimal() and len(text) < DIGITS
 
 
 def _planned(settings: Settings, n: int) -> Array:
@@ -196,7 +200,7 @@ def _moving(
         raise InputError(f"found {len(loads)} loads for a motion, expected one: simulate a file for each")
     duration, rate = settings.recording.duration, settings.recording.rate
     kind, colon, count = trajectory.partition(":")
-    if kind == "stops" and (not colon or count.isdecimal()):
+    if kind == "stops" and (not colon or _is_count(count)):
         stops = np.vstack([HOME, _planned(settings, int(count or 12))])
         motion = stopping(stops, calm(stops), settings.recording.rest, rate)
     elif trajectory == "excite":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE
 from . import options
 from .recordings import Recordings, calibration_and_samples, with_reading_options
 
@@ -13,10 +14,10 @@ def verify(
     *,
     calibration: options.CalibrationFile,
     limit_force: Annotated[
-        float | None, options.not_negative("N", "Largest contact force that may be left in a pose.")
+        float | None, options.number(LEFT_FORCE, "N", "Largest contact force that may be left in a pose.")
     ] = None,
     limit_torque: Annotated[
-        float | None, options.not_negative("NM", "Largest contact torque that may be left in a pose.")
+        float | None, options.number(LEFT_TORQUE, "NM", "Largest contact torque that may be left in a pose.")
     ] = None,
     json: options.Json = False,
     recording: Recordings,

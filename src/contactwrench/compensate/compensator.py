@@ -12,15 +12,15 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
+from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
-from ..samples.delay import LONGEST_DELAY
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
 from .contact_detection import LEARN_FIRST, SAME_SECONDS, readings_held, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of, reasons_of
 from .filters import LowPass, delay_of
-from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, positive, six_numbers, stated_noise, with_torques
+from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import IN_USE, Compiled, Plain, given, one_at_a_time
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
@@ -89,24 +89,22 @@ class Compensator:
             raise InputError(f"found {type(calibration).__name__}, expected a Calibration: cw.Calibration.load(path)")
         self._calibration = calibration.with_gravity(gravity)
         self._stated = None if noise is None else stated_noise(noise)
-        self._rate = None if rate is None else positive(rate, "rate", "Hz")
+        self._rate = None if rate is None else float(RATE.require(rate, "rate"))
         self._lowpass = lowpass if isinstance(lowpass, LowPass | None) else LowPass(lowpass)
         self._sensor = sensor_filter if isinstance(sensor_filter, LowPass | None) else LowPass(sensor_filter, 1)
         s = self._settings = State()
-        s.delay = delay_of(calibration, self._sensor) if delay is None else number(delay, "delay")
-        if not abs(s.delay) <= LONGEST_DELAY:
-            raise InputError(f"delay is {s.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
+        s.delay = float(DELAY.require(delay_of(calibration, self._sensor) if delay is None else delay, "delay"))
         s.look_back = s.delay if s.delay > 0.0 else max(-s.delay, LEAST_LOOK_BACK)
-        s.minimum_duration = positive(minimum_duration, "minimum duration", "s") - 1e-9
-        s.ranges = six_numbers(ranges, "range", inf, least=np.finfo(float).tiny)
-        s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", 0.0)
+        s.minimum_duration = float(DURATION.require(minimum_duration, "minimum duration")) - 1e-9
+        s.ranges = six_numbers(ranges, "range", CAPACITY, inf)
+        s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         s.dof = calibration.dof
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
         s.follows_bias = drift is not None
-        of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", 0.0, least=0.0)
+        of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", WALK)
         s.walk = [std * std / HOUR for std in of_an_hour]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()

@@ -8,8 +8,8 @@ from math import log, nan, sqrt
 
 import numpy as np
 
-from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
 from .contact_wrenches import FREE, TOUCHING
@@ -39,8 +39,7 @@ def thresholds(false_alarm_rate: float) -> tuple[Array, Array, Array]:
     """
     from scipy.special import fdtri
 
-    if not 1e-9 <= false_alarm_rate <= RELEASE_RATE:
-        raise InputError(f"false-alarm rate is {false_alarm_rate:g}, expected 1e-9 to {RELEASE_RATE:g} per sample")
+    Range(1e-9, RELEASE_RATE, "per sample").require(false_alarm_rate, "false-alarm rate")
     dof = np.exp(np.linspace(FIRST_LOG_DOF, LAST_LOG_DOF, THRESHOLDS))
     rates = (false_alarm_rate, RELEASE_RATE, ONSET_RATE * false_alarm_rate)
     contact, release, onset = (6.0 * fdtri(6.0, dof, 1.0 - rate) for rate in rates)

@@ -7,7 +7,9 @@ from math import erf, inf, log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.ranges import TIME
 from ..model import AXES
+from ..samples.samples import LARGEST_READING
 from .state import Row, Sample, State, kernel
 
 # Up to `SAME` nothing is wrong, from `BACK` on the numbers are computed all the same.
@@ -17,6 +19,7 @@ OVERLOAD, STUCK, STILL, FROZEN, NO_PAST = range(11, 16)
 
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
+LATEST = TIME.most
 SQUARED_TOLERANCE = 0.02
 """As in subtract.py: an orientation may be off unit length by 1 %."""
 LEAST_REPEATS = 100.0
@@ -82,14 +85,14 @@ def reasons_of(samples: NDArray[np.void]) -> tuple[Reason | None, ...]:
 def unreadable(s: State, sample: Sample, width: int) -> tuple[int, float, int]:
     """What keeps a sample from being computed at all, with a figure and the channel; writes its rotation matrix."""
     now, reading = sample.time, sample.reading
-    if now - now != 0.0:
+    if not abs(now) <= LATEST:
         return NO_TIME, now, -1
     if now == s.time:
         return REPEATED, now, -1
-    total = reading[0] + reading[1] + reading[2] + reading[3] + reading[4] + reading[5]
-    if total - total != 0.0:
+    a, b, c, d, e, f = reading[0], reading[1], reading[2], reading[3], reading[4], reading[5]
+    if not a * a + b * b + c * c + d * d + e * e + f * f <= LARGEST_READING * LARGEST_READING:
         for k in range(6):
-            if reading[k] - reading[k] != 0.0:
+            if not abs(reading[k]) <= LARGEST_READING:
                 return NO_READING, reading[k], k
     squared = from_quaternion(sample.orientation, s.R) if width == 4 else from_matrix(sample.orientation, s.R)
     if squared - squared != 0.0:

@@ -12,6 +12,7 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import CUTOFF
 from ..samples.delay import is_significant
 from ..samples.synchronize import default_gap
 from ..samples.timestamps import SORTED_WITHIN
@@ -19,6 +20,8 @@ from .state import SECTIONS, Matrix, Row, State, kernel
 
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
 """Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
+LEAST_SHARE_OF_RATE = 1e-6
+"""Below, the coefficients of a filter of order 4 are those of none: their last digits decide."""
 SETTLED = 4.0
 """Times as long as it takes to settle, nothing is left of an impulse."""
 
@@ -39,8 +42,7 @@ class LowPass:
             raise InputError(
                 f"order of a low-pass is {self.order}, expected 1 to 4 (Butterworth) or 0 (y += a (x - y))"
             )
-        if not 0.0 < self.cutoff < np.inf:
-            raise InputError(f"cut-off of a low-pass is {self.cutoff:g} Hz, expected a positive number")
+        CUTOFF.require(self.cutoff, "cut-off of a low-pass")
 
     @property
     def lag(self) -> float:
@@ -50,8 +52,13 @@ class LowPass:
     def sections(self, rate: float) -> Array:
         """Second-order sections (k, 6), b0 b1 b2 1 a1 a2 each, at `rate` Hz; the filter's gain at rest is 1.
 
-        Raises `InputError` where a Butterworth's cut-off is not below half the rate.
+        Raises `InputError` where a Butterworth's cut-off is not below half the rate, and for one far below it.
         """
+        if self.cutoff < LEAST_SHARE_OF_RATE * rate:
+            raise InputError(
+                f"cut-off of a low-pass is {self.cutoff:g} Hz at {rate:g} Hz, expected at least "
+                f"{LEAST_SHARE_OF_RATE * rate:g} Hz: rounding would be all that is left"
+            )
         if self.order == 0:
             left = exp(-2.0 * pi * self.cutoff / rate)
             return np.array([[1.0 - left, 0.0, 0.0, 1.0, -left, 0.0]])

@@ -5,7 +5,6 @@ and behind a filter. Noise that is not white falls more slowly than with their n
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +13,7 @@ from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..estimation.noise import variance_of_means
 from ..geometry.arrays import Array, numbers
+from ..geometry.ranges import NOISE_OR_NONE, READING, Range
 from ..samples.poses import Pose
 from ..samples.still_noise import StillNoise
 from .filters import LowPass
@@ -93,10 +93,7 @@ def stated_noise(noise: ArrayLike) -> SampleNoise:
             f"noise has shape {values.shape}, expected (6,) standard deviations of a sample, or a recording at rest of "
             f"at least {LEAST_ROWS} rows (n, 6), all finite"
         )
-    if not np.isfinite(values).all():
-        raise InputError("noise has a NaN or an infinity, expected finite numbers: leave such samples out")
-    if not is_recording and (values < 0.0).any():
-        raise InputError(f"noise is {values.min():g} on one axis, expected standard deviations of 0 or more")
+    (READING if is_recording else NOISE_OR_NONE).require(values, "noise", values.shape)
     if not is_recording:
         return of_variances(np.ones(1), np.square(values)[None])
     pairs: list[float] = []
@@ -166,24 +163,9 @@ def with_torques(values: ArrayLike) -> Array:
     return array * PER_NEWTON if array.ndim == 0 else array
 
 
-def positive(value: float, what: str, unit: str) -> float:
-    """A positive, finite number. Raises `InputError` that names `what`."""
-    if not 0.0 < value < inf:
-        raise InputError(f"{what} is {value:g} {unit}, expected a positive number")
-    return float(value)
-
-
-def six_numbers(values: ArrayLike | None, what: str, default: float, least: float = -inf) -> list[float]:
-    """Six finite numbers of at least `least`, or the default. Raises `InputError` that names `what`."""
-    if values is None:
-        return [default] * 6
-    array = numbers(values, what)
-    if array.shape != (6,) or not np.isfinite(array).all() or (array < least).any():
-        raise InputError(
-            f"{what} is {array.tolist()}, expected six {'positive ' if least > -inf else ''}finite numbers"
-        )
-    six: list[float] = array.tolist()
-    return six
+def six_numbers(values: ArrayLike | None, what: str, within: Range, default: float = 0.0) -> list[float]:
+    """Six numbers of that range, or the default. Raises `InputError` that names `what`."""
+    return [default] * 6 if values is None else list(within.require(values, what, (6,)).tolist())
 
 
 def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:

@@ -12,6 +12,8 @@ from .filters import as_the_wrench_is_stamped, low_pass
 from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
+HOTTEST = 1e4
+"""K or degrees C: a sensor that says more says nothing."""
 RENEW_SECONDS = 5.0
 """After which the covariance counts again what the bias may have moved."""
 WRENCH_ALONE, WHOLLY = 1, 2
@@ -144,7 +146,7 @@ def down_in_flange(s: State) -> tuple[float, float, float]:
 @kernel
 def warmed_by(s: State, temperature: float) -> float:
     """By how much it is warmer than at first; the last temperature counts where there is none."""
-    if temperature - temperature == 0.0:
+    if abs(temperature) <= HOTTEST:
         s.temperature = temperature
         if s.first_temperature != s.first_temperature:
             s.first_temperature = temperature

@@ -18,6 +18,7 @@ from ..calibration.fields import Alternative
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import describe
 from ..errors import AmbiguityError, UnobservableError, refuse
+from ..geometry.ranges import TILT_STD, G
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
 from ..samples.delay import with_delay_of_rows
@@ -134,7 +135,7 @@ def question_asked(
     refuse((model not in MODELS, f"model {model!r} is not known, expected one of {', '.join(MODELS)}"))
     stated = unit_direction(DOWN if gravity is None else gravity)
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
-        refuse((sd is None or not 0.0 < sd < np.inf, f"{name} is {sd!r}, expected rad above 0"))
+        TILT_STD.require(np.nan if sd is None else sd, name)
     known = {} if known is None else known
     nothing = f"model {model} takes nothing as known: leave known out, or choose another model"
     held = f"model {model} holds gravity, and gravity is given as known with a std: choose auto or mount+base"
@@ -177,7 +178,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     """
     other = f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)"
     refuse((not isinstance(samples, Samples), other))
-    refuse((not (np.isfinite(g) and g > 0.0), f"g is {g!r}, expected m/s^2 above 0"))
+    G.require(g, "g")
     free, findings = _contact_free(samples)
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     stream = is_stream(samples)

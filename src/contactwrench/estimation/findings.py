@@ -151,7 +151,7 @@ def _largest_force_std(fit: Estimate) -> float:
         J = wrench_jacobian(fit.tool, R, fit.names)[:, :3]
         variance += 0.0 if fit.gain_covariance is None else np.sum((of_B @ fit.gain_covariance) * of_B, axis=(1, 2))
     variance += np.sum((J @ fit.covariance) * J, axis=(1, 2))
-    return float(np.sqrt(variance.max()))
+    return float(np.sqrt(max(variance.max(), 0.0)))  # gains may lessen it in places
 
 
 def _advice(fit: Estimate, readings: PoseReadings, weakest: str) -> str:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calibration.observability import LEVER
 from ..errors import InputError
 from ..geometry.arrays import Array, numbers
+from ..geometry.ranges import NOISE_OF_AXIS
 from ..samples.poses import Pose
 from ..samples.samples import Samples
 
@@ -155,10 +156,10 @@ def stated_noise(noise: NoiseLike) -> StatedNoise | None:
     values = numbers(noise.wrench if isinstance(noise, Samples) else noise, "noise")
     if values.ndim == 2 and values.shape[1] == 6 and len(values) >= 2:
         values = values.std(axis=0, ddof=1)
-    if values.shape != (6,) or not (np.isfinite(values).all() and (values > 0.0).all()):
+    if values.shape != (6,) or len(NOISE_OF_AXIS.outside(values)):
         raise InputError(
-            "noise must be six standard deviations above 0 (fx..tz, N and N m), or a recording at rest (n, 6) in which "
-            f"every axis moves; found {np.array2string(values, threshold=8)}"
+            f"noise must be six standard deviations (fx..tz), {NOISE_OF_AXIS}, or a recording at rest (n, 6) in which "
+            f"every axis moves; found {np.array2string(values, threshold=8, max_line_width=1000)}"
         )
     return StatedNoise(values)
 

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..geometry.arrays import Array, numbers
+from ..geometry import ranges
+from ..geometry.arrays import Array
 from ..geometry.orientation import nearest_rotations
 from ..geometry.rotations import rotation_log
 from ..geometry.wrench import cross_matrix, unit_direction
@@ -51,6 +52,7 @@ class PriorRows:
     jacobian: Array
 
 
+Shape: TypeAlias = tuple[int, ...]
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
 
 
@@ -206,29 +208,26 @@ def stated_knowledge(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, .
             value, std = pair
         except (TypeError, ValueError):
             raise InputError(f"known {name} is {pair!r}, expected a pair: the value and its std") from None
-        of_value, knowledge, of_std = KNOWABLE[name]
-        spread = _finite(f"std of known {name}", std, *of_std)
-        if not (spread > 0.0).all():
-            listed = ", ".join(f"{part:g}" for part in np.broadcast_to(spread, 3))
-            raise InputError(f"std of known {name} is {listed}, expected numbers above 0")
-        pieces.append(knowledge(of_value(value), spread))
+        of_value, knowledge, within, of_std = KNOWABLE[name]
+        pieces.append(knowledge(of_value(value), within.require(std, f"std of known {name}", *of_std)))
     return tuple(pieces)
 
 
-def _weight(value: ArrayLike) -> float:
-    weight = float(_finite("known weight", value, ()))
-    if weight <= 0.0:
-        raise InputError(f"known weight is {weight:g}, expected N above 0")
-    return weight
+def _mounting(value: ArrayLike) -> Array:
+    R: Array = nearest_rotations(ranges.ENTRY.require(value, "known mount", (3, 3))[None])[0]
+    return R
 
 
-KNOWABLE: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Array], Knowledge], tuple[tuple[int, ...], ...]]] = {
-    "weight": (_weight, known_weight, ((),)),
-    "com": (lambda value: _finite("known com", value, (3,)), known_com, ((), (3,))),
-    "mount": (lambda R: nearest_rotations(_finite("known mount", R, (3, 3))[None])[0], known_mounting, ((), (3,))),
-    "gravity": (lambda value: unit_direction(value, "known gravity"), known_gravity, ((),)),
+KNOWABLE: dict[
+    str, tuple[Callable[[Any], Any], Callable[[Any, Array], Knowledge], ranges.Range, tuple[tuple[int, ...], ...]]
+]
+KNOWABLE = {
+    "weight": (lambda value: ranges.WEIGHT.require(value, "known weight"), known_weight, ranges.WEIGHT_STD, ((),)),
+    "com": (lambda value: ranges.POINT.require(value, "known com", (3,)), known_com, ranges.POINT_STD, ((), (3,))),
+    "mount": (_mounting, known_mounting, ranges.TILT_STD, ((), (3,))),
+    "gravity": (lambda value: unit_direction(value, "known gravity"), known_gravity, ranges.TILT_STD, ((),)),
 }
-"""What may be known: how its value is read, the knowledge that it is, and the shapes of its std."""
+"""What may be known: how its value is read, the knowledge that it is, and what its std may be."""
 
 
 def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, StatedNoise]:
@@ -250,14 +249,3 @@ def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, S
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
     return tool, earlier_calibration(tool, covariance), StatedNoise(noise, prior.dof or MOST_DOF)
-
-
-def _finite(what: str, value: ArrayLike, *shapes: tuple[int, ...]) -> Array:
-    try:
-        array = numbers(value, what)
-    except InputError:
-        array = np.full(0, np.nan)
-    if array.shape not in shapes or not np.isfinite(array).all():
-        expected = " or ".join(str(shape) if shape else "a number" for shape in shapes)
-        raise InputError(f"{what} is {' '.join(repr(value).split())[:80]}, expected {expected}, finite")
-    return array

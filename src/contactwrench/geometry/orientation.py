@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .arrays import Array, numbers
+from .ranges import TURN
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -125,6 +126,9 @@ def _euler(letters: str) -> Callable[[Array], Array]:
     def to_matrices(angles: Array) -> Array:
         from scipy.spatial.transform import Rotation
 
+        if len(beyond := TURN.outside(angles)):
+            row = int(np.argmin(TURN.holds(angles).all(axis=1)))
+            raise InputError(f"orientation {row} is an angle of {beyond[0]:g} rad, expected {TURN}", row)
         matrices: Array = Rotation.from_euler(letters, angles).as_matrix()
         return matrices
 

@@ -24,7 +24,7 @@ from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..samples.delay import LONGEST_DELAY
+from ..geometry.ranges import DELAY
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import Synchronized, synchronized
@@ -65,10 +65,8 @@ class Treatment:
     noise: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.delay is not None and not abs(self.delay) <= LONGEST_DELAY:
-            raise InputError(
-                f"the delay is {self.delay:g} s, expected at most {LONGEST_DELAY:g} s either way: is it in ms?"
-            )
+        if self.delay is not None:
+            DELAY.require(self.delay, "the delay")
 
     def applied_delay(self, calibration: Calibration) -> float:
         """The delay (s) by which the orientation is looked up earlier."""

@@ -19,7 +19,7 @@ from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, note
 from .read import bag_blocks, reader_of
 from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for
-from .tables.episodes import episode_column
+from .tables.episodes import episode_column, episodes_of
 from .tables.orientations import orientation_columns
 from .tables.roles import time_columns, wrench_columns
 from .tables.table import in_seconds, in_si, open_set
@@ -150,6 +150,8 @@ def _counted(
     for body in table.told(columns, advance):
         count += len(body)
         parts += in_si(body, (columns,)) if columns else []
+        if of_episode is not None:
+            episodes_of(body, of_episode)
     values = np.concatenate(parts)
     episodes = () if of_episode is None else tuple(np.unique(values[:, -1]).astype(int).tolist())
     first = values if len(episodes) < 2 else values[values[:, -1] == episodes[0]]

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import DELAY
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
 from .delay_fit import GRID, Fit, Scan, fitted, scan, standard_deviation, thinned
@@ -29,7 +30,7 @@ TOLD = 0.3
 """Of the std that noise alone would show: with a tenth of the information that there is, it does no harm."""
 ASTRAY = 0.1
 """s from the best of the search to the fit: further it finds another answer, or none."""
-LONGEST_DELAY = 10.0
+LONGEST_DELAY = DELAY.most
 """s, either way: searched where the best delay lies at the end of a second, as between clocks that were set by hand."""
 AS_GOOD = 0.02
 """Of the range of misfits: a second minimum as close to the best is another answer."""

@@ -101,7 +101,8 @@ def arm_motion(buffer: Buffer, nodes: Nodes, longest_gap: float) -> ArmMotion:
     R = orientations.R_base_flange[index]
     t = _evened(orientations.t[index], R.reshape(-1, 9))
     is_gap = np.r_[0, np.cumsum(np.diff(orientations.t[: nodes.count]) > longest_gap)]
-    state = _state(t, R, None if orientations.position is None else orientations.position[index])
+    position = None if orientations.position is None else orientations.position[index]
+    state = _state(t, R, None if position is None or np.isnan(position).any() else position)
     step = np.diff(t)[:, None]
     until = np.cumsum(0.5 * step * (state[1:] + state[:-1]), axis=0)
     area = [0.5 * np.diff(state, axis=0) / step, state[:-1], np.concatenate([0.0 * until[:1], until[:-1]])]

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
+from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
 
 ReadAs: TypeAlias = Mapping[str, str | int]
 """How a file was read, by the names of the options of reading."""
 
-LARGEST_READING = 1e9
+LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
 LONGEST_CHANCE, TIMES_USUAL = 20, 4.0
 """Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
@@ -32,7 +33,7 @@ class Samples(Rows):
         wrench: readings (n, 6), N and N m, sensor axes, pull sign.
         R_base_flange: rotation matrices (n, 3, 3), from flange to base axes.
         t: times (n,), s.
-        position: of the flange (n, 3), m, base axes.
+        position: of the flange (n, 3), m, base axes; what is no place, as a NaN, is not known.
         load_mass: hung on the tool (n,), kg; 0 is none.
         source: where they come from, in words.
         delay: of wrench behind orientation, s, where it was estimated when the two were paired.
@@ -44,7 +45,8 @@ class Samples(Rows):
         damage: what of a damaged file could not be read, one sentence; empty: nothing.
 
     Raises:
-        InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a negative load.
+        InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a time or a load that nobody
+            could mean.
     """
 
     wrench: Array = field(metadata=column(6))
@@ -62,19 +64,10 @@ class Samples(Rows):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("wrench", "R_base_flange", "t", "position", "load_mass"):
-            _require_finite(name, getattr(self, name))
+        for name, within in {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG}.items():
+            _require_within(name, getattr(self, name), within)
+        object.__setattr__(self, "position", _known(self.position))
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
-        if len(self) and max(self.wrench.max(), -self.wrench.min()) > LARGEST_READING:
-            row, axis = (int(k) for k in np.argwhere(np.abs(self.wrench) > LARGEST_READING)[0])
-            raise InputError(
-                f"wrench in sample {row} is {self.wrench[row, axis]:g}, expected at most {LARGEST_READING:g} N or N m: "
-                "leave such samples out",
-                row,
-            )
-        if self.load_mass is not None and (self.load_mass < 0.0).any():
-            row = int(np.argmax(self.load_mass < 0.0))
-            raise InputError(f"load_mass in sample {row} is {self.load_mass[row]:g} kg, expected 0 or more", row)
 
     def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
         """The samples less those with a saturated channel, and a note where there are such."""
@@ -128,6 +121,7 @@ class OrientationStream(Rows):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
+        object.__setattr__(self, "position", _known(self.position))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,16 +170,14 @@ def _rotations(R: Array) -> Array:
     return R if nearest is R else read_only(nearest)
 
 
-def _require_finite(name: str, values: Array | None) -> None:
-    if values is None:
-        return
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(values.sum()):
-            return
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
-        raise InputError(
-            f"{name} in sample {bad[0][0]} is {values[tuple(bad[0])]}, expected a finite number: "
-            "leave such samples out",
-            int(bad[0][0]),
-        )
+def _known(position: Array | None) -> Array | None:
+    """Positions (n, 3), read-only: a NaN wherever a coordinate is no place that an arm reaches; nobody needs them."""
+    if position is None or not len(PLACE.outside(position)):
+        return position
+    return read_only(np.where(PLACE.holds(position), position, np.nan))
+
+
+def _require_within(name: str, values: Array | None, within: Range) -> None:
+    if values is not None and len(beyond := within.outside(values)):
+        row = int(np.argwhere(~within.holds(values))[0][0])
+        raise InputError(f"{name} in sample {row} is {beyond[0]:g}, expected {within}: leave such samples out", row)

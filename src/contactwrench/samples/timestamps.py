@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import TIME
 
 SORTED_WITHIN = 0.1
 """s: messages are delivered late by less, and are sorted. Clocks are set back by more: those that follow a server step
@@ -42,8 +43,8 @@ def stamps_after(before: Stamps, t: Array, origin: float) -> Stamps:
     """
     if not len(t):
         return before
-    if not np.isfinite(t).all():
-        bad = int(np.argmin(np.isfinite(t)))
+    if len(TIME.outside(t)):
+        bad = int(np.argmin(TIME.holds(t)))
         raise InputError(
             f"{before.source}: row {before.rows + bad + 1} of the {before.stream} is stamped {t[bad]}, expected "
             "seconds: leave such rows out",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..files import write_text
 from ..geometry.arrays import Array, Frozen
+from ..geometry.ranges import ROWS
 from ..geometry.rotations import rotation_exp
 from ..samples.samples import Samples
 from .rig import Physics, build, inverse_dynamics
@@ -66,6 +67,7 @@ def record_poses(
     Raises:
         MissingExtraError: mujoco is not installed.
     """
+    ROWS.require(len(joints) * len(load_masses) * settings.recording.rows, "number of rows")
     speed = settings.recording.creep * rng.choice([-1.0, 1.0], size=joints.shape)
     return read_poses(settings, [true_poses(settings, joints, load, speed) for load in load_masses], load_masses, rng)
 

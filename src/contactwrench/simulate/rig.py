@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, Frozen
 from .arm import FLANGE_HEIGHT, arm_xml, numbers
-from .settings import Settings
+from .settings import Settings, Three
 
 if TYPE_CHECKING:
     import mujoco
@@ -189,14 +189,21 @@ def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:
         )
     shape = tool_shape or (
         '<geom type="cylinder" fromto="0 0 0 0 0 0.025" size="0.036" rgba="0.16 0.35 0.55 1"/>'
-        f'<geom type="capsule" fromto="0 0 0.025 {numbers(tool.hook)}" size="0.012" rgba="0.45 0.47 0.5 1"/>'
+        f"{_between((0.0, 0.0, 0.025), tool.hook, 'capsule', 0.012, '0.45 0.47 0.5 1')}"
     )
-    housing = f'<geom type="cylinder" fromto="0 0 {-height!r} 0 0 0" size="0.0405" rgba="0.16 0.17 0.19 1"/>'
+    housing = _between((0.0, 0.0, -height), (0.0, 0.0, 0.0), "cylinder", 0.0405, "0.16 0.17 0.19 1")
     return (
         f'<body name="tool" pos="0 0 {FLANGE_HEIGHT + height!r}" quat="{_quat(settings.R_flange_sensor)}">'
         f'<inertial pos="{numbers(tool.com)}" mass="{tool.mass!r}" diaginertia="{numbers((small, small, small))}"/>'
         f'<site name="sensor" size="0.004" rgba="0 0 0 0"/>{housing}{shape}{load}</body>'
     )
+
+
+def _between(start: Three, end: Three, shape: str, radius: float, colour: str) -> str:
+    """What is drawn from one point to another; nothing where they are one, which MuJoCo refuses to draw."""
+    if np.allclose(start, end, rtol=0.0, atol=1e-6):
+        return ""
+    return f'<geom type="{shape}" fromto="{numbers(start)} {numbers(end)}" size="{radius}" rgba="{colour}"/>'
 
 
 def _quat(R: Array) -> str:

@@ -139,6 +139,7 @@ def friction_torque(sensors: JointTorque, velocity: Array, rng: np.random.Genera
     the velocity. At rest it is anything up to that, either way, as the joint came to rest; it stays as long as the
     joint does, so a row here is a stay.
     """
-    at_rest = rng.uniform(-sensors.friction, sensors.friction, size=velocity.shape)
-    friction: Array = np.where(velocity == 0.0, at_rest, sensors.friction * np.sign(velocity))
+    most = abs(sensors.friction)  # -0.0 is a range upside down to the generator
+    at_rest = rng.uniform(-most, most, size=velocity.shape)
+    friction: Array = np.where(velocity == 0.0, at_rest, most * np.sign(velocity))
     return friction

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import ROWS, Range
 from ..geometry.rotations import rotation_exp
 from ..geometry.wrench import STANDARD_GRAVITY
 
@@ -31,18 +32,15 @@ UPRIGHT_OF: dict[str, Array] = {
 }
 """`R_world_base` of a base that stands exactly on a table, a wall (its z level) or a ceiling."""
 
-MOST_ROWS = 1e7
-"""Of a motion: 3 GB of CSV."""
-
 
 def between(least: float, most: float, hint: str = "") -> dict[str, Any]:
     """Metadata of a setting: the least and the most that MuJoCo can compute and somebody could mean, each included, and
     what to ask of a number beyond them.
     """
-    return {"bounds": (least, most, hint)}
+    return {"bounds": Range(least, most, hint.strip())}
 
 
-def bounded_settings(settings: Any, path: str = "") -> Iterator[tuple[str, Any, tuple[float, float, str]]]:
+def bounded_settings(settings: Any, path: str = "") -> Iterator[tuple[str, Any, Range]]:
     """Every number that can be set: its full name, its value, and its bounds."""
     for each in fields(settings):
         name, value = f"{path}{each.name}", getattr(settings, each.name)
@@ -122,7 +120,7 @@ class Sensor:
     bias: Six = field(default=(3.769, -6.903, 57.657, 2.228, 0.963, -0.002), metadata=between(-1e6, 1e6))
     """N and N m: the paper, Table V."""
     noise: Noise = Noise()
-    quantum: float = field(default=0.001, metadata=between(0.0, 1e6))
+    quantum: float = field(default=0.001, metadata={"bounds": Range(1e-9, 1e6, or_zero=True)})
     """Step of the readings, N and N m: the digits of the paper's Table IV. 0: none."""
     gain: Six = field(default=(1.0, 1.0, 1.0, 1.0, 1.0, 1.0), metadata=between(-1e3, 1e3))
     """Reading over truth, axis by axis. Default: exact; Table IX of the paper shows 0.974."""
@@ -189,15 +187,12 @@ class Settings:
     recording: Recording = Recording()
 
     def __post_init__(self) -> None:
-        for name, value, (least, most, hint) in bounded_settings(self):
-            values = np.atleast_1d(value).ravel()
-            beyond = ~((values >= least) & (values <= most))
-            if beyond.any():
-                raise InputError(f"{name} is {values[beyond][0]:g}, expected {least:g} to {most:g}{hint}")
+        for name, value, within in bounded_settings(self):
+            within.require(value, name, np.shape(value))
         rows = self.recording.duration * self.recording.rate
-        if rows > MOST_ROWS:
+        if rows > ROWS.most:
             raise InputError(
-                f"a motion would have {rows:.3g} rows, expected at most {MOST_ROWS:.0e}: shorten recording.duration or "
+                f"a motion would have {rows:.3g} rows, expected at most {ROWS.most:.0e}: shorten recording.duration or "
                 "lower recording.rate"
             )
 
@@ -271,7 +266,7 @@ def _value(text: str, like: Any) -> Any:
     """
     try:
         value = msgspec.json.decode(text)
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, RecursionError):
         return text
     if not isinstance(like, (list, tuple)) or not isinstance(value, (int, float)):
         return value

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
+from ..geometry.ranges import ROWS
 from .arm import JOINT_RANGE, MAX_SPEED
 from .kinematics import HOME
-from .settings import MOST_ROWS
 
 HARMONICS = 5
 KNOTS_PER_SECOND = 20.0
@@ -78,9 +78,9 @@ def through(t: Array, joints: Array, rate: float) -> Motion:
             f"t in point {row + 1} is {t[row]:g} s, expected more than {t[row - 1]:g}: sort the points", row
         )
     duration = t[-1] - t[0]
-    if duration * rate > MOST_ROWS:
+    if duration * rate > ROWS.most:
         raise InputError(
-            f"t goes over {duration:g} s, expected at most {MOST_ROWS / rate:g} s at {rate:g} Hz: is it in seconds?"
+            f"t goes over {duration:g} s, expected at most {ROWS.most / rate:g} s at {rate:g} Hz: is it in seconds?"
         )
     spline = CubicSpline(t, joints, bc_type="clamped")
     times = t[0] + np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
@@ -113,10 +113,12 @@ def stopping(joints: Array, move: float, stop: float, rate: float) -> Motion:
         rate: of the rows, Hz.
 
     Raises:
-        InputError: joints beyond their range or speed.
+        InputError: joints beyond their range or speed, more rows than anybody could mean.
     """
     each = move + stop
-    t = np.arange(round((len(joints) * each - move) * rate)) / rate
+    rows = round((len(joints) * each - move) * rate)
+    ROWS.require(rows, "number of rows")
+    t = np.arange(rows) / rate
     row = np.minimum((t / each).astype(int), len(joints) - 1)
     s = np.maximum(t - row * each - stop, 0.0) / move
     step = np.vstack([np.diff(joints, axis=0), np.zeros((1, joints.shape[1]))])[row]

@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable, Iterator
 import numpy as np
 
 from ...errors import FileFormatError
+from ...geometry.arrays import Array
+from ...geometry.ranges import EPISODE as EPISODES
 from .columns import Body, Column, OpenTable, listed
 
 EPISODE = "episode_index"
@@ -15,6 +17,19 @@ EPISODE = "episode_index"
 def episode_column(table: OpenTable) -> Column | None:
     """The column that says of which episode a row is; None where there is none."""
     return next((Column(place, name, 1.0) for name, place in table.places.items() if name.lower() == EPISODE), None)
+
+
+def episodes_of(body: Body, column: Column) -> Array:
+    """The episode (n,) of each row. Raises `FileFormatError` naming the row of what is no whole number from 0 on."""
+    values: Array = body.numbers([column])[:, 0]
+    whole = EPISODES.holds(values) & (values == np.rint(values))
+    if not whole.all():
+        index = int(np.argmin(whole))
+        raise FileFormatError(
+            f"{body.source}: row {body.row_of(index)}, column {column.name}: found {values[index]:g}, expected the "
+            f"number of an episode, {EPISODES}: correct it or leave the row out"
+        )
+    return values
 
 
 def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
@@ -38,7 +53,7 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
     def bodies(columns: Collection[Column]) -> Iterator[Body]:
         blocks, seen, yielded = table.bodies([*columns, column]), set[float](), False
         for body in blocks:
-            numbers = body.numbers([column])[:, 0]
+            numbers = episodes_of(body, column)
             seen |= set(np.unique(numbers).tolist())
             if episode is None and len(seen) > 1:
                 raise _one_expected(table.source, seen, blocks, column)
@@ -56,7 +71,7 @@ def one_episode(table: OpenTable, episode: int | None) -> OpenTable:
 
 
 def _one_expected(source: str, seen: set[float], others: Iterable[Body], column: Column) -> FileFormatError:
-    every = seen.union(*(body.numbers([column])[:, 0].tolist() for body in others))
+    every = seen.union(*(episodes_of(body, column).tolist() for body in others))
     return FileFormatError(
         f"{source}: found {len(every)} episodes, {_named(every)}, expected one recording: choose it, as with "
         f"--episode {min(every):g}"

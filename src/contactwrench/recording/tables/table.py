@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
+from ...geometry.ranges import LOAD_KG, TIME
 from ...samples.samples import LARGEST_READING, ReadAs
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, with_slices
 from .csv import open_csv
@@ -163,18 +164,20 @@ def read_as_of_both(wrench: Table, pose: Table) -> ReadAs:
 def written_rows(body: Body, roles: ColumnRoles) -> WrittenRows:
     """What the rows of `body` hold. Raises `FileFormatError` naming row and column of what cannot be."""
     of_wrench, of_pose = roles.of_wrench, roles.of_pose
-    parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack=(*of_wrench, *of_pose) if roles.gaps else ())
+    may_lack = (*of_wrench, *of_pose) if roles.gaps else roles.position
+    parts = in_si(body, (roles.t, of_wrench, of_pose), may_lack)
     t, with_wrench, with_pose = parts
     wrench, load, saturated = np.split(with_wrench, np.cumsum([len(roles.wrench), len(roles.load)]).tolist(), axis=1)
     has_wrench = _rows_there(body, of_wrench, with_wrench, len(roles.wrench))
     limit = f"at most {LARGEST_READING:g} N or N m"
     _require(~(np.abs(wrench) > LARGEST_READING), wrench, roles.wrench, body, limit)
-    _require(~(load < 0.0), load, roles.load, body, "0 or more")
+    _require(LOAD_KG.holds(load) | np.isnan(load), load, roles.load, body, str(LOAD_KG))
+    _require(TIME.holds(t), t, roles.t, body, str(TIME))
     is_flag = (saturated == 0.0) | (saturated == 1.0) | np.isnan(saturated)
     _require(is_flag, saturated, roles.saturated, body, "0 or 1")
     _require((t[:, 1:] >= 0.0) & (t[:, 1:] < 1.0), t[:, 1:], roles.t[1:], body, "nanoseconds of 0 to 1e9")
-    has_orientation = _rows_there(body, of_pose, with_pose, len(roles.orientation))
     orientation, position = np.split(with_pose, [len(roles.orientation)], axis=1)
+    has_orientation = _rows_there(body, roles.orientation, orientation, len(roles.orientation))
     return WrittenRows(body, roles, t, wrench, load, saturated, orientation, position, has_wrench, has_orientation)
 
 

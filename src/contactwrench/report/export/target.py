@@ -7,18 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
-
 from ...calibration.calibration import Calibration
-from ...errors import InputError
 from ...geometry.arrays import Frozen, Matrix, Vector
+from ...geometry.ranges import ON_FLANGE, SENSOR_MASS, TOOL_MASS
 
 WithHeader: TypeAlias = Callable[[Sequence[str], str], str]
 """How the lines of a header and the body make a file."""
 NAME = r"[\w./-]+"
 """What a name in a program's configuration is made of, that of a frame in ROS too."""
-FARTHEST, HEAVIEST, HEAVIEST_SENSOR = 2.0, 200.0, 50.0
-"""m and kg: beyond, what hangs on a robot's flange was stated in mm or in g."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +37,14 @@ class Setup(Frozen):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        tool, sensor = ("--tool-mass", self.tool_mass, HEAVIEST), ("--sensor-mass", self.sensor_mass, HEAVIEST_SENSOR)
-        for option, mass, most in (tool, sensor):
-            if mass is not None and not 0.0 <= mass <= most:
-                raise InputError(f"{option} is {mass:g}, expected kg, from 0 to {most:g}: is it in g?")
-        for option, point in (("--sensor-offset", self.sensor_offset), ("--sensor-com", self.sensor_com)):
-            if point is not None and not (np.abs(point) <= FARTHEST).all():
-                found = ",".join(f"{part:g}" for part in point.tolist())
-                raise InputError(f"{option} is {found}, expected m, each at most {FARTHEST:g}: is it in mm?")
+        for option, stated, within, shape in (
+            ("--tool-mass", self.tool_mass, TOOL_MASS, ()),
+            ("--sensor-mass", self.sensor_mass, SENSOR_MASS, ()),
+            ("--sensor-offset", self.sensor_offset, ON_FLANGE, (3,)),
+            ("--sensor-com", self.sensor_com, ON_FLANGE, (3,)),
+        ):
+            if stated is not None:
+                within.require(stated, option, shape)
 
 
 @dataclass(frozen=True, eq=False)
