@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from contactwrench.cli.main import main
+from contactwrench.__main__ import main
 
 MOST_SECONDS, MOST_BYTES = 20.0, 1_500_000_000
 LIMIT_OF_THE_MACHINE = 6 * 2**30

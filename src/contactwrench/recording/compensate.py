@@ -147,15 +147,8 @@ def write_compensated(
     if is_bag and (output.suffix.lower() in SUFFIXES_OF_BAGS or like_folder):
         frame = None if output_frame == "sensor" else output_frame
         wrenches = (batch.wrench for batch in recording)
-        return write_bag_with(
-            path,
-            output,
-            wrenches,
-            wrench_topic=options.wrench_topic,
-            frame=frame,
-            accept_damaged=options.accept_damaged,
-            note=note,
-        )
+        topic, accept = options.wrench_topic, options.accept_damaged
+        return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
     write_contact_wrenches(output, recording, path, options.naming)
     return None
 
