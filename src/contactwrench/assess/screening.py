@@ -117,7 +117,7 @@ def misfit(squares: Array, dof: Array, scatter: Array) -> Array:
     The variances are not known beforehand: they are integrated out under Jeffreys' prior, the parameters with them, so
     that what few degrees of freedom leave by chance counts for little.
     """
-    least: Array = np.sum(dof * np.log(squares / (dof * scatter)), axis=-1)
+    least: Array = np.sum(dof * (np.log(np.maximum(squares, 1e-300)) - np.log(dof * scatter)), axis=-1)
     return least
 
 

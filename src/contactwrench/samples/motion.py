@@ -18,6 +18,7 @@ from .buffer import Buffer, Nodes
 from .change_detection import NoiseOfMeans, Segment, noise_of_windows, segments_between_changes
 from .poses import SAME_POSE_ANGLE
 from .samples import Samples
+from .timestamps import FINEST
 
 CELL = 0.01
 """s: what is faster than this is no motion of an arm; orientations that come faster are thinned."""
@@ -275,7 +276,7 @@ def blocks_of(samples: Samples) -> tuple[float, list[Blocks]]:
     period = float(step[~gap].mean())
     if samples.load_mass is not None:
         gap |= np.diff(samples.load_mass) != 0.0
-    rows = max(1, round(BLOCK / period)) if period > 0.0 else 1
+    rows = max(1, round(BLOCK / period)) if period > FINEST else 1
     edges = np.r_[0, np.flatnonzero(gap) + 1, len(t)]
     ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
     return period, [_blocks(samples, a, b, rows) for a, b in ends if b - a >= FEWEST_ROWS * rows]

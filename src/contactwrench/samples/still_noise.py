@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen, Matrix, Vector
+from .timestamps import FINEST
 
 DURATIONS = (0.01, 0.03, 0.1, 1.0)
 WITHIN = 0.25
@@ -49,7 +50,7 @@ def still_noise_of(readings: Sequence[Array], period: float) -> StillNoise | Non
     """The noise of still segments (n, 6), `period` s from row to row; None where they are too short to tell."""
     known = []
     for duration in DURATIONS:
-        rows = round(duration / period) if period > 0.0 else 0
+        rows = round(duration / period) if period > FINEST else 0
         if rows < 1 or abs(rows * period - duration) > WITHIN * duration:
             continue
         means = [y[: len(y) // rows * rows].reshape(-1, rows, 6).mean(axis=1) for y in readings if len(y) >= 2 * rows]

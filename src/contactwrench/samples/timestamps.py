@@ -14,6 +14,8 @@ SORTED_WITHIN = 0.1
 """s: messages are delivered late by less, and are sorted. Clocks are set back by more: those that follow a server step
 only where they are further off (ntpd: 0.128 s), and are slowed down until then.
 """
+FINEST = 1e-9
+"""s from row to row: no recorder counts less."""
 
 
 @dataclass(frozen=True)
