@@ -158,7 +158,9 @@ def test_dates_and_durations_are_times_in_seconds(unit: str) -> None:
 def test_a_date_that_is_none_is_a_nan_as_any_time() -> None:
     dates = np.array(["2024-05-01", "NaT"], "M8[s]")
     assert np.isnan(seconds(dates)).tolist() == [False, True]
-    with pytest.raises(InputError, match=r"^t in sample 1 is nan, expected -1e\+19 to 1e\+19 s: leave such samples out$"):
+    with pytest.raises(
+        InputError, match=r"^t in sample 1 is nan, expected -1e\+19 to 1e\+19 s: leave such samples out$"
+    ):
         cw.Samples(READINGS[:2], R[:2], dates)
 
 
