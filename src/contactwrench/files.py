@@ -242,7 +242,7 @@ def already_there(path: str | Path) -> FileAccessError:
 
 def name_of(path: str | Path) -> str:
     """A path as text, whatever bytes it has; of `-` what is read there."""
-    return "standard input" if str(path) == STDIN else os.fsencode(path).decode(errors="replace")
+    return "standard input" if str(path) == STDIN else os.fsencode(path).decode(errors="backslashreplace")
 
 
 def _reason(error: OSError) -> str:

@@ -314,8 +314,8 @@ BAD_FILES = {
             ["--trajectory=sweep", "--poses=paper"],
             "found both --poses and --trajectory, expected one of them: leave the other out",
         ),
-        (["--load-g=a"], "--load-g is 'a', expected numbers like 100,200,500, 0 to 1e+06 g"),
-        (["--load-g=-1"], "--load-g is '-1', expected numbers like 100,200,500, 0 to 1e+06 g"),
+        (["--load-g=a"], "--load-g is 'a', expected numbers like 100,200,500, 0 or 0.001 to 1e+06 g"),
+        (["--load-g=-1"], "--load-g is '-1', expected numbers like 100,200,500, 0 or 0.001 to 1e+06 g"),
         (["--set=base.on=roof"], "base.on is roof, expected one of: table, wall, ceiling"),
         (["--poses=far.csv", "-o", "far.csv"], "far.csv: found what is read as far.csv, expected another file to "
          "write: name one"),

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..calibration.findings import Finding, Kind
 from ..errors import refuse
-from ..geometry.arrays import Array, read_only
+from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import AXES
 from ..samples.samples import Samples
@@ -126,7 +126,7 @@ def _com_of(B: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Unseen:
+class Unseen(Frozen):
     """Other units, or the torques reversed, by `label`, that make a tool of `mass` kg with its `com` (3,) m; in a
     word why no tool is so, `odd`.
     """

@@ -3,8 +3,7 @@
 Rows are counted from 1, over all files of a folder. A list stands for columns `name[0]`, `name[1]` and so on, a struct
 for columns `name.field`. A folder may be a data set of LeRobot, version 2 or 3: `meta/info.json`, and an episode a file
 or many of them in `data/chunk-*/*.parquet` (huggingface/lerobot, docs/source/lerobot-dataset-v3.mdx; the paths of
-version 2 are in src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py). Of pyarrow:
-https://arrow.apache.org/docs/python/parquet.html.
+version 2 are in src/lerobot/datasets/v30/convert_dataset_v21_to_v30.py).
 """
 
 from __future__ import annotations
