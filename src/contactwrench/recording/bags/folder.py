@@ -84,13 +84,17 @@ def metadata(folder: Path) -> Metadata:
 def plain_yaml(content: bytes | str) -> Any:
     """YAML without aliases, which let a short text stand for any length. Raises `ValueError`, or as the parser."""
     from ruamel.yaml import YAML, AliasEvent
+    from ruamel.yaml.error import MarkedYAMLError
 
     if len(content) > LONGEST_YAML:
         raise ValueError(f"more than {LONGEST_YAML} bytes of YAML")
     text = content if isinstance(content, str) else content.decode()
-    if "*" in text and any(isinstance(event, AliasEvent) for event in YAML(typ="safe").parse(text)):
-        raise ValueError("YAML with an alias, *")
-    return YAML(typ="safe").load(text)
+    try:
+        if "*" in text and any(isinstance(event, AliasEvent) for event in YAML(typ="safe").parse(text)):
+            raise ValueError("YAML with an alias, *")
+        return YAML(typ="safe").load(text)
+    except MarkedYAMLError as error:
+        raise ValueError(f"line {error.problem_mark.line + 1}: {error.problem}") from None
 
 
 def files_of(folder: Path, said: Metadata) -> list[Path]:
