@@ -92,7 +92,7 @@ class Case:
             kind = {".urdf": "URDF", ".csv": "CSV", ".parquet": "Parquet", ".h5": "HDF5"}.get(
                 self.original.path.suffix, "bag"
             )
-        return VERBS.get(kind) or VERBS["recording" if kind.startswith(("CSV", "Parquet", "HDF5")) else "bag"]
+        return VERBS.get(kind) or VERBS["recording" if kind in ("CSV", "Parquet", "HDF5") else "bag"]
 
 
 def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
@@ -103,23 +103,26 @@ def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
         folder = Path(made)
         every = _originals(folder)
         known = {name: str(folder / path) for name, path in KNOWN.items()}
-        chosen = [one for one in every if not kinds or any(kind in one.kind for kind in kinds)]
+        chosen = [one for one in every if not kinds or any(kind in one.name for kind in kinds)]
+        for one in chosen:
+            if one.kind not in ("JSON", "URDF"):
+                cw.read(one.path)  # what is imported and made ready now need not be in each process
         whole = [Case(one, 0, "whole", folder / "whole" / str(k), one.readings) for k, one in enumerate(chosen)]
         for case in whole:
             _put(case, case.original.changed.read_bytes())
         run_all(_work(whole, known, lambda case: None), _cores())
-        expected = {case.original.kind: _compensated(case) for case in whole}
+        expected = {case.original.name: _compensated(case) for case in whole}
         for case in whole:
             if bad := [run for run in case.runs.values() if run.status != 0 or run.faults]:
-                print(f"the whole {case.original.kind} was not read: {bad[0]}")
+                print(f"the whole {case.original.name} was not read: {bad[0]}")
                 return 1
         tallies = {one.kind: Tally() for one in chosen}
 
         def judge(case: Case) -> None:
-            faults = _judged(case, expected[case.original.kind], tallies[case.original.kind])
+            faults = _judged(case, expected[case.original.name], tallies[case.original.kind])
             for fault in faults:
-                kept = Path(f"fuzz-{case.original.kind.replace(' ', '-')}-{case.seed}")
-                print(f"{fault}: {case.original.kind}, seed {case.seed}, {case.way}; kept in {kept}", flush=True)
+                kept = Path(f"fuzz-{case.original.name.replace(' ', '-')}-{case.seed}")
+                print(f"{fault}: {case.original.name}, seed {case.seed}, {case.way}; kept in {kept}", flush=True)
                 shutil.copytree(case.place, kept, dirs_exist_ok=True)
             shutil.rmtree(case.place)
 
@@ -153,10 +156,13 @@ def _originals(folder: Path) -> list[Original]:
 
 
 def _cases(chosen: list[Original], mutations: int, seed: int, folder: Path) -> Iterator[Case]:
+    numbers = {original.name: number for number, original in enumerate(chosen)}
     for k in range(mutations):
-        for number, original in enumerate(chosen):
-            own = seed + k
-            rng = np.random.default_rng([own, number, len(original.kind)])
+        for kind in dict.fromkeys(original.kind for original in chosen):
+            variants = [original for original in chosen if original.kind == kind]
+            original, own = variants[k % len(variants)], seed + k
+            number = numbers[original.name]
+            rng = np.random.default_rng([own, *original.name.encode()])
             content, way = mutated(original.changed.read_bytes(), rng, text=original.text)
             place = folder / f"{number}-{own}"
             readings = rows_of_text(content) if original.kind == "CSV" else original.readings

@@ -42,11 +42,16 @@ class Original:
     readings its writer wrote, and whether what is changed is text.
     """
 
-    kind: str
+    name: str
     path: Path
     changed: Path
     readings: int
     text: bool = False
+
+    @property
+    def kind(self) -> str:
+        """Its name less the variant: ROS 1, MCAP, folder, Parquet."""
+        return next((kind for kind in ("ROS 1", "MCAP", "folder", "Parquet") if self.name.startswith(kind)), self.name)
 
 
 def recorded() -> Recorded:

@@ -19,6 +19,8 @@ MOST_SECONDS, MOST_BYTES = 20.0, 1_500_000_000
 LIMIT_OF_THE_MACHINE = 6 * 2**30
 """Bytes at which a run ends by itself."""
 POLL = 2e-3
+NOTES = ("Note: ", "The fit is bad: ")
+"""How what else is said on stderr begins."""
 
 Case = TypeVar("Case")
 
@@ -40,6 +42,8 @@ class Run:
     def faults(self) -> list[str]:
         """What no input may do to the program."""
         lines = [text for text in self.err.splitlines() if text.startswith("contactwrench: ")]
+        notes = [text for text in self.err.splitlines() if text.startswith(NOTES)]
+        said = len(self.err.splitlines())
         return [
             what
             for what, is_so in {
@@ -48,7 +52,7 @@ class Run:
                 "hang": self.status is None,
                 "memory": self.peak > MOST_BYTES,
                 "library": "Warning" in self.err or "[Errno" in self.err,
-                "more than a line": len(lines) > 1 or (self.status == 2 and len(self.err.splitlines()) != 1),
+                "more than a line": len(lines) != (self.status == 2) or len(lines) + len(notes) < said,
                 "long line": any(len(text) > 330 for text in lines),
                 "control characters": any(ord(mark) < 32 and mark not in "\n\t" for mark in self.err + self.out),
             }.items()

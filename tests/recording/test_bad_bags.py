@@ -251,7 +251,7 @@ def test_files_that_only_bear_the_name(tmp_path: Path, kind: str, content: bytes
 @pytest.mark.parametrize(
     ("yaml", "reason"),
     [
-        ("a: [", "while parsing a flow node"),
+        ("a: [", "line 1: expected the node content, but found '<stream end>')"),
         ("a: 1", "Object missing required field `rosbag2_bagfile_information`)"),
         ("", "Expected `object`, got `null`)"),
     ],
