@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from inspect import Parameter, Signature
 from pathlib import Path
 from shutil import get_terminal_size
 from typing import Annotated, Any, TypeVar
@@ -14,7 +15,7 @@ import typer
 from ..errors import InputError, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
-from ..geometry.ranges import DIRECTION, EPISODE, NOISE, G, Range
+from ..geometry.ranges import DIRECTION, NOISE, G, Range
 from ..geometry.wrench import STANDARD_GRAVITY
 
 Result = TypeVar("Result")
@@ -34,76 +35,14 @@ def number(within: Range, metavar: str, help: str, *names: str) -> Any:
     return typer.Option(*names, metavar=metavar, help=help, callback=checked)
 
 
-RECORDING_HELP = (
-    "Recording: a table (CSV, - on standard input, Parquet, HDF5) with fx..tz and an orientation, or a bag."
-)
-File = Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)]
-Files = Annotated[list[Path] | None, typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared.")]
 OR_ITS = "or the calibration's]"
+"""Of the help of what a calibration tells of its recording."""
 Orientation = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[:COLUMNS]",
         help=f"How the file writes R_base_flange: {', '.join(CONVENTIONS)}, or euler:ZYX:deg. [default: auto, {OR_ITS}",
     ),
-]
-WrenchFrame = Annotated[
-    str | None, typer.Option(metavar="sensor|base", help=f"Axes of the file's wrench. [default: sensor, {OR_ITS}")
-]
-Sign = Annotated[
-    str | None,
-    typer.Option(metavar="pull|reaction", help=f"What acts on the sensor, or its reaction. [default: pull, {OR_ITS}"),
-]
-InverseOrientation = Annotated[
-    bool | None,
-    typer.Option(
-        "--inverse-orientation/--no-inverse-orientation", help=f"The file holds R_flange_base. [default: no, {OR_ITS}"
-    ),
-]
-WrenchFile = Annotated[
-    Path | None,
-    typer.Option("--wrench", metavar="W.csv", help="In place of FILE, with --pose: the table with t and fx..tz."),
-]
-PoseFile = Annotated[
-    Path | None, typer.Option("--pose", metavar="P.csv", help="With --wrench: the table with t and an orientation.")
-]
-WrenchTopic = Annotated[str | None, typer.Option(metavar="TOPIC", help="Of a bag: the wrench. [default: the only one]")]
-PoseTopic = Annotated[str | None, typer.Option(metavar="TOPIC", help="Of a bag: the pose. [default: the only one]")]
-Frames = Annotated[
-    str | None, typer.Option(metavar="BASE,FLANGE", help="Of a bag: the frames of tf between which the pose is.")
-]
-Robot = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME|URDF[:LINK]", help="Of a bag: the arm whose joint angles it has, a known one or a URDF."
-    ),
-]
-WrenchColumns = Annotated[
-    str | None,
-    typer.Option(
-        metavar="A,B,C,D,E,F",
-        help="Of a table: the wrench's six columns, or a slice of a list, as in wrench[0:6].",
-    ),
-]
-TimeColumn = Annotated[
-    str | None, typer.Option(metavar="NAME[:UNIT]", help="Of a table: the column of the times, or none.")
-]
-Units = Annotated[
-    str | None,
-    typer.Option(metavar="force=U,torque=U", help="Of a table: units that no name states, as torque=Nmm."),
-]
-Hdf5 = Annotated[
-    str | None,
-    typer.Option(
-        "--hdf5", metavar="wrench=/PATH,pose=/PATH,time=/PATH", help="Of an HDF5 file: which datasets hold what."
-    ),
-]
-Episode = Annotated[int | None, number(EPISODE, "N", "Of a set of recordings: which one.")]
-BaseFrame = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Of the orientations. [default: what a bag, or --robot, says]")
-]
-AcceptDamaged = Annotated[
-    bool | None, typer.Option("--accept-damaged", help="Of a damaged bag: read what is left of it, and say so.")
 ]
 Gravity = Annotated[
     str | None,
@@ -122,6 +61,13 @@ OUTPUT_HELP = "an existing file is replaced only with --force; - is"
 """Of every output's help."""
 
 DEFAULT_G = STANDARD_GRAVITY
+
+
+def spelled(run: Callable[..., Any], parameters: Collection[Parameter]) -> Callable[..., Any]:
+    """What runs in a verb's place, with the parameters that typer is to see, each by its name."""
+    vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in parameters])
+    run.__annotations__ = {each.name: each.annotation for each in parameters}
+    return run
 
 
 def noise_or_file(text: str, what: str) -> Array | Path:

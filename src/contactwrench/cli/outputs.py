@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, Final, TypeAlias, get_args
 
@@ -55,7 +55,6 @@ def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
     if not outputs:
         return verb
     force = Parameter("force", Parameter.KEYWORD_ONLY, default=False, annotation=options.Force)
-    spelled = [*own.values(), *([] if "force" in own else [force])]
 
     @wraps(verb)
     def run(**values: Any) -> Any:
@@ -70,9 +69,7 @@ def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
         within.run(KEPT.set, _to_be_kept(outputs, values, read))
         return within.run(verb, **{name: values[name] for name in own})
 
-    vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in spelled])
-    run.__annotations__ = {each.name: each.annotation for each in spelled}
-    return run
+    return options.spelled(run, {**own, "force": own.get("force", force)}.values())
 
 
 def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: Mapping[Key, str]) -> set[Path]:

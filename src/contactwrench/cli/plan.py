@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..errors import InputError
 from ..files import STDOUT
 from ..geometry.ranges import JOINT, POSES
-from ..recording.options import Options
 from . import options
 from .outputs import Writes
-from .recordings import Recordings
+from .recordings import Recordings, with_reading_options
 
 if TYPE_CHECKING:
     from ..assess.robot_arms import Reach
 
 
+@with_reading_options
 def plan(
+    *,
     n: Annotated[int, options.number(POSES, "N", "Number of poses.", "-n")] = 6,
     recorded: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Plan the next poses after those in this recording.")
@@ -44,15 +45,7 @@ def plan(
         str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
     ] = "auto",
     json: options.Json = False,
-    orientation: options.Orientation = None,
-    wrench_frame: options.WrenchFrame = None,
-    sign: options.Sign = None,
-    inverse_orientation: options.InverseOrientation = None,
-    wrench_columns: options.WrenchColumns = None,
-    time_column: options.TimeColumn = None,
-    units: options.Units = None,
-    hdf5: options.Hdf5 = None,
-    episode: options.Episode = None,
+    written: Recordings,
     gravity: options.Gravity = None,
 ) -> None:
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
@@ -64,23 +57,10 @@ def plan(
     to_stdout = str(output) == STDOUT
     if json and to_stdout:
         raise InputError("--json and --output - both write to stdout, expected one of them: name a file for --output")
-    of_reading = {
-        "orientation": orientation,
-        "wrench_frame": wrench_frame,
-        "sign": sign,
-        "inverse_orientation": inverse_orientation,
-        "wrench_columns": wrench_columns,
-        "time_column": time_column,
-        "units": units,
-        "hdf5": hdf5,
-        "episode": episode,
-    }
-    stated: dict[str, Any] = {name: value for name, value in of_reading.items() if value is not None}
-    if recorded is None and stated:
-        flags = ", ".join(f"--{name.replace('_', '-')}" for name in stated)
+    if recorded is None and written.stated:
+        flags = ", ".join(f"--{name.replace('_', '-')}" for name in written.stated)
         raise InputError(f"found {flags} and no recording to read so: give --from FILE, or leave them out")
-    how = Options(**stated)
-    samples = None if recorded is None else Recordings((recorded,), how).read()
+    samples = None if recorded is None else written.beside(recorded).read()
     result = choose(
         n,
         expected_tool(samples, model, options.gravity_direction(gravity)),

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
+from ..geometry.ranges import EPISODE
 from ..recording.options import Options
 from ..samples.samples import Samples
 from . import options
@@ -20,27 +23,63 @@ if TYPE_CHECKING:
     from ..calibration.calibration import Calibration
     from ..recording.as_calibrated import AsCalibrated
 
-READING: dict[str, Any] = {
-    "file": options.File,
-    "orientation": options.Orientation,
-    "wrench_frame": options.WrenchFrame,
-    "sign": options.Sign,
-    "inverse_orientation": options.InverseOrientation,
-    "wrench": options.WrenchFile,
-    "pose": options.PoseFile,
-    "wrench_topic": options.WrenchTopic,
-    "pose_topic": options.PoseTopic,
-    "frames": options.Frames,
-    "robot": options.Robot,
-    "wrench_columns": options.WrenchColumns,
-    "time_column": options.TimeColumn,
-    "units": options.Units,
-    "hdf5": options.Hdf5,
-    "episode": options.Episode,
-    "base_frame": options.BaseFrame,
-    "accept_damaged": options.AcceptDamaged,
+
+def _text(metavar: str, help: str, *names: str, kind: type = str) -> Any:
+    """The type of an option of reading that is a text, or a path."""
+    return Annotated[kind | None, typer.Option(*names, metavar=metavar, help=help)]
+
+
+RECORDING_HELP = (
+    "Recording: a table (CSV, - on standard input, Parquet, HDF5) with fx..tz and an orientation, or a bag."
+)
+OF_TABLE: dict[str, Any] = {
+    "wrench_columns": _text(
+        "A,B,C,D,E,F", "Of a table: the wrench's six columns, or a slice of a list, as in wrench[0:6]."
+    ),
+    "time_column": _text("NAME[:UNIT]", "Of a table: the column of the times, or none."),
+    "units": _text("force=U,torque=U", "Of a table: units that no name states, as torque=Nmm."),
+    "hdf5": _text("wrench=/PATH,pose=/PATH,time=/PATH", "Of an HDF5 file: which datasets hold what.", "--hdf5"),
+    "episode": Annotated[int | None, options.number(EPISODE, "N", "Of a set of recordings: which one.")],
 }
-"""Which recording, and how it is read: None is not stated."""
+OF_MEANING: dict[str, Any] = {
+    "orientation": options.Orientation,
+    "wrench_frame": _text("sensor|base", f"Axes of the file's wrench. [default: sensor, {options.OR_ITS}"),
+    "sign": _text("pull|reaction", f"What acts on the sensor, or its reaction. [default: pull, {options.OR_ITS}"),
+    "inverse_orientation": Annotated[
+        bool | None,
+        typer.Option(
+            "--inverse-orientation/--no-inverse-orientation",
+            help=f"The file holds R_flange_base. [default: no, {options.OR_ITS}",
+        ),
+    ],
+}
+OF_ANY: dict[str, Any] = {
+    **OF_MEANING,
+    "wrench": _text("W.csv", "In place of FILE, with --pose: the table with t and fx..tz.", "--wrench", kind=Path),
+    "pose": _text("P.csv", "With --wrench: the table with t and an orientation.", "--pose", kind=Path),
+    "wrench_topic": _text("TOPIC", "Of a bag: the wrench. [default: the only one]"),
+    "pose_topic": _text("TOPIC", "Of a bag: the pose. [default: the only one]"),
+    "frames": _text("BASE,FLANGE", "Of a bag: the frames of tf between which the pose is."),
+    "robot": _text("NAME|URDF[:LINK]", "Of a bag: the arm whose joint angles it has, a known one or a URDF."),
+    **OF_TABLE,
+    "base_frame": _text("NAME", "Of the orientations. [default: what a bag, or --robot, says]"),
+    "accept_damaged": Annotated[
+        bool | None, typer.Option("--accept-damaged", help="Of a damaged bag: read what is left of it, and say so.")
+    ],
+}
+READING: dict[str, dict[str, Any]] = {
+    "recording": {"file": Annotated[Path | None, typer.Argument(metavar="FILE", help=RECORDING_HELP)], **OF_ANY},
+    "recordings": {
+        "file": Annotated[
+            list[Path] | None, typer.Argument(metavar="FILE", help=f"{RECORDING_HELP} Several with --shared.")
+        ],
+        **OF_ANY,
+    },
+    "written": {**OF_MEANING, **OF_TABLE},
+}
+"""What a parameter of a verb stands for, by its name: which recording, or several, and how it is read, or only how a
+table is that another option names. None is not stated.
+"""
 
 
 @dataclass(frozen=True)
@@ -51,7 +90,7 @@ class Recordings:
 
     files: tuple[Path, ...]
     options: Options
-    stated: frozenset[str] = frozenset()
+    stated: tuple[str, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -79,32 +118,30 @@ class Recordings:
 
 
 def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb whose parameter `recording`, or `recordings`, is spelled out for typer: FILE, one or several, and the
-    options that say how it is written.
-    """
+    """A verb whose parameter of one of the names in `READING` is spelled out for typer."""
     own = signature(verb, eval_str=True).parameters
-    name = "recordings" if "recordings" in own else "recording"
-    annotations = {**READING, "file": options.Files if name == "recordings" else options.File}
+    name = next(iter(own.keys() & READING.keys()))
     reading = [
-        Parameter(option, Parameter.KEYWORD_ONLY, default=None, annotation=annotations[option]) for option in READING
+        Parameter(option, Parameter.KEYWORD_ONLY, default=None, annotation=of) for option, of in READING[name].items()
     ]
 
     @wraps(verb)
     def run(**values: Any) -> Any:
-        recordings = _recordings(**{option: values.pop(option) for option in READING})
-        if not recordings.files:
+        recordings = _recordings(**{option: values.pop(option) for option in READING[name]})
+        if "file" in READING[name] and not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
         result = verb(**values, **{name: recordings})
         options.note_ends(*recordings.files, recordings.options.pose_file)
         return result
 
-    spelled = [each for own_one in own.values() for each in (reading if own_one.name == name else [own_one])]
-    vars(run)["__signature__"] = Signature([each.replace(kind=Parameter.KEYWORD_ONLY) for each in spelled])
-    run.__annotations__ = {each.name: each.annotation for each in spelled}
-    return run
+    return options.spelled(
+        run, [each for own_one in own.values() for each in (reading if own_one.name == name else [own_one])]
+    )
 
 
-def _recordings(*, file: Any, wrench: Path | None, pose: Path | None, frames: str | None, **others: Any) -> Recordings:
+def _recordings(
+    *, file: Any = None, wrench: Path | None = None, pose: Path | None = None, frames: str | None = None, **others: Any
+) -> Recordings:
     others |= {"frames": None if frames is None else _two_names(frames), "pose_file": pose}
     stated = {name: value for name, value in others.items() if value is not None}
     how = Options(**stated)
@@ -117,9 +154,9 @@ def _recordings(*, file: Any, wrench: Path | None, pose: Path | None, frames: st
         other = "--pose" if named == ["--wrench"] else "--wrench"
         raise InputError(f"found {named[0]} without {other}, expected both: add {other}, or give one FILE with all")
     if wrench is not None:
-        return Recordings((wrench,), how, frozenset(stated))
+        return Recordings((wrench,), how, tuple(stated))
     files = tuple(file) if isinstance(file, list) else () if file is None else (file,)
-    return Recordings(files, how, frozenset(stated))
+    return Recordings(files, how, tuple(stated))
 
 
 def _two_names(text: str) -> tuple[str, str]:
