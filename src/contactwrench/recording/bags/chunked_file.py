@@ -11,9 +11,11 @@ from array import array
 from bisect import bisect
 from collections import Counter
 from collections.abc import Iterator, Set
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, BinaryIO
+from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 
 from ...errors import FileFormatError
 from ..damage import Damage
-from .chunks import LATEST, NOTHING, Logged, Topic, in_order
+from .chunks import LATEST, NOTHING, Connection, Logged, in_order
 
 INDEX = np.dtype([("connection", "i8"), ("stamp", "u8"), ("place", "i8")])
 """What the index of a chunk says of a message: also where in the chunk its record is."""
@@ -60,26 +62,23 @@ class Chunk:
 
 
 class ChunkedFile(ABC):
-    """A file that keeps messages in chunks: its topics by the number of each connection, and how many messages that
-    has, as the file says itself. `said`: what its index says of the chunk at each place.
+    """A file that keeps messages in chunks, a `Source`: `counts` are as the file says itself. `said`: what its index
+    says of the chunk at each place. Open as long as `files`.
 
     Raises `ValueError` for what is no such file, and `FileFormatError` for damage that is not accepted, and for what
     would cost too much.
     """
 
-    def __init__(self, file: BinaryIO, damage: Damage) -> None:
-        self.file, self.damage, self.size = file, damage, file.seek(0, 2)
+    def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
+        self.file, self.damage = files.enter_context(path.open("rb")), damage
+        self.size = self.file.seek(0, 2)
         self.most = FREE + DENSEST * self.size
         self.chunks: list[Chunk] = []
         self.said: dict[int, Any] = {}
-        self.topics: dict[int, Topic] = {}
+        self.connections: dict[int, Connection] = {}
         self.counts: dict[int, int] = {}
         if not self.size:
-            raise ValueError(f"File {file.name!r} seems to be empty")
-
-    @abstractmethod
-    def connections(self) -> list[Any]:
-        """The connections, as rosbags calls their parts."""
+            raise ValueError(f"File {str(path)!r} seems to be empty")
 
     @abstractmethod
     def _take(self, place: int, end: int) -> int:
@@ -113,10 +112,9 @@ class ChunkedFile(ABC):
         return self.chunks[0].compression if self.chunks else ""
 
     def span(self) -> tuple[int, int]:
-        """When the first message was recorded, and how long all of them took, ns."""
+        """As of `Source`."""
         known = [chunk for chunk in self.chunks if chunk.start <= chunk.stop < LATEST]
-        start = min((chunk.start for chunk in known), default=0)
-        return start, max((chunk.stop + 1 for chunk in known), default=start) - start
+        return min((chunk.start for chunk in known), default=0), max((chunk.stop + 1 for chunk in known), default=0)
 
     def logged(self, numbers: Set[int]) -> Iterator[Logged]:
         """What some connections recorded; at the end it is held against the counts."""
@@ -127,8 +125,8 @@ class ChunkedFile(ABC):
             read.update(_counted(some))
             yield some
         for number in sorted(numbers):
-            found, count = read[number], self.counts.get(number, 0)
-            self._require(found == count, f"{found} messages of {self.topics[number].name}", f"the {count} it counts")
+            name, found, count = self.connections[number].topic.name, read[number], self.counts.get(number, 0)
+            self._require(found == count, f"{found} messages of {name}", f"the {count} it counts")
 
     def _bytes(self, place: int, length: int) -> bytes:
         self.file.seek(place)
@@ -144,8 +142,8 @@ class ChunkedFile(ABC):
         self.chunks.append(chunk)
 
     def _require_bounded(self) -> None:
-        stated = sum(chunk.size for chunk in self.chunks)
-        for found, limit, what in ((stated, self.most, "bytes in chunks"), (len(self.topics), MOST_TOPICS, "topics")):
+        stated, topics = sum(chunk.size for chunk in self.chunks), len(self.connections)
+        for found, limit, what in ((stated, self.most, "bytes in chunks"), (topics, MOST_TOPICS, "topics")):
             if found > limit:
                 raise FileFormatError(
                     f"{self.damage.source}: found {found} {what}, expected at most {limit} in a file of {self.size} "
@@ -203,7 +201,7 @@ class ChunkedFile(ABC):
             same = same and np.array_equal(index["stamp"].astype(np.int64), every.stamp)
             held = f"the {len(index)} of its index, where and when it says"
             self._require(same, f"{len(places)} messages in {where}", held)
-        possible, known = (every.stamp >= 0) & (every.stamp < LATEST), np.isin(every.connection, list(self.topics))
+        possible, known = (every.stamp >= 0) & (every.stamp < LATEST), np.isin(every.connection, list(self.connections))
         late = np.sum(~possible)
         self._require(not late, f"{late} messages in {where} at impossible times", "times from 1970 to 2262")
         self._require(bool(known.all()), f"messages of undefined topics in {where}", "a definition of each")

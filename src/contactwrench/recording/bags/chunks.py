@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from operator import itemgetter
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,24 +66,31 @@ class Logged:
 NOTHING = Logged(np.empty(0, LOG), joined([]))
 
 
-class Source(Protocol):
-    """A file of messages: its topics by the number of each connection."""
+@dataclass(frozen=True)
+class Connection:
+    """What one publisher of a topic, or all of them, recorded: the definition of its type, in IDL or in ROS' own
+    language, empty where there is none; the hash of that, where it is written; and what else rosbags is to be told to
+    write the like, by its names.
+    """
 
-    topics: dict[int, Topic]
+    topic: Topic
+    definition: str
+    is_idl: bool
+    digest: str
+    details: dict[str, Any]
+
+
+class Source(Protocol):
+    """A file of messages: its connections, and how many messages each has, by their numbers."""
+
+    connections: dict[int, Connection]
+    counts: dict[int, int]
+
+    def span(self) -> tuple[int, int]:
+        """When the first message was recorded, and when the last was done, ns."""
 
     def logged(self, numbers: Set[int]) -> Iterator[Logged]:
         """What the connections of some numbers recorded, in order, some at a time."""
-
-
-class Part(NamedTuple):
-    """A file of a recording: its connections, as rosbags names their parts, its messages, and when the first was
-    recorded and how long all of them took, ns.
-    """
-
-    connections: tuple[Any, ...]
-    source: Source
-    start: int
-    duration: int
 
 
 def in_order(starts: Sequence[int], chunks: Iterable[Logged]) -> Iterator[Logged]:

@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import FileAccessError, FileFormatError, InputError
 from ...files import identity, new_place
 from ...geometry.arrays import Array
-from .chunks import Logged, Source, Topic
+from .chunks import Connection, Logged, Source, Topic
 from .folder import METADATA, plain_yaml
 from .mcap import Mcap
 from .message_layout import typestore
@@ -107,8 +107,8 @@ def _copied(bag: Bag, topic: Topic, wrenches: Iterable[Array], frame: str | None
 
     def records(source: Source) -> Iterator[Record]:
         nonlocal count
-        numbers = [number for number, other in source.topics.items() if other == topic]
-        for logged in logged_in(bag, source, source.topics):
+        numbers = [number for number, connection in source.connections.items() if connection.topic == topic]
+        for logged in logged_in(bag, source, source.connections):
             readings = np.flatnonzero(np.isin(logged.log["connection"], numbers))
             values = np.array(list(islice(rows, len(readings)))).reshape(-1, 6)
             if len(values) < len(readings):
@@ -199,32 +199,34 @@ def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Top
 def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: str, copied: Copied) -> None:
     """Write every message of a `.bag`, of sqlite3, or of MCAP files that are packed."""
     with new_bag(path_out, kind, mcap=bool(bag.mcaps), compression=bag.compression) as writer:
-        connections: dict[int | Topic, Any] = {}
-        publishers: dict[tuple[Topic, str], Any] = {}
+        made: dict[tuple[Topic, str], Any] = {}
         for connection in bag.connections:
-            known = Topic(connection.topic, connection.msgtype)
-            publisher = (known, repr(connection.ext) if bag.ros1 else "")
-            if publisher not in publishers:
-                details = _definition(bag, connection) | connection.ext._asdict() | _quality(bag, connection)
-                publishers[publisher] = writer.add_connection(known.name, known.type, **details)
-            connections[connection.id if bag.ros1 else known] = publishers[publisher]
-        like = next(c for c in bag.connections if Topic(c.topic, c.msgtype) == topic)
+            if _publisher(bag, connection) not in made:
+                known = connection.topic
+                details = _definition(bag, connection) | connection.details | _quality(bag, connection)
+                made[_publisher(bag, connection)] = writer.add_connection(known.name, known.type, **details)
+        like = next(connection for connection in bag.connections if connection.topic == topic)
         contact = writer.add_connection(name, WRENCH_STAMPED, typestore=typestore(bag.ros1), **_quality(bag, like))
         for source, records in copied:
-            into = {number: connections[number if bag.ros1 else of] for number, of in source.topics.items()}
+            into = {number: made[_publisher(bag, each)] for number, each in source.connections.items()}
             into[CONTACT_WRENCH] = contact
             for number, _, stamp, _, payload in records:
                 writer.write(into[number], stamp, payload)
 
 
-def _quality(bag: Bag, connection: Any) -> dict[str, Any]:
+def _publisher(bag: Bag, connection: Connection) -> tuple[Topic, str]:
+    """In ROS 1 each of a topic is on its own; in ROS 2 they are one."""
+    return connection.topic, repr(connection.details) if bag.ros1 else ""
+
+
+def _quality(bag: Bag, connection: Connection) -> dict[str, Any]:
     """The quality of service of a topic in ROS 2, which its files have as text."""
     if bag.ros1:
         return {}
     from rosbags.rosbag2.metadata import parse_qos
 
     with one_line_errors(bag.path):
-        return {"offered_qos_profiles": parse_qos(plain_yaml(connection.ext.offered_qos_profiles))}
+        return {"offered_qos_profiles": parse_qos(plain_yaml(connection.details["offered_qos_profiles"]))}
 
 
 def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, counts: dict[str, int]) -> None:
@@ -250,21 +252,21 @@ def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, cou
         yaml.dump(content, written)
 
 
-def _definition(bag: Bag, connection: Any) -> dict[str, Any]:
+def _definition(bag: Bag, connection: Connection) -> dict[str, Any]:
     """The definition and its hash: as they are, computed where the hash is not written, those of ROS where there is no
     definition, and else those of a type without fields.
     """
     from rosbags.typesys import Stores, get_typestore
 
-    text, digest = connection.msgdef.data, connection.digest
+    text, digest, msgtype = connection.definition, connection.digest, connection.topic.type
     if bag.ros1:
         return {"msgdef": text, "md5sum": digest}
     if not (text and digest):
         store = get_typestore(Stores.EMPTY)
         try:
-            store.register(definitions(bag, connection.msgtype))
+            store.register(definitions(bag, msgtype))
         except FileFormatError:
-            store.register({connection.msgtype: ([], [])})
-        text = text or store.generate_msgdef(connection.msgtype, ros_version=2)[0]
-        digest = digest or store.hash_rihs01(connection.msgtype)
+            store.register({msgtype: ([], [])})
+        text = text or store.generate_msgdef(msgtype, ros_version=2)[0]
+        digest = digest or store.hash_rihs01(msgtype)
     return {"msgdef": text, "rihs01": digest}

@@ -13,7 +13,7 @@ from typing import Any
 
 from ...errors import FileFormatError
 from ..damage import Damage
-from .chunks import Logged, Part, Source
+from .chunks import Logged, Source
 from .message_layout import joined
 
 METADATA = "metadata.yaml"
@@ -114,19 +114,20 @@ def files_of(folder: Path, said: Metadata) -> list[Path]:
     return files
 
 
-def hold(said: Metadata, files: Sequence[Path], parts: Sequence[Part], damage: Damage) -> None:
+def hold(said: Metadata, files: Sequence[Path], sources: Sequence[Source], damage: Damage) -> None:
     """Hold what a folder says of its messages against its files."""
     stated, found = Counter({"messages": said.message_count}), Counter({"messages": 0})
     for one in said.topics_with_message_count:
         stated[f"messages of {one.topic_metadata.name}"] += one.message_count
-    for connection in (connection for part in parts for connection in part.connections):
-        found["messages"] += connection.msgcount
-        found[f"messages of {connection.topic}"] += connection.msgcount
+    for source in sources:
+        for number, connection in source.connections.items():
+            found["messages"] += source.counts.get(number, 0)
+            found[f"messages of {connection.topic.name}"] += source.counts.get(number, 0)
     if said.files:
         stated["files"], found["files"] = len(said.files), len(files)
-        for file, part, of_file in zip(files, parts, said.files, strict=False):
+        for file, source, of_file in zip(files, sources, said.files, strict=False):
             stated[f"messages in {file.name}"] = of_file.message_count
-            found[f"messages in {file.name}"] = sum(connection.msgcount for connection in part.connections)
+            found[f"messages in {file.name}"] = sum(source.counts.get(number, 0) for number in source.connections)
     for what in stated | found:
         if stated[what] != found[what]:
             damage.found(f"{found[what]} {what}", f"{stated[what]} as in {METADATA}")
@@ -147,7 +148,8 @@ class PackedMessages:
     """The messages of a file in which each is packed by itself."""
 
     def __init__(self, source: Source, file: Path) -> None:
-        self.topics, self._source, self._most = source.topics, source, MOST_UNPACKED * file.stat().st_size
+        self.connections, self.counts, self.span = source.connections, source.counts, source.span
+        self._source, self._most = source, MOST_UNPACKED * file.stat().st_size
 
     def logged(self, numbers: Set[int]) -> Iterator[Logged]:
         """As of `Source`. Raises `ValueError` as `unpacked`."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from io import BytesIO
+from pathlib import Path
 from struct import Struct
-from typing import Any, BinaryIO
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..damage import Damage
 from .chunked_file import INDEX, Chunk, ChunkedFile, UnreadableError
-from .chunks import LOG, Logged, Topic
+from .chunks import LOG, Connection, Logged, Topic
 from .message_layout import Raw
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -35,8 +37,8 @@ RUN = 2**20
 class Mcap(ChunkedFile):
     """An MCAP of ROS 2: also its header, and its schemas and channels by number."""
 
-    def __init__(self, file: BinaryIO, damage: Damage) -> None:
-        super().__init__(file, damage)
+    def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
+        super().__init__(path, files, damage)
         self.header: Any = None
         self.statistics: Any = None
         self.definitions: dict[int, dict[int, Any]] = {SCHEMA: {}, CHANNEL: {}}
@@ -58,24 +60,6 @@ class Mcap(ChunkedFile):
                 yield _parsed(kind, content)
             except UnreadableError as error:
                 self.damage.found(f"a record at byte {place} unreadable ({error})", "a whole one")
-
-    def connections(self) -> list[Any]:
-        """As of `ChunkedFile`."""
-        from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
-
-        known = []
-        for number, topic in sorted(self.topics.items()):
-            channel = self.channels[number]
-            schema = self.schemas.get(channel.schema_id)
-            form, text = MessageDefinitionFormat.NONE, ""
-            if schema is not None and schema.encoding:
-                form = MessageDefinitionFormat.MSG if schema.encoding == "ros2msg" else MessageDefinitionFormat.IDL
-                text = schema.data.decode()
-            quality: Any = channel.metadata.get("offered_qos_profiles", "")
-            details, count = ConnectionExtRosbag2(channel.message_encoding, quality), self.counts.get(number, 0)
-            definition = MessageDefinition(form, text)
-            known.append(Connection(number, topic.name, topic.type, definition, "", count, details, self))
-        return known
 
     def _read_summary(self) -> int:
         """Where the data ends, by the footer; the summary behind it is noted."""
@@ -187,12 +171,22 @@ class Mcap(ChunkedFile):
                 ("metadata", len(self.others[METADATA]), said.metadata_count),
             ):
                 self._require(found == stated, f"{found} {name}", f"the {stated} that it counts")
-        for number, channel in self.channels.items():
-            schema = self.schemas.get(channel.schema_id)
-            known = schema is not None or channel.schema_id == 0
+        for channel in self.channels.values():
+            known = channel.schema_id in self.schemas or channel.schema_id == 0
             self._require(known, f"no schema {channel.schema_id} of {channel.topic}", "one")
-            self.topics[number] = Topic(channel.topic, schema.name if schema is not None else "")
+        self.connections = {number: self._connection(channel) for number, channel in sorted(self.channels.items())}
         self._require_bounded()
+
+    def _connection(self, channel: Any) -> Connection:
+        """What is known of a channel so far: its schema may come later."""
+        schema = self.schemas.get(channel.schema_id)
+        name, encoding, text = ("", "", b"") if schema is None else (schema.name, schema.encoding, schema.data)
+        details = {
+            "serialization_format": channel.message_encoding,
+            "offered_qos_profiles": channel.metadata.get("offered_qos_profiles", ""),
+        }
+        topic, is_idl = Topic(channel.topic, name), encoding != "ros2msg"
+        return Connection(topic, text.decode() if encoding else "", is_idl, "", details)
 
     def _define(self, code: int, content: bytes) -> None:
         """Note a schema or a channel, which may come again and again."""
@@ -206,7 +200,7 @@ class Mcap(ChunkedFile):
         self._require(alike, f"two definitions of {kind.__name__.lower()} {record.id}", "one")
         self._seen.add((code, content))
         if code == CHANNEL:
-            self.topics.setdefault(record.id, Topic(record.topic, ""))
+            self.connections.setdefault(record.id, self._connection(record))
 
     def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
         parts = []

@@ -67,18 +67,16 @@ def definitions(bag: Bag, msgtype: str) -> Fields:
     Raises:
         FileFormatError: there is none, or it cannot be understood.
     """
-    from rosbags.interfaces import MessageDefinitionFormat
-
-    defined = [c.msgdef for c in bag.connections if c.msgtype == msgtype and c.msgdef.data.strip()]
-    if not defined:
+    defined = next((c for c in bag.connections if c.topic.type == msgtype and c.definition.strip()), None)
+    if defined is None:
         of_ros: Fields = typestore(bag.ros1).fielddefs
         if msgtype not in of_ros:
             raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
         return of_ros
     try:
-        if len(defined[0].data) > LONGEST_DEFINITION:
+        if len(defined.definition) > LONGEST_DEFINITION:
             raise ValueError(f"more than {LONGEST_DEFINITION} characters")
-        return types_defined(msgtype, defined[0].data, defined[0].format == MessageDefinitionFormat.IDL, bag.ros1)
+        return types_defined(msgtype, defined.definition, defined.is_idl, bag.ros1)
     except Exception as error:  # whatever rosbags' parser stumbles over
         reason = " ".join(str(error).split())[:100]
         raise FileFormatError(

@@ -1,17 +1,18 @@
 """ROS bags opened, with no ROS: `.bag`, `.mcap`, `.db3`, and the folder that ROS 2 writes.
 
-rosbags raises whatever a damaged file makes it stumble over; here each becomes one line that names the file.
+Whatever a damaged file makes the readers stumble over becomes one line that names the file.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,30 +21,35 @@ from ...errors import ContactWrenchError, FileAccessError, FileFormatError, Miss
 from ...files import open_bytes
 from ...geometry.arrays import Array
 from ..damage import Damage
-from .chunks import Logged, Part, Source, Topic
+from .chunks import Connection, Logged, Source, Topic
 from .folder import METADATA, PackedMessages, files_of, hold, metadata, unpacked
 from .mcap import Mcap
 from .ros1 import Ros1Bag
-from .sqlite import sqlite_part
+from .sqlite import Sqlite
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
 KINDS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "ROS 2 sqlite3 bag", "": "ROS 2 bag folder"}
 
-CHUNKED: dict[str, type[Ros1Bag] | type[Mcap]] = {".bag": Ros1Bag, ".mcap": Mcap}
+READERS: dict[str, Callable[[Path, ExitStack, Damage], Source]] = {
+    ".bag": Ros1Bag,
+    ".mcap": Mcap,
+    "mcap": Mcap,
+    ".db3": Sqlite,
+    "sqlite3": Sqlite,
+}
+"""By the suffix of a file, or by what a folder says of its files."""
 
 Messages: TypeAlias = dict[Topic, Logged]
 
 
 @dataclass(frozen=True, eq=False)
 class Bag:
-    """An open bag: its connections, one a publisher, as rosbags names their parts; the files of its messages, and of
-    these the `mcaps`; when the first was recorded, and how long all of them took, s; how it is compressed, in the words
-    of `new_bag`; and its damage so far.
+    """An open bag: the files of its messages, and of these the `mcaps`; when the first was recorded, and how long all
+    of them took, s; how it is compressed, in the words of `new_bag`; and its damage so far.
     """
 
     path: Path
     ros1: bool
-    connections: tuple[Any, ...]
     sources: tuple[Source, ...]
     mcaps: tuple[Path, ...]
     start: float
@@ -52,13 +58,18 @@ class Bag:
     damage: Damage
 
     @property
+    def connections(self) -> list[Connection]:
+        """Those of all files, one a publisher or a topic."""
+        return [connection for source in self.sources for connection in source.connections.values()]
+
+    @property
     def counts(self) -> dict[Topic, int]:
         """How many messages each topic has, by name."""
-        counts: dict[Topic, int] = {}
-        for c in sorted(self.connections, key=lambda connection: str(connection.topic)):
-            topic = Topic(c.topic, c.msgtype)
-            counts[topic] = counts.get(topic, 0) + c.msgcount
-        return counts
+        counts: Counter[Topic] = Counter()
+        for source in self.sources:
+            for number, connection in source.connections.items():
+                counts[connection.topic] += source.counts.get(number, 0)
+        return dict(sorted(counts.items(), key=lambda item: item[0].name))
 
 
 def seconds(ns: NDArray[np.int64] | np.int64) -> Array:
@@ -115,10 +126,7 @@ def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Ba
     damage = Damage(str(path), accept_damaged)
     with ExitStack() as files:
         with one_line_errors(path):
-            if kind in CHUNKED:
-                bag = _of_chunks(path, CHUNKED[kind](files.enter_context(path.open("rb")), damage))
-            else:
-                bag = _of_ros2(path, files, damage)
+            bag = _opened(path, kind, files, damage)
         yield bag
 
 
@@ -142,7 +150,7 @@ def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:
     """
     wanted = set(topics)
     for source in bag.sources:
-        chosen = {number: topic for number, topic in source.topics.items() if topic in wanted}
+        chosen = {number: each.topic for number, each in source.connections.items() if each.topic in wanted}
         for logged in logged_in(bag, source, chosen):
             by_topic: dict[Topic, list[int]] = {}
             for number in np.unique(logged.connection).tolist():
@@ -167,7 +175,7 @@ def part_read(bag: Bag, parts: Messages) -> float:
 
 @contextmanager
 def one_line_errors(path: Path) -> Iterator[None]:
-    """Whatever rosbags, and the libraries under it, raise for a file becomes `FileFormatError`."""
+    """Whatever the readers, and the libraries under them, raise for a file becomes `FileFormatError`."""
     try:
         yield
     except ContactWrenchError:
@@ -188,53 +196,22 @@ def one_line_errors(path: Path) -> Iterator[None]:
         ) from None
 
 
-def _require_closed(file: Path) -> None:
-    """Raise `FileFormatError` for sqlite3 of which the last part is in a file of its own: it is read without."""
-    for rest in (file.with_name(f"{file.name}{end}") for end in ("-wal", "-journal")):
-        if os.path.isfile(rest) and np.fromfile(rest, np.uint8, 1).any():  # one that is done with begins with zeros
-            raise FileFormatError(
-                f"{file}: found {rest.name} with messages beside it, expected a recording that was closed: join them "
-                f"with sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
-            )
-
-
-def _of_chunks(path: Path, file: Ros1Bag | Mcap) -> Bag:
-    """A file whose messages are in chunks: it says of itself what rosbags would."""
-    (start, duration), ros1 = file.span(), isinstance(file, Ros1Bag)
-    how, mcaps = (file.compression, ()) if ros1 else ("", (path,))
-    return Bag(path, ros1, tuple(file.connections()), (file,), mcaps, _s(start), 1e-9 * duration, how, file.damage)
-
-
-def _of_ros2(path: Path, files: ExitStack, damage: Damage) -> Bag:
-    said = metadata(path) if os.path.isdir(path) else None
+def _opened(path: Path, kind: str, files: ExitStack, damage: Damage) -> Bag:
+    """A file, or those of a folder, held against what that says of them."""
+    said = None if kind else metadata(path)
     named, packed = ([path], "") if said is None else (files_of(path, said), said.packed)
-    is_mcap = said is not None and said.storage_identifier == "mcap"
+    reader = READERS[kind if said is None else said.storage_identifier]
     whole = named
     if packed == "file":
         folder = Path(files.enter_context(TemporaryDirectory()))
         whole = [unpacked(file, folder) for file in named]
-    parts = [(_mcap_part if is_mcap else _sqlite_part)(file, files, damage) for file in whole]
+    sources: list[Source] = [reader(file, files, damage) for file in whole]
     if said is not None:
-        hold(said, named, parts, damage)
-    connections = tuple(connection for part in parts for connection in part.connections)
-    sources: tuple[Source, ...] = tuple(part.source for part in parts)
+        hold(said, named, sources, damage)
     if packed == "message":
-        sources = tuple(PackedMessages(source, file) for source, file in zip(sources, named, strict=True))
-    spans = [(part.start, part.start + part.duration) for part in parts if any(c.msgcount for c in part.connections)]
-    start, end = (min(first for first, _ in spans), max(last for _, last in spans)) if spans else (0, 0)
-    mcaps = tuple(named) if is_mcap else ()
-    return Bag(path, False, connections, sources, mcaps, _s(start), 1e-9 * (end - start), packed, damage)
-
-
-def _sqlite_part(path: Path, files: ExitStack, damage: Damage) -> Part:
-    _require_closed(path)
-    return sqlite_part(path, files, damage)
-
-
-def _mcap_part(path: Path, files: ExitStack, damage: Damage) -> Part:
-    file = Mcap(files.enter_context(path.open("rb")), damage)
-    return Part(tuple(file.connections()), file, *file.span())
-
-
-def _s(ns: int) -> float:
-    return float(seconds(np.int64(ns)))
+        sources = [PackedMessages(source, file) for source, file in zip(sources, named, strict=True)]
+    spans = [source.span() for source in sources if any(source.counts.values())] or [(0, 0)]
+    start, end = min(first for first, _ in spans), max(last for _, last in spans)
+    began, mcaps = float(seconds(np.int64(start))), tuple(named) if reader is Mcap else ()
+    how = next((source.compression for source in sources if isinstance(source, Ros1Bag)), packed)
+    return Bag(path, kind == ".bag", tuple(sources), mcaps, began, 1e-9 * (end - start), how, damage)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any, BinaryIO, TypeAlias
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..damage import Damage
 from .chunked_file import INDEX, Chunk, ChunkedFile, UnreadableError
-from .chunks import LOG, Logged, Topic
+from .chunks import LOG, Connection, Logged, Topic
 from .message_layout import Raw
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -28,11 +30,10 @@ Fields: TypeAlias = "dict[str, bytes]"
 
 
 class Ros1Bag(ChunkedFile):
-    """A bag of ROS 1: `known` are its connections by number, as rosbags calls their parts."""
+    """A bag of ROS 1."""
 
-    def __init__(self, file: BinaryIO, damage: Damage) -> None:
-        super().__init__(file, damage)
-        self.known: dict[int, Any] = {}
+    def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
+        super().__init__(path, files, damage)
         magic = self._bytes(0, len(MAGIC))
         if not magic.startswith(b"#ROSBAG V"):
             raise ValueError("File magic is invalid")
@@ -53,10 +54,6 @@ class Ros1Bag(ChunkedFile):
         self._read(end, self.size)
         self._read(start, end)
         self._hold_index(head)
-
-    def connections(self) -> list[Any]:
-        """As of `ChunkedFile`."""
-        return [known._replace(msgcount=self.counts.get(number, 0)) for number, known in self.known.items()]
 
     def _record(self, place: int, end: int) -> tuple[Fields, int, int]:
         """The head of a record, and where its data lies."""
@@ -114,35 +111,31 @@ class Ros1Bag(ChunkedFile):
         counts: Counter[int] = Counter()
         for info in self.said.values():
             counts.update(info[2] if info else {})
-        for name, found in (("conn_count", self.known), ("chunk_count", self.said), ("chunk_count", self.chunks)):
+        for name, found in (("conn_count", self.connections), ("chunk_count", self.said), ("chunk_count", self.chunks)):
             stated = int.from_bytes(head.get(name, b""), "little")
             self._require(len(found) == stated, f"{len(found)} for its {name}", f"the {stated} that it states")
         self._hold_chunks()
-        if not counts or not counts.keys() <= self.known.keys():
+        if not counts or not counts.keys() <= self.connections.keys():
             self._scan()
         self.counts = dict(counts) or self.counts
         self._require_bounded()
 
     def _define(self, fields: Fields, data: bytes) -> None:
         """Note a connection, which may come again and again."""
-        from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
-
         try:
             about = {name: value.decode() for name, value in _fields(data).items()}
             package, _, name = about["type"].rpartition("/")
             latching = about.get("latching")
             topic = "/".join(part for part in fields["topic"].decode().split("/") if part)
             topic = "/" * fields["topic"].startswith(b"/") + topic
-            definition = MessageDefinition(MessageDefinitionFormat.MSG, about["message_definition"])
-            details = ConnectionExtRosbag1(about.get("callerid"), int(latching) if latching else None)
+            details = {"callerid": about.get("callerid"), "latching": int(latching) if latching else None}
             msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
-            number, digest = _uint(fields["conn"], 4), about["md5sum"]
+            known = Connection(Topic(topic, msgtype), about["message_definition"], False, about["md5sum"], details)
+            number = _uint(fields["conn"], 4)
         except (KeyError, ValueError) as error:
             raise UnreadableError(f"a connection without {error}") from None
-        known = Connection(number, topic, msgtype, definition, digest, 0, details, self)
-        if self.known.setdefault(number, known) != known:
-            self.damage.found(f"two definitions of connection {number}", "one")
-        self.topics.setdefault(number, Topic(topic, msgtype))
+        alike = self.connections.setdefault(number, known) == known
+        self._require(alike, f"two definitions of connection {number}", "one")
 
     def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
         parts = []

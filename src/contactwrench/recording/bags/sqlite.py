@@ -8,6 +8,7 @@ rosbag2_storage_sqlite3; later versions have more columns, and a table of defini
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator, Set
@@ -15,12 +16,13 @@ from contextlib import ExitStack
 from dataclasses import MISSING, dataclass, fields
 from itertools import count
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 
+from ...errors import FileFormatError
 from ..damage import Damage
-from .chunks import AT_ONCE, LOG, Logged, Part, Topic
+from .chunks import AT_ONCE, LOG, Connection, Logged, Topic
 from .message_layout import joined
 
 SAFE = ("trusted_schema = OFF", "query_only = ON", "cell_size_check = ON")
@@ -66,47 +68,37 @@ class _DefinitionRow:
 _Row = TypeVar("_Row", _TopicRow, _DefinitionRow)
 
 
-def sqlite_part(path: Path, files: ExitStack, damage: Damage) -> Part:
-    """A `.db3`, open as long as `files`.
+class Sqlite:
+    """A `.db3`, a `Source`, open as long as `files`: the messages by the index of stamps, where there is one, and by
+    the table; what differs is damage.
 
-    Raises `FileFormatError` for damage that is not accepted, and `ValueError`, `OSError` or `sqlite3.Error` for what is
-    no such file.
+    Raises `FileFormatError` for damage that is not accepted and for a part in another file, and `ValueError`, `OSError`
+    or `sqlite3.Error` for what is no such file.
     """
-    from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
-    base = _Base(path, files)
-    topics = base.table("topics", _TopicRow)
-    base.stored("messages", ("topic_id", "timestamp", "data"))
-    ((every, first, last, longest, length),) = base.all(ALL)
-    if length > base.size:
-        raise ValueError(f"more bytes in its messages than the {base.size} that it has")
-    counted = dict(base.all(BY_TOPIC))
-    if lost := every - sum(counted.get(row.id, 0) for row in topics):
-        damage.found(f"{lost} rows of other types or of no topic in it", "messages: a topic, a stamp and bytes")
-    formats = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
-    definitions: dict[str, Any] = {}
-    for defined in base.table("message_definitions", _DefinitionRow) if base.stored("message_definitions") else ():
-        if defined.encoding in formats:
-            text = MessageDefinition(formats[defined.encoding], defined.encoded_message_definition)
-            definitions.setdefault(defined.topic_type, text)
-    none = MessageDefinition(MessageDefinitionFormat.NONE, "")
-    connections = []
-    for row in topics:
-        digest = row.type_description_hash if row.type in definitions else ""
-        written = (row.id, row.name, row.type, definitions.get(row.type, none), digest)
-        details: Any = ConnectionExtRosbag2(row.serialization_format, cast(Any, row.offered_qos_profiles))
-        connections.append(Connection(*written, counted.get(row.id, 0), details, base))
-    start, end = (first, last + 1) if first is not None else (0, 0)
-    return Part(tuple(connections), _Messages(base, connections, longest or 1, damage), start, end - start)
+    def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
+        _require_closed(path)
+        self._base, self._damage = _Base(path, files), damage
+        topics = self._base.table("topics", _TopicRow)
+        self._base.stored("messages", ("topic_id", "timestamp", "data"))
+        ((every, self._first, self._last, longest, length),) = self._base.all(ALL)
+        if length > self._base.size:
+            raise ValueError(f"more bytes in its messages than the {self._base.size} that it has")
+        self._longest = longest or 1
+        counted = dict(self._base.all(BY_TOPIC))
+        self.counts = {row.id: counted.get(row.id, 0) for row in topics}
+        if lost := every - sum(self.counts[row.id] for row in topics):
+            damage.found(f"{lost} rows of other types or of no topic in it", "messages: a topic, a stamp and bytes")
+        has_definitions = self._base.stored("message_definitions")
+        defined: dict[str, _DefinitionRow] = {}
+        for row in self._base.table("message_definitions", _DefinitionRow) if has_definitions else ():
+            if row.encoding in ("ros2msg", "ros2idl"):
+                defined.setdefault(row.topic_type, row)
+        self.connections = {row.id: _connection(row, defined.get(row.type)) for row in topics}
 
-
-class _Messages:
-    """The messages by the index of stamps, where there is one, and by the table; what differs is damage."""
-
-    def __init__(self, base: _Base, connections: list[Any], longest: int, damage: Damage) -> None:
-        self.topics = {c.id: Topic(c.topic, c.msgtype) for c in connections}
-        self._counts = {c.id: c.msgcount for c in connections}
-        self._base, self._longest, self._damage = base, longest, damage
+    def span(self) -> tuple[int, int]:
+        """As of `Source`."""
+        return (0, 0) if self._first is None else (self._first, self._last + 1)
 
     def logged(self, numbers: Set[int]) -> Iterator[Logged]:
         """As of `Source`."""
@@ -131,9 +123,27 @@ class _Messages:
         if lost:
             self._damage.found(f"{lost} entries in its index of stamps without their message", "none")
         for number in numbers:
-            if read[number] != self._counts[number]:
-                found = f"{read[number]} messages of {self.topics[number].name} by its index of stamps"
-                self._damage.found(found, f"{self._counts[number]} as in its table")
+            if read[number] != self.counts[number]:
+                found = f"{read[number]} messages of {self.connections[number].topic.name} by its index of stamps"
+                self._damage.found(found, f"{self.counts[number]} as in its table")
+
+
+def _connection(row: _TopicRow, defined: _DefinitionRow | None) -> Connection:
+    details = {"serialization_format": row.serialization_format, "offered_qos_profiles": row.offered_qos_profiles}
+    if defined is None:
+        return Connection(Topic(row.name, row.type), "", False, "", details)
+    text, is_idl = defined.encoded_message_definition, defined.encoding == "ros2idl"
+    return Connection(Topic(row.name, row.type), text, is_idl, row.type_description_hash, details)
+
+
+def _require_closed(file: Path) -> None:
+    """Raise `FileFormatError` for sqlite3 of which the last part is in a file of its own: it is read without."""
+    for rest in (file.with_name(f"{file.name}{end}") for end in ("-wal", "-journal")):
+        if os.path.isfile(rest) and np.fromfile(rest, np.uint8, 1).any():  # one that is done with begins with zeros
+            raise FileFormatError(
+                f"{file}: found {rest.name} with messages beside it, expected a recording that was closed: join them "
+                f"with sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+            )
 
 
 class _Base:
