@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from contactwrench.errors import ContactWrenchError, FileAccessError, InputError
 from contactwrench.recording.bags.open import is_bag
-from contactwrench.recording.bags.read import bag_batches, bag_streams
+from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.contents import bag_contents
 from tests.support.bags import (
     JOINT_STATE,
@@ -26,6 +26,7 @@ from tests.support.bags import (
     WRENCH,
     WRENCH_STAMPED,
     Message,
+    bag_streams,
     header,
     joint_state,
     ns,
@@ -348,8 +349,8 @@ def test_without_a_library_the_command_that_installs_it_is_named(tmp_path: Path,
     script = (
         f"import sys; sys.modules[{missing!r}] = None\n"
         "from contactwrench.errors import MissingExtraError\n"
-        "from contactwrench.recording.bags.read import bag_streams\n"
-        f"try: bag_streams({str(path)!r})\n"
+        "from contactwrench.recording.bags.read import bag_batches\n"
+        f"try: next(bag_batches({str(path)!r}))\n"
         "except MissingExtraError as error: print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

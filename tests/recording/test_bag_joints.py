@@ -10,10 +10,9 @@ import pytest
 import contactwrench as cw
 from contactwrench.assess.robot_arms import Arm, known_arm
 from contactwrench.errors import FileFormatError, InputError
-from contactwrench.recording.bags.read import bag_streams
 from contactwrench.recording.urdf import read_urdf
 from tests.assess.test_robot_arms import poses_by_pinocchio, urdf_of
-from tests.support.bags import KINDS, START, joint_state, wrench_stamped, write_bag
+from tests.support.bags import KINDS, START, bag_streams, joint_state, wrench_stamped, write_bag
 from tests.support.moving import whole_arm
 from tests.support.recordings import written
 from tests.support.world import Array

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from contactwrench.errors import FileFormatError
-from contactwrench.recording.bags.read import bag_batches, bag_streams
+from contactwrench.recording.bags.read import bag_batches
 from contactwrench.samples.samples import OrientationStream
 from tests.support.bags import (
     KINDS,
     START,
     Message,
     any_rotations,
+    bag_streams,
     tf,
     transform,
     wrench_stamped,

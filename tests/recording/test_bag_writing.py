@@ -19,7 +19,7 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from contactwrench.errors import ContactWrenchError, FileAccessError
 from contactwrench.recording.bags.copy import write_bag_with
-from contactwrench.recording.bags.read import bag_batches, bag_streams
+from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.bags.write import write_streams_bag
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from tests.support.bags import (
@@ -33,6 +33,7 @@ from tests.support.bags import (
     WRENCH_STAMPED,
     Message,
     any_rotations,
+    bag_streams,
     ns,
     pose_stamped,
     recording,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactwrench.recording.bags.read import bag_batches, bag_streams
+from contactwrench.recording.bags.read import bag_batches
 from contactwrench.samples.samples import Streams
 from tests.support.bags import (
     KINDS,
@@ -23,6 +23,7 @@ from tests.support.bags import (
     WRENCH_STAMPED,
     Message,
     any_rotations,
+    bag_streams,
     header,
     ns,
     pose_stamped,

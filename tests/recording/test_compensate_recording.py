@@ -336,9 +336,9 @@ def test_a_bag_comes_back_with_the_contact_wrench_beside_it(
     tmp_path: Path, capsys: Capture, calibration: Calibration
 ) -> None:
     pytest.importorskip("rosbags", reason="rosbags is not installed")
-    from contactwrench.recording.bags.read import bag_streams
     from contactwrench.recording.bags.write import write_streams_bag
     from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
+    from tests.support.bags import bag_streams
 
     t, wrench, t_pose = recording(3.0)
     poses = OrientationStream(t_pose, attitude(t_pose - 100.0))

@@ -18,10 +18,10 @@ from contactwrench.errors import ContactWrenchError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.messages import wrenches
 from contactwrench.recording.bags.open import messages, opened_bag
-from contactwrench.recording.bags.read import bag_batches, bag_streams
+from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.bags.topics import wrench_topic
 from contactwrench.recording.contents import bag_contents
-from tests.support.bags import START, Message, header, recording, wrench_fields, write_bag, write_mcap
+from tests.support.bags import START, Message, bag_streams, header, recording, wrench_fields, write_bag, write_mcap
 from tests.support.hostile_bags import HOSTILE_BAGS, HOSTILE_MCAPS, whole_bags
 from tests.support.world import Array
 

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 
 from contactwrench.errors import ContactWrenchError, FileAccessError
 from contactwrench.recording.bags.copy import write_bag_with
-from contactwrench.recording.bags.read import bag_streams
 from contactwrench.recording.contents import contents
 from contactwrench.recording.read import read_streams
-from tests.support.bags import recording, write_bag
+from tests.support.bags import bag_streams, recording, write_bag
 
 pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
 h5py = pytest.importorskip("h5py", reason="h5py is not installed")

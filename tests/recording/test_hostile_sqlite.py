@@ -17,8 +17,7 @@ from contactwrench.recording.bags.chunks import Logged
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.folder import LONGEST_YAML
 from contactwrench.recording.bags.open import messages, opened_bag
-from contactwrench.recording.bags.read import bag_streams
-from tests.support.bags import START, recording, write_bag
+from tests.support.bags import START, bag_streams, recording, write_bag
 from tests.support.hostile_sqlite import CHANGED, ROWS, changed, endless
 
 READINGS = recording(300, every=1)[0]

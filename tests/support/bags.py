@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from contactwrench.recording.bags.read import bag_batches
+from contactwrench.samples.samples import Streams
 from tests.support.world import Array
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
@@ -44,6 +47,12 @@ class Message:
     type: str
     stamp: int
     fields: dict[str, Any]
+
+
+def bag_streams(path: str | Path, **arguments: Any) -> Streams:
+    """The whole of a bag; arguments as of `bag_batches`."""
+    (streams,) = bag_batches(path, batch=sys.maxsize, **arguments)
+    return streams
 
 
 def ns(t: float) -> int:

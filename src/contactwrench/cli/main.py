@@ -31,7 +31,6 @@ from .streams import open_streams
 from .verify import verify
 from .weigh import weigh
 
-CHECK_FAILED = 1
 BAD = 2
 OUTPUTS = ("-o", "--output", "--report", "--out")
 TRACEBACK = "CONTACTWRENCH_TRACEBACK"

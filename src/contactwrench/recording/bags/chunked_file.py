@@ -70,7 +70,7 @@ class ChunkedFile(ABC):
     """
 
     def __init__(self, path: Path, files: ExitStack, damage: Damage) -> None:
-        self.file, self.damage = files.enter_context(path.open("rb")), damage
+        self.path, self.file, self.damage = path, files.enter_context(path.open("rb")), damage
         self.size = self.file.seek(0, 2)
         self.most = FREE + DENSEST * self.size
         self.chunks: list[Chunk] = []

@@ -6,10 +6,10 @@ with the time of publication and the number of each message; rosbags writes the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -90,9 +90,8 @@ def write_bag_with(
         if any(known.name == name for known in bag.counts):
             raise InputError(f"{path_in}: found a topic {name} already, expected another name for the contact wrench")
         copied = _copied(bag, source, wrenches, frame)
-        mcaps = [file for file in bag.sources if isinstance(file, Mcap)]
-        if mcaps and not bag.compression:
-            _copy_mcaps(bag, mcaps, path_out, source, name, copied)
+        if bag.mcap and not bag.compression:
+            _copy_mcaps(bag, path_out, source, name, copied)
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
         if bag.damage.said and note is not None:
@@ -144,16 +143,17 @@ def _contact_messages(bag: Bag, topic: Topic, logged: Logged, values: Array, fra
     return payloads
 
 
-def _copy_mcaps(bag: Bag, mcaps: Sequence[Mcap], path_out: Path, topic: Topic, name: str, copied: Copied) -> None:
+def _copy_mcaps(bag: Bag, path_out: Path, topic: Topic, name: str, copied: Copied) -> None:
     """Copy one file, or those of a folder and what the folder says of them."""
     folder = bag.path.is_dir()
     with new_place(path_out) as made:
         if folder:
             made.mkdir()
         counts = {}
-        for file, mcap, (_, records) in zip(bag.mcaps, mcaps, copied, strict=True):
-            target = made / file.name if folder else made
-            counts[file.name] = _copy_mcap(mcap, target, records, topic, name)
+        for source, records in copied:
+            mcap = cast(Mcap, source)
+            target = made / mcap.path.name if folder else made
+            counts[mcap.path.name] = _copy_mcap(mcap, target, records, topic, name)
         if folder:
             _write_metadata(bag.path, made, topic, name, counts)
 
@@ -198,7 +198,7 @@ def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Top
 
 def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: str, copied: Copied) -> None:
     """Write every message of a `.bag`, of sqlite3, or of MCAP files that are packed."""
-    with new_bag(path_out, kind, mcap=bool(bag.mcaps), compression=bag.compression) as writer:
+    with new_bag(path_out, kind, mcap=bag.mcap, compression=bag.compression) as writer:
         made: dict[tuple[Topic, str], Any] = {}
         for connection in bag.connections:
             if _publisher(bag, connection) not in made:

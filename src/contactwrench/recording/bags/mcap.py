@@ -64,7 +64,7 @@ class Mcap(ChunkedFile):
     def _read_summary(self) -> int:
         """Where the data ends, by the footer; the summary behind it is noted."""
         foot = max(self.size - FOOT.size, len(MAGIC))
-        code, length, start, _, checksum, magic = FOOT.unpack(self._bytes(foot, FOOT.size).ljust(FOOT.size, b"\0"))
+        code, length, start, _, checksum, magic = self._head(FOOT, foot)
         start = start or foot
         if (code, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= start <= foot:
             self.damage.found("no index at its end", "a recording that was closed")
@@ -80,10 +80,14 @@ class Mcap(ChunkedFile):
             checksum = crc32(self._bytes(place, min(RUN, end - place)), checksum)
         return checksum
 
+    def _head(self, form: Struct, place: int) -> tuple[Any, ...]:
+        """What stands at a place of the file; the largest numbers where that ends."""
+        return form.unpack(self._bytes(place, form.size).ljust(form.size, b"\xff"))
+
     def _take(self, place: int, end: int) -> int:
         from mcap.records import ChunkIndex, Header, Statistics
 
-        code, length = RECORD.unpack(self._bytes(place, RECORD.size).ljust(RECORD.size, b"\xff"))
+        code, length = self._head(RECORD, place)
         begin, following = place + RECORD.size, place + RECORD.size + int(length)
         if following > end:
             raise UnreadableError("it reaches beyond the end")
@@ -113,7 +117,7 @@ class Mcap(ChunkedFile):
 
     def _take_chunk(self, place: int, following: int) -> None:
         at = place + RECORD.size
-        start, stop, size, crc, named = CHUNK_HEAD.unpack(self._bytes(at, CHUNK_HEAD.size).ljust(CHUNK_HEAD.size))
+        start, stop, size, crc, named = self._head(CHUNK_HEAD, at)
         begin = at + CHUNK_HEAD.size + named + 8
         if following - begin != int.from_bytes(self._bytes(begin - 8, 8), "little"):
             raise UnreadableError("its head is another")
@@ -126,12 +130,12 @@ class Mcap(ChunkedFile):
         if run is None or run.place != run.begin or run.end != place or run.size > RUN:
             run = Chunk(place, place, place, "", 0)
             self.chunks.append(run)
-        stamp = MESSAGE_HEAD.unpack(self._bytes(place + RECORD.size, MESSAGE_HEAD.size).ljust(MESSAGE_HEAD.size))[2]
+        stamp = self._head(MESSAGE_HEAD, place + RECORD.size)[2]
         run.end, run.size = following, following - run.begin
         run.start, run.stop = min(run.start, stamp), max(run.stop, stamp)
 
     def _take_index(self, chunk: Chunk, place: int, length: int) -> None:
-        number, size = INDEX_HEAD.unpack(self._bytes(place, INDEX_HEAD.size).ljust(INDEX_HEAD.size))
+        number, size = self._head(INDEX_HEAD, place)
         if size != length - INDEX_HEAD.size or size % ENTRY.itemsize:
             raise UnreadableError("it is of another size")
         chunk.counts = (chunk.counts or {}) | {number: size // ENTRY.itemsize}

@@ -44,14 +44,14 @@ Messages: TypeAlias = dict[Topic, Logged]
 
 @dataclass(frozen=True, eq=False)
 class Bag:
-    """An open bag: the files of its messages, and of these the `mcaps`; when the first was recorded, and how long all
+    """An open bag: the files of its messages, and whether they are MCAP; when the first was recorded, and how long all
     of them took, s; how it is compressed, in the words of `new_bag`; and its damage so far.
     """
 
     path: Path
     ros1: bool
     sources: tuple[Source, ...]
-    mcaps: tuple[Path, ...]
+    mcap: bool
     start: float
     duration: float
     compression: str
@@ -212,6 +212,6 @@ def _opened(path: Path, kind: str, files: ExitStack, damage: Damage) -> Bag:
         sources = [PackedMessages(source, file) for source, file in zip(sources, named, strict=True)]
     spans = [source.span() for source in sources if any(source.counts.values())] or [(0, 0)]
     start, end = min(first for first, _ in spans), max(last for _, last in spans)
-    began, mcaps = float(seconds(np.int64(start))), tuple(named) if reader is Mcap else ()
     how = next((source.compression for source in sources if isinstance(source, Ros1Bag)), packed)
-    return Bag(path, kind == ".bag", tuple(sources), mcaps, began, 1e-9 * (end - start), how, damage)
+    began, duration = float(seconds(np.int64(start))), 1e-9 * (end - start)
+    return Bag(path, kind == ".bag", tuple(sources), reader is Mcap, began, duration, how, damage)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeAlias
@@ -23,30 +22,6 @@ BATCH = 2**16
 """Readings of a batch, and up to a chunk of the bag more."""
 
 ReadPoses: TypeAlias = Callable[[Messages], Poses]
-
-
-def bag_streams(
-    path: str | Path,
-    *,
-    wrench_topic: str | None = None,
-    pose_topic: str | None = None,
-    frames: tuple[str, str] | None = None,
-    arm: Arm | None = None,
-    advance: Callable[[float], None] | None = None,
-    accept_damaged: bool = False,
-) -> Streams:
-    """The whole of a bag, as one batch; arguments, result and errors as of `bag_batches`."""
-    (streams,) = bag_batches(
-        path,
-        wrench_topic=wrench_topic,
-        pose_topic=pose_topic,
-        frames=frames,
-        arm=arm,
-        batch=sys.maxsize,
-        advance=advance,
-        accept_damaged=accept_damaged,
-    )
-    return streams
 
 
 def bag_batches(

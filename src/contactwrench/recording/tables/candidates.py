@@ -58,11 +58,7 @@ def candidates(table: OpenTable) -> dict[str, list[Candidate]]:
             for column in by_part[part]
             if not column.said.letter or (beside_forces and not (beside_an_imu and column.name.lower()[0] == "m"))
         ]
-    return {part: sorted(columns, key=_place) for part, columns in by_part.items() if columns}
-
-
-def _place(column: Candidate) -> int:
-    return column.place
+    return {part: sorted(columns, key=attrgetter("place")) for part, columns in by_part.items() if columns}
 
 
 def perhaps_torque(table: OpenTable, missing: list[str]) -> list[Candidate]:

@@ -31,18 +31,12 @@ QUANTITIES = {
 """Of a part, by its usual name; a part that is not here has no unit. `t` is Kawasaki's angle too: see `roles`."""
 
 VECTORS: dict[str, tuple[str, ...]] = {
-    "wrench": WRENCH_COLUMNS,
-    "ft": WRENCH_COLUMNS,
-    "fts": WRENCH_COLUMNS,
-    "forcetorque": WRENCH_COLUMNS,
-    "ftsensor": WRENCH_COLUMNS,
-    "ftwrench": WRENCH_COLUMNS,
-    "forcetorquesensor": WRENCH_COLUMNS,
+    **dict.fromkeys(
+        ("wrench", "ft", "fts", "forcetorque", "ftsensor", "ftwrench", "forcetorquesensor"), WRENCH_COLUMNS
+    ),
     "force": WRENCH_COLUMNS[:3],
-    "torque": WRENCH_COLUMNS[3:],
-    "moment": WRENCH_COLUMNS[3:],
-    "position": POSITION,
-    "pos": POSITION,
+    **dict.fromkeys(("torque", "moment"), WRENCH_COLUMNS[3:]),
+    **dict.fromkeys(("position", "pos"), POSITION),
     "rpy": ("roll", "pitch", "yaw"),
     "rotvec": ("rx", "ry", "rz"),
     "quatxyzw": ("qx", "qy", "qz", "qw"),
