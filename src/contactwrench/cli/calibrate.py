@@ -167,25 +167,23 @@ def _require_compatible(
     model: str, gravity: str | None, known: list[str], prior: Path | None, tilts: dict[str, float | None]
 ) -> None:
     """Raise typer's error for options that contradict each other, by name."""
-    for name, value in tilts.items():
-        option = f"--{name.replace('_', '-')}"
-        if value is not None and model != "auto":
-            raise typer.BadParameter(f"{option} is for model auto, found --model {model}: leave one of them out")
-        if value is not None and prior is not None:
-            raise typer.BadParameter(
-                f"--prior brings its own mounting and base, found {option} too: leave one of them out"
-            )
+    tilt = next((f"--{name.replace('_', '-')}" for name, value in tilts.items() if value is not None), "")
     gravity_known = any(stated.partition("=")[0].strip() == "gravity" for stated in known)
-    if prior is not None and model != "auto":
-        raise typer.BadParameter(f"--prior brings its model, found --model {model}: leave one of them out")
-    if prior is not None and (gravity is not None or gravity_known):
-        raise typer.BadParameter("--prior brings its gravity, found another one: leave one of them out")
-    if gravity is not None and gravity_known:
-        raise typer.BadParameter("--gravity and --known gravity both state it: leave one of them out")
-    if known and model in ("paper", "affine"):
-        raise typer.BadParameter(f"model {model} takes nothing as known, found --known: leave one of them out")
-    if gravity_known and model in ("yaw", "mount"):
-        raise typer.BadParameter(f"model {model} holds gravity, found --known gravity: take --model auto or mount+base")
+    one, free = "leave one of them out", model == "auto"
+    for contradicts, said in (
+        (tilt and not free, f"{tilt} is for model auto, found --model {model}: {one}"),
+        (tilt and prior, f"--prior brings its own mounting and base, found {tilt} too: {one}"),
+        (prior and not free, f"--prior brings its model, found --model {model}: {one}"),
+        (prior and (gravity is not None or gravity_known), f"--prior brings its gravity, found another one: {one}"),
+        (gravity is not None and gravity_known, f"--gravity and --known gravity both state it: {one}"),
+        (known and model in ("paper", "affine"), f"model {model} takes nothing as known, found --known: {one}"),
+        (
+            gravity_known and model in ("yaw", "mount"),
+            f"model {model} holds gravity, found --known gravity: take --model auto or mount+base",
+        ),
+    ):
+        if contradicts:
+            raise typer.BadParameter(said)
 
 
 def _range_of_mass(text: str, model: str) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +110,10 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
             stated = np.concatenate([_rotations(block, convention, sets[0]) for block in pose_blocks])
         except FileFormatError as error:
             complaint = str(error)
-    posed, free = _joined([block.has_orientation for block in pose_blocks]), _joined([_free(block) for block in blocks])
+    posed, free = (
+        np.concatenate([block.has_orientation for block in pose_blocks]),
+        np.concatenate([_free(block) for block in blocks]),
+    )
     t, pose_t = _times(blocks), _times(pose_blocks)
     in_rows = pose_table is table and not (free & ~posed).any()
     if in_rows:
@@ -123,13 +126,13 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
         raise FileFormatError(f"{name_of(path)}: {IN_BASE_AXES}")
     else:
         place = _nearest(t[free], pose_t[posed])
-    numbers = _joined([block.orientation[block.has_orientation] for block in pose_blocks])[place]
+    numbers = np.concatenate([block.orientation[block.has_orientation] for block in pose_blocks])[place]
     of_sets = np.split(numbers, np.cumsum([len(columns) for columns in sets])[:-1].tolist(), axis=1)
     names = [tuple(column.name for column in columns) for columns in sets]
     return Written(
         source=name_of(path),
         wrench_columns=tuple(of_wrench),
-        wrench=_joined([block.wrench for block in blocks])[free],
+        wrench=np.concatenate([block.wrench for block in blocks])[free],
         t=None if t is None else t[free],
         sets=tuple(zip(names, of_sets, strict=True)),
         convention=convention,
@@ -185,11 +188,7 @@ def _rotations(block: WrittenRows, convention: Convention, columns: list[Column]
 
 
 def _times(blocks: list[WrittenRows]) -> Array | None:
-    return in_seconds(_joined([block.t for block in blocks]), blocks[0].roles.t) if blocks else None
-
-
-def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    return np.concatenate(parts)
+    return in_seconds(np.concatenate([block.t for block in blocks]), blocks[0].roles.t) if blocks else None
 
 
 def _nearest(t: Array, of: Array) -> NDArray[np.intp]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ...errors import FileFormatError
 from ..damage import Damage
-from .chunks import LATEST, NOTHING, Connection, Logged, in_order
+from .chunks import LATEST, NOTHING, ZSTD, Connection, Logged, in_order
 
 INDEX = np.dtype([("connection", "i8"), ("stamp", "u8"), ("place", "i8")])
 """What the index of a chunk says of a message: also where in the chunk its record is."""
@@ -35,7 +35,11 @@ packed 2 to 20 times, and a few images of one colour 10,000 times. What states m
 """
 MOST_TOPICS = 4096
 """The busiest robots record some hundreds."""
-DECOMPRESSORS = {"bz2": ("bz2", "BZ2Decompressor"), "lz4": ("lz4.frame", "LZ4FrameDecompressor")}
+DECOMPRESSORS = {
+    "bz2": ("bz2", "BZ2Decompressor"),
+    "lz4": ("lz4.frame", "LZ4FrameDecompressor"),
+    "zstd": (ZSTD, "ZstdDecompressor"),
+}
 
 
 class UnreadableError(Exception):
@@ -242,11 +246,7 @@ def unpacked(packed: bytes, compression: str, size: int) -> bytes:
     Raises `UnreadableError` where it is not of that size, or cannot be unpacked.
     """
     try:
-        if compression == "zstd":
-            from zstandard import ZstdDecompressor
-
-            content = ZstdDecompressor().stream_reader(packed).read(size + 1)
-        elif compression:
+        if compression:
             module, name = DECOMPRESSORS[compression]
             content = getattr(import_module(module), name)().decompress(packed, size + 1)
         else:

@@ -6,6 +6,7 @@ rest is left to numpy (chunked_file.py). sqlite3 has no chunks (sqlite.py).
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -19,6 +20,9 @@ from .message_layout import Raw, joined, written
 
 AT_ONCE = 8192
 """Messages that are taken together from what has no chunks."""
+
+ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+"""The module: where Python has none, that which rosbags brings."""
 
 LOG = np.dtype([("connection", "i8"), ("sequence", "i8"), ("stamp", "i8"), ("published", "u8")])
 """Of a message: the number of its connection, its own number there, when it was recorded and published, ns."""

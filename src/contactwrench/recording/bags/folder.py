@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from typing import Any
 
 from ...errors import FileFormatError
 from ..damage import Damage
-from .chunks import Logged, Source
+from .chunks import ZSTD, Logged, Source
 from .message_layout import joined
 
 METADATA = "metadata.yaml"
@@ -136,7 +135,7 @@ def hold(said: Metadata, files: Sequence[Path], sources: Sequence[Source], damag
 def unpacked(file: Path, into: Path) -> Path:
     """A packed file, unpacked into a folder. Raises `ValueError` for one that is much larger than measurements are."""
     target, left = into / file.stem, MOST_UNPACKED * file.stat().st_size
-    with _zstd().open(file, "rb") as packed, target.open("wb") as written:
+    with import_module(ZSTD).open(file, "rb") as packed, target.open("wb") as written:
         while some := packed.read(AT_ONCE):
             left -= written.write(some)
             if left < 0:
@@ -153,7 +152,7 @@ class PackedMessages:
 
     def logged(self, numbers: Set[int]) -> Iterator[Logged]:
         """As of `Source`. Raises `ValueError` as `unpacked`."""
-        left, zstd = self._most, _zstd()
+        left, zstd = self._most, import_module(ZSTD)
         for some in self._source.logged(numbers):
             payloads = []
             for row in range(len(some)):
@@ -165,8 +164,3 @@ class PackedMessages:
                 if not one.eof or one.unused_data:
                     raise ValueError("a packed message that is cut off")
             yield Logged(some.log, joined(payloads))
-
-
-def _zstd() -> Any:
-    """The module that rosbags brings, where Python has none."""
-    return import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")

@@ -190,7 +190,7 @@ class Mcap(ChunkedFile):
             "offered_qos_profiles": channel.metadata.get("offered_qos_profiles", ""),
         }
         topic, is_idl = Topic(channel.topic, name), encoding != "ros2msg"
-        return Connection(topic, text.decode() if encoding else "", is_idl, "", details)
+        return Connection(topic, text.decode(errors="replace") if encoding else "", is_idl, "", details)
 
     def _define(self, code: int, content: bytes) -> None:
         """Note a schema or a channel, which may come again and again."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -12,7 +13,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import FileFormatError
+from ...errors import ContactWrenchError, FileFormatError
 from ...geometry.arrays import Array
 from .columns import Column, shown
 
@@ -48,11 +49,18 @@ class Field:
     length: int = 1
 
 
-def not_whole(source: str, kind: str, reason: str) -> FileFormatError:
-    """The error for a file that a library of its `kind` cannot read, for that reason."""
-    return FileFormatError(
-        f"{source}: cannot be read as {kind} ({shown(reason, 100)}), expected a whole {kind} file: write it anew"
-    )
+@contextmanager
+def readable(source: str, kind: str, errors: tuple[type[Exception], ...]) -> Iterator[None]:
+    """Raise `FileFormatError` for what a library for files of a `kind` cannot read, which raises one of `errors`."""
+    try:
+        yield
+    except ContactWrenchError:
+        raise
+    except errors as error:
+        reason = shown(str(error).partition("\n")[0].partition(". ")[0], 100)
+        raise FileFormatError(
+            f"{source}: cannot be read as {kind} ({reason}), expected a whole {kind} file: write it anew"
+        ) from None
 
 
 class Batch(ABC):

@@ -109,15 +109,13 @@ def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[
 
 def _with_rows(blocks: Iterator[Lines], columns: Collection[Column]) -> Iterator[Lines]:
     """The blocks that have rows, or one without any, whatever the columns are of which numbers will be asked for."""
-    empty, any_rows = None, False
+    any_rows = False
     for block in blocks:
         if len(block):
             any_rows = True
             yield block
-        else:
-            empty = block
-    if empty is not None and not any_rows:
-        yield empty
+    if not any_rows:
+        yield block
 
 
 class Lines:

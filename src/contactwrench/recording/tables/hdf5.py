@@ -12,6 +12,7 @@ import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -19,10 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import ContactWrenchError, FileFormatError, MissingExtraError
+from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import BYTES_PER_ROW, ROOM, Batch, Field, not_whole, require_room
+from .batch import BYTES_PER_ROW, ROOM, Batch, Field, readable, require_room
 from .columns import Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE
 from .hdf5_columns import bytes_at_once, dataset_at, datasets_stated, fields_found, fields_of_roles, width_of
@@ -30,6 +31,9 @@ from .hdf5_columns import bytes_at_once, dataset_at, datasets_stated, fields_fou
 SUFFIXES = (".h5", ".hdf5")
 DEEPEST = 32
 EPISODES = re.compile(r"((?:.*/)?)(?:demo|episode|traj)_?(\d{1,18})")
+
+
+_readable = partial(readable, kind="HDF5", errors=(OSError, RuntimeError, KeyError, ValueError, TypeError))
 
 
 @dataclass(frozen=True)
@@ -179,14 +183,3 @@ def _opened(path: str | Path) -> Iterator[Any]:
         file = h5py.File(path, "r", rdcc_nbytes=ROOM)
     with file:
         yield file
-
-
-@contextmanager
-def _readable(source: str) -> Iterator[None]:
-    """Raise `FileFormatError` for what h5py cannot read."""
-    try:
-        yield
-    except ContactWrenchError:
-        raise
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise not_whole(source, "HDF5", str(error).partition("\n")[0]) from None

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import open_bytes
 from ...geometry.arrays import Array
-from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, not_whole, require_room
+from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room
 from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE, one_episode
 from .roles import wrench_columns
@@ -278,15 +278,11 @@ def _opened(path: Path) -> Iterator[Any]:
             yield file
 
 
-@contextmanager
-def _readable(source: str) -> Iterator[None]:
+def _readable(source: str) -> AbstractContextManager[None]:
     """Raise `FileFormatError` for what pyarrow cannot read."""
     import pyarrow as pa
 
-    try:
-        yield
-    except (pa.ArrowException, OSError) as error:
-        raise not_whole(source, "Parquet", str(error).partition("\n")[0].partition(". ")[0]) from None
+    return readable(source, "Parquet", (pa.ArrowException, OSError))
 
 
 def import_parquet() -> Any:
