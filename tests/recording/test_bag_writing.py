@@ -492,3 +492,16 @@ def test_a_bag_is_not_copied_to_another_name_of_itself(tmp_path: Path) -> None:
         assert _refused(path, out, [np.ones((120, 6))]) == (
             f"{out}: found what is read as {path}, expected another file to write: name one"
         )
+
+
+def test_a_copy_of_what_is_left_of_a_damaged_folder_is_whole(tmp_path: Path) -> None:
+    messages, _ = _rich()
+    path, out = write_bag(tmp_path / "run", messages, compression="storage"), tmp_path / "out"
+    said = (path / "metadata.yaml").read_text()
+    lost = said.replace(f"message_count: {len(messages)}", f"message_count: {len(messages) + 7}").replace(
+        "/wrench\n", "/w\n"
+    )
+    assert lost.count("/w\n") == 1
+    (path / "metadata.yaml").write_text(lost)
+    write_bag_with(path, out, [np.zeros((120, 6))], accept_damaged=True)
+    assert len(bag_streams(out, wrench_topic="/wrench/contact").wrench) == 120

@@ -6,6 +6,7 @@ with the time of publication and the number of each message; rosbags writes the 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -155,12 +156,12 @@ def _copy_mcaps(bag: Bag, path_out: Path, topic: Topic, name: str, copied: Copie
             target = made / mcap.path.name if folder else made
             counts[mcap.path.name] = _copy_mcap(mcap, target, records, topic, name)
         if folder:
-            _write_metadata(bag.path, made, topic, name, counts)
+            _write_metadata(bag, made, topic, name, counts)
 
 
-def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Topic, name: str) -> int:
-    """Write a file's records into a new one with the same schemas, channels, attachments and metadata; how many of them
-    are contact wrenches.
+def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Topic, name: str) -> Counter[str]:
+    """Write a file's records into a new one with the same schemas, channels, attachments and metadata; how many each
+    topic has.
     """
     from mcap.records import Attachment, Metadata
     from mcap.writer import CompressionType, Writer
@@ -188,12 +189,13 @@ def _copy_mcap(mcap: Mcap, path_out: Path, records: Iterator[Record], topic: Top
             writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
         for record in mcap.beside(Metadata):
             writer.add_metadata(record.name, record.metadata)
-        count = 0
+        topics, counts = {number: channel.topic for number, channel in mcap.channels.items()}, Counter[str]()
+        topics[CONTACT_WRENCH] = name
         for connection, sequence, stamp, published, payload in records:
             writer.add_message(channels[connection], stamp, payload, published, sequence)
-            count += connection == CONTACT_WRENCH
+            counts[topics[connection]] += 1
         writer.finish()
-    return count
+    return counts
 
 
 def _copy_by_rosbags(bag: Bag, path_out: Path, kind: str, topic: Topic, name: str, copied: Copied) -> None:
@@ -229,25 +231,29 @@ def _quality(bag: Bag, connection: Connection) -> dict[str, Any]:
         return {"offered_qos_profiles": parse_qos(plain_yaml(connection.details["offered_qos_profiles"]))}
 
 
-def _write_metadata(path_in: Path, path_out: Path, source: Topic, name: str, counts: dict[str, int]) -> None:
-    """What the folder says of its files, and of one more topic."""
+def _write_metadata(bag: Bag, path_out: Path, source: Topic, name: str, counts: dict[str, Counter[str]]) -> None:
+    """What the folder says of its files, with one more topic, and how many messages were written."""
     from ruamel.yaml import YAML
 
     yaml = YAML(typ="safe")
     yaml.default_flow_style = False
     yaml.representer.ignore_aliases = lambda _: True
-    content = plain_yaml((path_in / METADATA).read_bytes())
+    content = plain_yaml((bag.path / METADATA).read_bytes())
     recording = content["rosbag2_bagfile_information"]
-    count = sum(counts.values())
-    recording["message_count"] += count
-    topics = recording["topics_with_message_count"]
-    like = next(topic["topic_metadata"] for topic in topics if topic["topic_metadata"]["name"] == source.name)
-    added = {**like, "name": name, "type": WRENCH_STAMPED}
-    if "type_description_hash" in added:
-        added["type_description_hash"] = typestore(False).hash_rihs01(WRENCH_STAMPED)
-    topics.append({"topic_metadata": added, "message_count": count})
+    topics = {each["topic_metadata"]["name"]: each["topic_metadata"] for each in recording["topics_with_message_count"]}
+    for connection in bag.connections:  # of a damaged folder, all that was found
+        topic = connection.topic
+        topics.setdefault(topic.name, {"name": topic.name, "type": topic.type, **connection.details})
+    topics[name] = {**topics[source.name], "name": name, "type": WRENCH_STAMPED}
+    if "type_description_hash" in topics[name]:
+        topics[name]["type_description_hash"] = typestore(False).hash_rihs01(WRENCH_STAMPED)
+    every = sum(counts.values(), Counter[str]())
+    recording["message_count"] = every.total()
+    recording["topics_with_message_count"] = [
+        {"topic_metadata": about, "message_count": every[each]} for each, about in topics.items()
+    ]
     for file in recording.get("files", []):
-        file["message_count"] += counts.get(Path(file["path"]).name, 0)
+        file["message_count"] = counts.get(Path(file["path"]).name, Counter()).total()
     with (path_out / METADATA).open("w", encoding="utf-8") as written:
         yaml.dump(content, written)
 
