@@ -61,6 +61,7 @@ def plan(
         flags = ", ".join(f"--{name.replace('_', '-')}" for name in written.stated)
         raise InputError(f"found {flags} and no recording to read so: give --from FILE, or leave them out")
     samples = None if recorded is None else written.beside(recorded).read()
+    options.note_ends(recorded)
     result = choose(
         n,
         expected_tool(samples, model, options.gravity_direction(gravity)),

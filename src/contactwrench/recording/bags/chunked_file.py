@@ -95,8 +95,8 @@ class ChunkedFile(ABC):
         """What an index would say of a chunk as it was found."""
 
     @abstractmethod
-    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
-        """What the index behind a chunk says of each message (n,), of the type `INDEX`, in any order."""
+    def _entries(self, index: bytes, content: bytes) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Stamps, ns, and places (n,) of messages, as a part of the index behind a chunk says."""
 
     @abstractmethod
     def _ends(self, flat: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -186,6 +186,17 @@ class ChunkedFile(ABC):
             raise UnreadableError("its checksum is another")
         return content
 
+    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
+        """What the index behind a chunk says of each message (n,), in the order of their places."""
+        parts = [np.empty(0, INDEX)]
+        for number, place, size in chunk.index:
+            stamps, places = self._entries(self._bytes(place, size), content)
+            part = np.empty(len(places), INDEX)
+            part["connection"], part["stamp"], part["place"] = number, stamps, places
+            parts.append(part)
+        index = np.concatenate(parts)
+        return index[np.argsort(index["place"], kind="stable")]
+
     def _messages(self, chunk: Chunk, numbers: Set[int] | None = None) -> Logged:
         """What connections, or all, recorded in a chunk, in order: what of it is whole."""
         where = f"the chunk at byte {chunk.place}"
@@ -195,12 +206,10 @@ class ChunkedFile(ABC):
             self.damage.found(f"{where} unreadable ({error})", "a whole one")
             return NOTHING
         flat = np.frombuffer(content, np.uint8)
-        index = self._index(chunk, content) if chunk.index else None
-        if index is not None:
-            index = index[np.argsort(index["place"], kind="stable")]
-        places = self._places(content, flat, np.empty(0, np.int64) if index is None else index["place"], where)
+        index = self._index(chunk, content)
+        places = self._places(content, flat, index["place"], where)
         every = self._logged(flat, places) if len(places) else NOTHING
-        if index is not None:
+        if chunk.index:
             same = np.array_equal(index["place"], places) and np.array_equal(index["connection"], every.connection)
             same = same and np.array_equal(index["stamp"].astype(np.int64), every.stamp)
             held = f"the {len(index)} of its index, where and when it says"

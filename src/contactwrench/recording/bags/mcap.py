@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..damage import Damage
-from .chunked_file import INDEX, Chunk, ChunkedFile, UnreadableError
+from .chunked_file import Chunk, ChunkedFile, UnreadableError
 from .chunks import LOG, Connection, Logged, Topic
 from .message_layout import Raw
 
@@ -206,13 +206,9 @@ class Mcap(ChunkedFile):
         if code == CHANNEL:
             self.connections.setdefault(record.id, self._connection(record))
 
-    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
-        parts = []
-        for number, place, size in chunk.index:
-            entries = np.frombuffer(self._bytes(place, size), ENTRY)
-            parts.append(np.empty(len(entries), INDEX))
-            parts[-1]["connection"], parts[-1]["stamp"], parts[-1]["place"] = number, entries["stamp"], entries["place"]
-        return np.concatenate(parts)
+    def _entries(self, index: bytes, content: bytes) -> tuple[NDArray[Any], NDArray[Any]]:
+        entries = np.frombuffer(index, ENTRY)
+        return entries["stamp"], entries["place"]
 
     def _walk(self, content: bytes, place: int, end: int) -> Iterator[int]:
         while place < end:

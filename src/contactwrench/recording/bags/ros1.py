@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..damage import Damage
-from .chunked_file import INDEX, Chunk, ChunkedFile, UnreadableError
+from .chunked_file import Chunk, ChunkedFile, UnreadableError
 from .chunks import LOG, Connection, Logged, Topic
 from .message_layout import Raw
 
@@ -137,15 +137,11 @@ class Ros1Bag(ChunkedFile):
         alike = self.connections.setdefault(number, known) == known
         self._require(alike, f"two definitions of connection {number}", "one")
 
-    def _index(self, chunk: Chunk, content: bytes) -> NDArray[Any]:
-        parts = []
-        for number, begin, size in chunk.index:
-            entries = np.frombuffer(self._bytes(begin, size), ENTRY)
-            part = np.empty(len(entries), INDEX)
-            part["connection"], part["stamp"], part["place"] = number, _stamps(entries), entries["place"]
-            part["place"][:1] = [_behind_connections(content, place) for place in part["place"][:1].tolist()]
-            parts.append(part)
-        return np.concatenate(parts)
+    def _entries(self, index: bytes, content: bytes) -> tuple[NDArray[Any], NDArray[Any]]:
+        entries = np.frombuffer(index, ENTRY)
+        places = entries["place"].astype(np.int64)
+        places[:1] = [_behind_connections(content, place) for place in places[:1].tolist()]
+        return _stamps(entries), places
 
     def _walk(self, content: bytes, place: int, end: int) -> Iterator[int]:
         while place < end:
