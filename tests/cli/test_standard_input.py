@@ -94,7 +94,7 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path, capsys: Capture, kind: st
 
 @pytest.mark.parametrize(
     ("verb", "end"),
-    [(verb, "") for verb in ("calibrate", "compensate", "verify", "weigh", "diagnose", "info")]
+    [(verb, "") for verb in ("calibrate", "compensate", "verify", "weigh", "diagnose", "info", "plan")]
     + [("info", "\n"), ("info", "\n# end"), ("info", "\n  "), ("calibrate", "\r\n")],
 )
 def test_a_last_number_that_may_be_cut_off_is_noted(
@@ -102,7 +102,7 @@ def test_a_last_number_that_may_be_cut_off_is_noted(
 ) -> None:
     flags: list[str | Path] = ["-c", tool] if verb in ("compensate", "verify", "weigh") else []
     path = written(tmp_path, PANDA.read_text().rstrip("\n") + end)
-    done = run(capsys, verb, path, *flags)
+    done = run(capsys, verb, *["--from"] * (verb == "plan"), path, *flags)
     assert done.status == 0
     assert done.err.count(f"Note: {path}: {CUT}\n") == (0 if end else 1)
 
