@@ -201,3 +201,25 @@ def test_an_index_of_ros1_may_point_before_the_connections_of_its_first_message(
     assert content[first : first + 4] != bytes(4)
     path.write_bytes(content[:first] + bytes(4) + content[first + 4 :])
     _same(bag_streams(path), wrench, R, position)
+
+
+def test_a_topic_whose_definition_is_no_text_is_passed_over(tmp_path: Path) -> None:
+    """Programs beside ROS write theirs in binary (protobuf) into the same file."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    messages, wrench, R, position = recording(50)
+    with write_bag(tmp_path / "run.mcap", messages).open("rb") as stream, (tmp_path / "more.mcap").open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("a.B", "protobuf", b"\xff\xfe\n")
+        writer.add_message(writer.register_channel("/other", "protobuf", schema), ns(0.0), b"..", ns(0.0))
+        channels: dict[int, int] = {}
+        for schema_of, channel, message in make_reader(stream).iter_messages():
+            assert schema_of is not None
+            if channel.id not in channels:
+                defined = writer.register_schema(schema_of.name, schema_of.encoding, schema_of.data)
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, defined)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    _same(bag_streams(tmp_path / "more.mcap"), wrench, R, position)
