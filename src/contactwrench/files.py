@@ -19,6 +19,8 @@ from typing import IO, Any, TextIO
 from .errors import FileAccessError, FileFormatError
 
 STDOUT = STDIN = "-"
+MOST_KEPT = 2**32
+"""Bytes of standard input: a pipe may never end."""
 
 MOST_BYTES, TEXT_AT_ONCE = 2**25, 2**22
 """Of a file that is held as a whole, of which the calibration of 10,000 poses takes half; of a text that is read at
@@ -59,6 +61,14 @@ def blocks_of_lines(path: str | Path, lines: int) -> Iterator[tuple[bytes, float
                 block = b"".join(whole[first : first + lines])
                 so_far += len(block) * (2 if wide else 1)
                 yield block, min(so_far / size, 1.0) if size else float("nan")
+
+
+def entries(folder: Path) -> list[Path]:
+    """What is in a folder. Raises `FileAccessError`."""
+    try:
+        return list(folder.iterdir())
+    except OSError as error:
+        raise FileAccessError(f"{folder}: cannot be read ({_reason(error)}): check its permissions") from None
 
 
 @contextmanager
@@ -117,6 +127,10 @@ class _StandardInput(RawIOBase):
         content = self._kept.read(len(buffer))
         if not content:
             content = self._source.read(len(buffer))
+            if self._at + len(content) > MOST_KEPT:
+                raise FileAccessError(
+                    "standard input: found over 4 GiB, expected a table that ends: write it to a file"
+                )
             self._kept.write(content)
         buffer[: len(content)] = content
         self._at += len(content)

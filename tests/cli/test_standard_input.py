@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import contactwrench as cw
+from contactwrench import files
 from contactwrench.errors import FileAccessError
 from contactwrench.files import open_bytes
 from tests.support.hostile_tables import TABLE
@@ -116,3 +117,10 @@ def test_of_two_files_each_is_noted(tmp_path: Path, capsys: Capture, monkeypatch
         done = run(capsys, "diagnose", "--wrench", "-", "--pose", path)
     if done.status == 0:
         assert done.err == f"Note: standard input: {CUT}\nNote: {path}: {CUT}\n"
+
+
+def test_standard_input_without_an_end_is_refused(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "MOST_KEPT", 200)
+    with typed(monkeypatch, PANDA.read_bytes()):
+        said = run(capsys, "info", "-").complaint
+    assert said == "standard input: found over 4 GiB, expected a table that ends: write it to a file"

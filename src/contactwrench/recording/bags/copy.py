@@ -253,7 +253,7 @@ def _write_metadata(bag: Bag, path_out: Path, source: Topic, name: str, counts: 
         {"topic_metadata": about, "message_count": every[each]} for each, about in topics.items()
     ]
     for file in recording.get("files", []):
-        file["message_count"] = counts.get(Path(file["path"]).name, Counter()).total()
+        file["message_count"] = counts.get(Path(file.get("path", "")).name, Counter()).total()
     with (path_out / METADATA).open("w", encoding="utf-8") as written:
         yaml.dump(content, written)
 

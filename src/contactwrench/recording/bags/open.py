@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
-from ...files import open_bytes
+from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from ..damage import Damage
 from .chunks import Connection, Logged, Source, Topic
@@ -83,7 +83,7 @@ def is_bag(path: str | Path) -> bool:
     """Whether the name, or what is in the folder, is that of a bag."""
     path = Path(path)
     if os.path.isdir(path):
-        return any(file.name == METADATA or file.suffix.lower() in SUFFIXES_OF_BAGS for file in path.iterdir())
+        return any(file.name == METADATA or file.suffix.lower() in SUFFIXES_OF_BAGS for file in entries(path))
     return path.suffix.lower() in SUFFIXES_OF_BAGS
 
 

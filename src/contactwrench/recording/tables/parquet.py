@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FileFormatError, MissingExtraError
-from ...files import open_bytes
+from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room
 from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
@@ -225,7 +225,7 @@ def _parts(folder: Path) -> list[Path]:
         return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]
 
     in_set = (folder / "meta" / "info.json").is_file()
-    files = (folder / "data").glob("*/*") if in_set else folder.iterdir()
+    files = (folder / "data").glob("*/*") if in_set else entries(folder)
     return sorted((path for path in files if path.suffix.lower() in SUFFIXES), key=by_numbers)
 
 
