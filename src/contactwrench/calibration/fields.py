@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -238,9 +238,12 @@ class CalibrationFields(Frozen):
         """The largest standard deviation over all orientations of the contact force (N) and torque (N m), each the
         root of the summed variances of its three axes; over a dense set of orientations, within 1 %.
         """
-        std = self.wrench_std(spread_rotations(288, 24))
-        force, torque = np.linalg.norm(std[:, :3], axis=1), np.linalg.norm(std[:, 3:], axis=1)
-        return float(force.max()), float(torque.max())
+        J = self.error_jacobian(np.concatenate([np.zeros((1, 9)), np.eye(9)]).reshape(10, 3, 3))
+        J[1:] -= J[0]  # of 1 and of each entry of R: the free wrench is linear in them
+        entries = _entries_of_orientations()
+        variances = (np.einsum("iap,pq,jaq->ij", part, self.error_covariance, part) for part in (J[:, :3], J[:, 3:]))
+        force, torque = (float(np.sqrt(np.sum((entries @ each) * entries, axis=1).max())) for each in variances)
+        return force, torque
 
     @property
     def expected_error(self) -> tuple[float, float]:
@@ -262,3 +265,9 @@ class CalibrationFields(Frozen):
         if any(finding.severity is Severity.WEAK for finding in self.findings):
             return "weak"
         return "doubtful" if self.doubts else "good"
+
+
+@cache
+def _entries_of_orientations() -> Array:
+    """1 and the entries of rotation matrices that are dense in all of them: (n, 10)."""
+    return np.column_stack([np.ones(288 * 24), spread_rotations(288, 24).reshape(-1, 9)])
