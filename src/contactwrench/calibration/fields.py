@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -240,7 +240,8 @@ class CalibrationFields(Frozen):
         """
         J = self.error_jacobian(np.concatenate([np.zeros((1, 9)), np.eye(9)]).reshape(10, 3, 3))
         J[1:] -= J[0]  # of 1 and of each entry of R: the free wrench is linear in them
-        entries = _entries_of_orientations()
+        R = spread_rotations(288, 24)
+        entries = np.column_stack([np.ones(len(R)), R.reshape(-1, 9)])
         variances = (np.einsum("iap,pq,jaq->ij", part, self.error_covariance, part) for part in (J[:, :3], J[:, 3:]))
         force, torque = (float(np.sqrt(np.sum((entries @ each) * entries, axis=1).max())) for each in variances)
         return force, torque
@@ -265,9 +266,3 @@ class CalibrationFields(Frozen):
         if any(finding.severity is Severity.WEAK for finding in self.findings):
             return "weak"
         return "doubtful" if self.doubts else "good"
-
-
-@cache
-def _entries_of_orientations() -> Array:
-    """1 and the entries of rotation matrices that are dense in all of them: (n, 10)."""
-    return np.column_stack([np.ones(288 * 24), spread_rotations(288, 24).reshape(-1, 9)])
