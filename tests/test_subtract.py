@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import re
+from contextlib import nullcontext
 from importlib.util import find_spec
 from typing import Any
 
@@ -14,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import InputError
+from contactwrench.geometry.orientation import nearest_rotations
 from tests.support.rigs import example, noise_free, seeds
 from tests.support.world import Array, random_rotations, readings
 
@@ -149,6 +152,42 @@ def test_what_is_no_orientation_is_refused_and_its_row_named(force_kernel: str, 
     with pytest.raises(InputError, match=r"orientation 37 is .*expected .* within 1 %") as refused:
         calibration.compensate(wrench, orientation)
     assert refused.value.row == 37
+
+
+@pytest.fixture(params=KERNELS)
+def as_given(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few matrices, too, are taken as they are."""
+    monkeypatch.setattr(kernel, "FUSED_FROM", 1)
+    if request.param == "numpy":
+        monkeypatch.setattr(kernel, "find_spec", lambda name: None)
+
+
+@pytest.mark.usefixtures("as_given")
+@pytest.mark.parametrize("place", [0, 8191, 8192, 20_000])
+@pytest.mark.parametrize("bad", [np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.011, 1.0]), np.eye(3)[[1, 0, 2]]])
+def test_a_matrix_that_is_no_rotation_is_refused_wherever_it_stands(bad: Array, place: int) -> None:
+    calibration, R, _, wrench = _case(12, 20_001)
+    R[place] = R[place] @ bad
+    with pytest.raises(InputError, match=f"orientation {place} is a matrix that is no rotation"):
+        calibration.compensate(wrench, R)
+
+
+@pytest.mark.usefixtures("as_given")
+def test_matrices_as_given_are_held_to_what_those_made_exact_are() -> None:
+    """The quick look lets nothing pass that is refused elsewhere, and refuses no more, near 1 % either way."""
+    calibration, R, _, wrench = _case(13, 200)
+    off = np.eye(3) + np.random.default_rng(13).normal(scale=0.006, size=R.shape)
+    refused = 0
+    for k, matrix in enumerate(R @ off):
+        message = ""
+        try:
+            nearest_rotations(matrix[None])
+        except InputError as error:
+            message = str(error)
+        with nullcontext() if not message else pytest.raises(InputError, match=re.escape(message)):
+            calibration.compensate(wrench[k : k + 1], matrix[None])
+        refused += bool(message)
+    assert 40 < refused < 160
 
 
 @both_kernels

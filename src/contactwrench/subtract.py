@@ -21,12 +21,21 @@ from numpy.typing import ArrayLike
 
 from .errors import InputError
 from .geometry.arrays import Array, numbers
-from .geometry.orientation import ROTATION_TOLERANCE, OrientationLike, nearest_rotations, off_rotation
+from .geometry.orientation import (
+    ROTATION_TOLERANCE,
+    OrientationLike,
+    nearest_rotations,
+    require_rotations,
+    require_unit,
+)
 from .geometry.wrench import cross_matrix, wrench_rows
 
 CHUNK = 8192
 """Samples of a numpy chunk: its rows fill, and do not overflow, a second-level cache of 1 MiB."""
-SQUARED_TOLERANCE = 2.0 * ROTATION_TOLERANCE
+SURELY_UNIT, SURELY_ROTATION = 1.0 - (1.0 - ROTATION_TOLERANCE) ** 2, (0.5 * ROTATION_TOLERANCE) ** 2
+"""What is no further off surely is an orientation within 1 %: a quaternion's squared length off 1; of a matrix z off
+x cross y and x and y off unit and square, squares summed. Of the rest the slower `require_rotations` decides.
+"""
 FUSED_FROM = 50_000
 """Samples from which compiling and starting threads pays."""
 MAX_THREADS = 8
@@ -70,7 +79,7 @@ def compensate(
     else:
         fine = _compensate_chunks(B, gravity_direction, readings, parts, result)
     if not fine:
-        _refuse_first(parts)
+        (require_unit if parts.shape[1] == 4 else require_rotations)(parts)
     if out is not None:
         return out
     return result[0] if single else result
@@ -110,25 +119,22 @@ def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
 
 
 def _compensate_chunks(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
-    """Fill `result` (n, 6) chunk by chunk; whether every orientation is one (the last chunk done is the first not)."""
+    """Fill `result` (n, 6) chunk by chunk; whether every orientation surely is one."""
     Bt = np.ascontiguousarray(B.T)
     into_r = _gravity_from_quaternions if parts.shape[1] == 4 else _gravity_from_matrices
-    r_one, free = np.ones((4, CHUNK)), np.empty((CHUNK, 6))
-    for start in range(0, len(readings), CHUNK):
-        rows = slice(start, min(start + CHUNK, len(readings)))
-        m = rows.stop - start
-        with np.errstate(all="ignore"):
-            off = into_r(parts[rows], gravity_direction, r_one[:3, :m])
-        if not off.max() <= SQUARED_TOLERANCE:
-            return False
-        np.matmul(r_one[:, :m].T, Bt, out=free[:m])
-        np.subtract(readings[rows], free[:m], out=result[rows])
-    return True
+    r_one, free, fine = np.ones((4, CHUNK)), np.empty((CHUNK, 6)), True
+    with np.errstate(all="ignore"):
+        for start in range(0, len(readings), CHUNK):
+            rows = slice(start, min(start + CHUNK, len(readings)))
+            m = rows.stop - start
+            fine &= into_r(np.ascontiguousarray(parts[rows].T), gravity_direction, r_one[:3, :m])
+            np.matmul(r_one[:, :m].T, Bt, out=free[:m])
+            np.subtract(readings[rows], free[:m], out=result[rows])
+    return fine
 
 
-def _gravity_from_quaternions(quat_xyzw: Array, d: Array, r: Array) -> Array:
-    """Fill `r` (3, m) from quaternions (m, 4) of any length; how far these, squared, are off 1: (m,)."""
-    parts = np.ascontiguousarray(quat_xyzw.T)
+def _gravity_from_quaternions(parts: Array, d: Array, r: Array) -> bool:
+    """Fill `r` (3, m) from quaternions (4, m) of any length; whether it surely is 1."""
     squared: Array = np.einsum("km,km->m", parts, parts)
     x, y, z, w = parts
     t = np.zeros((3, 4))
@@ -140,14 +146,19 @@ def _gravity_from_quaternions(quat_xyzw: Array, d: Array, r: Array) -> Array:
         r[row] -= np.multiply(b, tb, out=product)
         r[row] -= np.multiply(w, tw, out=product)
         r[row] += d[row]
-    return np.abs(squared - 1.0)
+    return bool(np.abs(squared - 1.0).max() <= SURELY_UNIT)
 
 
-def _gravity_from_matrices(matrices: Array, d: Array, r: Array) -> Array:
-    """Fill `r` (3, m) from row-major matrices (m, 9); how far these are off rotations: (m,)."""
-    np.matmul(np.kron(d, np.eye(3)), matrices.T, out=r)
-    deviation, handedness = off_rotation(matrices)
-    return np.where(handedness > 0.0, deviation, np.inf)
+def _gravity_from_matrices(parts: Array, d: Array, r: Array) -> bool:
+    """Fill `r` (3, m) from row-major matrices (9, m); whether these surely are rotations."""
+    np.matmul(np.kron(d, np.eye(3)), parts, out=r)
+    x, y, z = parts.reshape(3, 3, -1).swapaxes(0, 1)
+    squares = np.zeros(parts.shape[1])
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        squares += (x[i] * y[j] - x[j] * y[i] - z[k]) ** 2
+    for a, b, unit in ((x, x, 1.0), (y, y, 1.0), (x, y, 0.0)):
+        squares += (np.einsum("im,im->m", a, b) - unit) ** 2
+    return bool(squares.max() <= SURELY_ROTATION)
 
 
 def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
@@ -166,12 +177,12 @@ def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts
     threads = min(MAX_THREADS, cores)
     edges = np.linspace(0, len(readings), threads + 1).astype(int).tolist()
 
-    def wrong_in(block: tuple[int, int]) -> int:
+    def doubtful_in(block: tuple[int, int]) -> int:
         rows = slice(*block)
         return kernel(B, gravity_direction, readings[rows], parts[rows], result[rows])
 
     with ThreadPoolExecutor(threads) as pool:
-        return sum(pool.map(wrong_in, pairwise(edges))) == 0
+        return sum(pool.map(doubtful_in, pairwise(edges))) == 0
 
 
 @cache
@@ -196,7 +207,7 @@ def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **op
 def _fused_from_quaternions(B, d, readings, quat_xyzw, result):  # type: ignore[no-untyped-def]
     dx, dy, dz = d[0], d[1], d[2]
     ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz
-    wrong = 0
+    doubtful = 0
     for i in range(len(readings)):
         x, y, z, w = quat_xyzw[i, 0], quat_xyzw[i, 1], quat_xyzw[i, 2], quat_xyzw[i, 3]
         squared = x * x + y * y + z * z + w * w
@@ -207,13 +218,13 @@ def _fused_from_quaternions(B, d, readings, quat_xyzw, result):  # type: ignore[
         rz = dz - w * tz + x * ty - y * tx
         for k in range(6):
             result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
-        wrong += not abs(squared - 1.0) <= SQUARED_TOLERANCE
-    return wrong
+        doubtful += not abs(squared - 1.0) <= SURELY_UNIT
+    return doubtful
 
 
 def _fused_from_matrices(B, d, readings, matrices, result):  # type: ignore[no-untyped-def]
     dx, dy, dz = d[0], d[1], d[2]
-    wrong = 0
+    doubtful = 0
     for i in range(len(readings)):
         R = matrices[i]
         rx = dx * R[0] + dy * R[3] + dz * R[6]
@@ -221,28 +232,12 @@ def _fused_from_matrices(B, d, readings, matrices, result):  # type: ignore[no-u
         rz = dx * R[2] + dy * R[5] + dz * R[8]
         for k in range(6):
             result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
-        x, y, z = R[3] * R[7] - R[6] * R[4], R[6] * R[1] - R[0] * R[7], R[0] * R[4] - R[3] * R[1]
-        fine = R[2] * x + R[5] * y + R[8] * z > 0.0
-        for j in range(3):
-            for k in range(j + 1):
-                dot = R[j] * R[k] + R[3 + j] * R[3 + k] + R[6 + j] * R[6 + k]
-                fine &= abs(dot - (j == k)) <= SQUARED_TOLERANCE
-        wrong += not fine
-    return wrong
-
-
-def _refuse_first(parts: Array) -> None:
-    if parts.shape[1] == 9:
-        nearest_rotations(parts.reshape(-1, 3, 3))
-    with np.errstate(all="ignore"):
-        squared = np.einsum("ni,ni->n", parts, parts)
-        row = int(np.argmax(~(np.abs(squared - 1.0) <= SQUARED_TOLERANCE)))
-        length = float(np.sqrt(squared[row]))
-    raise InputError(
-        f"orientation {row} is a quaternion of length {length:.6g}, expected 1 within 1 %: check the order of its "
-        "parts, and leave out samples without an orientation",
-        row,
-    )
+        x, y, z = R[3] * R[7] - R[6] * R[4] - R[2], R[6] * R[1] - R[0] * R[7] - R[5], R[0] * R[4] - R[3] * R[1] - R[8]
+        xx = R[0] * R[0] + R[3] * R[3] + R[6] * R[6] - 1.0
+        yy = R[1] * R[1] + R[4] * R[4] + R[7] * R[7] - 1.0
+        xy = R[0] * R[1] + R[3] * R[4] + R[6] * R[7]
+        doubtful += not x * x + y * y + z * z + xx * xx + yy * yy + xy * xy <= SURELY_ROTATION
+    return doubtful
 
 
 def stepper(B: Array, gravity_direction: Array) -> Step:

@@ -210,9 +210,16 @@ def honest() -> dict[str, cw.Calibration]:
         "another base": full.with_base(R[0], "cell"),
         "many poses": _with_sums(cw.Samples(clean, R)),
         "many exact poses": _with_sums(noisy(rig, R, rng, 1e-9 * NOISE)),
+        "far from zero": cw.calibrate(cw.Samples(_along_z(R) + rng.normal(0.0, NOISE, (12, 6)) + 1e5, R), "paper"),
         "measured": cw.calibrate(cw.read(PANDA)),
         "without poses": replace(full, poses=()),
     }
+
+
+def _along_z(R: Array) -> Array:
+    """Readings (n, 6) of 0.5 N on a sensor whose axes are the flange's, as the paper assumes."""
+    force = -0.5 * R[:, 2]
+    return np.hstack([force, np.cross([0.01, -0.02, 0.08], force)])
 
 
 def _with_sums(samples: cw.Samples) -> cw.Calibration:
@@ -227,6 +234,26 @@ def test_an_honest_calibration_is_believed(tmp_path: Path) -> None:
         c.save(tmp_path / "tool.json")
         loaded = cw.Calibration.load(tmp_path / "tool.json")
         assert to_json(loaded) == to_json(c), name
+
+
+def test_what_gains_add_to_a_covariance_is_symmetric() -> None:
+    """However far what is added to them cancels."""
+    found = [(name, c.gain_covariance) for name, c in honest().items() if c.gain_covariance is not None]
+    assert found
+    for name, covariance in found:
+        assert np.array_equal(covariance, covariance.T), name
+
+
+def test_a_file_of_another_machine_which_rounds_otherwise_is_believed(tmp_path: Path) -> None:
+    """Sums of squares leave little of each other where the bias is large: here, what the poses themselves leave."""
+    rig, R, rng = example(5, poses=12)
+    samples = cw.Samples(noisy(rig, R, rng).wrench + 1e4, R)
+    c = _with_sums(samples)
+    left = np.sqrt(np.mean((samples.wrench - c.predict(R)) ** 2, axis=0))
+    values = saved(c)
+    values["left_of_poses"] = left.tolist()
+    (tmp_path / "tool.json").write_text(json.dumps(values))
+    cw.Calibration.load(tmp_path / "tool.json")
 
 
 def test_sums_that_stand_for_poses_are_held_against_the_rest_too(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ MISTAKES = {
     "torques negated": (
         scaled(1.0, -1.0),
         "doubtful: the centre of mass comes out 60 mm behind the sensor, on the robot's side: are tx, ty and tz "
-        f"reversed, or does the flange's z point to the robot{PLACE}",
+        f"reversed or about the tool's tip, or does the flange's z point to the robot{PLACE}",
     ),
 }
 

@@ -104,9 +104,9 @@ class Interpretations:
     """A file's readings `wrench` (n, 6), N and N m as stated, and all ways to read them, the stated ones first.
 
     `sign` pull or reaction, as stated; `gravity` direction (3,) in base axes, as stated, or None; `units` as stated,
-    `torque_unit` the other one that com tells, `wrench_units` all that sensors have, the
-    option or words that say so and the factors of force and torque; `complaint` why the stated
-    orientation cannot be read, which is then none of `orientations`.
+    `torque_unit` the other one that com tells, `wrench_units` all that sensors have, the option or words that say so
+    and the factors of force and torque; `complaint` why the stated orientation cannot be read, which is then none of
+    `orientations`.
     """
 
     source: str

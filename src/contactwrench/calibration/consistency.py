@@ -16,7 +16,8 @@ from ..samples.delay import LONGEST_DELAY, is_significant
 from .fields import CalibrationFields
 
 B_TOLERANCE = 1e-9
-ROUNDING, ROUNDING_OF_SUMS = 1e-14, 1e-6
+ROUNDING = 1e-14
+ROUNDING_OF_SUMS = ROUNDING**0.5  # a root of what sums of squares leave of each other
 COVARIANCE_TOLERANCE, ROTATION_TOLERANCE = 1e-6, 2e-6
 FOLLOWS = ("verdict", "expected_error", "left_of_poses")
 """Properties that are written to the file."""
@@ -203,13 +204,18 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
     if derived.left_of_poses is None or left is None:
         return  # without poses, or from before this was written: the error to expect may have been another then
     rounding = ROUNDING if c.moments is None else ROUNDING_OF_SUMS
-    _require_near("left_of_poses", derived.left_of_poses, left, "B, gravity_direction and the poses", rounding)
+    largest = float(np.abs(c.B).max())
+    _require_near("left_of_poses", derived.left_of_poses, left, "B, gravity_direction and the poses", rounding, largest)
     if derived.expected_error is not None:
         _require_near("expected_error", derived.expected_error, np.array(c.expected_error), "noise and covariance")
 
 
-def _require_near(name: str, found: Any, expected: Any, source: str, rounding: float = ROUNDING) -> None:
-    """Raise `InputError` where a number is off from what others in the file give, by more than `B_TOLERANCE`."""
+def _require_near(
+    name: str, found: Any, expected: Any, source: str, rounding: float = ROUNDING, largest: float = 0.0
+) -> None:
+    """Raise `InputError` where a number is off from what others in the file give, by more than `B_TOLERANCE` and the
+    `rounding` of numbers as large as it, or as the `largest` of those that it is what is left of.
+    """
     off = float(np.abs(found - expected).max())
-    if not off <= B_TOLERANCE + rounding * float(np.abs(expected).max()):
+    if not off <= B_TOLERANCE + rounding * max(float(np.abs(expected).max()), largest):
         raise InputError(f"found {name} {off:.3g} off what follows from {source}: the file was edited")

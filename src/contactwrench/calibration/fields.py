@@ -238,9 +238,13 @@ class CalibrationFields(Frozen):
         """The largest standard deviation over all orientations of the contact force (N) and torque (N m), each the
         root of the summed variances of its three axes; over a dense set of orientations, within 1 %.
         """
-        std = self.wrench_std(spread_rotations(288, 24))
-        force, torque = np.linalg.norm(std[:, :3], axis=1), np.linalg.norm(std[:, 3:], axis=1)
-        return float(force.max()), float(torque.max())
+        J = self.error_jacobian(np.concatenate([np.zeros((1, 9)), np.eye(9)]).reshape(10, 3, 3))
+        J[1:] -= J[0]  # of 1 and of each entry of R: the free wrench is linear in them
+        R = spread_rotations(288, 24)
+        entries = np.column_stack([np.ones(len(R)), R.reshape(-1, 9)])
+        variances = (np.einsum("iap,pq,jaq->ij", part, self.error_covariance, part) for part in (J[:, :3], J[:, 3:]))
+        force, torque = (float(np.sqrt(np.sum((entries @ each) * entries, axis=1).max())) for each in variances)
+        return force, torque
 
     @property
     def expected_error(self) -> tuple[float, float]:

@@ -248,7 +248,9 @@ class Compensator:
         return self._settings.delay
 
     def _covariance(self) -> Array:
-        return np.array(self._runner.state.systematic) + np.diag(self._runner.state.noise_left)
+        covariance = np.array(self._runner.state.systematic)
+        covariance.flat[::7] += self._runner.state.noise_left
+        return covariance
 
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""

@@ -21,7 +21,7 @@ UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
 LATEST = TIME.most
 SQUARED_TOLERANCE = 0.02
-"""As in subtract.py: an orientation may be off unit length by 1 %."""
+"""As in geometry/orientation.py: an orientation may be off unit length by 1 %."""
 LEAST_REPEATS = 100.0
 CHANCE_OF_REPEATS = 207.0
 """-10 log 1e-9: a run of repeated values that independent noise gives once in 10^9, ten times over, as noise that was

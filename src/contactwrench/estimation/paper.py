@@ -159,16 +159,14 @@ def _covariance(force: _Regression, torque: _Regression, tool: RigidTool, varian
     of_x, of_L, x = force.from_values, torque.from_values, force.solution
     from_F = np.concatenate([of_x, -of_L @ cross_matrix(tool.com)], axis=1)
     from_T = np.concatenate([np.zeros_like(of_x), of_L], axis=1)
-    per_reading = np.concatenate([from_F, from_T], axis=2)
-    joint = np.einsum("npi,nqi,i->pq", per_reading, per_reading, variance)
     J = np.zeros((11, 12))
     J[0, 2] = 1.0
     J[1:4, 6:9] = J[4:7, 3:6] = J[7:10, 9:12] = np.eye(3)
     J[7:10, 3:6] = cross_matrix(tool.com)
     J[7:10, 6:9] = -cross_matrix(tool.bias[:3])
     J[10, :2] = np.array([-x[1], x[0]]) / (x[0] ** 2 + x[1] ** 2)
-    covariance: Array = J @ joint @ J.T
-    return covariance
+    per_reading = J @ np.concatenate([from_F, from_T], axis=2)  # before squares: a large bias all but cancels here
+    return np.asarray(np.einsum("npi,nqi,i->pq", per_reading, per_reading, variance))
 
 
 def _held_out(wrench: Array, r: Array, force: _Regression, torque: _Regression, down: Array) -> Array | None:

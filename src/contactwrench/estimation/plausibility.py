@@ -59,7 +59,7 @@ TEXTS = {
     TOO_NEAR: "the centre of mass comes out {distance:.1g} m from the sensor's origin, where no tool of {mass:.3g} kg "
     "has it: are the forces in mN, or the torques in another unit",
     BEHIND: "the centre of mass comes out {behind:.0f} mm behind the sensor, on the robot's side: are tx, ty and tz "
-    "reversed, or does the flange's z point to the robot",
+    "reversed or about the tool's tip, or does the flange's z point to the robot",
 }
 SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; if it is so: --known {}+-STD"
 """Of each oddity, what is found and the likeliest mistakes; then what decides."""

@@ -94,7 +94,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
-        gain_covariance=of_B if of_B.any() else None,
+        gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
         beliefs=_beliefs(problem, tables, weight, errors),
     )
 

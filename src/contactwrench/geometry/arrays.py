@@ -7,6 +7,7 @@ from dataclasses import Field, dataclass, fields, replace
 from typing import Any, NoReturn, Self, TypeAlias
 
 import numpy as np
+from numpy.ma import MaskedArray, is_masked
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..errors import InputError
@@ -44,8 +45,10 @@ def number(values: Any, name: str) -> float:
 
 def _unmasked(values: Any, name: str) -> NDArray[Any]:
     """An array of whatever type. Raises `InputError` where a part is masked, or rows are of unequal length."""
+    if type(values) is np.ndarray:
+        return values
     parts = values if isinstance(values, list | tuple) else (values,)
-    if any(np.ma.is_masked(part) for part in parts):
+    if any(isinstance(part, MaskedArray) and is_masked(part) for part in parts):
         raise InputError(f"{name} has masked values, expected none: leave such samples out, or fill them")
     try:
         return np.asarray(values)
@@ -82,10 +85,10 @@ def frozen(values: Any) -> Any:
     """The same that nobody can change: read-only copies of arrays, tuples for lists, `ReadOnlyDict`s; else as it is."""
     if isinstance(values, np.ndarray):
         return _frozen(values, FLOAT64 if values.dtype.kind == "f" else values.dtype)
+    if type(values) in (list, tuple):
+        return tuple(map(frozen, values))
     if isinstance(values, Mapping):
         return ReadOnlyDict({key: frozen(value) for key, value in values.items()})
-    if type(values) in (list, tuple):
-        return tuple(frozen(value) for value in values)
     return values
 
 

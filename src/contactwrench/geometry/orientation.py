@@ -52,6 +52,13 @@ def from_quat_xyzw(quat_xyzw: Array) -> Array:
     """
     from scipy.spatial.transform import Rotation
 
+    require_unit(quat_xyzw)
+    matrices: Array = Rotation.from_quat(quat_xyzw).as_matrix()
+    return matrices
+
+
+def require_unit(quat_xyzw: Array) -> None:
+    """Raise `InputError` as `from_quat_xyzw`."""
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quat_xyzw, axis=1)
     wrong = ~(np.abs(length - 1.0) <= ROTATION_TOLERANCE)
@@ -62,8 +69,6 @@ def from_quat_xyzw(quat_xyzw: Array) -> Array:
             "its parts and that none is cut off",
             row,
         )
-    matrices: Array = Rotation.from_quat(quat_xyzw).as_matrix()
-    return matrices
 
 
 def nearest_rotations(matrices: Array) -> Array:
@@ -71,7 +76,15 @@ def nearest_rotations(matrices: Array) -> Array:
 
     Raises `InputError` naming the first matrix that is no rotation (a mirrored one included).
     """
-    deviation, handedness = off_rotation(matrices.reshape(-1, 9))
+    if require_rotations(matrices.reshape(-1, 9)) > 1e-12:
+        U, _, Vt = np.linalg.svd(matrices)
+        matrices = U @ Vt
+    return matrices
+
+
+def require_rotations(matrices: Array) -> float:
+    """How far row-major matrices (n, 9) are from orthonormal at most. Raises `InputError` as `nearest_rotations`."""
+    deviation, handedness = off_rotation(matrices)
     wrong = ~((deviation <= 2.0 * ROTATION_TOLERANCE) & (handedness > 0.0))
     if wrong.any():
         row = int(np.argmax(wrong))
@@ -81,10 +94,7 @@ def nearest_rotations(matrices: Array) -> Array:
             "of its entries",
             row,
         )
-    if deviation.size and deviation.max() > 1e-12:
-        U, _, Vt = np.linalg.svd(matrices)
-        matrices = U @ Vt
-    return matrices
+    return float(deviation.max(initial=0.0))
 
 
 def off_rotation(matrices: Array) -> tuple[Array, Array]:
