@@ -9,7 +9,7 @@ SECONDS = 600
 .PHONY: demo test test-quick explore fuzz bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
-	$(RUN)/bin/contactwrench demo --out contactwrench-demo
+	$(RUN)/bin/contactwrench demo --out contactwrench-demo --force
 
 test: $(DEV)/ready  ## all tests, the same examples at every run
 	$(DEV)/bin/python -m pytest -n auto

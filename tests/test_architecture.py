@@ -18,8 +18,8 @@ PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 EDGES = imports(PACKAGE)
 
-MOST_FILES, MOST_LINES = 168, 27_000
-"""A ratchet: lowered whenever the package shrinks; raised once, from 125 and 21,050 (changelog)."""
+MOST_FILES, MOST_LINES = 175, 28_900
+"""A ratchet: lowered whenever the package shrinks; raised twice, from 125 and 21,050, and 168 and 27,000 (changelog)."""
 MOST_AT_ROOT, MOST_FOLDERS = 8, 11
 MOST_LINES_OF_FILE = 300
 

@@ -141,8 +141,9 @@ def commands(body: str, line: int) -> Iterator[Shown]:
 def provide_recordings(page: Path) -> None:
     """Put what the page's blocks read into the current folder."""
     copied = Path("contactwrench-demo")
-    copied.mkdir()
-    for name in ("panda_mini45.csv", "paper_six_poses.csv"):
+    if "$ contactwrench demo\n" not in page.read_text(encoding="utf-8"):
+        copied.mkdir()
+    for name in () if not copied.exists() else ("panda_mini45.csv", "paper_six_poses.csv"):
         shutil.copy(DATA / name, copied / name)
     if page.parent.name == "robots":
         BRANDS[page.stem](Path(), EXAMPLES[page.stem], np.random.default_rng(list(BRANDS).index(page.stem)))

@@ -77,6 +77,8 @@ def open_bytes(path: str | Path) -> Iterator[BufferedReader[Any]]:
     path and why it cannot be read; what is no file is not opened.
     """
     name = name_of(path)
+    if "\0" in name:
+        raise FileAccessError(f"{name!r}: found a NUL in a name, expected a path: correct it")
     try:
         with BufferedReader(_StandardInput()) if str(path) == STDIN else _opened(Path(path)) as file:
             yield file

@@ -19,7 +19,7 @@ from contactwrench.calibration.file import to_json
 from contactwrench.errors import FileFormatError
 from contactwrench.geometry.rotations import spread_rotations
 from contactwrench.samples.poses import moments_of_poses
-from tests.support.recordings import PANDA
+from tests.support.recordings import PANDA, written
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations
 
@@ -292,6 +292,30 @@ def test_a_file_from_before_lacks_what_came_later_and_is_read_as_it_was(tmp_path
     assert np.array_equal(old.B, calibration("auto").B)
     assert (old.delay, old.still_noise, old.alternatives, old.parameter_dof) == (None, None, (), None)
     values["noise"] = [2.0 * each for each in values["noise"]]
-    _negated(values)  # what nothing in such a file can contradict
     path.write_text(json.dumps(values))
-    assert np.array_equal(cw.Calibration.load(path).gravity_direction, -calibration("auto").gravity_direction)
+    assert np.array_equal(cw.Calibration.load(path).noise, values["noise"])
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"noise": [1e7, *[0.1] * 5]}, "noise has a number beyond 1e+06, expected none"),
+        ({"residual_rms": [1e308, *[0.1] * 5]}, "residual_rms has a number beyond 1e30, expected none"),
+    ],
+)
+def test_numbers_that_overflow_are_refused(tmp_path: Path, changed: dict[str, Any], message: str) -> None:
+    values = json.loads(to_json(cw.calibrate(cw.read(PANDA), "mount"))) | changed
+    with pytest.raises(FileFormatError) as caught:
+        cw.Calibration.load(written(tmp_path, json.dumps(values), "tool.json"))
+    assert str(caught.value) == f"{tmp_path / 'tool.json'}: {message}: calibrate again or restore the file"
+
+
+def test_an_older_file_is_held_against_its_poses_roughly(tmp_path: Path) -> None:
+    values = json.loads(to_json(cw.calibrate(cw.read(PANDA), "mount")))
+    del values["left_of_poses"]
+    path = written(tmp_path, json.dumps(values), "tool.json")
+    assert cw.Calibration.load(path).weight == values["weight"]
+    values["gravity_direction"] = [-value for value in values["gravity_direction"]]
+    path.write_text(json.dumps(values))
+    with pytest.raises(FileFormatError, match=r"found 15\.\d N left in the poses, and residual_rms 0\.\d+ N"):
+        cw.Calibration.load(path)

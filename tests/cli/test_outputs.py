@@ -18,7 +18,8 @@ from contactwrench.cli.main import app
 from contactwrench.cli.outputs import Writes, guarded
 from contactwrench.errors import FileAccessError
 from contactwrench.files import write_text
-from tests.support.recordings import PANDA, run
+from contactwrench.report.html import page as html_page
+from tests.support.recordings import PANDA, run, written
 
 Capture = pytest.CaptureFixture[str]
 
@@ -44,7 +45,11 @@ OUTPUTS = [
     (verb, name)
     for verb, parameters in PARAMETERS.items()
     for name, each in parameters.items()
-    if Path in types(each) and name not in READ_PATHS and verb != "demo"  # whose folder is its own, and made anew
+    if Path in types(each)
+    and name not in READ_PATHS
+    and verb != "demo"  # whose files are in a folder
+    and name not in READ_PATHS
+    and verb != "demo"  # which writes files in a folder, and reads none
 ]
 
 INPUTS = {
@@ -64,13 +69,13 @@ def test_every_path_is_read_or_marked_as_written() -> None:
         for name, each in parameters.items()
         if any(isinstance(mark, Writes) for mark in get_args(each.annotation))
     ]
-    assert marked == OUTPUTS
+    assert marked == [*OUTPUTS, ("demo", "out")]
     assert {verb for verb, _ in OUTPUTS} == {"plan", "calibrate", "compensate", "export", "simulate"}
 
 
 def test_every_verb_with_an_output_has_force() -> None:
     with_force = {verb for verb, parameters in PARAMETERS.items() if "force" in parameters}
-    assert with_force == {verb for verb, name in OUTPUTS if name == "output"}
+    assert with_force == {"demo", *(verb for verb, name in OUTPUTS if name == "output")}
 
 
 def complaint(verb: str, **stated: Any) -> str:
@@ -239,7 +244,7 @@ def toy(writing: Callable[[Path], None]) -> Callable[..., None]:
         file: Annotated[list[Path] | None, typer.Argument()] = None,
         word: Annotated[str, typer.Option()] = "base",
         output: Annotated[Path | None, typer.Option(), Writes()] = None,
-        report: Annotated[Path | None, typer.Option(), Writes(remade=".html")] = None,
+        report: Annotated[Path | None, typer.Option(), Writes(page=True)] = None,
     ) -> None:
         for path in (output, report):
             if path is not None:
@@ -272,8 +277,21 @@ def test_what_is_there_is_replaced_with_force_alone(one_file: Path) -> None:
         verb(report=Path("hard.csv"))
     assert str(caught.value) == f"hard.csv: {ALREADY}"
     page = Path("hard.csv").rename("page.html")
-    verb(report=page)
+    with pytest.raises(FileAccessError):
+        verb(report=page)
+    page.write_text(html_page("title", (), "body"))
+    Path("to-page.csv").symlink_to(page)
+    verb(report=Path("to-page.csv"))
     assert page.read_text() == "new"
+
+
+def test_what_somebody_changed_in_the_demo_s_folder_is_kept(tmp_path: Path, capsys: Capture) -> None:
+    kept = written(tmp_path, "mine", "mine.json")
+    (tmp_path / "demo").mkdir()
+    (tmp_path / "demo" / "panda_mini45.json").symlink_to(kept)
+    said = run(capsys, "demo", "--out", tmp_path / "demo").complaint
+    assert said == f"{tmp_path / 'demo' / 'panda_mini45.json'}: {ALREADY}"
+    assert kept.read_text() == "mine"
 
 
 def test_what_nobody_can_lose_is_written_without_force(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -90,9 +90,9 @@ def test_a_record_that_jumps_past_the_end_of_its_chunk(tmp_path: Path) -> None:
     )
     streams = bag_streams(path, accept_damaged=True)
     assert 0 < len(streams.wrench) < COUNT
-    assert streams.damage.endswith("; the rest was left out")
+    assert streams.damage.endswith("; what was left of it was read")
     assert f"found {len(streams.wrench)} messages of /wrench, expected the {COUNT} it counts" in streams.damage
-    assert bag_contents(path).damage.startswith(f"{path}: found the chunk at byte ")
+    assert bag_contents(path).damage.startswith(f"{path} is damaged: found the chunk at byte ")
 
 
 def _rows_of(read: Array) -> list[int]:
@@ -240,7 +240,9 @@ def test_damage_behind_the_last_batch_is_told(tmp_path: Path) -> None:
     content = _changed(_changed(content, place + 12, struct.pack("<Q", 125)), total, struct.pack("<Q", 137))
     path.write_bytes(content)
     *_, last = bag_batches(path, batch=1, accept_damaged=True)
-    assert last.damage == f"{path}: found 120 messages of /wrench, expected the 125 it counts; the rest was left out"
+    assert last.damage == (
+        f"{path} is damaged: found 120 messages of /wrench, expected the 125 it counts; what was left of it was read"
+    )
     assert len(last.wrench) == 0
 
 
@@ -274,7 +276,7 @@ def test_a_copy_of_a_damaged_bag_has_what_is_left_and_says_so(tmp_path: Path) ->
     copied = bag_streams(out, wrench_topic="/wrench/contact")
     np.testing.assert_array_equal(copied.wrench.wrench, left.wrench.wrench)
     assert len(notes) == 1
-    assert notes[0].startswith(f"the copy lacks what is damaged: {path}: found the chunk at byte ")
+    assert notes[0].startswith(f"the copy lacks what is damaged; {path} is damaged: found the chunk at byte ")
 
 
 def _read_all(path: Path, accept_damaged: bool) -> int:

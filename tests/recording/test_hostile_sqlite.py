@@ -73,7 +73,7 @@ def test_rows_that_are_no_messages_are_counted(tmp_path: Path, what: str) -> Non
     assert _refused(path) == _damaged(found, expected)
     read, said = _read(path, accept_damaged=True)
     assert sum(read.values()) == 598
-    assert said == f"{path}: found {found}, expected {expected}; the rest was left out"
+    assert said == f"{path} is damaged: found {found}, expected {expected}; what was left of it was read"
 
 
 def test_a_tree_that_refers_to_one_page_again_and_again(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array, Vector
 from ..geometry.orientation import off_rotation
+from ..geometry.ranges import NOISE_OF_AXIS
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
 from ..samples.delay import LONGEST_DELAY, is_significant
 from .fields import CalibrationFields
@@ -19,6 +20,9 @@ B_TOLERANCE = 1e-9
 ROUNDING = 1e-14
 ROUNDING_OF_SUMS = ROUNDING**0.5  # a root of what sums of squares leave of each other
 COVARIANCE_TOLERANCE, ROTATION_TOLERANCE = 1e-6, 2e-6
+OFF_POSES = (0.5, 10.0)
+"""Of the weight, and times what is stated: a file that leaves more in its own poses is another's."""
+LARGEST_NUMBER = 1e30
 FOLLOWS = ("verdict", "expected_error", "left_of_poses")
 """Properties that are written to the file."""
 NOT_NEGATIVE = ("residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
@@ -43,10 +47,14 @@ def require_consistent(c: CalibrationFields, derived: Derived) -> None:
         raise InputError(f"parameter_names do not fit model {c.model}, expected {', '.join(names)}")
     for name, array, shape in _shapes(c):
         _require_shape(name, array, shape)
+        if array is not None and not (np.abs(array) <= LARGEST_NUMBER).all():
+            raise InputError(f"{name} has a number beyond 1e30, expected none")
         if name in NOT_NEGATIVE and array is not None and (array < 0.0).any():
             raise InputError(f"{name} has a number below 0, expected 0 or more")
     if not (c.noise > 0.0).all():
         raise InputError("noise has a number that is not above 0, expected 6 above 0")
+    if (c.noise > NOISE_OF_AXIS.most).any():
+        raise InputError(f"noise has a number beyond {NOISE_OF_AXIS.most:g}, expected none")
     _check_numbers(c)
     _check_poses(c)
     if not abs(float(np.linalg.norm(c.gravity_direction)) - 1.0) <= B_TOLERANCE:
@@ -65,6 +73,8 @@ def _check_poses(c: CalibrationFields) -> None:
     for k, pose in enumerate(c.poses):
         _require_shape(f"poses[{k}].wrench", pose.wrench, (6,))
         _require_shape(f"poses[{k}].wrench_cov", pose.wrench_cov, (6, 6))
+        if not (np.abs(pose.wrench_cov) <= LARGEST_NUMBER).all():
+            raise InputError(f"poses[{k}].wrench_cov has a number beyond 1e30, expected none")
         _require_covariance(f"poses[{k}].wrench_cov", pose.wrench_cov)
         _require_rotation(f"poses[{k}].R_base_flange", pose.R_base_flange)
         if pose.n < 1:
@@ -201,8 +211,15 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
     _require_shape("expected_error", derived.expected_error, (2,))
     _require_shape("left_of_poses", derived.left_of_poses, (6,))
     left = c.left_of_poses
-    if derived.left_of_poses is None or left is None:
-        return  # without poses, or from before this was written: the error to expect may have been another then
+    if left is None:
+        return
+    if derived.left_of_poses is None:  # from before this was written, as the error to expect may have been another
+        force, stated = np.linalg.norm(left[:3]), np.linalg.norm(c.residual_rms[:3])
+        if force > max(OFF_POSES[0] * np.linalg.norm(c.B[:3, :3], 2), OFF_POSES[1] * stated):
+            raise InputError(
+                f"found {force:.3g} N left in the poses, and residual_rms {stated:.3g} N: the file was edited"
+            )
+        return
     rounding = ROUNDING if c.moments is None else ROUNDING_OF_SUMS
     largest = float(np.abs(c.B).max())
     _require_near("left_of_poses", derived.left_of_poses, left, "B, gravity_direction and the poses", rounding, largest)

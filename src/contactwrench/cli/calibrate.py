@@ -74,7 +74,7 @@ def calibrate(
         NAMES_FOLDER,
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file."), Writes(remade=".html")
+        Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file."), Writes(page=True)
     ] = None,
     require_force: Annotated[
         float | None,

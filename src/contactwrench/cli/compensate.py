@@ -51,7 +51,7 @@ def compensate(
     report: Annotated[
         Path | None,
         typer.Option(metavar="R.html", help="Write a page with every contact, one HTML file; judges every sample."),
-        Writes(remade=".html"),
+        Writes(page=True),
     ] = None,
     noise: Annotated[
         str | None,

@@ -12,11 +12,14 @@ import typer
 from ..files import make_folder, write_text
 from ..model import gravity_in_flange
 from . import options
+from .outputs import Writes
 
 if TYPE_CHECKING:
     from ..report.html import Section
     from ..samples.samples import Samples
 
+SETS = ("panda_mini45", "paper_six_poses")
+WRITTEN = ("report.html", *(f"{name}{end}" for name in SETS for end in (".csv", ".json", "_contact.csv")))
 PANDA_MASS = 0.788
 """kg, as the set's authors found it (notebook of agimus-project/panda_ft_sensor_calibration, g = 9.81)."""
 PRINTED_WEIGHT = 1.980
@@ -25,7 +28,9 @@ PRINTED_WEIGHT = 1.980
 
 def demo(
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for calibrations, contact wrenches and report.")
+        Path,
+        typer.Option(metavar="DIR", help="Folder for calibrations, contact wrenches and report."),
+        Writes(lambda folder, _: (folder / name for name in WRITTEN)),
     ] = Path("contactwrench-demo"),
 ) -> None:
     """Run the main job on two measured sets that come with the package, and say what the results mean."""
@@ -37,7 +42,7 @@ def demo(
 
     make_folder(out)
     sections = []
-    for name, section_of in {"panda_mini45": _panda, "paper_six_poses": _paper}.items():
+    for name, section_of in zip(SETS, (_panda, _paper), strict=True):
         recording = out / f"{name}.csv"
         write_text(recording, (files("contactwrench") / "data" / recording.name).read_text(encoding="utf-8"))
         samples = read(recording)

@@ -26,6 +26,8 @@ Key: TypeAlias = tuple[int, int] | str
 STDIN = "/dev/stdin"
 NAMES_FOLDER: Final = "names a folder"
 """In the annotation of a text: it may name a folder that is read, too. A path may always."""
+OF_PAGE = b"<footer>contactwrench "
+"""At the end of the pages that the program writes."""
 DEPTHS = ("*", "*/*", "*/*/*")
 """Of a recording's files in its folder: LeRobot has data/chunk-000/file-000.parquet."""
 KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
@@ -37,12 +39,12 @@ class Writes:
 
     Attributes:
         files: those that are written, from the path and the values of all arguments.
-        remade: the suffix of what is made anew, as nobody's work is in it; another file that is there and not empty is
-            replaced only with --force.
+        page: it is made anew over a page of this program's, as nobody's work is in that; another file that is there
+            and not empty is replaced only with --force.
     """
 
     files: Callable[[Path, Mapping[str, Any]], Iterable[Path]] = lambda path, _: [path]
-    remade: str | None = None
+    page: bool = False
 
 
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
@@ -87,7 +89,7 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
             if identity(target) in written:
                 raise FileAccessError(f"{file}: found two outputs in one file, expected one each: name another")
             written.add(identity(target))
-            if not values["force"] and file.suffix.lower() != mark.remade:
+            if not values["force"] and not (mark.page and _is_page(target)):
                 if target.exists() and target.stat().st_size:
                     raise already_there(file)
                 kept |= set() if target.exists() else {target}
@@ -120,6 +122,10 @@ def _require_unread(file: Path, read: Mapping[Key, str]) -> None:
         when, name = "would be", next(filter(None, map(read.get, map(identity, target.parents))), None)
     if name is not None:
         raise FileAccessError(f"{file}: found what {when} read as {name}, expected another file to write: name one")
+
+
+def _is_page(file: Path) -> bool:
+    return file.is_file() and OF_PAGE in file.read_bytes()[-200:]
 
 
 def _is_part(path: Path) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from copy import deepcopy
 from importlib.util import find_spec
 from math import ceil, inf, nan
+from threading import get_ident
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +23,7 @@ from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactW
 from .faults import BACK, SAME, reason_of, reasons_of
 from .filters import LowPass, delay_of
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
-from .runner import IN_USE, Compiled, Plain, given, one_at_a_time
+from .runner import TAKEN, Compiled, Plain, by_one_thread, given
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
@@ -36,8 +38,8 @@ DENSEST = 10_000.0
 class Compensator:
     """From readings, one at a time or in batches, to contact wrenches with their std, faults and contacts.
 
-    One call at a time, from whichever thread: one that comes while another runs is refused and changes nothing. Threads
-    side by side need one each; a copy, or one from a pickle, goes on from the same state.
+    It serves the thread that calls it first, until a `reset`; a call from another is refused and changes nothing.
+    Threads side by side need one each; a copy, or one from a pickle, goes on from the same state.
 
     Args:
         calibration: of the tool and the sensor.
@@ -65,8 +67,6 @@ class Compensator:
         InputError: values that cannot be meant.
         MissingExtraError: `fast` without numba.
     """
-
-    busy = False
 
     def __init__(
         self,
@@ -109,9 +109,8 @@ class Compensator:
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
         self.reset()
 
-    @one_at_a_time
     def reset(self) -> None:
-        """Forget everything but the settings: filters, contact, what was learned of the bias and a new zero."""
+        """Forget everything but the settings: filters, contact, what was learned of the bias, new zero, its thread."""
         s = deepcopy(self._settings)
         self._noise = known_noise(self._calibration, self._stated, self._rate)
         track(s, self._calibration, between_poses(self._calibration, self._noise.of_sample * s.knows_noise))
@@ -122,6 +121,10 @@ class Compensator:
         self._use_noise(None)
         if self._rate is not None:
             self._use_rate(self._rate)
+        vars(self).pop("owner", None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "owner"}
 
     def __call__(
         self, wrench: ArrayLike, orientation: ArrayLike, t: float, temperature: float | None = None
@@ -144,23 +147,19 @@ class Compensator:
             )
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None else number(temperature, "temperature")
-        if self.busy:  # as `one_at_a_time`, which would cost a tenth of a microsecond
-            raise InputError(IN_USE)
-        try:
-            self.busy = True
-            said, result = self._runner.step(reading, turn, t, heat)
-            if said != ASK:
-                return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
-            events, fault, detail, channel, judged = self._runner.told()
-            if events:
-                self._attend(events)
-            contact = None if judged == NOT_JUDGED else bool(judged)
-            std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
-            return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
-        finally:
-            self.busy = False
+        if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
+            raise InputError(TAKEN)
+        said, result = self._runner.step(reading, turn, t, heat)
+        if said != ASK:
+            return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
+        events, fault, detail, channel, judged = self._runner.told()
+        if events:
+            self._attend(events)
+        contact = None if judged == NOT_JUDGED else bool(judged)
+        std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
+        return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
 
-    @one_at_a_time
+    @by_one_thread
     def run(
         self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
     ) -> ContactWrenches:
@@ -210,7 +209,7 @@ class Compensator:
             covariance=read_only(covariances),
         )
 
-    @one_at_a_time
+    @by_one_thread
     def zero(self, samples: Samples) -> Zero:
         """Take what free readings at rest leave, in whatever orientation, for the bias from now on.
 

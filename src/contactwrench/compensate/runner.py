@@ -9,7 +9,7 @@ from dataclasses import astuple
 from functools import cache, wraps
 from hashlib import sha256
 from inspect import getsource
-from threading import Timer
+from threading import Timer, get_ident
 from typing import Any
 
 import numpy as np
@@ -23,27 +23,23 @@ from .step import take
 
 MOMENT = 1.0
 """s: what takes longer is said."""
-IN_USE = "found a call while another runs, expected one at a time: give each thread a Compensator of its own"
+TAKEN = "found a call from a second thread, expected one: give each a Compensator of its own, or begin anew, reset()"
 ROWS_AT_ONCE = 128
 TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
-def one_at_a_time(method: Function) -> Function:
-    """Refuse the method of a `busy` object. No lock, which no pickle takes: no thread is changed from look to mark."""
+def by_one_thread(method: Function) -> Function:
+    """Refuse the method to every thread but the first that calls one."""
 
     @wraps(method)
-    def marked(self: Any, *args: Any, **named: Any) -> Any:
-        if self.busy:
-            raise InputError(IN_USE)
-        try:
-            self.busy = True
-            return method(self, *args, **named)
-        finally:
-            self.busy = False
+    def owned(self: Any, *args: Any, **named: Any) -> Any:
+        if vars(self).setdefault("owner", me := get_ident()) != me:
+            raise InputError(TAKEN)
+        return method(self, *args, **named)
 
-    return marked  # type: ignore[return-value]
+    return owned  # type: ignore[return-value]
 
 
 def given(readings: Array, turns: Array, times: Array, heats: Array) -> tuple[NDArray[np.void], int]:

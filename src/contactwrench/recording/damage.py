@@ -30,4 +30,4 @@ class Damage:
         """What was found so far, one sentence; of many findings the first and the last, which count; empty: nothing."""
         found = list(self._found)
         found[4:-4] = [f"{len(found) - 8} more"] if len(found) > 9 else found[4:-4]
-        return f"{self.source}: {'; '.join(found)}; the rest was left out" if found else ""
+        return f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read" if found else ""

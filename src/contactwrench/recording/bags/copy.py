@@ -96,7 +96,7 @@ def write_bag_with(
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
         if bag.damage.said and note is not None:
-            note(f"the copy lacks what is damaged: {bag.damage.said}")
+            note(f"the copy lacks what is damaged; {bag.damage.said}")
     return name
 
 

@@ -40,6 +40,8 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 
 STAMP = ("stamp.sec", "stamp.nanosec")
 """Where in a header its stamp is."""
+CDR = "cdr"
+"""How messages of ROS 2 are written."""
 LONGEST_DEFINITION = 2**18
 """Characters: those of ROS' largest types, with all that is in them, are a fifth of it; each costs 5 us to parse."""
 STAMP_ENDS = 12
@@ -86,6 +88,9 @@ def definitions(bag: Bag, msgtype: str) -> Fields:
 
 def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
     """The messages by layout: rows, the layout and the messages. Raises `FileFormatError` naming topic and time."""
+    forms = {str(c.details.get("serialization_format") or CDR) for c in bag.connections if c.topic == topic}
+    if forms - {CDR}:
+        raise FileFormatError(f"{bag.path}: topic {topic.name}: found messages in {min(forms - {CDR})}, expected {CDR}")
     types = definitions(bag, topic.type)
 
     def layout_of(message: bytes) -> MessageLayout:

@@ -127,7 +127,10 @@ def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Ba
     with ExitStack() as files:
         with one_line_errors(path):
             bag = _opened(path, kind, files, damage)
-        yield bag
+        try:
+            yield bag
+        except FileFormatError as error:
+            raise FileFormatError(f"{error} ({damage.said})") if damage.said else error from None
 
 
 def require_rosbags() -> None:

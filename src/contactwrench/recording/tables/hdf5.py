@@ -120,8 +120,12 @@ class Datasets(Batch):
 def _groups(file: Any, source: str) -> list[_Group]:
     """The episodes of a set in the order of their numbers, or the whole file."""
     names: list[str] = []
-    file.visit(names.append)
-    if any(name.count("/") > DEEPEST for name in names):
+
+    def too_deep(name: str) -> bool | None:
+        names.append(name)
+        return name.count("/") > DEEPEST or None
+
+    if file.visit(too_deep):
         raise FileFormatError(f"{source}: found over {DEEPEST} groups in each other, expected fewer: export it anew")
     found = [(match[1], int(match[2]), name) for name in names if (match := EPISODES.fullmatch(name))]
     outer = [(parent, number, name) for parent, number, name in found if not EPISODES.fullmatch(parent.rstrip("/"))]

@@ -1,4 +1,4 @@
-"""A Compensator serves one call at a time: a second one is refused, and no thread is given another's reading."""
+"""A Compensator serves one thread: others are refused, and none is given what another's readings made."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from itertools import count
-from threading import Barrier, Event, Thread
+from threading import Barrier, Thread
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ import contactwrench as cw
 from contactwrench.errors import InputError
 from tests.support.rigs import NOISE, example, noisy
 
-IN_USE = "found a call while another runs, expected one at a time: give each thread a Compensator of its own"
+TAKEN = "found a call from a second thread, expected one: give each a Compensator of its own, or begin anew, reset()"
 STEPS = [False, pytest.param(True, marks=pytest.mark.skipif(find_spec("numba") is None, reason="no numba"))]
 CALIBRATION = cw.calibrate(noisy(*example(4)), "mount")
 AT_REST = np.eye(3)
@@ -66,7 +66,7 @@ def test_two_threads_are_given_their_own_readings_or_refused(fast: bool) -> None
             try:
                 found = shared(reading, AT_REST, 0.001 * next(stamps))
             except InputError as error:
-                if str(error) != IN_USE:
+                if str(error) != TAKEN:
                     wrong.append(error)
                 continue
             if abs(found.wrench[2] - force) > 1e-6:
@@ -75,66 +75,52 @@ def test_two_threads_are_given_their_own_readings_or_refused(fast: bool) -> None
     with switching_often():
         together(lambda: hammer(5.0), lambda: hammer(-5.0))
     assert wrong == []
+    with pytest.raises(InputError):
+        shared(free, AT_REST, 100.0)
+    shared.reset()
     assert shared(free, AT_REST, 100.0).wrench == pytest.approx(np.zeros(6), abs=1e-9)
 
 
-class Waiting:
-    """The step, held up until it may go on."""
-
-    def __init__(self, step: Any) -> None:
-        self.step_of, self.begun, self.go_on = step, Event(), Event()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.step_of, name)
-
-    def _held(self) -> None:
-        self.begun.set()
-        assert self.go_on.wait(10.0)
-
-    def step(self, *given: Any) -> Any:
-        self._held()
-        return self.step_of.step(*given)
-
-    def advance(self, *given: Any) -> Any:
-        self._held()
-        return self.step_of.advance(*given)
-
-
-@pytest.mark.parametrize("first", ["call", "run"])
-@pytest.mark.parametrize("fast", STEPS)
-def test_every_call_while_another_runs_is_refused_and_changes_nothing(first: str, fast: bool) -> None:
-    shared, alone = compensator(fast), compensator(fast)
-    readings, R, t = np.ones((20, 6)), np.tile(AT_REST, (20, 1, 1)), 0.001 * np.arange(20)
-    calls: dict[str, Callable[[cw.Compensator], Any]] = {
-        "call": lambda c: c(readings[0], AT_REST, 0.0),
-        "run": lambda c: c.run(readings, R, t),
-        "zero": lambda c: c.zero(cw.Samples(readings, R)),
-        "reset": lambda c: c.reset(),
-    }
-    waiting = shared._runner = Waiting(shared._runner)  # type: ignore[assignment]
+def in_another(job: Callable[[], Any]) -> Any:
+    """What a job gives, or raises, in a thread of its own."""
     results: list[Any] = []
-    thread = Thread(target=lambda: results.append(calls[first](shared)))
-    thread.start()
-    assert waiting.begun.wait(10.0)
-    for call in calls.values():
-        with pytest.raises(InputError) as caught:
-            call(shared)
-        assert str(caught.value) == IN_USE
-    waiting.go_on.set()
-    thread.join()
-    assert np.array_equal(results[0].wrench, calls[first](alone).wrench)
-    later = shared(readings[0], AT_REST, 1.0), alone(readings[0], AT_REST, 1.0)
-    assert np.array_equal(later[0].wrench, later[1].wrench)
-    assert np.array_equal(later[0].std, later[1].std)
+
+    def run() -> None:
+        try:
+            results.append(job())
+        except InputError as error:
+            results.append(str(error))
+
+    together(run)
+    return results[0]
 
 
 @pytest.mark.parametrize("fast", STEPS)
-def test_one_thread_after_the_other_is_as_one(fast: bool) -> None:
-    shared, alone = compensator(fast), compensator(fast)
+def test_every_call_from_another_thread_is_refused_and_changes_nothing(fast: bool) -> None:
+    """Also where no two calls overlap: a filter would mix them."""
+    shared, alone = (cw.Compensator(CALIBRATION, rate=1000.0, noise=NOISE, lowpass=5.0, fast=fast) for _ in range(2))
+    readings, R, t = 50.0 * np.ones((20, 6)), np.tile(AT_REST, (20, 1, 1)), 0.001 * np.arange(20)
+    calls: list[Callable[[], Any]] = [
+        lambda: shared(readings[0], AT_REST, 0.5),
+        lambda: shared.run(readings, R, 1.0 + t),
+        lambda: shared.zero(cw.Samples(readings, R)),
+    ]
     for k in range(5):
-        results: list[cw.ContactWrench] = []
-        together(lambda k=k, into=results: into.append(shared(np.ones(6), AT_REST, 0.01 * k)))  # type: ignore[misc]
-        assert np.array_equal(results[0].wrench, alone(np.ones(6), AT_REST, 0.01 * k).wrench)
+        if k:
+            assert {in_another(call) for call in calls} == {TAKEN}
+        now = [each(readings[k] / 50.0, AT_REST, 0.001 * k) for each in (shared, alone)]
+        assert np.array_equal(now[0].wrench, now[1].wrench)
+        assert np.array_equal(now[0].std, now[1].std)
+
+
+@pytest.mark.parametrize("way", [lambda c: c.reset(), copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
+@pytest.mark.parametrize("fast", STEPS)
+def test_a_new_beginning_and_a_copy_are_for_any_thread(fast: bool, way: Callable[[Any], Any]) -> None:
+    shared, alone = compensator(fast), compensator(fast)
+    shared(np.ones(6), AT_REST, 0.0)
+    free = way(shared) or shared
+    found = in_another(lambda: free(np.ones(6), AT_REST, 0.001))
+    assert np.array_equal(found.wrench, alone(np.ones(6), AT_REST, 0.001).wrench)
 
 
 def test_a_refused_call_leaves_it_free() -> None:
