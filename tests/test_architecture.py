@@ -19,7 +19,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 EDGES = imports(PACKAGE)
 
 MOST_FILES, MOST_LINES = 175, 28_900
-"""A ratchet: lowered whenever the package shrinks; raised twice, from 125 and 21,050, and 168 and 27,000 (changelog)."""
+"""A ratchet: lowered when the package shrinks; raised twice, from 125 and 21,050, from 168 and 27,000 (changelog)."""
 MOST_AT_ROOT, MOST_FOLDERS = 8, 11
 MOST_LINES_OF_FILE = 300
 

@@ -57,7 +57,7 @@ VERBS = {
 """What is run on an input of a kind."""
 
 LIBRARIES = ("mcap.reader", "pyarrow.parquet", "rosbags.rosbag2", "scipy.spatial.transform")
-DAMAGE_SAID = ("found", "left out")
+DAMAGE_SAID = " is damaged: found "
 
 
 @dataclass
@@ -104,9 +104,6 @@ def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
         every = _originals(folder)
         known = {name: str(folder / path) for name, path in KNOWN.items()}
         chosen = [one for one in every if not kinds or any(kind in one.name for kind in kinds)]
-        for one in chosen:
-            if one.kind not in ("JSON", "URDF"):
-                cw.read(one.path)  # what is imported and made ready now need not be in each process
         whole = [Case(one, 0, "whole", folder / "whole" / str(k), one.readings) for k, one in enumerate(chosen)]
         for case in whole:
             _put(case, case.original.changed.read_bytes())
@@ -239,7 +236,7 @@ def _judged(case: Case, expected: list[str], tally: Tally) -> list[str]:
     left = case.runs.get("what is left")
     if left is not None and left.status == 0:
         rows = _compensated(case, "left.csv")
-        said = all(part in left.err for part in DAMAGE_SAID)
+        said = DAMAGE_SAID in left.err
         tally.said += said
         if len(rows) != case.readings and not said:
             faults.append(f"{len(rows)} of {case.readings} readings without a word (what is left)")

@@ -15,7 +15,7 @@ from tests.support.brands import GRIPPER, Recorded, stop_and_go
 from tests.support.recordings import WRENCH
 from tests.support.world import Array
 
-RATE = 20.0
+RATE = 10.0
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 JOINTS = ("a", "b", "c")
 URDF = """<?xml version="1.0"?>

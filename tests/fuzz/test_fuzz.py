@@ -16,7 +16,7 @@ from tests.fuzz.runs import Run
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("ROS 1 lz4", "MCAP zstd", "sqlite3", "folder meta", "CSV", "Parquet snappy", "HDF5", "JSON", "URDF")
-MUTATIONS = 5
+MUTATIONS = 4
 
 
 @pytest.mark.slow

@@ -26,6 +26,11 @@ class Damage:
         self._found[f"found {what}, expected {expected}"] = None
 
     @property
+    def first(self) -> str:
+        """What was found first; empty: nothing."""
+        return next(iter(self._found), "")
+
+    @property
     def said(self) -> str:
         """What was found so far, one sentence; of many findings the first and the last, which count; empty: nothing."""
         found = list(self._found)
