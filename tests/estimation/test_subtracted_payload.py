@@ -14,9 +14,8 @@ from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings
 
 CAUSE = (
-    "likeliest the controller or driver subtracts the payload, or zeroes at each pose: record what the sensor itself "
-    "reads (UR e-Series: ft_raw_wrench of RTDE; KUKA, FANUC, ABB: the sensor's raw signal, not an external force; "
-    "Franka has no wrench sensor, its O_F_ext_hat_K is an estimate)"
+    "likeliest the controller or driver subtracts the payload, or zeroes at each pose: record the sensor's raw signal "
+    "(of a UR ft_raw_wrench, not an external force)"
 )
 
 

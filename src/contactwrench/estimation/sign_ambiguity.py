@@ -136,10 +136,10 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
     left, left_negated = (float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (residuals, rival.errors))
     if left_negated < 0.5 * left and _fits_worse(residuals, rival.noise, rival.errors, dof):
         raise AmbiguityError(
-            f"a tool explains these readings only with a negative weight: {left:.3g} N are left as given, "
-            f"{left_negated:.3g} N with force and torque negated; either the sensor reports the reaction (--sign "
-            f"reaction), or gravity points the other way (--gravity {negated(stated)}), or one axis is "
-            f"mirrored; free air cannot tell, one push by hand can{_otherwise(rival.tool.weight, left_negated)}"
+            f"only a negative weight explains these readings: {left:.3g} N are left as given, {left_negated:.3g} N "
+            f"negated; the sensor reports the reaction (--sign reaction), or gravity points the other way (--gravity "
+            f"{negated(stated)}), or one axis is mirrored; free air cannot tell, one push by hand can"
+            f"{_otherwise(rival.tool.weight, left_negated)}"
         )
     explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ stated >= 0.0
