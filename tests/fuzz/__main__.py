@@ -34,6 +34,7 @@ from .runs import Run, run_all
 
 HOSTILE = "hostile"
 OF_SUFFIX = {".urdf": "URDF", ".csv": "CSV", ".parquet": "Parquet", ".h5": "HDF5"}
+"""Of a hostile file; others are bags."""
 MOST_SECONDS_OF_HOSTILE = 10.0
 VERBS = {
     "recording": {
@@ -68,7 +69,6 @@ class Tally:
     refused: int = 0
     same: int = 0
     other: int = 0
-    said: int = 0
     faults: Counter[str] = field(default_factory=Counter)
     seconds: float = 0.0
     peak: int = 0
@@ -89,9 +89,7 @@ class Case:
     def verbs(self) -> dict[str, str]:
         kind = self.original.kind
         if kind == HOSTILE:
-            kind = {".urdf": "URDF", ".csv": "CSV", ".parquet": "Parquet", ".h5": "HDF5"}.get(
-                self.original.path.suffix, "bag"
-            )
+            kind = OF_SUFFIX.get(self.original.path.suffix, "bag")
         return VERBS.get(kind) or VERBS["recording" if kind in ("CSV", "Parquet", "HDF5") else "bag"]
 
 
@@ -118,7 +116,7 @@ def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
         def judge(case: Case) -> None:
             faults = _judged(case, expected[case.original.name], tallies[case.original.kind])
             for fault in faults:
-                kept = Path(f"fuzz-{case.original.name.replace(' ', '-')}-{case.seed}")
+                kept = Path(f"fuzz-{case.original.name.replace(' ', '-')}-{case.place.name}")
                 print(f"{fault}: {case.original.name}, seed {case.seed}, {case.way}; kept in {kept}", flush=True)
                 shutil.copytree(case.place, kept, dirs_exist_ok=True)
             shutil.rmtree(case.place)
@@ -237,7 +235,6 @@ def _judged(case: Case, expected: list[str], tally: Tally) -> list[str]:
     if left is not None and left.status == 0:
         rows = _compensated(case, "left.csv")
         said = DAMAGE_SAID in left.err
-        tally.said += said
         if len(rows) != case.readings and not said:
             faults.append(f"{len(rows)} of {case.readings} readings without a word (what is left)")
     tally.faults.update(faults)

@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactwrench.errors import ContactWrenchError
+import contactwrench as cw
+from contactwrench.errors import ContactWrenchError, FileFormatError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.messages import wrenches
 from contactwrench.recording.bags.open import messages, opened_bag
@@ -312,3 +313,13 @@ def test_hostile_bags_cost_little_and_are_refused_in_one_line(
             assert "\n" not in str(error)  # noqa: PT017
             assert len(str(error)) < 300 + len(str(path))  # noqa: PT017
         assert time.process_time() - start < 10.0
+
+
+def test_damage_that_leaves_nothing_to_read_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(HOSTILE_MCAPS["a chunk indexed 2,000 times"]())
+    with pytest.raises(FileFormatError) as caught:
+        cw.read(path, accept_damaged=True)
+    assert str(caught.value).startswith(f"{path}: found no topic of type ")
+    assert str(caught.value).endswith(" (damaged: found a record at byte 824 unreadable)")
+    assert len(str(caught.value)) < 300 + len(str(path))

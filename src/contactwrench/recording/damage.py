@@ -27,8 +27,8 @@ class Damage:
 
     @property
     def first(self) -> str:
-        """What was found first; empty: nothing."""
-        return next(iter(self._found), "")
+        """What was found first, without its reason and what was expected; empty: nothing."""
+        return next(iter(self._found), "").partition(", expected")[0].partition(" (")[0]
 
     @property
     def said(self) -> str:

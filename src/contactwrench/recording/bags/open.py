@@ -130,7 +130,7 @@ def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Ba
         try:
             yield bag
         except FileFormatError as error:
-            raise FileFormatError(f"{error}; damaged: {damage.first}") if damage.first else error from None
+            raise FileFormatError(f"{error} (damaged: {damage.first})") if damage.first else error from None
 
 
 def require_rosbags() -> None:
