@@ -18,9 +18,10 @@ PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 EDGES = imports(PACKAGE)
 
-MOST_FILES, MOST_LINES = 175, 28_900
-"""A ratchet: lowered when the package shrinks; raised twice, from 125 and 21,050, from 168 and 27,000 (changelog)."""
-MOST_AT_ROOT, MOST_FOLDERS = 8, 11
+MOST_FILES, MOST_LINES = 215, 34_000
+"""A ratchet: lowered when the package shrinks; raised from 125 and 21,050, from 168 and 27,000, and from 175 and 28,900
+for live/ and lab/ (changelog)."""
+MOST_AT_ROOT, MOST_FOLDERS = 8, 13
 MOST_LINES_OF_FILE = 300
 
 
@@ -177,6 +178,7 @@ def test_public_names_are_the_contract() -> None:
             "Samples",
             "__version__",
             "calibrate",
+            "live",
             "read",
         ]
     )

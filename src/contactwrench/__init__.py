@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
+    from . import live
     from .calibration.calibration import Calibration
     from .compensate.compensator import Compensator
     from .compensate.contact_wrenches import ContactWrench
@@ -22,6 +23,7 @@ __all__ = [
     "Samples",
     "__version__",
     "calibrate",
+    "live",
     "read",
 ]
 
@@ -38,6 +40,8 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """A public name, imported when it is first asked for: the program's `--help` needs none of them."""
+    if name == "live":
+        return import_module(".live", __name__)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(f".{_HOMES[name]}", __name__), name)

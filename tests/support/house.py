@@ -7,7 +7,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ORDER = ("geometry", "samples", "calibration", "estimation", "compensate", "assess", "recording", "report", "cli")
+ORDER = (
+    "geometry",
+    "samples",
+    "calibration",
+    "estimation",
+    "compensate",
+    "assess",
+    "recording",
+    "report",
+    "live",
+    "cli",
+)
 """Folders, each of which imports itself and what stands before it; the root's files stand with geometry."""
 
 JUDGE = "simulate"

@@ -1,0 +1,1 @@
+"""One file each: a `Sink` (sink.py), found by the scheme of its URI (uri.py)."""

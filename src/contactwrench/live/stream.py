@@ -1,0 +1,101 @@
+"""A sensor or a robot as a stream of batches, for a program of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from ..geometry.arrays import Array, Frozen
+from .source import About, Batch, Note, Source
+from .uri import source_of
+
+WAIT = 0.1
+"""s that a read waits before it looks again whether the stream was closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreamBatch(Frozen):
+    """Samples that came together.
+
+    Attributes:
+        t: (n,) s since 1970, when each came.
+        device: (n,) s by the device's own clock; NaN where it has none.
+        wrench: (n, 6) N and N m; NaN where a sample has none, or is not to be used.
+        orientation: (n, 4) quaternions x, y, z, w of the flange in base axes; NaN where there is none.
+        flaw: (n) why a sample is not to be used, or an empty text.
+        notes: what was lost, repeated or garbled.
+    """
+
+    t: Array
+    device: Array
+    wrench: Array
+    orientation: Array
+    flaw: tuple[str, ...]
+    notes: tuple[Note, ...] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+class Stream:
+    """An open source. Iterating gives batches with at least one sample or note, as they come, until it is closed."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._closed = False
+        self.about: About = source.open()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[StreamBatch]:
+        while not self._closed:
+            batch = self._source.read(WAIT)
+            if batch.samples or batch.notes:
+                yield batch_of(batch)
+
+    def close(self) -> None:
+        """End the stream; also from another thread."""
+        self._closed = True
+        self._source.close()
+
+
+def batch_of(batch: Batch) -> StreamBatch:
+    """Samples as arrays."""
+    samples = batch.samples
+    no_wrench, no_turn = (np.nan,) * 6, (np.nan,) * 4
+    wrench = [no_wrench if each.wrench is None or each.flaw else each.wrench for each in samples]
+    turn = [no_turn if each.orientation is None else each.orientation for each in samples]
+    return StreamBatch(
+        np.array([each.arrival for each in samples], dtype=np.float64),
+        np.array([each.device for each in samples], dtype=np.float64),
+        np.array(wrench, dtype=np.float64).reshape(-1, 6),
+        np.array(turn, dtype=np.float64).reshape(-1, 4),
+        tuple(each.flaw for each in samples),
+        tuple(batch.notes),
+    )
+
+
+def open_stream(uri: str) -> Stream:
+    """Connect to a sensor or a robot.
+
+    Args:
+        uri: as `sri://192.168.0.108` or `ur://10.0.0.5`; `contactwrench devices` lists all.
+
+    Returns:
+        The stream: use it in a `with` block, and iterate over it.
+
+    Raises:
+        InputError: no such URI.
+        DeviceError: the device does not answer, or is another.
+    """
+    return Stream(source_of(uri))

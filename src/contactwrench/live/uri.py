@@ -1,0 +1,102 @@
+"""Devices by their URI: `sri://192.168.0.108:4008`, `udp://:9000`, `stdin:`, and what makes a source or sink of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from ..errors import InputError
+from .sink import Sink
+from .source import Source
+
+SOURCES: Mapping[str, str] = {
+    "sri": "sources.sri:Sri",
+    "netft": "sources.netft:NetFt",
+    "ur": "sources.ur:Ur",
+    "rsi": "sources.rsi:Rsi",
+    "ft300": "sources.ft300:Ft300",
+    "bota": "sources.bota:Bota",
+    "ros2": "sources.ros2:Ros2",
+    "udp": "sources.lines:UdpLines",
+    "tcp": "sources.lines:TcpLines",
+    "stdin": "sources.lines:StdinLines",
+    "rig": "sources.rig:RigInProcess",
+}
+SINKS: Mapping[str, str] = {
+    "udp": "sinks.lines:UdpLines",
+    "ros2": "sinks.ros2:Ros2",
+    "file": "sinks.file:ContactFile",
+}
+"""By scheme: where in this package the class is. Other packages add theirs as entry points of these groups."""
+SOURCE_GROUP, SINK_GROUP = "contactwrench.sources", "contactwrench.sinks"
+
+
+@dataclass(frozen=True)
+class Uri:
+    """`scheme://host:port/path?name=value`, as a person wrote it; `text` is the whole."""
+
+    text: str
+    scheme: str
+    host: str
+    port: int | None
+    path: str
+    options: Mapping[str, str]
+
+    def __str__(self) -> str:
+        return self.text
+
+    def only(self, *names: str) -> None:
+        """Raise `InputError` for an option that is none of these."""
+        for name in self.options:
+            if name not in names:
+                known = f"one of {', '.join(names)}" if names else "none"
+                raise InputError(f"{self.text}: found the option {name}, expected {known}: correct the URI")
+
+
+def parsed(text: str) -> Uri:
+    """A URI. Raises `InputError`."""
+    try:
+        parts = urlsplit(text)
+        port = parts.port
+    except ValueError as error:
+        raise InputError(f"{text}: found no URI ({error}), expected one like sri://192.168.0.108:4008") from None
+    if not parts.scheme:
+        raise InputError(f"{text}: found no scheme, expected a URI like sri://{text or '192.168.0.108'}")
+    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    return Uri(text, parts.scheme, parts.hostname or "", port, unquote(parts.path), options)
+
+
+def source_of(text: str) -> Source:
+    """The source of a URI, not yet open. Raises `InputError`, also for a scheme that nobody knows."""
+    source: Source = _made(text, SOURCES, SOURCE_GROUP)
+    return source
+
+
+def sink_of(text: str) -> Sink:
+    """The sink of a URI, or of a file's name, not yet open. Raises `InputError`."""
+    sink: Sink = _made(text if ":" in text else f"file:{text}", SINKS, SINK_GROUP)
+    return sink
+
+
+def schemes(known: Mapping[str, str], group: str) -> dict[str, Callable[[], Any]]:
+    """What loads the class of each scheme: this package's own, then those of other packages."""
+    others = {point.name: point.load for point in entry_points(group=group)}
+    return {**others, **{scheme: partial(_own, place) for scheme, place in known.items()}}
+
+
+def _made(text: str, known: Mapping[str, str], group: str) -> Any:
+    uri = parsed(text)
+    loaders = schemes(known, group)
+    if uri.scheme not in loaders:
+        raise InputError(f"{text}: found the scheme {uri.scheme}, expected one of {', '.join(sorted(loaders))}")
+    return loaders[uri.scheme]()(uri)
+
+
+def _own(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(import_module(f".{module}", __package__), name)
