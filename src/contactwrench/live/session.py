@@ -1,7 +1,285 @@
-"""What happens while the arm runs."""
+"""What happens while the arm runs: samples and commands in, contact wrenches, events and snapshots out.
+
+No thread, no socket, no clock: all times come with the samples and the calls, so a program of one's own can feed it,
+and a test can. pump.py feeds it from devices.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..errors import ContactWrenchError
+from ..geometry.arrays import Array
+from ..geometry.orientation import from_quat_xyzw
+from ..samples.samples import OrientationStream, Streams, WrenchStream
+from .fitting import SIGNS, shown
+from .history import History
+from .intake import Intake
+from .pose_track import NO_PLACE, PoseTrack
+from .running import Options, Runner, last_contact_wrench
+from .sink import Turn
+from .snapshot import Command, Event, Output, Phase, Snapshot
+from .source import About, Batch, Four, Sample
+from .standing import Standing
+from .wizard import Wish, Wizard
+
+EVENTS_KEPT, NEW_EVENTS_KEPT = 50, 1_000
+TRACE_EVERY, TRACE_KEPT = 1.0 / 125.0, 250
+MOTION_SECONDS, MOTION_RATE = 180.0, 1_000.0
+"""s, and Hz at most, of both streams that are kept on the way to a calibration: their motion tells the delay."""
+NO_READING = (np.nan,) * 6
+WARNINGS = {"refusal": "warning", "pose_refused": "warning"}
+
 
 class Session:
-    """Phases, events in and out."""
+    """A sensor and a robot, or one device that is both, on the way to a calibration and then with one.
+
+    Args:
+        calibration: to run with at once; None: the wizard first.
+        sensor: what the sensor is called in events: its URI.
+        robot: as `sensor`; None: the sensor's samples have orientations too.
+        wish: how many poses, and what is known, on the way to a calibration.
+        options: of the compensation.
+        save: writes a calibration, and says where; None: it cannot be saved. May raise a `ContactWrenchError`.
+
+    Raises:
+        InputError: an option that cannot be meant.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration | None = None,
+        *,
+        sensor: str = "sensor",
+        robot: str | None = "robot",
+        wish: Wish | None = None,
+        options: Options | None = None,
+        save: Callable[[Calibration], str] | None = None,
+    ) -> None:
+        self._sensor = Intake(sensor, "sensor" if robot is not None else "sensor and robot")
+        self._robot = self._sensor if robot is None else Intake(robot, "robot")
+        self._track, self._history, self._standing = PoseTrack(), History(), Standing()
+        self._options, self._save, self.saved = options or Options(), save, ""
+        self._wizard = Wizard(wish or Wish(), self._motion)
+        self._turns: deque[Turn] = deque()
+        self._runner: Runner | None = None
+        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self._new: deque[Event] = deque(maxlen=NEW_EVENTS_KEPT)
+        self._trace: deque[tuple[float | None, ...]] = deque(maxlen=TRACE_KEPT)
+        self._traced = -inf
+        self._last: Turn | None = None
+        self.recording = False
+        if calibration is not None:
+            self._wizard.phase = Phase.RUN
+            self._run(calibration, SIGNS.get(str(calibration.provenance.get("sign", "pull")), 1.0))
+
+    @property
+    def phase(self) -> Phase:
+        """Where the session is."""
+        return self._wizard.phase
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The one that runs, or the last that was fitted."""
+        return self._wizard.calibration if self._runner is None else self._runner.calibration
+
+    def opened(self, role: str, about: About, t: float) -> None:
+        """The `sensor`, or the `robot`, is there."""
+        self._say(self._intake(role).opened(about, t))
+
+    def down(self, role: str, text: str, t: float) -> None:
+        """The `sensor`, or the `robot`, cannot be reached, or went away."""
+        event = self._intake(role).down(text, t)
+        if event is not None:
+            self._say(event)
+
+    def _intake(self, role: str) -> Intake:
+        return self._robot if role == "robot" else self._sensor
+
+    def feed(self, sensor: Batch | None = None, robot: Batch | None = None, *, t: float) -> Turn:
+        """Take what came until `t` s since 1970, and make of it what there is to be made.
+
+        Args:
+            sensor: from the sensor, in the order in which it came.
+            robot: from the robot.
+            t: now. Call it twenty times a second or more, also where nothing came: silence is found so.
+        """
+        poses = [] if robot is None else self._robot.take(robot)
+        readings = [] if sensor is None else self._sensor.take(sensor)
+        if self._robot is self._sensor:
+            poses = readings
+        turns = [(when, pose) for when, pose in poses if pose.orientation is not None and not pose.flaw]
+        for when, pose in turns:
+            self._track.add(when, pose.orientation or (0.0, 0.0, 0.0, 1.0), pose.position)
+        turn = self._turn([(when, each) for when, each in readings if each.wrench is not None or each.flaw], turns)
+        if len(turn.t):
+            self._history.add(turn)
+            self._last = turn
+            self._trace_of(turn)
+        self._keep_motion(turn)
+        for intake in dict.fromkeys((self._sensor, self._robot)):
+            for event in intake.look(t):
+                self._say(event)
+        if self._standing.look(self._history, t) and self.phase is not Phase.RUN:
+            self._happened(self._wizard.look(self._history, self._standing, t), t)
+        return turn
+
+    def _turn(self, readings: list[tuple[float, Sample]], poses: list[tuple[float, Sample]]) -> Turn:
+        delay = 0.0 if self._runner is None else self._runner.delay
+        flaws, at, used, why = [], [], [], []
+        for when, sample in readings:
+            orientation, age = self._track.at(when, when)
+            at.append(orientation)
+            if delay:
+                orientation, age = self._track.at(when - delay, when)
+            used.append(orientation)
+            flaws.append(sample.flaw)
+            known = orientation[0] == orientation[0]
+            why.append(sample.flaw or ("" if known else f"stale: the orientation is {age:.2f} s old"))
+        t = np.array([when for when, _ in readings])
+        wrench = np.array([NO_READING if s.flaw or s.wrench is None else s.wrench for _, s in readings]).reshape(-1, 6)
+        contact = None
+        if self._runner is not None and len(t):
+            contact, events = self._runner.step(t, wrench, np.array(used), why)
+            self._happened([("contact", text) for text in events], float(t[-1]))
+        return Turn(
+            t=t,
+            arrival=np.array([sample.arrival for _, sample in readings]),
+            wrench=wrench,
+            orientation=np.array(at).reshape(-1, 4),
+            flaw=flaws,
+            pose_t=np.array([when for when, _ in poses]),
+            pose=np.array([sample.orientation for _, sample in poses], dtype=np.float64).reshape(-1, 4),
+            position=np.array([sample.position or NO_PLACE for _, sample in poses], dtype=np.float64).reshape(-1, 3),
+            contact=contact,
+        )
+
+    def do(self, command: Command, t: float, number: int | None = None) -> None:
+        """Do what a person asks for at `t` s; what cannot be done now is an event. `number`: of a pose, from 1."""
+        try:
+            if command not in self.commands():
+                raise ContactWrenchError(f"{command.value} is not possible now")
+            if command is Command.SAVE:
+                self._save_calibration(t)
+            elif command is Command.ZERO and self._runner is not None:
+                self._happened([("zero", self._runner.zero(self._history))], t)
+            elif command is Command.RECORD:
+                self.recording = not self.recording
+                self._happened([("record", "on" if self.recording else "off")], t)
+            else:
+                self._happened(self._wizard.do(command, number, self._history), t)
+                self._after(command)
+        except ContactWrenchError as error:
+            self._happened([("refusal", str(error))], t)
+
+    def commands(self) -> tuple[Command, ...]:
+        """What can be asked for now."""
+        running = (Command.ZERO,) if self._runner is not None else ()
+        save = (Command.SAVE,) if self._save is not None and self.calibration is not None and not self.saved else ()
+        return (*self._wizard.commands(self._standing), *running, *save, Command.RECORD)
+
+    def _after(self, command: Command) -> None:
+        """Begin to run where the wizard has come to that, and end it where a person went back."""
+        if self.phase is Phase.RUN and self._runner is None and self._wizard.calibration is not None:
+            self._run(self._wizard.calibration, self._wizard.sign)
+        elif self.phase is not Phase.RUN and self._runner is not None:
+            self._runner, self.saved = None, ""
+        elif command in (Command.RETAKE, Command.CAPTURE):
+            self.saved = ""
+
+    def _run(self, calibration: Calibration, sign: float) -> None:
+        about = self._sensor.about
+        self._turns.clear()
+        self._runner = Runner(calibration, sign, self._options, None if about is None else about.ranges)
+
+    def _save_calibration(self, t: float) -> None:
+        if self._save is not None and self.calibration is not None:
+            self.saved = self._save(self.calibration)
+            self._happened([("saved", f"calibration written to {self.saved}")], t)
+
+    def _keep_motion(self, turn: Turn) -> None:
+        if self.phase in (Phase.CONNECT, Phase.RUN) or not (len(turn.t) or len(turn.pose_t)):
+            return
+        self._turns.append(turn)
+        newest = turn.t[-1] if len(turn.t) else turn.pose_t[-1]
+        while self._turns and len(old := self._turns[0].pose_t) and old[0] < newest - MOTION_SECONDS:
+            self._turns.popleft()
+
+    def _motion(self) -> Streams | None:
+        """Both streams as they came on the way to the calibration, at most `MOTION_RATE`."""
+        if not self._turns:
+            return None
+        t, wrench = (np.concatenate([getattr(turn, name) for turn in self._turns]) for name in ("t", "wrench"))
+        pose_t, pose = (np.concatenate([getattr(turn, name) for turn in self._turns]) for name in ("pose_t", "pose"))
+        every = max(1, round(len(t) / (MOTION_RATE * max(t[-1] - t[0], 1.0)))) if len(t) else 1
+        good = np.flatnonzero(np.isfinite(wrench).all(axis=1))[::every]
+        sign = self._wizard.sign
+        return Streams(WrenchStream(t[good], sign * wrench[good]), OrientationStream(pose_t, from_quat_xyzw(pose)))
+
+    def _trace_of(self, turn: Turn) -> None:
+        rows = turn.wrench if turn.contact is None else turn.contact.wrench
+        for k, t in enumerate(turn.t.tolist()):
+            if t - self._traced >= TRACE_EVERY:
+                self._traced = t
+                valid = not turn.flaw[k] if turn.contact is None else bool(turn.contact.valid[k])
+                touching = -1 if turn.contact is None else int(turn.contact.contact[k])
+                self._trace.append((t, *_plain(rows[k]), float(valid), float(touching)))
+
+    def _happened(self, what: list[tuple[str, str]], t: float) -> None:
+        for kind, text in what:
+            self._say(Event(t, kind, WARNINGS.get(kind, "note"), text))
+
+    def _say(self, event: Event) -> None:
+        self._events.append(event)
+        self._new.append(event)
+
+    def events(self) -> list[Event]:
+        """What happened since they were last asked for."""
+        new = list(self._new)
+        self._new.clear()
+        return new
+
+    def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
+        """What a person sees at `t` s; the trace begins anew."""
+        last, wizard, stand = self._last, self._wizard, self._standing
+        newest = self._track.newest
+        here: Four | None = None if newest is None else newest[1]
+        place: Any = None if newest is None or newest[2][0] != newest[2][0] else newest[2]
+        reading: Any = None if last is None or last.flaw[-1] else tuple(last.wrench[-1].tolist())
+        noise: Any = None if stand.noise is None else tuple(stand.noise.tolist())
+        trace = tuple(self._trace)
+        self._trace.clear()
+        return Snapshot(
+            t=t,
+            phase=self.phase,
+            devices=tuple(each.shown(t) for each in dict.fromkeys((self._sensor, self._robot))),
+            reading=reading,
+            noise=noise,
+            orientation=here,
+            position=place,
+            still=stand.now.still,
+            moving=stand.now.moves,
+            trace=trace,
+            commands=self.commands(),
+            events=tuple(self._events),
+            contact=None if last is None or last.contact is None else last_contact_wrench(last.contact),
+            push=wizard.push.steps() if self.phase is Phase.PUSH else (),
+            poses=wizard.shown(here),
+            fit=None if wizard.fit is None or self.phase not in (Phase.FIT, Phase.VERIFY) else shown(wizard.fit),
+            checks=wizard.checks,
+            verified=wizard.verified,
+            saved=self.saved,
+            running=None if self._runner is None else self._runner.shown(),
+            outputs=outputs,
+            recording=recording if self.recording else "",
+        )
+
+
+def _plain(values: Array) -> list[float | None]:
+    return [value if isfinite(value) else None for value in values.tolist()]

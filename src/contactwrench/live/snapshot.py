@@ -50,7 +50,7 @@ class Event(msgspec.Struct, frozen=True):
 class Device(msgspec.Struct, frozen=True):
     """A source. `role`: `sensor`, `robot` or `sensor and robot`; `state`: `connecting`, `streaming`, `silent` or
     `down`; `text`: what is wrong, or empty; `rate` Hz, measured, beside the one `asked` for; counts since the start;
-    `age` s since its last sample; `jitter` s, the std of how late its samples come.
+    `age` s since its last sample; `jitter` s, by how much its samples come later than the quickest, on average.
     """
 
     uri: str

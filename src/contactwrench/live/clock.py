@@ -1,0 +1,91 @@
+"""When a sample was taken, from the device's own clock and the times at which samples arrived.
+
+A network delays a sample, and never sends it early: so the smallest delays seen bound the offset between two clocks,
+and the line under all of them is their rate (Moon, Skelly and Towsley, 1999, for a path; Olson, 2010, for sensors). The
+smallest delay itself, a fraction of a ms on a wire, cannot be seen, and is left in.
+"""
+
+from __future__ import annotations
+
+from math import inf, isnan
+
+BIN, BINS = 0.5, 240
+"""s over which only the smallest delay is kept, and how many of those: two minutes, in which quartz keeps its rate."""
+LEAST_SPAN = 4.0
+"""s: over less, jitter would make a rate."""
+FASTEST = 500e-6
+"""Of one clock against another: quartz does not differ by more."""
+STEPPED = 0.25
+"""s: smallest delays that grow by more at once are a clock that was set, or a queue that nobody wants to trust."""
+LEAST_STEP = 1e-6
+"""s from one sample to the next: time goes on."""
+
+
+class Clock:
+    """Turns (arrival, device's time) of one device, in order, into times of arrival without the network's jitter."""
+
+    def __init__(self) -> None:
+        self.reset()
+        self._last = -inf
+
+    def reset(self) -> None:
+        """The device's clock began anew."""
+        self._bins: list[tuple[float, float]] = []
+        self._bin = -inf
+        self._least = (0.0, inf)
+        self._rate, self._line = 0.0, (0.0, inf)
+        self.lateness = 0.0
+
+    def take(self, arrival: float, device: float) -> float:
+        """The time (s since 1970) of a sample; `device` NaN: the arrival itself, there is nothing better."""
+        if isnan(device):
+            t = arrival
+        else:
+            offset = arrival - device
+            if device >= self._bin + BIN or device < self._bin:
+                self._next_bin(device)
+            if offset < self._least[1]:
+                self._least = (device, offset)
+                if offset < self._at(device):
+                    self._line = self._least
+            line = self._at(device)
+            self.lateness += 0.01 * (offset - line - self.lateness)
+            t = device + line
+        self._last = max(t, self._last + LEAST_STEP)
+        return self._last
+
+    def _at(self, device: float) -> float:
+        return self._line[1] + self._rate * (device - self._line[0])
+
+    def _next_bin(self, device: float) -> None:
+        if self._least[1] < inf:
+            if self._bins and self._least[1] - self._at(self._least[0]) > STEPPED:
+                self._bins.clear()
+                self._rate = 0.0
+            self._bins.append(self._least)
+            del self._bins[:-BINS]
+            self._rate, self._line = line_under(self._bins)
+        self._bin, self._least = device, (0.0, inf)
+
+
+def line_under(points: list[tuple[float, float]]) -> tuple[float, tuple[float, float]]:
+    """Slope, and a point, of the highest line that has no point of (time, offset), in order of time, below it: the edge
+    of their lower hull over the mean time. Level, through the least offset, where they span too little.
+    """
+    if points[-1][0] - points[0][0] < LEAST_SPAN:
+        return 0.0, min(points, key=lambda point: point[1])
+    hull: list[tuple[float, float]] = []
+    for point in points:
+        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    middle = sum(time for time, _ in points) / len(points)
+    k = next(k for k in range(1, len(hull)) if hull[k][0] >= middle)
+    (a, offset_a), (b, offset_b) = hull[k - 1], hull[k]
+    slope = (offset_b - offset_a) / (b - a)
+    return max(-FASTEST, min(FASTEST, slope)), hull[k]
+
+
+def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    """Whether b lies on or above the line from a to c."""
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

@@ -1,0 +1,124 @@
+"""From poses and pushes to a calibration: the way to understand the readings that both agree with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..calibration.text import parameter_rows
+from ..errors import ContactWrenchError
+from ..estimation.calibrate import DOWN, calibrate
+from ..geometry.arrays import Frozen
+from ..samples.delay import estimate_delay, is_significant
+from ..samples.samples import Streams
+from .pose_taking import Taken, samples_of
+from .push_test import Push, as_tested, contradiction
+from .snapshot import Fit, Parameter
+
+FEWEST_POSES = 6
+SIGNS = {"pull": 1.0, "reaction": -1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted(Frozen):
+    """A calibration for readings times `sign`, or why there is none; what `settled` the sign, in words."""
+
+    calibration: Calibration | None
+    sign: float
+    refusal: str = ""
+    settled: str = ""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a person stated: `sign` pull or reaction, None: not known; `gravity` (3,) in base axes; the model."""
+
+    sign: str | None = None
+    gravity: tuple[float, float, float] = DOWN
+    model: str = "auto"
+
+
+def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, source: str) -> Fitted:
+    """The one way to understand the readings that poses and pushes agree with, and the calibration of it.
+
+    Pull or reaction, gravity as stated or against it: free air is the same for two of the four. Without pushes the
+    first that the poses do not refuse is taken, and a finding of the calibration says that its sign is not confirmed.
+    """
+    refusals: list[str] = []
+    against: list[str] = []
+    for gravity in (stated.gravity, tuple(-part + 0.0 for part in stated.gravity)):
+        for name in (stated.sign,) if stated.sign else SIGNS:
+            sign = SIGNS[name]
+            try:
+                calibration = calibrate(samples_of(poses, sign, source), stated.model, gravity=gravity)
+            except ContactWrenchError as error:
+                refusals.append(str(error))
+                continue
+            if not pushes:
+                return Fitted(calibration, sign, settled=f"{name}, as assumed: no push was felt")
+            if wrong := contradiction(calibration, pushes, sign):
+                against.append(wrong)
+                continue
+            upright = float(np.dot(calibration.gravity_direction, (0.0, 0.0, -1.0)))
+            base = "stands" if upright > 0.7 else "hangs" if upright < -0.7 else "is on a wall"
+            settled = f"settled by the pushes: the sensor reads the {name}, and the robot {base}"
+            return Fitted(as_tested(calibration, pushes, sign), sign, settled=settled)
+    if against:
+        return Fitted(None, 1.0, f"{against[0]}: push again as asked, or check the robot's pose and frames")
+    return Fitted(None, 1.0, refusals[0] if refusals else "there are no poses yet")
+
+
+def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration:
+    """The calibration with the delay of its recording's wrench behind the orientation, where the motion tells it."""
+    if streams is None or len(streams.wrench) == 0 or len(streams.orientation) == 0:
+        return calibration
+    try:
+        delay = estimate_delay(streams, calibration.gravity_direction)
+    except ContactWrenchError:
+        return calibration
+    if not np.isfinite(delay.std):
+        return calibration
+    return replace(calibration, delay=delay.value, delay_std=delay.std)
+
+
+def doubts_of(calibration: Calibration, poses: tuple[Taken, ...]) -> dict[int, str]:
+    """What the calibration has against poses, by number from 0."""
+    against: dict[int, str] = {}
+    for pose in calibration.poses:
+        if pose.rejected is not None and pose.t_start is not None:
+            for k, taken in enumerate(poses):
+                if taken.t[0] - 1e-6 <= pose.t_start <= taken.t[-1]:
+                    against[k] = pose.rejected
+    return against
+
+
+def shown(result: Fitted) -> Fit:
+    """For a person."""
+    c = result.calibration
+    if c is None:
+        return Fit("", result.refusal, (), None, None, "", "", ())
+    force, torque = c.expected_error
+    return Fit(
+        verdict=c.verdict,
+        refusal="",
+        parameters=tuple(Parameter(*row) for row in parameter_rows(c)),
+        expected_force=force,
+        expected_torque=torque,
+        sign=result.settled,
+        delay=_delay_in_words(c),
+        findings=tuple((finding.severity.value, finding.text) for finding in c.findings),
+    )
+
+
+def _delay_in_words(c: Calibration) -> str:
+    if c.delay is None or c.delay_std is None:
+        return "not told by the motion so far: none is applied"
+    applied = "applied" if is_significant(c.delay, c.delay_std) else "not applied"
+    return f"wrench {1e3 * c.delay:.1f} +- {1e3 * c.delay_std:.1f} ms behind the orientation, {applied}"
+
+
+def force_std(calibration: Calibration | None) -> tuple[float | None, float | None]:
+    """The std of the contact force, N, and torque, N m, from the calibration's poses, at the worst orientation."""
+    return (None, None) if calibration is None else calibration.largest_std

@@ -1,0 +1,128 @@
+"""One device of a session: when its samples were taken, how many and how fast they come, and what is wrong."""
+
+from __future__ import annotations
+
+from math import inf
+
+from .clock import Clock
+from .snapshot import Device, Event
+from .source import About, Batch, NoteKind, Sample
+
+SILENT, PERIODS = 0.25, 6.0
+"""s, and periods at the rate that was seen, without a sample: the longer of both is silence."""
+RATE_OVER, OFF_RATE = 1.0, 0.1
+"""s over which a rate is counted, and by which part it may differ from what was asked for."""
+NOTES_EVERY = 0.25
+"""s: what a device notes in between is said together."""
+CONNECTING, STREAMING, QUIET, DOWN = "connecting", "streaming", "silent", "down"
+
+
+class Intake:
+    """What is known of one device from what it sent."""
+
+    def __init__(self, uri: str, role: str) -> None:
+        self.uri, self.role = uri, role
+        self.about: About | None = None
+        self.state, self.text = CONNECTING, ""
+        self.clock = Clock()
+        self.rate: float | None = None
+        self.samples = self.lost = self.repeated = self.wrong = 0
+        self._last, self._count, self._since = -inf, 0, -inf
+        self._notes: dict[str, tuple[int, str]] = {}
+        self._noted = -inf
+        self._off_rate = False
+
+    def opened(self, about: About, t: float) -> Event:
+        """The device is there."""
+        again = self.state == DOWN
+        self.about, self.state, self.text = about, STREAMING, ""
+        self._last, self._count, self._since, self.rate = t, 0, t, None
+        self.clock.reset()
+        return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected")
+
+    def down(self, text: str, t: float) -> Event | None:
+        """The device is gone, or was never there; said once."""
+        said_before = self.state == DOWN and self.text == text
+        self.state, self.text, self.rate = DOWN, text, None
+        return None if said_before else self._event(t, "down", "error", text)
+
+    def take(self, batch: Batch) -> list[tuple[float, Sample]]:
+        """Samples with the times at which they were taken."""
+        for note in batch.notes:
+            if note.kind is NoteKind.RESTARTED:
+                self.clock.reset()
+            self.lost += note.number if note.kind is NoteKind.LOST else 0
+            self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
+            self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
+            self._note(note.kind, note.number, note.text)
+        taken = [(self.clock.take(sample.arrival, sample.device), sample) for sample in batch.samples]
+        for _, sample in taken:
+            if sample.flaw:
+                self.wrong += 1
+                self._note(sample.flaw.partition(":")[0], 1, sample.flaw)
+        if taken:
+            self._last = taken[-1][1].arrival
+            self.samples += len(taken)
+            self._count += len(taken)
+        return taken
+
+    def look(self, t: float) -> list[Event]:
+        """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
+        events = []
+        usual = SILENT if not self.rate else max(SILENT, PERIODS / self.rate)
+        if self.state == STREAMING and t - self._last > usual:
+            self.state, self.text = QUIET, "nothing comes: check power, cable and network"
+            events.append(self._event(t, "silent", "error", f"nothing for {t - self._last:.2f} s"))
+        elif self.state == QUIET and t - self._last < usual:
+            self.state, self.text = STREAMING, ""
+            self._count, self._since = 0, t
+            events.append(self._event(t, "back", "note", "samples come again"))
+        if self.state == STREAMING and t - self._since >= RATE_OVER:
+            events += self._count_rate(t)
+        if self._notes and t - self._noted >= NOTES_EVERY:
+            self._noted = t
+            for kind, (number, text) in self._notes.items():
+                many = f"{text} (and more: {number} in all)" if number > 1 and "missing" not in text else text
+                events.append(self._event(t, kind, "warning", many))
+            self._notes.clear()
+        return events
+
+    def _count_rate(self, t: float) -> list[Event]:
+        self.rate = self._count / (t - self._since)
+        self._count, self._since = 0, t
+        asked = None if self.about is None else self.about.rate
+        off = asked is not None and abs(self.rate - asked) > OFF_RATE * asked
+        said, self._off_rate = self._off_rate, off
+        if off and not said:
+            text = (
+                f"{self.rate:.4g} samples a second come, {asked:.4g} were asked for: check its settings and the network"
+            )
+            return [self._event(t, "rate", "warning", text)]
+        return []
+
+    def _note(self, kind: str, number: int, text: str) -> None:
+        before, _ = self._notes.get(kind, (0, ""))
+        self._notes[kind] = before + number, text
+
+    def _event(self, t: float, kind: str, severity: str, text: str) -> Event:
+        return Event(t, str(kind), severity, text, self.uri)
+
+    def shown(self, t: float) -> Device:
+        """For a person, at `t` s."""
+        about = self.about
+        age = None if self._last == -inf else t - self._last
+        return Device(
+            self.uri,
+            self.role,
+            "" if about is None else about.name,
+            self.state,
+            self.text,
+            self.rate,
+            None if about is None else about.rate,
+            self.samples,
+            self.lost,
+            self.repeated,
+            self.wrong,
+            age,
+            max(self.clock.lateness, 0.0) if self.samples else None,
+        )
