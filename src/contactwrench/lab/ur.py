@@ -126,7 +126,7 @@ class Ur(TcpFake):
 
     def _set_up(self, client: Client, payload: bytes) -> bytes:
         (frequency,) = struct.unpack_from(">d", payload)
-        names = payload[8:].decode("ascii", "replace").split(",")
+        names = payload[8:].decode("ascii", "replace").rstrip(",").split(",")  # ur-rtde ends with a comma
         kinds = [self._fields[name][0] if name in self._fields else "NOT_FOUND" for name in names]
         if "NOT_FOUND" in kinds:
             return b"\x00" + ",".join(kinds).encode()
