@@ -12,7 +12,16 @@ from pathlib import Path
 import pytest
 
 import contactwrench as cw
-from tests.support.house import JUDGE, ORDER, against_the_order, circles, imports, modules, touching_the_outside_world
+from tests.support.house import (
+    JUDGE,
+    LAB,
+    ORDER,
+    against_the_order,
+    circles,
+    imports,
+    modules,
+    touching_the_outside_world,
+)
 
 PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -29,7 +38,7 @@ def test_the_root_is_small() -> None:
     at_root = list(PACKAGE.glob("*.py"))
     folders = [path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"]
     assert len(at_root) <= MOST_AT_ROOT
-    assert set(folders) == {*ORDER, JUDGE, "data"}
+    assert set(folders) == {*ORDER, JUDGE, LAB, "data"}
     assert len(folders) <= MOST_FOLDERS
 
 

@@ -24,7 +24,10 @@ ORDER = (
 JUDGE = "simulate"
 """Imports geometry, samples and one file of assess, as it judges the rest; the command line alone imports it."""
 SEEN_BY_JUDGE = ("geometry", "samples", "assess.robot_arms")
-SEES_JUDGE = ("cli",)
+SEES_JUDGE = ("cli", "lab")
+
+LAB = "lab"
+"""The judge as time passes, behind fake devices: imports what the judge imports and the judge, never what listens."""
 
 FILELESS = ("geometry", "samples", "calibration", "estimation", "compensate", "assess")
 OUTSIDE_WORLD = {
@@ -112,12 +115,14 @@ def _goes_down(edge: Import) -> bool:
         return False
     if importing == imported:
         return True
-    if importing == JUDGE:
-        return imported not in {*ORDER, JUDGE} or any(
+    if importing == LAB and imported == JUDGE:
+        return True
+    if importing in {JUDGE, LAB}:
+        return imported not in {*ORDER, JUDGE, LAB} or any(
             edge.target == seen or edge.target.startswith(f"{seen}.") for seen in SEEN_BY_JUDGE
         )
-    if imported == JUDGE:
-        return importing in SEES_JUDGE
+    if imported in {JUDGE, LAB}:
+        return importing in (SEES_JUDGE if imported == JUDGE else ("cli",))
     return _floor(imported) <= _floor(importing)
 
 

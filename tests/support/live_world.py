@@ -48,7 +48,8 @@ class LiveWorld:
         to_sensor = (R_base_flange * self.mounting).inv()
         weight, pushed = to_sensor.apply(self.weight * np.array(self.down)), to_sensor.apply(push)
         torque = np.cross(self.com, weight) + np.cross(self.hook, pushed)
-        return self.sign * (np.hstack([weight + pushed, torque]) + np.array(self.bias))
+        true: Array = np.hstack([weight + pushed, torque]) + np.array(self.bias)
+        return self.sign * true
 
     def stand(
         self, seconds: float, push: tuple[float, float, float] = (0.0, 0.0, 0.0)

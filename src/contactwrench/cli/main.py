@@ -22,6 +22,7 @@ from .diagnose import diagnose
 from .diff import diff
 from .export import export
 from .info import info
+from .lab import lab
 from .options import MOST_COLUMNS
 from .outputs import guarded
 from .plan import plan
@@ -47,7 +48,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
-for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, demo):
+for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, lab, demo):
     app.command()(guarded(verb))
 
 

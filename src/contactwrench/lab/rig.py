@@ -1,0 +1,268 @@
+"""The rig as time passes: it goes where it is told, hands push its tool, and a soft workpiece pushes back.
+
+All is a function of time and of what was told: a device may ask for the rows of any moment up to now, at its own rate.
+A push acts on a rigid body that MuJoCo moves, so it adds its force and its torque about the sensor to MuJoCo's wrench.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from threading import Lock
+from time import monotonic
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from ..errors import InputError
+from ..geometry.arrays import Array, Frozen
+from ..geometry.orientation import rotation_matrices
+from ..simulate.arm import JOINT_RANGE
+from ..simulate.kinematics import HOME, joints_for
+from ..simulate.rig import JOINTS, build
+from ..simulate.sensor import SensorStream
+from ..simulate.settings import Settings
+from ..simulate.trajectory import MOVE_SPEED, RISE
+from . import motion
+from .signals import FlangePose
+
+Axes: TypeAlias = Literal["sensor", "flange", "base"]
+Point: TypeAlias = Literal["hook", "axis"]
+
+SOON = 0.15
+"""s from an order to the first motion: the move is worked out meanwhile, and nobody has asked for that time yet."""
+REMEMBERED = 60.0
+"""s: how far back a device may ask."""
+FORCE = 1000.0
+"""N: the largest push."""
+WORKPIECE = 0.05
+"""m above the base: its surface, which no planned pose reaches."""
+STIFFNESS = 2000.0
+"""N/m of the workpiece: 10 N at 5 mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth(Frozen):
+    """What a calibration of the rig should find, under a calibration's names."""
+
+    weight: float
+    mass: float
+    com: Array
+    bias: Array
+    R_flange_sensor: Array
+    gravity_direction: Array
+
+
+@dataclass
+class _Push:
+    force: Array
+    frame: Axes
+    point: Array
+    start: float
+    end: float
+
+    def strength(self, t: Array) -> Array:
+        smooth = np.minimum(np.maximum(np.minimum(t - self.start, self.end - t) / RISE, 0.0), 1.0)
+        share: Array = smooth**2 * (3.0 - 2.0 * smooth)
+        return share
+
+
+class Sensor:
+    """The lab's signal as one device sees it: a sensor of its own, with its own noise, filter and bias in motion."""
+
+    def __init__(self, lab: Lab, seed: int) -> None:
+        self._lab, self._rng = lab, np.random.default_rng(seed)
+        self._rate, self._stream = 0.0, SensorStream(lab.settings.sensor, 1.0, self._rng)
+        self._stream.read(np.zeros((1, 6)))  # imports what it needs now: a device must not be late for it
+        self.pose_at, self.true_contact = lab.pose_at, lab.true_contact
+
+    def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
+        """Readings (n, 6) at `t0 + k / rate`."""
+        if rate != self._rate:
+            self._rate, self._stream = rate, SensorStream(self._lab.settings.sensor, rate, self._rng)
+        return self._stream.read(self._lab.true_wrench(t0 + np.arange(n) / rate)).wrench
+
+
+class Lab:
+    """The virtual lab; it begins at rest at `HOME`. It is a `Signal`; a second device takes `sensor()`.
+
+    Args:
+        settings: of the rig.
+        seed: of the sensors' noise.
+        speed: of a move, of the largest speed of the joint that has furthest to go, 0 to 1.
+
+    Raises:
+        MissingExtraError: mujoco is not installed.
+    """
+
+    def __init__(self, settings: Settings | None = None, seed: int = 0, speed: float = MOVE_SPEED) -> None:
+        if not 0.0 < speed <= 1.0:
+            raise InputError(f"speed is {speed:g}, expected more than 0 and at most 1: it is a share of the largest")
+        self.settings = Settings() if settings is None else settings
+        self._rig, self._speed, self._orders = build(self.settings), speed, Lock()
+        self._courses = [motion.rest(self._rig, HOME, monotonic() - REMEMBERED)]
+        self._resting = (self._courses[0], _pose(self._courses[0], monotonic()))
+        self._pushes: list[_Push] = []
+        self._R_flange_sensor = self.settings.R_flange_sensor
+        self._hook = np.array(self.settings.tool.hook)
+        self._hook_flange = self._R_flange_sensor @ self._hook + [0.0, 0.0, self.settings.mounting.height]
+        self._seed = seed
+        own = self.sensor()
+        self.wrench_rows = own.wrench_rows
+
+    def sensor(self) -> Sensor:
+        """The lab as one more device sees it."""
+        self._seed += 1
+        return Sensor(self, self._seed)
+
+    @property
+    def truth(self) -> Truth:
+        """What is true of the rig."""
+        rig, tool = self.settings, self.settings.tool
+        weight = tool.mass * rig.gravity
+        bias = np.array(rig.sensor.bias)
+        return Truth(weight, tool.mass, np.array(tool.com), bias, rig.R_flange_sensor, rig.gravity_direction)
+
+    def move_to(self, target: Array | Sequence[float], position: Sequence[float] | None = None) -> float:
+        """Begin to move, from wherever the arm is on its way; returns how many seconds it will take.
+
+        Args:
+            target: joints (7,), rad; or `R_base_flange` (3, 3).
+            position: of the flange (3,), m, base axes, with an orientation; None: wherever it is nearest.
+
+        Raises:
+            InputError: of another shape, or out of reach.
+        """
+        with self._orders:
+            joints = self._joints(np.asarray(target, dtype=np.float64), position, self.joints_now())
+            start = max(monotonic() + SOON, self._courses[-1].start)
+            ahead = motion.course(self._rig, self._course(start).state(start), joints, start, self._speed)
+            kept = max(bisect_right([each.start for each in self._courses], start - REMEMBERED) - 1, 0)
+            self._courses = [*self._courses[kept:], ahead]
+        return ahead.end - monotonic()
+
+    def _joints(self, target: Array, position: Sequence[float] | None, near: Array) -> Array:
+        if target.shape == (3, 3):
+            R = rotation_matrices(target)[0][0]
+            return joints_for(self._rig, R, None if position is None else np.array(position), near)
+        if target.shape != (JOINTS,) or not np.isfinite(target).all():
+            raise InputError(f"found a target of shape {target.shape}, expected 7 joints (rad) or a rotation (3, 3)")
+        if np.any(np.abs(target) > JOINT_RANGE):
+            worst = int(np.argmax(np.abs(target) / JOINT_RANGE))
+            raise InputError(
+                f"q{worst + 1} is {target[worst]:.4g} rad, expected at most {JOINT_RANGE[worst]:.4g} (is this in deg?)"
+            )
+        return target
+
+    @property
+    def moving(self) -> bool:
+        """Whether the arm is on its way, from the moment it was told."""
+        return monotonic() < self._courses[-1].end
+
+    def joints_now(self) -> Array:
+        """Joints (7,), rad."""
+        return self.pose_at(monotonic()).joints
+
+    def push(
+        self, force: Sequence[float] | Array, frame: Axes = "sensor", duration: float | None = None, at: Point = "hook"
+    ) -> None:
+        """Push the tool from now on; pushes add up.
+
+        Args:
+            force: (3,), N, on the tool.
+            frame: its axes, with which it turns.
+            duration: s; None: until `release`.
+            at: the tool's hook, or the point of the sensor's axis beside it, about which a push down turns nothing.
+
+        Raises:
+            InputError: no force, or one that nobody pushes with.
+        """
+        newton, now = np.array(force, dtype=np.float64), monotonic()
+        if newton.shape != (3,) or not np.all(np.abs(newton) <= FORCE):
+            raise InputError(f"found a push of {force}, expected three numbers of at most {FORCE:g} N")
+        if frame not in ("sensor", "flange", "base") or at not in ("hook", "axis"):
+            raise InputError(f"found a push in {frame} axes at {at}, expected sensor, flange or base, and hook or axis")
+        point = self._hook if at == "hook" else self._hook * (0.0, 0.0, 1.0)
+        end = inf if duration is None else now + duration
+        with self._orders:
+            kept = [each for each in self._pushes if each.end > now - REMEMBERED]
+            self._pushes = [*kept, _Push(newton, frame, point, now, end)]
+
+    def release(self) -> None:
+        """Take every hand away."""
+        end = monotonic() + RISE
+        for push in self._pushes:
+            push.end = min(push.end, end)
+
+    def _course(self, t: float) -> motion.Course:
+        courses = self._courses
+        k = len(courses) - 1
+        while k > 0 and courses[k].start > t:
+            k -= 1
+        return courses[k]
+
+    def pose_at(self, t: float) -> FlangePose:
+        """Where the flange and the joints are, or were, at a moment."""
+        course = self._course(t)
+        if t < course.end:
+            return _pose(course, t)
+        if self._resting[0] is not course:
+            self._resting = (course, _pose(course, t))
+        return self._resting[1]
+
+    def true_wrench(self, t: Array) -> Array:
+        """What tool and environment exert on the sensor (n, 6), N and N m, sensor axes, at times (n,) that rise."""
+        course = self._course(t[0])
+        if course is not self._course(t[-1]):
+            return np.concatenate([self.true_wrench(t[k : k + 1]) for k in range(len(t))])
+        return course.at(course.wrench, t) + self._contact(t)
+
+    def true_contact(self, t: float) -> Array:
+        """What the environment exerts on the sensor (6,), N and N m, sensor axes, at a moment."""
+        contact: Array = self._contact(np.array([t]))[0]
+        return contact
+
+    def _contact(self, t: Array) -> Array:
+        pushes = [push for push in self._pushes if t[-1] > push.start and t[0] < push.end]
+        R_base_flange, position = self._flange(t)
+        total = self._workpiece(R_base_flange, position)
+        for push in pushes:
+            force = push.strength(t)[:, None] * push.force
+            if push.frame == "base":
+                force = np.einsum("nij,ni->nj", R_base_flange @ self._R_flange_sensor, force)
+            elif push.frame == "flange":
+                force = force @ self._R_flange_sensor
+            total = total + np.hstack([force, np.cross(push.point, force)])
+        return total
+
+    def _workpiece(self, R_base_flange: Array, position: Array) -> Array:
+        """The push (n, 6) of a soft surface parallel to the base's, where the hook is in it."""
+        depth = WORKPIECE - position[:, 2] - R_base_flange[:, 2] @ self._hook_flange
+        if depth.max() <= 0.0:
+            return np.zeros((len(position), 6))
+        force = (STIFFNESS * np.maximum(depth, 0.0))[:, None] * (R_base_flange[:, 2] @ self._R_flange_sensor)
+        return np.hstack([force, np.cross(self._hook, force)])
+
+    def _flange(self, t: Array) -> tuple[Array, Array]:
+        """`R_base_flange` (n, 3, 3) and position (n, 3), all of one course."""
+        course = self._course(t[0])
+        if course.end <= t[0]:
+            pose = self.pose_at(t[0])
+            return np.broadcast_to(pose.R_base_flange, (len(t), 3, 3)), np.broadcast_to(pose.position, (len(t), 3))
+        return _matrices(course.at(course.quat_xyzw, t)), course.at(course.position, t)
+
+
+def _pose(course: motion.Course, t: float) -> FlangePose:
+    moment = np.array([t])
+    quat_xyzw = course.at(course.quat_xyzw, moment)
+    return FlangePose(_matrices(quat_xyzw)[0], quat_xyzw[0], course.at(course.position, moment)[0], course.state(t)[0])
+
+
+def _matrices(quat_xyzw: Array) -> Array:
+    """Rotation matrices (n, 3, 3) of quaternions (n, 4) of about unit length; scipy's cost more than all the rest."""
+    x, y, z, w = quat_xyzw.T * np.sqrt(2.0 / (quat_xyzw**2).sum(axis=1))
+    R = [1 - y * y - z * z, x * y - z * w, x * z + y * w, x * y + z * w, 1 - x * x - z * z]
+    R += [y * z - x * w, x * z - y * w, y * z + x * w, 1 - x * x - y * y]
+    return np.stack(R, axis=1).reshape(-1, 3, 3)

@@ -1,0 +1,92 @@
+"""An SRI M8128 interface box with an M8125 sensor: TCP, text commands with an acknowledgement, a stream of packets.
+
+A packet is AA 55, the length of what follows (2 bytes, big-endian), a running number (2 bytes, big-endian, wraps), six
+little-endian float32 a sample (N, N m), and the sum of their bytes modulo 256.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from typing import Any
+
+from ..geometry.arrays import Array
+from .device import Packets
+from .signals import Signal
+from .sockets import Client, TcpFake
+
+CHANNELS = "A01,A02,A03,A04,A05,A06"
+WRAPS = 1 << 16
+
+
+class Sri(TcpFake):
+    """The box, at rest until it is asked for its stream.
+
+    Args:
+        signal: what the sensor reads.
+        rate: before a client asks for another, Hz.
+        old: firmware that ends its answers without `$OK` and calls the rate SMPR.
+        more: as of every fake.
+
+    Attributes:
+        asked: every command that has come, to see that nobody zeroes the sensor.
+    """
+
+    def __init__(self, signal: Signal, rate: float = 1000.0, *, old: bool = False, **more: Any) -> None:
+        super().__init__(signal, rate, **more)
+        self.asked: list[str] = []
+        self._ok, self._rate_name = ("", "SMPR") if old else ("$OK", "SMPF")
+        self._values = {"EIP": self.host, "SGDM": f"({CHANNELS});E;1;(WMA:1)", "DCPCU": "MVPV", "DCKMD": "SUM"}
+
+    @property
+    def uri(self) -> str:
+        """What a listener is given."""
+        return f"sri://{self.host}:{self.port}"
+
+    def wrong_sum(self) -> None:
+        """Spoil the sum of a packet."""
+        self._faults.append(lambda packets: [packets[0][:-1] + bytes([packets[0][-1] ^ 1]), *packets[1:]])
+
+    def _received(self, client: Client) -> None:
+        while (end := client.inbox.find(b"\r\n")) >= 0:
+            line = client.inbox[:end].decode("ascii", "replace")
+            del client.inbox[: end + 2]
+            self.asked.append(line)
+            self._obey(client, line)
+
+    def _obey(self, client: Client, line: str) -> None:
+        parts = re.fullmatch(r"AT\+(\w+)(?:=(.*))?", line)
+        name, value = parts.groups() if parts else ("", None)
+        if name == "GSD":
+            client.wants_rows = value != "STOP"
+            if value == "STOP":
+                self._answer(client, f"ACK+GSD=STOP{self._ok}\r\n".encode())
+        elif name == "GOD":
+            row = self.signal.wrench_rows(self.clock.time(self.clock.row), 1, self.clock.rate)
+            self._answer(client, self._packet(self.counter, row))
+            self.counter += 1
+        else:
+            self._answer(client, f"ACK+{name}={self._setting(name, value)}\r\n".encode())
+
+    def _setting(self, name: str, value: str | None) -> str:
+        """Answer a question, or take a value."""
+        if name == self._rate_name:
+            if value != "?":
+                self.ask_rate(float(value or "nan"))
+            return f"{self.rate:g}{self._ok}"
+        if name == "ADJZF":
+            return f"{value}{self._ok}"
+        if name not in self._values or value is None:
+            return "$ERROR"
+        if value != "?":
+            self._values[name] = value
+        return f"{self._values[name]}{self._ok}"
+
+    def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
+        samples = int(self._values["SGDM"].split(";")[2])
+        count = range(0, len(rows), samples)
+        return [self._packet(self.counter + k // samples, rows[k : k + samples]) for k in count]
+
+    def _packet(self, number: int, rows: Array) -> bytes:
+        data = rows.astype("<f4").tobytes()
+        return struct.pack(">HHH", 0xAA55, len(data) + 3, number % WRAPS) + data + bytes([sum(data) % 256])

@@ -1,0 +1,127 @@
+"""The fake M8128 against a client of a few lines: commands, stream, rate, and every fault."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from contactwrench.lab.signals import Plain
+from contactwrench.lab.sri import Sri
+from tests.lab.clients import connected, exactly, line, nothing_left, sri_packet
+
+NUMBERED = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def sri() -> Iterator[Sri]:
+    with nothing_left(), Sri(Plain(wrench=(0, 2, 3, 4, 5, 6), step=NUMBERED)) as device:
+        yield device
+
+
+@pytest.fixture
+def stream(sri: Sri) -> Iterator[socket.socket]:
+    with connected(sri.port) as connection:
+        connection.sendall(b"AT+GSD\r\n")
+        yield connection
+
+
+def test_commands_are_answered_as_the_box_answers(sri: Sri) -> None:
+    with connected(sri.port) as connection:
+        connection.sendall(b"AT+EIP=?\r\nAT+SMPF=500\r\nAT+SG")
+        assert [line(connection), line(connection)] == ["ACK+EIP=127.0.0.1$OK", "ACK+SMPF=500$OK"]
+        connection.sendall(b"DM=(A01,A02,A03,A04,A05,A06);E;2;(WMA:1)\r\nAT+DCKMD=SUM\r\nAT+NONSENSE=1\r\nAT+GOD\r\n")
+        assert [line(connection) for _ in range(3)] == [
+            "ACK+SGDM=(A01,A02,A03,A04,A05,A06);E;2;(WMA:1)$OK",
+            "ACK+DCKMD=SUM$OK",
+            "ACK+NONSENSE=$ERROR",
+        ]
+        assert sri_packet(connection)[1].tolist() == [[0, 2, 3, 4, 5, 6]]
+        assert sri.rate == 500.0
+        assert "AT+ADJZF=1;1;1;1;1;1" not in sri.asked
+
+
+def test_old_firmware_answers_without_ok() -> None:
+    with Sri(Plain(), old=True) as sri, connected(sri.port) as connection:
+        connection.sendall(b"AT+SMPR=200\r\nAT+SMPF=?\r\n")
+        assert [line(connection), line(connection)] == ["ACK+SMPR=200", "ACK+SMPF=$ERROR"]
+
+
+def test_the_stream_is_numbered_whole_and_at_its_rate(stream: socket.socket) -> None:
+    start = time.monotonic()
+    packets = [sri_packet(stream) for _ in range(600)]
+    took = time.monotonic() - start
+    assert [number for number, _, _ in packets] == list(range(600))
+    assert np.array_equal([samples[0, 0] for _, samples, _ in packets], np.arange(600))
+    assert all(right for _, _, right in packets)
+    assert 0.5 < took < 0.75
+    stream.sendall(b"AT+GSD=STOP\r\n")
+
+
+def test_the_number_wraps(sri: Sri, stream: socket.socket) -> None:
+    sri_packet(stream)
+    sri.counter = 65_530
+    numbers = [sri_packet(stream)[0] for _ in range(60)]
+    assert 65_535 in numbers
+    assert numbers[numbers.index(65_535) + 1] == 0
+
+
+def test_losses_doubles_and_disorder_show_in_the_number(sri: Sri, stream: socket.socket) -> None:
+    sri_packet(stream)
+    sri.skip(10)
+    sri.repeat()
+    sri.backwards()
+    sri.wrong_sum()
+    packets = [sri_packet(stream) for _ in range(100)]
+    steps = np.diff([number for number, _, _ in packets]).tolist()
+    assert sorted(set(steps)) == [-1, 0, 1, 2, 11]
+    assert [right for _, _, right in packets].count(False) == 1
+    sri.restart()
+    assert np.diff([sri_packet(stream)[0] for _ in range(50)]).min() < -50
+
+
+def test_packets_are_cut_and_interrupted_by_garbage(sri: Sri, stream: socket.socket) -> None:
+    sri_packet(stream)
+    sri.split()
+    sri.garbage(b"\xaa\x55\x00nonsense")
+    read = exactly(stream, 31 * 40 + 11)
+    assert read.count(b"nonsense") == 1
+    whole = read.replace(b"\xaa\x55\x00nonsense", b"")
+    assert {whole[k * 31 : k * 31 + 4] for k in range(40)} == {b"\xaa\x55\x00\x1b"}
+
+
+def test_cut_silent_refusing_and_back(sri: Sri, stream: socket.socket) -> None:
+    number = sri_packet(stream)[0]
+    sri.silence(0.1)
+    after = [sri_packet(stream)[0] for _ in range(30)]
+    assert max(np.diff([number, *after])) > 80  # the box went on counting
+    sri.cut()
+    with pytest.raises(ConnectionError):
+        exactly(stream, 1 << 20)
+    with connected(sri.port):
+        pass
+    sri.refuse(0.15)
+    with pytest.raises(ConnectionRefusedError):
+        connected(sri.port)
+    time.sleep(0.25)
+    with connected(sri.port) as again:
+        again.sendall(b"AT+GSD\r\n")
+        sri_packet(again)
+
+
+def test_its_rate_is_its_own() -> None:
+    with Sri(Plain(step=NUMBERED), true_rate=500.0, clock_drift=50_000.0, jitter=0.002) as sri:
+        with connected(sri.port) as connection:
+            connection.sendall(b"AT+SMPF=1000\r\nAT+GSD\r\n")
+            assert line(connection) == "ACK+SMPF=1000$OK"
+            time.sleep(0.5)
+            rows = sri.clock.row
+        assert abs(rows - 0.5 * 525.0) < 30
+
+
+def test_a_client_that_does_not_read_holds_nobody_up(sri: Sri, stream: socket.socket) -> None:
+    del stream
+    time.sleep(0.05)
