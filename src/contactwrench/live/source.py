@@ -26,6 +26,10 @@ class DeviceError(ContactWrenchError, OSError):
     """A device that does not answer, answers something else, or went away; the message names it."""
 
 
+class EndOfStreamError(DeviceError):
+    """A recording that is played has ended."""
+
+
 class Sample(NamedTuple):
     """One sample as a device gave it; what it does not give is None.
 

@@ -1,0 +1,260 @@
+"""Threads: one reader a device, one worker that feeds the session with what came and hands on what it made.
+
+A reader never waits for the worker, and the worker never for a sink, a page or a disk: in between are bounded queues,
+and what does not fit is counted.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
+from typing import Protocol, TypeAlias
+
+import msgspec
+
+from ..errors import ContactWrenchError
+from .session import Session
+from .sink import Turn
+from .snapshot import Command, Output
+from .snapshot import Event as Said
+from .source import About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
+
+WAITING = 20_000
+"""Batches between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
+READ, TURN = 0.1, 0.02
+"""s that a reader, and the worker, wait before they look whether they are to end."""
+HALF_OPEN = 1.0
+"""s of silence after which a connection is made anew."""
+AGAIN = 0.4
+"""s from one attempt to the next."""
+SNAPSHOTS = 1.0 / 30.0
+ENDS_IN = 4.0
+"""s that a thread is given to end."""
+
+News: TypeAlias = Batch | About | str
+"""What a reader says: what came, that the device is there, or why it is not."""
+
+
+class Outlet(Protocol):
+    """A sink at work, with whatever queue it needs (queued.py)."""
+
+    uri: str
+    written: int
+    dropped: int
+    error: str
+
+    def write(self, turn: Turn) -> None:
+        """Take a turn; never waits."""
+
+    def close(self) -> None:
+        """Write what is left, and end."""
+
+
+class Ask(msgspec.Struct, frozen=True):
+    """A command, and the number of a pose."""
+
+    do: Command
+    pose: int | None = None
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`; commands come from `asked`."""
+
+    publish: Callable[[bytes], None] | None = None
+    say: Callable[[Said], None] | None = None
+    asked: SimpleQueue[Ask] | None = None
+
+
+class Reader:
+    """A device that is read in a thread of its own, and connected to again for as long as it takes.
+
+    Args:
+        source: open already where there is an `about`.
+        about: what it said.
+    """
+
+    def __init__(self, source: Source, about: About | None) -> None:
+        self._source, self._about = source, about
+        self._news: deque[News] = deque()
+        self._stop = Event()
+        self._wake: SimpleQueue[None] | None = None
+        self._full = 0
+        self.ended = False
+        self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
+
+    def start(self, wake: SimpleQueue[None] | None) -> None:
+        """Begin; `wake`: what the worker waits for, where it is to wake up for this device."""
+        self._wake = wake
+        self._thread.start()
+
+    def news(self) -> list[News]:
+        """What came since the last call."""
+        news = []
+        while self._news:
+            news.append(self._news.popleft())
+        if self._full:
+            news.append(Batch(notes=[Note(NoteKind.LOST, "more came than could be taken", self._full)]))
+            self._full = 0
+        return news
+
+    def stop(self) -> None:
+        """Ask the thread to end."""
+        self._stop.set()
+        self._source.close()
+
+    def join(self) -> None:
+        """Wait until it has."""
+        self._thread.join(ENDS_IN)
+
+    def _run(self) -> None:
+        about = self._about
+        while not self._stop.is_set():
+            try:
+                about = about or self._source.open()
+                self._put(about)
+                self._read()
+            except EndOfStreamError as error:
+                self.ended = True
+                self._put(str(error))
+                return
+            except ContactWrenchError as error:
+                self._put(str(error))
+            finally:
+                about = None
+                self._source.close()
+            self._stop.wait(AGAIN)
+
+    def _read(self) -> None:
+        last = now()
+        while not self._stop.is_set():
+            batch = self._source.read(READ)
+            if batch.samples or batch.notes:
+                last = now()
+                self._put(batch)
+            elif now() - last > HALF_OPEN:
+                raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
+
+    def _put(self, news: News) -> None:
+        if len(self._news) >= WAITING and isinstance(news, Batch):
+            self._full += len(news.samples)
+            return
+        self._news.append(news)
+        if self._wake is not None:
+            self._wake.put(None)
+
+
+class Pump:
+    """Runs a session on devices until it is closed, or a recording has ended.
+
+    Args:
+        session: what is fed.
+        readers: by role, `sensor` and, where that is another device, `robot`.
+        outlets: where turns go.
+        recorder: where they go too, while the session records.
+        ways: where snapshots and events go, and commands come from.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        readers: Mapping[str, Reader],
+        outlets: Sequence[Outlet] = (),
+        recorder: Outlet | None = None,
+        ways: Ways | None = None,
+    ) -> None:
+        self.session, self._readers, self._outlets, self._recorder = session, dict(readers), tuple(outlets), recorder
+        self._ways = ways or Ways()
+        self._wake: SimpleQueue[None] = SimpleQueue()
+        self._stop = Event()
+        self._shown = 0.0
+        self.failure: BaseException | None = None
+        self._worker = Thread(target=self._run, name="worker", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        for role, reader in self._readers.items():
+            reader.start(self._wake if role == "sensor" else None)
+        self._worker.start()
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait until it has ended by itself, at most some s; whether it has."""
+        self._worker.join(seconds)
+        return not self._worker.is_alive()
+
+    def close(self) -> None:
+        """End all threads: readers, then the worker, then the outlets; what came until then is written."""
+        for reader in self._readers.values():
+            reader.stop()
+        for reader in self._readers.values():
+            reader.join()
+        self._stop.set()
+        self._wake.put(None)
+        if self._worker.ident is not None:
+            self._worker.join(ENDS_IN)
+        for outlet in (*self._outlets, *((self._recorder,) if self._recorder else ())):
+            outlet.close()
+
+    def _run(self) -> None:
+        try:
+            while not self._stop.is_set():
+                self._pause()
+                ended = all(reader.ended for reader in self._readers.values())
+                self._turn(now())
+                if ended:
+                    break
+        except BaseException as error:  # a thread's error is said by whoever waits for it
+            self.failure = error
+
+    def _pause(self) -> None:
+        """Until the sensor sent something, or a moment."""
+        try:
+            self._wake.get(timeout=TURN)
+            while True:
+                self._wake.get_nowait()
+        except Empty:
+            return
+
+    def _turn(self, t: float) -> None:
+        batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}
+        turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
+        if len(turn.t) or len(turn.pose_t):
+            for outlet in self._outlets:
+                outlet.write(turn)
+            if self._recorder is not None and self.session.recording:
+                self._recorder.write(turn)
+        self._obey(t)
+        for said in self.session.events():
+            if self._ways.say is not None:
+                self._ways.say(said)
+        if self._ways.publish is not None and t - self._shown >= SNAPSHOTS:
+            self._shown = t
+            self._ways.publish(self._snapshot(t))
+
+    def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
+        """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""
+        whole: Batch | None = None
+        for news in reader.news():
+            if isinstance(news, About):
+                self.session.opened(role, news, t)
+            elif isinstance(news, str):
+                self.session.down(role, news, t)
+            elif whole is None:
+                whole = news
+            else:
+                whole.samples += news.samples
+                whole.notes += news.notes
+        return whole
+
+    def _obey(self, t: float) -> None:
+        while self._ways.asked is not None and not self._ways.asked.empty():
+            ask = self._ways.asked.get()
+            self.session.do(ask.do, t, ask.pose)
+
+    def _snapshot(self, t: float) -> bytes:
+        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._outlets)
+        recording = "" if self._recorder is None else self._recorder.uri
+        return msgspec.json.encode(self.session.snapshot(t, outlets, recording))
