@@ -4,44 +4,76 @@ from __future__ import annotations
 
 from .source import Note, NoteKind
 
-RESTART = 0.25
-"""Of a counter's range: a jump back by more is a wrap that was lost samples ago; further than `BEHIND` and less, the
-device began anew."""
 BEHIND = 1_000
-"""Counts: a late packet of a network comes no further behind."""
+"""Samples: a late packet of a network comes no further behind; what does is of a device that began anew."""
+IN_A_ROW = 3
+"""Samples behind, each ahead of the one before, with none in its place between: the device began anew. Two packets that
+a network delayed together are still two late ones; a device that restarts loses two samples by it."""
+SLACK = 0.5
+"""s by which samples may come sooner than their numbers say: a jump further ahead was no loss but another start."""
+LATEST = 10.0
+"""s of samples at most that wait somewhere before they come."""
 
 
 class Counter:
-    """Counts that wrap at `modulus` (None: never), one a sample, each `step` apart, of `period` s a count.
+    """Counts of `period` s, one a sample, `step` from one to the next; they wrap at `modulus` (None: never).
 
-    Args:
-        period: s of one count.
-        modulus: of the counter.
-        step: counts from one sample to the next.
+    How long it was since the last sample tells a loss, also over wraps, from a device that began anew.
     """
 
     def __init__(self, period: float, modulus: int | None = None, step: int = 1) -> None:
         self._period, self._modulus, self._step = period, modulus, step
+        self._latest = LATEST if modulus is None else min(LATEST, modulus * period / 4)
         self._last: int | None = None
-        self._total = 0
+        self._total, self._arrival, self._late = 0, 0.0, 0.0
+        self._behind, self._in_a_row = 0, 0
 
-    def take(self, count: int) -> tuple[float | None, Note | None]:
-        """The device's time (s) of a sample with this count, and what is to be noted; None: not a new sample."""
+    def take(self, count: int, arrival: float) -> tuple[float | None, Note | None]:
+        """A sample's time by the device and what is to be noted.
+
+        Args:
+            count: its counter.
+            arrival: s, when it came.
+
+        Returns:
+            s since the first sample; None where it is no new one. With `NoteKind.RESTARTED` it only goes on by a step.
+        """
         if self._last is None:
-            self._last = count
+            self._last, self._arrival = count, arrival
             return 0.0, None
-        ahead = count - self._last
-        if self._modulus is not None:
-            ahead = (ahead + self._modulus // 2) % self._modulus - self._modulus // 2
+        ahead = self._ahead(count, arrival)
+        if ahead == self._step and not self._in_a_row:
+            return self._forward(count, ahead, arrival), None
         if ahead == 0:
             return None, Note(NoteKind.REPEATED, f"number {count} came again")
-        if -BEHIND * self._step <= ahead < 0 and count > self._step:
+        if self._began_anew(count, ahead, arrival):
+            restarted = Note(NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
+            return self._forward(count, self._step, arrival), restarted
+        if ahead < 0:
             return None, Note(NoteKind.DISORDERED, f"number {count} came after {self._last}")
-        note = None
-        if ahead < 0 or (self._modulus is not None and ahead > RESTART * self._modulus):
-            note = Note(NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
-            ahead = self._step
-        elif (missing := round(ahead / self._step) - 1) > 0:
-            note = Note(NoteKind.LOST, f"{missing} missing before number {count}", missing)
-        self._last, self._total = count, self._total + ahead
-        return self._total * self._period, note
+        missing = round(ahead / self._step) - 1
+        note = Note(NoteKind.LOST, f"{missing} missing before number {count}", missing) if missing > 0 else None
+        return self._forward(count, ahead, arrival), note
+
+    def _ahead(self, count: int, arrival: float) -> int:
+        """Counts since the last sample, by as many wraps as fit best the time that passed."""
+        ahead = count - (self._last or 0)
+        if self._modulus is None:
+            return ahead
+        ahead = (ahead + self._modulus // 2) % self._modulus - self._modulus // 2
+        passed = (arrival - self._arrival + self._late) / self._period
+        return ahead + self._modulus * max(round((passed - ahead) / self._modulus), 0)
+
+    def _began_anew(self, count: int, ahead: int, arrival: float) -> bool:
+        if ahead > 0:
+            waited = arrival - self._arrival + self._late
+            return ahead > self._step and ahead * self._period > 1.5 * waited + SLACK
+        self._in_a_row = self._in_a_row + 1 if self._in_a_row and count > self._behind else 1
+        self._behind = count
+        return ahead < -BEHIND * self._step or self._in_a_row >= IN_A_ROW
+
+    def _forward(self, count: int, ahead: int, arrival: float) -> float:
+        late = self._late + arrival - self._arrival - ahead * self._period
+        self._late = min(late, self._latest) if late > 0.0 else 0.0
+        self._last, self._arrival, self._total, self._in_a_row = count, arrival, self._total + ahead, 0
+        return self._total * self._period

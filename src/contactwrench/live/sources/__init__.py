@@ -1,1 +1,1 @@
-"""One file a device: each a `Source` (source.py), found by the scheme of its URI (uri.py)."""
+"""Sensors and robots, one file a device: a decoder of bytes, tested without a device, and a thin source around it."""

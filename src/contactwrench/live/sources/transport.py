@@ -1,0 +1,237 @@
+"""TCP and UDP for devices: connect, wait, take all that came; closed from any thread; errors that say what to do."""
+
+from __future__ import annotations
+
+import errno
+import os
+import selectors
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+from ...errors import visible
+from ..source import DeviceError
+
+PATIENCE = 2.5
+"""s that a device may take to connect and to answer, all of it together."""
+BUFFER = 1 << 22
+"""Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
+MOST = 4_096
+"""Datagrams of one read."""
+REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
+
+
+class Deadline:
+    """A moment that is `seconds` from now."""
+
+    def __init__(self, seconds: float = PATIENCE) -> None:
+        self._end = monotonic() + seconds
+
+    @property
+    def left(self) -> float:
+        """How many s until then, 0 once it has passed."""
+        return max(self._end - monotonic(), 0.0)
+
+
+class Link:
+    """A socket that one thread reads and any may close, which ends a wait of the reader.
+
+    The reader holds the lock while it waits, so that no socket is closed, and its number given to another, under it.
+    """
+
+    def __init__(self, uri: str, device: str) -> None:
+        self._uri, self._device = uri, device
+        self._lock = Lock()
+        self._socket: socket.socket | None = None
+        self._waker: socket.socket | None = None
+        self._woken: socket.socket | None = None
+        self._selector: selectors.BaseSelector | None = None
+
+    def close(self) -> None:
+        """Close; nothing is left. Also twice, and before it was open."""
+        if (waker := self._waker) is not None:
+            with suppress(OSError):
+                waker.send(b"\0")
+        with self._lock:
+            self._drop()
+
+    def error(self, found: str, expected: str, do: str) -> DeviceError:
+        """One line that names the device."""
+        return DeviceError(f"{self._uri}: found {found}, expected {expected}: {do}")
+
+    def another(self, answer: bytes, expected: str) -> DeviceError:
+        """What is raised where something else answers."""
+        seen = visible(answer[:24].decode("latin-1"))
+        return self.error(f"an answer that begins {seen!r}", expected, f"check that this is the {self._device}")
+
+    def silent(self, expected: str) -> DeviceError:
+        """What is raised where nothing answers."""
+        return self.error("no answer", expected, f"check that this is the {self._device}, and that no one else uses it")
+
+    def _use(self, made: socket.socket) -> None:
+        """Take a socket. The lock is held."""
+        self._drop()
+        made.setblocking(False)
+        self._woken, self._waker = socket.socketpair()
+        self._socket, self._selector = made, selectors.DefaultSelector()
+        self._selector.register(self._woken, selectors.EVENT_READ)
+
+    def _ready(self, events: int, timeout: float) -> bool:
+        """Whether the socket can be used within the time; not where it is closed meanwhile. The lock is held."""
+        if self._selector is None or self._socket is None:
+            return False
+        known = self._selector.get_map().get(self._socket)
+        if known is None:
+            self._selector.register(self._socket, events)
+        elif known.events != events:
+            self._selector.modify(self._socket, events)
+        ready = self._selector.select(timeout)
+        return len(ready) == 1 and ready[0][0].fileobj is self._socket
+
+    def _drop(self) -> None:
+        for each in (self._selector, self._socket, self._waker, self._woken):
+            if each is not None:
+                each.close()
+        self._socket = self._waker = self._woken = self._selector = None
+
+
+class Tcp(Link):
+    """A connection.
+
+    Args:
+        uri: as messages name the device.
+        device: what is expected there, for people.
+    """
+
+    def connect(self, host: str, port: int, deadline: Deadline) -> None:
+        """Connect. Raises `DeviceError`: no such name, refused, or no answer."""
+        if not host:
+            raise self.error("no host", "its name or address", f"write {self._uri.partition(':')[0]}://192.168.0.10")
+        at = f"{host} port {port}"
+        try:
+            addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError):
+            raise self.error(f"no host {host}", self._device, "check the name, or write its address") from None
+        reason = "no answer"
+        for family, kind, protocol, _, address in addresses:
+            reason = self._connected(socket.socket(family, kind, protocol), address, deadline)
+            if not reason:
+                return
+        do = "check its power, its cable and the address; it must be in this computer's network"
+        raise self.error(f"{reason} at {at}", self._device, do)
+
+    def send(self, data: bytes) -> None:
+        """Send; a few bytes, which always fit. Raises `DeviceError`."""
+        try:
+            if self._socket is not None:
+                self._socket.send(data)
+        except OSError as error:
+            raise self._cut(error) from None
+
+    def receive(self, timeout: float) -> bytes:
+        """All that has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
+        with self._lock:
+            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
+                return b""
+            try:
+                data = self._socket.recv(65_536)
+            except BlockingIOError:
+                return b""
+            except OSError as error:
+                raise self._cut(error) from None
+        if not data:
+            raise self._cut(None)
+        return data
+
+    def _connected(self, made: socket.socket, address: Any, deadline: Deadline) -> str:
+        """An empty text, or why not."""
+        with self._lock:
+            self._use(made)
+            status = made.connect_ex(address)
+            if status in (errno.EINPROGRESS, errno.EWOULDBLOCK):
+                ready = self._ready(selectors.EVENT_WRITE, deadline.left)
+                status = made.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) if ready else errno.ETIMEDOUT
+            if status:
+                self._drop()
+                return REASONS.get(status) or os.strerror(status).lower()
+            made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return ""
+
+    def _cut(self, error: OSError | None) -> DeviceError:
+        why = f" ({(error.strerror or str(error)).lower()})" if error is not None else ""
+        return self.error(f"the connection closed{why}", "samples", f"check the {self._device} and its cable")
+
+
+class Udp(Link):
+    """Datagrams, one address or any.
+
+    Args:
+        uri: as messages name the device.
+        device: what is expected there, for people.
+    """
+
+    peer: Any = None
+    """Who sent the last datagram."""
+
+    def connect(self, host: str, port: int) -> None:
+        """Send to and take from one address only. Raises `DeviceError`."""
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        except (OSError, UnicodeError):
+            raise self.error(f"no host {host}", self._device, "check the name, or write its address") from None
+        with self._lock:
+            self._use(made := socket.socket(family, kind, protocol))
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
+
+    def bind(self, host: str, port: int) -> int:
+        """Take from anyone, at an address of this computer's (empty: all); the port. Raises `DeviceError`."""
+        with self._lock:
+            self._use(made := socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
+            bound: int = made.getsockname()[1]
+            return bound
+
+    def send(self, data: bytes) -> None:
+        """To the address it is connected to; one that is lost is lost."""
+        if self._socket is not None:
+            with suppress(OSError):
+                self._socket.send(data)
+
+    def answer(self, data: bytes) -> None:
+        """To who sent the last datagram."""
+        if self._socket is not None and self.peer is not None:
+            with suppress(OSError):
+                self._socket.sendto(data, self.peer)
+
+    def receive(self, timeout: float, most: int = MOST) -> list[bytes]:
+        """The datagrams that have come; none in silence, and after `close`.
+
+        Raises `DeviceError` where a connected port is closed: the first such answer of the network.
+        """
+        taken: list[bytes] = []
+        with self._lock:
+            if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
+                return taken
+            try:
+                while len(taken) < most:
+                    data, self.peer = self._socket.recvfrom(65_536)
+                    taken.append(data)
+            except (BlockingIOError, ConnectionResetError):
+                pass
+            except ConnectionRefusedError:
+                if not taken:
+                    do = f"check the address and that it is the {self._device}"
+                    raise self.error("nobody listening", self._device, do) from None
+        return taken
+
+    def _try(self, what: Callable[[], Any], found: str, do: str) -> None:
+        try:
+            what()
+        except OSError as error:
+            self._drop()
+            raise self.error(f"{found} ({(error.strerror or str(error)).lower()})", self._device, do) from None

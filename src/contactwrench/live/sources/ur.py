@@ -1,0 +1,258 @@
+"""Universal Robots, CB3 and e-series, by RTDE: the flange's orientation, and the wrist's own sensor where there is one.
+
+An own client: ur-rtde polls, so that it loses and doubles samples, and has no wheel for Python 3.13 and newer.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from struct import Struct
+from typing import Any
+
+from ...errors import InputError
+from ..counter import Counter
+from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six, now
+from ..uri import Uri
+from . import rtde
+from .rate import RateWatch, asked_rate
+from .transport import Deadline, Tcp
+from .turns import from_rotation_vector, inverse, product, turned
+
+PORT = 30_004
+E_SERIES, CB3 = 500.0, 125.0
+"""Hz, the controllers' own."""
+NO_SENSOR = 5_000.0
+"""N: an arm without a sensor at its wrist shows some 10,000 in `ft_raw_wrench`; no UR's sensor reaches this."""
+STATES = ("safety_status", "robot_mode")
+WANTED = ("timestamp", "actual_TCP_pose", "tcp_offset", "actual_q", *STATES)
+NEEDED = ("timestamp", "actual_TCP_pose")
+RAW, COMPENSATED = "ft_raw_wrench", "actual_TCP_force"
+SAFETY = {
+    3: "protective stop",
+    5: "safeguard stop",
+    6: "emergency stop",
+    7: "emergency stop",
+    8: "violation",
+    9: "fault",
+}
+BROKEN = (8, 9)
+MODES = {-1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "power off", 4: "power on"}
+"""Those in which the joints' angles are not told."""
+CONTROLLER = Struct(">4I")
+_frequency = Struct(">d").pack
+NOT_A_STREAM = 100_000
+"""Bytes without a data package after which this is no such robot."""
+EXPECTED = "an RTDE server"
+
+
+class UrDecoder:
+    """Bytes to samples; the flange is where the TCP is, without the TCP's offset.
+
+    Args:
+        recipe: of the data packages.
+        rate: Hz asked for.
+        wrench: the field of the wrench, or an empty text.
+    """
+
+    def __init__(self, recipe: rtde.Recipe, rate: float, wrench: str) -> None:
+        self._recipe, self._buffer = recipe, b""
+        self._size = len(recipe.header) + recipe.struct.size
+        self._counter = Counter(1e-6, step=round(1e6 / rate))
+        self._wrench = recipe.places.get(wrench)
+        self._to_flange = wrench == COMPENSATED
+        self._states = [recipe.places[name].start for name in STATES if name in recipe.places]
+        self._state: tuple[float, ...] = ()
+        self._flaw, self._said = "", False
+        self.since_package = 0
+        """Bytes since the last data package."""
+
+    def without_wrench(self) -> None:
+        """Give no wrench from now on."""
+        self._wrench = None
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put what is whole into the batch, and keep the rest."""
+        buffer, size = self._buffer + data, self._size
+        header, unpack = self._recipe.header, self._recipe.struct.unpack_from
+        at = 0
+        while True:
+            start = buffer.find(header, at)
+            if start == at and len(buffer) - at >= size:
+                self._sample(unpack(buffer, at + len(header)), arrival, batch)
+                at += size
+                continue
+            taken = 0 if start == at else self._between(buffer[at:start] if start > 0 else buffer[at:], start, batch)
+            if not taken:
+                break
+            at += taken
+        self.since_package = 0 if batch.samples else self.since_package + len(data)
+        self._buffer = buffer[at:]
+
+    def _between(self, piece: bytes, start: int, batch: Batch) -> int:
+        """How many bytes of what stands before the next data package, at `start` if it has come, are done with."""
+        if len(piece) >= rtde.HEADER.size:
+            size, kind = rtde.HEADER.unpack_from(piece)
+            if kind == rtde.TEXT and size <= rtde.LONGEST:
+                if (text := rtde.text_of(piece[rtde.HEADER.size : size])) is not None and len(piece) >= size:
+                    batch.notes.append(Note(NoteKind.STATUS, f"the robot says {text!r}"))
+                    return int(size)
+                if start < 0 and len(piece) < size:
+                    return 0
+        elif start < 0:
+            return 0
+        keep = next(k for k in (3, 2, 1, 0) if piece.endswith(self._recipe.header[:k])) if start < 0 else 0
+        if garbage := len(piece) - keep:
+            batch.notes.append(Note(NoteKind.GARBAGE, f"{garbage} bytes that are no package", garbage))
+        return garbage
+
+    def _sample(self, values: tuple[Any, ...], arrival: float, batch: Batch) -> None:
+        places = self._recipe.places
+        device, note = self._counter.take(round(1e6 * values[0]), arrival)
+        if note is not None:
+            batch.notes.append(note)
+        if device is None:
+            return
+        x, y, z, *vector = values[places["actual_TCP_pose"]]
+        turn, position = from_rotation_vector(*vector), (x, y, z)
+        if "tcp_offset" in places and any(offset := values[places["tcp_offset"]]):
+            turn = product(turn, inverse(from_rotation_vector(*offset[3:])))
+            dx, dy, dz = turned(turn, offset[:3])
+            position = x - dx, y - dy, z - dz
+        joints = values[places["actual_q"]] if "actual_q" in places else None
+        wrench: Six | None = None
+        if self._wrench is not None:
+            fx, fy, fz, tx, ty, tz = wrench = values[self._wrench]
+            if self._to_flange:
+                back = inverse(turn)
+                wrench = *turned(back, (fx, fy, fz)), *turned(back, (tx, ty, tz))
+        if (state := tuple(values[place] for place in self._states)) != self._state:
+            self._change(state, batch)
+        batch.samples.append(Sample(arrival, device, wrench, turn, position, joints, flaw=self._flaw))
+
+    def _change(self, state: tuple[float, ...], batch: Batch) -> None:
+        """Another state of the robot: said, and whether its samples can be used in it."""
+        told = dict(zip(STATES, state, strict=False))
+        self._state = state
+        safety, mode = SAFETY.get(int(told.get("safety_status", 1))), MODES.get(int(told.get("robot_mode", 7)))
+        broken = told.get("safety_status") in BROKEN
+        self._flaw = f"broken: {safety}" if broken else f"off: {mode}" if mode else ""
+        said = ", ".join(filter(None, (safety, mode))) or "the robot is well again"
+        if safety or mode or self._said:
+            batch.notes.append(Note(NoteKind.STATUS, said))
+        self._said = True
+
+
+class Ur:
+    """The controller."""
+
+    FORM = "ur://HOST[:30004][?rate=HZ][&force=compensated]"
+    ABOUT = (
+        "Universal Robots CB3 and e-series: orientation, position, joints, and the raw wrench of an e-series (5.9 and "
+        "newer); force=compensated: the wrench with the payload subtracted by the robot"
+    )
+    TESTED = "its fake in the lab, written from the RTDE guide; no robot"
+
+    def __init__(self, uri: Uri) -> None:
+        uri.only("rate", "force")
+        self.uri = uri.text
+        self._host, self._port = uri.host, uri.port or PORT
+        self._rate = asked_rate(uri)
+        self._force = RAW
+        if "force" in uri.options:
+            if uri.options["force"] != "compensated":
+                raise InputError(f"{uri}: found force={uri.options['force']}, expected compensated, or no such option")
+            self._force = COMPENSATED
+        self._link = Tcp(uri.text, "robot's controller, RTDE switched on")
+
+    def open(self) -> About:
+        """As `Source`."""
+        deadline = Deadline()
+        self._link.connect(self._host, self._port, deadline)
+        self._answers = b""
+        if self._ask(rtde.VERSION, b"\x00\x02", deadline) != b"\x01":
+            raise self._link.error("an RTDE of version 1", "version 2", "update PolyScope to 3.3 or newer")
+        version = CONTROLLER.unpack(self._ask(rtde.CONTROLLER, b"", deadline))
+        rate = self._rate or (E_SERIES if version[0] >= 5 else CB3)
+        recipe = self._recipe(rate, deadline)
+        wrench = self._force if self._force in recipe.places else ""
+        if self._ask(rtde.START, b"", deadline) != b"\x01":
+            raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
+        self._decoder, self._watch = UrDecoder(recipe, rate, wrench), RateWatch(rate)
+        self._early = self._first(deadline)
+        seen = self._early.samples[0].wrench
+        if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
+            wrench = ""
+            self._decoder.without_wrench()
+            self._early.samples = [sample._replace(wrench=None) for sample in self._early.samples]
+        return _about(version, rate, wrench, recipe)
+
+    def read(self, timeout: float) -> Batch:
+        """As `Source`."""
+        batch, self._early = self._early, Batch()
+        data = self._link.receive(0.0 if batch.samples else timeout)
+        arrival = now()
+        self._decoder.feed(data, arrival, batch)
+        if self._decoder.since_package > NOT_A_STREAM:
+            raise self._link.error("bytes that hold no data package", "data packages", "check that this is RTDE")
+        self._watch.take(batch, arrival)
+        return batch
+
+    def close(self) -> None:
+        """As `Source`."""
+        with suppress(DeviceError):
+            self._link.send(rtde.package(rtde.PAUSE))
+        self._link.close()
+
+    def _recipe(self, rate: float, deadline: Deadline) -> rtde.Recipe:
+        """The fields that this controller has."""
+        names = [*WANTED, self._force]
+        while True:
+            answer = self._ask(rtde.OUTPUTS, _frequency(rate) + ",".join(names).encode(), deadline)
+            types = answer[1:].decode("ascii", "replace").split(",")
+            if len(types) != len(names):
+                raise self._link.another(answer, EXPECTED)
+            missing = [name for name, kind in zip(names, types, strict=True) if kind not in rtde.FORMS]
+            if not missing:
+                return rtde.Recipe(answer[0], names, types)
+            if lacking := set(missing) & {*NEEDED, COMPENSATED}:
+                raise self._link.error(f"no {lacking.pop()}", "that field of RTDE", "update PolyScope to 3.3 or newer")
+            names = [name for name in names if name not in missing]
+
+    def _ask(self, kind: int, payload: bytes, deadline: Deadline) -> bytes:
+        """The payload of the answer of this kind; text messages before it are left out. Raises `DeviceError`."""
+        self._link.send(rtde.package(kind, payload))
+        while True:
+            try:
+                found, size = rtde.first(self._answers)
+            except ValueError:
+                raise self._link.another(self._answers, EXPECTED) from None
+            self._answers = self._answers[size:]
+            if found is not None and found.kind == kind:
+                return found.payload
+            if found is None:
+                if not deadline.left:
+                    raise self._link.silent(EXPECTED)
+                self._answers += self._link.receive(deadline.left)
+
+    def _first(self, deadline: Deadline) -> Batch:
+        """The first samples: they tell whether there is a sensor at the wrist."""
+        batch = Batch()
+        self._decoder.feed(self._answers, now(), batch)
+        while not batch.samples:
+            if not deadline.left:
+                raise self._link.silent("data packages")
+            data = self._link.receive(deadline.left)
+            self._decoder.feed(data, now(), batch)
+        return batch
+
+
+def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: rtde.Recipe) -> About:
+    series = "e-series" if version[0] >= 5 else "CB3"
+    settings = {
+        "wrench": wrench or "none: this arm has no sensor at its wrist, or its PolyScope is older than 5.9",
+        "tcp": "its offset is subtracted" if "tcp_offset" in recipe.places else "not told: taken as the flange itself",
+    }
+    if wrench == COMPENSATED:
+        settings["compensated"] = "the robot has subtracted its payload and its zero: not what the sensor reads"
+    name = f"Universal Robots {series}, PolyScope {'.'.join(map(str, version[:3]))}"
+    return About(name, bool(wrench), True, rate, frame="flange", settings=settings)
