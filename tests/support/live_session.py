@@ -49,8 +49,8 @@ def quaternions(n: int, seed: int = 1) -> list[Four]:
 
 def sensor(**changes: Any) -> Device:
     device = Device(
-        "netft://192.168.1.1", "sensor", "ATI Axia80-M20, firmware 2.1", "streaming", "", 999.8, 1000.0, 48_211, 3, 0, 0,
-        0.001, 0.0004,
+        "netft://192.168.1.1", "sensor", "ATI Axia80-M20, firmware 2.1", "streaming", "", 999.8, 1000.0, 48_211,
+        3, 0, 0, 0.001, 0.0004,
     )  # fmt: skip
     return msgspec.structs.replace(device, **changes)
 
@@ -145,7 +145,7 @@ LONG = (
 )
 UGLY: dict[str, Snapshot] = {
     "no devices": snapshot(Phase.CONNECT, devices=(), reading=None, noise=None, trace=(), events=(), orientation=None),
-    "no robot": snapshot(Phase.RUN, devices=(sensor(), robot(state="down", text="connection refused", age=None, rate=None))),
+    "no robot": snapshot(Phase.RUN, devices=(sensor(), robot(state="down", text="refused", age=None, rate=None))),
     "sensor silent": snapshot(Phase.RUN, devices=(sensor(state="silent", age=3.2, rate=0.0), robot())),
     "long names": snapshot(
         Phase.RUN,
@@ -163,13 +163,13 @@ UGLY: dict[str, Snapshot] = {
     ),
     "fit refused": snapshot(
         Phase.FIT, commands=(Command.BACK,),
-        fit=Fit("", "The poses turn about one axis only: the weight cannot be told from the bias. Take two that tip the "
-                "flange sideways.", (), None, None, "", "", (("refused", "weight and bias cannot be told apart"),)),
+        fit=Fit("", "The poses turn about one axis only: the weight cannot be told from the bias. Take two that tip "
+                "the flange sideways.", (), None, None, "", "", (("refused", "weight and bias cannot be told apart"),)),
     ),
     "forty poses": snapshot(Phase.POSES, poses=poses_step(40, 12, 0.4)),
     "first pose": snapshot(Phase.POSES, poses=poses_step(0), orientation=None),
     "check failed": snapshot(
-        Phase.VERIFY, checks=(Check(0.12, 0.004, True), Check(2.3, 0.1, False)), verified="The check failed: 2.3 N are left.",
+        Phase.VERIFY, checks=(Check(0.12, 0.004, True), Check(2.3, 0.1, False)), verified="It failed: 2.3 N are left.",
         commands=(Command.BACK, Command.NEXT),
     ),
     "contact": snapshot(
