@@ -80,13 +80,14 @@ class Contact(msgspec.Struct, frozen=True):
 
 class PushStep(msgspec.Struct, frozen=True):
     """One push that is asked for: `ask` in words; `force` N so far, `needed` N; `seen`: in words what was felt, once it
-    is done.
+    is done; `toward`: `down`, or the flange's axis (`+x`), for the sketch; empty: none is drawn.
     """
 
     ask: str
     needed: float
     force: float
     seen: str
+    toward: str = ""
 
 
 class Pose(msgspec.Struct, frozen=True):
@@ -99,7 +100,8 @@ class Pose(msgspec.Struct, frozen=True):
 class Poses(msgspec.Struct, frozen=True):
     """The poses so far and to come. `targets`: orientations that are planned, the next one first; `turn` rad from here
     to it; `progress` 0 to 1 of the capture under way; `waiting`: in words why none is under way; `std_force` N and
-    `std_torque` N m of the contact wrench from the poses so far, None while they cannot tell; `wanted` N; `enough`.
+    `std_torque` N m of the contact wrench from the poses so far, None while they cannot tell; `wanted` N; `enough`;
+    `history`: `std_force` after the first pose, the second, ... as they were taken.
     """
 
     taken: tuple[Pose, ...]
@@ -111,6 +113,7 @@ class Poses(msgspec.Struct, frozen=True):
     std_torque: float | None
     wanted: float
     enough: bool
+    history: tuple[float | None, ...] = ()
 
 
 class Parameter(msgspec.Struct, frozen=True):

@@ -1,0 +1,367 @@
+// What a snapshot looks like in words and numbers. Texts are only ever set as text, never as markup.
+import { drawConvergence, drawPlot, drawPush, drawRing, drawSphere } from "./draw.js";
+
+const byId = (id) => document.getElementById(id);
+const STEPS = { connect: "Connect", push: "Push test", poses: "Poses", fit: "Fit", verify: "Verify", run: "Run" };
+const AXES = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"];
+const CHECKS = 2;
+const USUAL = {
+  connect: ["next"], push: ["back", "skip", "next"], poses: ["back", "skip", "capture", "next"],
+  fit: ["back", "save", "next"], verify: ["back", "skip", "save", "next"], run: ["back", "zero", "record"],
+};
+const ORDER = ["back", "skip", "zero", "record", "capture", "save", "next"];
+const STATES = { streaming: "● sending", connecting: "◌ connecting", silent: "▲ silent", down: "✕ not connected" };
+const HELP = {
+  silent: "Check its power and its cable. Check that no other program has taken its connection.",
+  down: "Check its power, its cable and its address. The program tries again by itself.",
+  connecting: "",
+};
+const LEVELS = { note: "note", warning: "▲ warning", error: "✕ error", weak: "▲ weak", refused: "✕ refused" };
+
+export const degrees = (rad) => Math.round((rad * 180) / Math.PI);
+export function num(value, digits) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  return value.toFixed(digits).replace("-", "−");
+}
+const unitOf = (axis) => (axis < 3 ? "N" : "N m");
+const digitsOf = (axis) => (axis < 3 ? 2 : 3);
+const clock = (t) => new Date(1000 * t).toLocaleTimeString([], { hour12: false });
+
+function set(id, text) {
+  const element = typeof id === "string" ? byId(id) : id;
+  if (element.textContent !== text) element.textContent = text;
+  return element;
+}
+
+function level(id, value) {
+  const element = typeof id === "string" ? byId(id) : id;
+  if (element.dataset.level !== value) element.dataset.level = value;
+}
+
+// As many children as items, each kept while it has one, so that a focus stays where it is.
+function list(id, items, make, fill) {
+  const parent = typeof id === "string" ? byId(id) : id;
+  while (parent.children.length > items.length) parent.lastElementChild.remove();
+  while (parent.children.length < items.length) parent.append(make(parent.children.length));
+  items.forEach((item, i) => fill(parent.children[i], item, i));
+}
+
+function make(tag, ...classes) {
+  const element = document.createElement(tag);
+  element.append(...classes.map((name) => Object.assign(document.createElement("span"), { className: name })));
+  return element;
+}
+
+export function stale(why, age) {
+  document.body.classList.toggle("old", Boolean(why));
+  level("link", why ? "error" : "ok");
+  set("link", why ? "✕ no news" : "● live");
+  const since = age === null ? "" : ` What you see is ${Math.round(age)} s old.`;
+  if (why) alarm(why + since);
+  else if (byId("banner").dataset.from === "link") alarm("");
+  byId("banner").dataset.from = why ? "link" : "session";
+}
+
+function alarm(text) {
+  // one word of it a fault, not one a second: the age is not read out again
+  const banner = byId("banner");
+  banner.hidden = !text;
+  set(banner, text);
+}
+
+export function show(now, trace, ask) {
+  const fault = faultOf(now);
+  if (!document.body.classList.contains("old")) alarm(fault.text);
+  showPhase(now);
+  showInstruction(now, fault);
+  showActions(now, ask);
+  showDevices(now);
+  showOutputs(now);
+  showEvents(now);
+  if (now.phase === "push") showPush(now);
+  if (now.poses && (now.phase === "poses" || now.phase === "verify")) showPoses(now, ask);
+  if (now.phase === "verify") showChecks(now);
+  if (now.phase === "fit" || now.phase === "verify") showFit(now);
+  if (!byId("wrench").hidden) showWrench(now, fault, trace);
+  if (now.phase === "run") showRun(now);
+}
+
+// What makes the numbers old or unknown, whatever the session says of the last one.
+function faultOf(now) {
+  const bad = now.devices.filter((device) => device.state === "silent" || device.state === "down");
+  const of = (role) => bad.find((device) => device.role.includes(role));
+  const text = bad.map((device) => `The ${device.role} ${device.state === "silent" ? "is silent" : "is not connected"}`
+    + `${device.age === null ? "" : `, its last sample is ${num(device.age, 0)} s old`}.`).join(" ");
+  return { text, sensor: of("sensor"), robot: of("robot"), first: bad[0] };
+}
+
+function showPhase(now) {
+  if (document.body.dataset.phase !== now.phase) {
+    const inside = document.activeElement && document.activeElement.closest("main");
+    document.body.dataset.phase = now.phase;
+    for (const part of document.querySelectorAll("[data-in]")) part.hidden = !part.dataset.in.split(" ").includes(now.phase);
+    if (inside) byId("instruction").focus();
+  }
+  const names = Object.keys(STEPS);
+  const at = names.indexOf(now.phase);
+  list("steps", names, () => document.createElement("li"), (item, name, i) => {
+    set(item, `${i < at ? "✓" : i + 1} ${STEPS[name]}`);
+    if (i === at) item.setAttribute("aria-current", "step");
+    else item.removeAttribute("aria-current");
+  });
+}
+
+const INSTRUCTIONS = {
+  connect(now) {
+    const waiting = now.devices.find((device) => device.state === "connecting");
+    if (!now.devices.length) return ["No device is given.", "Start the program with --sensor and --robot."];
+    if (waiting) return [`Connecting to the ${waiting.role}.`, waiting.uri];
+    if (!now.still) return ["Let the arm stand still.", now.moving];
+    return ["The devices send. Go on.", "Look at the readings: at rest they should stand still too."];
+  },
+  push(now) {
+    const step = now.push.find((each) => !each.seen);
+    if (!step) return ["The push test is done.", now.push_verdict];
+    return [step.ask, `${num(step.force, 1)} N so far, ${num(step.needed, 0)} N are needed.`];
+  },
+  poses(now) {
+    const poses = now.poses;
+    if (!poses) return ["Move the arm to a first pose.", ""];
+    if (poses.progress > 0) return ["Hold still. A pose is being taken.", `${Math.round(100 * poses.progress)} %`];
+    const turn = poses.turn === null ? "" : `Turn ${degrees(poses.turn)}° to go. `;
+    const text = poses.enough ? "Enough poses. Go on, or take more." : "Turn the wrist to the next pose.";
+    return [text, turn + poses.waiting];
+  },
+  fit(now) {
+    if (!now.fit) return ["Working out the calibration.", ""];
+    if (now.fit.refusal) return ["There is no calibration yet.", now.fit.refusal];
+    return [`The calibration is ${now.fit.verdict}.`, now.saved ? "" : "Save it, or check it on new poses first."];
+  },
+  verify(now) {
+    const poses = now.poses;
+    if (now.verified) return [now.verified, now.saved];
+    if (poses && poses.progress > 0) return ["Hold still. A check is being taken.", `${Math.round(100 * poses.progress)} %`];
+    return ["Move the arm to a new pose and let go.", `${now.checks.length} of ${CHECKS} checks done. ${poses ? poses.waiting : ""}`];
+  },
+  run(now) {
+    const state = contactState(now, "");
+    return [state.text, state.reason];
+  },
+};
+
+function showInstruction(now, fault) {
+  let [text, detail] = INSTRUCTIONS[now.phase](now);
+  if (fault.first && now.phase !== "fit") {
+    text = `The ${fault.first.role} ${fault.first.state === "silent" ? "is silent" : "is not connected"}.`;
+    detail = `${fault.first.text ? `${fault.first.text}. ` : ""}${HELP[fault.first.state]}`;
+  }
+  set("instruction", text);
+  set("detail", detail);
+}
+
+function labelOf(what, now) {
+  const names = Object.keys(STEPS);
+  const next = STEPS[names[names.indexOf(now.phase) + 1]] || "";
+  return {
+    back: now.phase === "run" ? "Calibrate again" : "Back", skip: "Skip", capture: "Take this pose", save: "Save",
+    zero: "Zero", record: now.recording ? "Stop recording" : "Record", next: `Next: ${next.toLowerCase()}`,
+  }[what];
+}
+
+function showActions(now, ask) {
+  const wanted = ORDER.filter((what) => USUAL[now.phase].includes(what) || now.commands.includes(what));
+  const group = byId("actions");
+  for (const old of [...group.children]) {
+    if (!wanted.includes(old.dataset.do)) {
+      if (old === document.activeElement) byId("instruction").focus();
+      old.remove();
+    }
+  }
+  wanted.forEach((what, i) => {
+    let button = group.querySelector(`[data-do=${what}]`);
+    if (!button) {
+      button = Object.assign(document.createElement("button"), { type: "button" });
+      button.dataset.do = what;
+      button.addEventListener("click", () => { if (button.getAttribute("aria-disabled") !== "true") ask(what); });
+      group.insertBefore(button, group.children[i] || null);
+    }
+    set(button, labelOf(what, now));
+    button.setAttribute("aria-disabled", String(!now.commands.includes(what)));
+  });
+}
+
+function showDevices(now) {
+  list("devices", now.devices, () => make("li", "uri", "tag", "name", "rate", "counts", "problem"), (item, device) => {
+    const [uri, tag, name, rate, counts, problem] = item.children;
+    set(uri, `${device.role}: ${device.uri}`);
+    set(tag, STATES[device.state] || device.state);
+    level(tag, { streaming: "ok", connecting: "note" }[device.state] || "error");
+    set(name, device.name);
+    const asked = device.asked === null ? "" : ` of ${num(device.asked, 0)} Hz`;
+    const jitter = device.jitter === null ? "" : `, late by ± ${num(1000 * device.jitter, 1)} ms`;
+    set(rate, device.rate === null ? "rate not known yet" : `${num(device.rate, 1)} Hz${asked}${jitter}`);
+    level(rate, device.rate !== null && device.asked && device.rate < 0.9 * device.asked ? "warning" : "note");
+    set(counts, `${device.samples} samples, ${device.lost} lost, ${device.repeated} repeated, ${device.wrong} wrong`);
+    level(counts, device.lost + device.wrong > 0.001 * device.samples ? "warning" : "note");
+    set(problem, [device.text, HELP[device.state] || ""].filter(Boolean).join(". "));
+  });
+}
+
+function showOutputs(now) {
+  const recording = now.recording ? [{ uri: `● recording to ${now.recording}`, written: null, dropped: 0, error: "" }] : [];
+  const outputs = [...recording, ...now.outputs];
+  byId("outputs-section").hidden = outputs.length === 0;
+  list("outputs", outputs, () => make("li", "uri", "rate", "problem"), (item, output) => {
+    const [uri, rate, problem] = item.children;
+    set(uri, output.uri);
+    set(rate, output.written === null ? "" : `${output.written} rows written, ${output.dropped} dropped`);
+    level(rate, output.dropped ? "warning" : "note");
+    set(problem, output.error);
+  });
+}
+
+function showEvents(now) {
+  list("events", [...now.events].reverse(), () => make("li", "time", "tag", "what"), (item, event) => {
+    const [time, tag, what] = item.children;
+    set(time, clock(event.t));
+    set(tag, LEVELS[event.severity] || event.severity);
+    level(tag, event.severity);
+    set(what, event.device ? `${event.text} (${event.device})` : event.text);
+  });
+}
+
+function showPush(now) {
+  const step = now.push.find((each) => !each.seen) || null;
+  drawPush(byId("sketch"), step);
+  byId("sketch").setAttribute("aria-label", step ? `${step.ask}: ${num(step.force, 0)} of ${num(step.needed, 0)} N` : "done");
+  list("pushes", now.push, () => {
+    const item = make("li", "what", "rate");
+    item.append(document.createElement("progress"));
+    return item;
+  }, (item, push) => {
+    const [what, rate, bar] = item.children;
+    set(what, `${push.seen ? "✓" : push === step ? "▶" : "○"} ${push.ask}`);
+    set(rate, push.seen || `${num(push.force, 1)} N of ${num(push.needed, 0)} N`);
+    bar.hidden = Boolean(push.seen);
+    bar.max = push.needed;
+    bar.value = Math.min(push.force, push.needed);
+    bar.setAttribute("aria-label", push.ask);
+  });
+  set("push-verdict", now.push_verdict);
+}
+
+function showPoses(now, ask) {
+  const poses = now.poses;
+  drawSphere(byId("sphere"), poses, now.orientation);
+  byId("sphere").setAttribute("aria-label", `${poses.taken.length} poses taken, ${poses.targets.length} planned`);
+  drawRing(byId("ring"), poses.progress);
+  byId("ring").setAttribute("aria-label", `pose ${Math.round(100 * poses.progress)} % taken`);
+  const turn = poses.turn === null ? "No pose is planned." : `Turn ${degrees(poses.turn)}° to go.`;
+  set("capture-text", poses.progress > 0 ? "Hold still." : `${turn} ${poses.waiting}`);
+  drawConvergence(byId("convergence"), poses);
+  const std = poses.std_force === null ? "Not known yet: more poses are needed."
+    : `± ${num(poses.std_force, 2)} N and ± ${num(poses.std_torque, 3)} N m after ${poses.taken.length} poses.`;
+  set("convergence-text", `How well the contact wrench is known: ${std} Wanted: ± ${num(poses.wanted, 2)} N.`);
+  byId("convergence").setAttribute("aria-label", byId("convergence-text").textContent);
+  list("taken", poses.taken, (i) => {
+    const item = make("li", "what", "problem");
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: "Take again" });
+    button.setAttribute("aria-label", `Take pose ${i + 1} again`);
+    button.addEventListener("click", () => { if (button.getAttribute("aria-disabled") !== "true") ask("retake", i); });
+    item.append(button);
+    return item;
+  }, (item, pose, i) => {
+    const [what, problem, button] = item.children;
+    set(what, `${pose.doubt ? "▲" : "✓"} pose ${i + 1}`);
+    set(problem, pose.doubt);
+    item.classList.toggle("doubt", Boolean(pose.doubt));
+    button.setAttribute("aria-disabled", String(!now.commands.includes("retake")));
+  });
+}
+
+function showChecks(now) {
+  const rows = [...now.checks, ...Array(Math.max(0, CHECKS - now.checks.length)).fill(null)];
+  list("checks", rows, () => make("li", "what", "tag"), (item, check, i) => {
+    const [what, tag] = item.children;
+    set(what, check ? `Pose ${i + 1}: ${num(check.force, 2)} N and ${num(check.torque, 3)} N m are left.` : `Pose ${i + 1}`);
+    set(tag, check ? (check.passed ? "✓ passed" : "✕ failed") : "○ to come");
+    level(tag, check ? (check.passed ? "ok" : "error") : "note");
+  });
+  set("verified", now.verified);
+}
+
+function showFit(now) {
+  const fit = now.fit;
+  if (!fit) return;
+  set("verdict", fit.refusal ? `✕ ${fit.refusal}` : `${fit.verdict === "good" ? "✓" : "▲"} ${fit.verdict}`);
+  level("verdict", fit.refusal ? "error" : fit.verdict === "good" ? "ok" : "warning");
+  const expected = fit.expected_force === null ? ""
+    : `Expect contact forces within ± ${num(fit.expected_force, 2)} N and torques within ± ${num(fit.expected_torque, 3)} N m. `;
+  set("expected", expected + [fit.sign, fit.delay].filter(Boolean).join(" "));
+  list("findings", fit.findings, () => make("li", "tag", "what"), (item, [severity, text]) => {
+    level(item.children[0], severity);
+    set(item.children[0], LEVELS[severity] || severity);
+    set(item.children[1], text);
+  });
+  list("parameters", fit.parameters, () => {
+    const row = document.createElement("tr");
+    row.append(Object.assign(document.createElement("th"), { scope: "row" }), ...[0, 1, 2].map(() => document.createElement("td")));
+    return row;
+  }, (row, parameter) => {
+    [parameter.name, parameter.value, parameter.std, parameter.unit].forEach((text, i) => set(row.children[i], text));
+  });
+  set("saved", now.saved);
+}
+
+function contactState(now, fault) {
+  const contact = now.contact;
+  if (!contact) return { level: "note", text: "No contact wrench yet.", reason: fault };
+  if (fault || !contact.valid) return { level: "error", text: "Not valid.", reason: fault || contact.reason };
+  if (contact.contact === null) return { level: "note", text: "Contact cannot be told.", reason: contact.reason };
+  return contact.contact ? { level: "contact", text: "Contact.", reason: contact.reason }
+    : { level: "ok", text: "No contact.", reason: contact.reason };
+}
+
+function showWrench(now, fault, trace) {
+  const running = now.phase === "run";
+  set("wrench-title", running ? "Contact wrench" : "Readings");
+  const old = fault.sensor || (running && fault.robot) ? fault.text : "";
+  const state = running ? contactState(now, old)
+    : { level: old ? "error" : now.still ? "ok" : "note", text: old ? "Not valid." : now.still ? "At rest." : "Moving.", reason: old || now.moving };
+  set("lamp", `${{ error: "▨", contact: "●", ok: "○", note: "◌" }[state.level]} ${state.text}`);
+  level("lamp", state.level);
+  set("invalid", state.reason);
+  const values = running ? now.contact && now.contact.wrench : now.reading;
+  const stds = running ? now.contact && now.contact.std : now.noise;
+  showSix("numbers", values, stds, state.level === "error");
+  const what = running ? "Contact" : "Reading:";
+  drawPlot(byId("force"), trace, 1, `${what} force, N`, now.t);
+  drawPlot(byId("torque"), trace, 4, `${what} torque, N m`, now.t);
+  byId("force").setAttribute("aria-label", `${what} force, last 10 s; its numbers stand below`);
+  byId("torque").setAttribute("aria-label", `${what} torque, last 10 s; its numbers stand below`);
+}
+
+function showSix(id, values, stds, invalid) {
+  list(id, AXES, () => {
+    const pair = document.createElement("div");
+    pair.append(document.createElement("dt"), make("dd", "value", "std"));
+    return pair;
+  }, (pair, axis, i) => {
+    const [value, std] = pair.children[1].children;
+    set(pair.children[0], axis);
+    pair.classList.toggle("invalid", Boolean(invalid));
+    set(value, `${num(values && values[i], digitsOf(i))} ${unitOf(i)}`);
+    set(std, stds ? `± ${num(stds[i], digitsOf(i) + 1)}` : "");
+  });
+}
+
+function showRun(now) {
+  const running = now.running;
+  if (!running) return;
+  set("run-text", `Calibration ${running.calibration}. ${running.invalid} readings were not valid.`
+    + (now.recording ? ` Recording to ${now.recording}.` : ""));
+  const contacts = [...running.contacts].reverse();
+  list("contacts", contacts.length ? contacts : [null], () => make("li", "what"), (item, contact) => set(item.children[0], contact
+    ? `${clock(contact[0])}: ${num(contact[1], 2)} s, at most ${num(contact[2], 1)} N` : "none yet"));
+  showSix("drift", running.drift, null, false);
+}
