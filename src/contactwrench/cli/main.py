@@ -23,6 +23,7 @@ from .diff import diff
 from .export import export
 from .info import info
 from .lab import lab
+from .live import live
 from .options import MOST_COLUMNS
 from .outputs import guarded
 from .plan import plan
@@ -48,7 +49,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
-for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, lab, demo):
+for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, live, lab, demo):
     app.command()(guarded(verb))
 
 

@@ -10,6 +10,8 @@ from .source import About, Batch, NoteKind, Sample
 
 SILENT, PERIODS = 0.25, 6.0
 """s, and periods at the rate that was seen, without a sample: the longer of both is silence."""
+BACKLOG = 0.5
+"""s after a device is there in which it may send what it had kept."""
 RATE_OVER, OFF_RATE = 1.0, 0.1
 """s over which a rate is counted, and by which part it may differ from what was asked for."""
 NOTES_EVERY = 0.25
@@ -36,7 +38,7 @@ class Intake:
         """The device is there."""
         again = self.state == DOWN
         self.about, self.state, self.text = about, STREAMING, ""
-        self._last, self._count, self._since, self.rate = t, 0, t, None
+        self._last, self._count, self._since, self.rate = t, 0, t + BACKLOG, None
         self.clock.reset()
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected")
 
@@ -63,7 +65,7 @@ class Intake:
         if taken:
             self._last = taken[-1][1].arrival
             self.samples += len(taken)
-            self._count += len(taken)
+            self._count += len(taken) if self._last > self._since else 0
         return taken
 
     def look(self, t: float) -> list[Event]:

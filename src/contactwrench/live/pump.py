@@ -9,18 +9,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue, SimpleQueue
 from threading import Event, Thread
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import msgspec
 
 from ..errors import ContactWrenchError
 from .session import Session
 from .sink import Turn
-from .snapshot import Command, Output
 from .snapshot import Event as Said
+from .snapshot import Output
 from .source import About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
+
+if TYPE_CHECKING:
+    from .page.hub import Ask
 
 WAITING = 20_000
 """Batches between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
@@ -53,20 +56,13 @@ class Outlet(Protocol):
         """Write what is left, and end."""
 
 
-class Ask(msgspec.Struct, frozen=True):
-    """A command, and the number of a pose."""
-
-    do: Command
-    pose: int | None = None
-
-
 @dataclass(frozen=True)
 class Ways:
     """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`; commands come from `asked`."""
 
     publish: Callable[[bytes], None] | None = None
     say: Callable[[Said], None] | None = None
-    asked: SimpleQueue[Ask] | None = None
+    asked: Queue[Ask] | None = None
 
 
 class Reader:
@@ -252,7 +248,7 @@ class Pump:
     def _obey(self, t: float) -> None:
         while self._ways.asked is not None and not self._ways.asked.empty():
             ask = self._ways.asked.get()
-            self.session.do(ask.do, t, ask.pose)
+            self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
 
     def _snapshot(self, t: float) -> bytes:
         outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._outlets)

@@ -63,7 +63,7 @@ def test_garbage_and_messages_cost_no_package(cuts: list[int], garbage: bytes, t
 
 @given(six, six, six)
 def test_the_flange_is_the_tcp_without_its_offset(
-    pose: tuple[float, ...], offset: tuple[float, ...], f: object
+    pose: tuple[float, ...], offset: tuple[float, ...], f: tuple[float, ...]
 ) -> None:
     for wrench in (RAW, COMPENSATED):
         (sample,) = decoded([data(1.0, pose, offset, f)], wrench).samples
