@@ -1,8 +1,8 @@
 """A calibration through the page in the lab, as a person does it, again and again: is it right?
 
 `python -m benchmarks.live_calibration [RUNS] [FIRST_SEED]`: a lab and a live session in processes of their own; a
-client does what the page's buttons do: two pushes, 12 planned poses, fit, verify, save. Every parameter is held against the
-rig's truth, in its own standard deviations.
+client does what the page's buttons do: two pushes, 12 planned poses, fit, verify, save. Every parameter is held
+against the rig's truth, in its own standard deviations.
 """
 
 from __future__ import annotations

@@ -57,11 +57,17 @@ class LiveWorld:
         """Stand for some s, with a push (3,) N, base axes, in the middle of it."""
         return self._play(self.R_base_flange, self.R_base_flange, seconds, np.array(push))
 
+    def hold(self, seconds: float, push: Array) -> Iterator[tuple[Batch, Batch]]:
+        """Stand for some s with the same push (3,) N, base axes, all the time."""
+        return self._play(self.R_base_flange, self.R_base_flange, seconds, push, always=True)
+
     def move(self, R_base_flange: Rotation, seconds: float = 1.5) -> Iterator[tuple[Batch, Batch]]:
         """Turn to another orientation."""
         return self._play(self.R_base_flange, R_base_flange, seconds, np.zeros(3))
 
-    def _play(self, begin: Rotation, end: Rotation, seconds: float, push: Array) -> Iterator[tuple[Batch, Batch]]:
+    def _play(
+        self, begin: Rotation, end: Rotation, seconds: float, push: Array, always: bool = False
+    ) -> Iterator[tuple[Batch, Batch]]:
         s = np.arange(round(seconds * self.rate)) / (seconds * self.rate)
         smooth = Slerp([0.0, 1.0], Rotation.concatenate([begin, end]))
 
@@ -70,6 +76,8 @@ class LiveWorld:
             return smooth(part**3 * (10.0 - 15.0 * part + 6.0 * part**2))
 
         rise = np.clip(np.minimum(s - 0.3, 0.7 - s) * seconds / 0.05, 0.0, 1.0)[:, None]
+        if always:
+            rise = np.ones_like(rise)
         readings = self.wrench(at(s - self.delay / seconds), rise * push)
         scale = self.noise * np.r_[1.0, 1.0, 1.0, 0.05, 0.05, 0.05]
         readings += scale * self._rng.standard_normal(readings.shape)

@@ -157,12 +157,13 @@ class Wizard:
         return [(kind, text)]
 
     def _fit(self, *, with_motion: bool = False) -> list[Happened]:
-        """Fit the poses so far; `with_motion`: and look for the delay in the motion between them."""
+        """Fit the poses so far; `with_motion`: for good, with what pushes and the motion between the poses tell."""
         taken = self.poses.taken
         if len(taken) < FEWEST_TO_FIT:
             self.fit = None
             return []
-        self.fit = fitted(taken, self.push.pushes, self._wish.stated, self._wish.source)
+        pushes = self.push.pushes if with_motion else ()
+        self.fit = fitted(taken, pushes, self._wish.stated, self._wish.source)
         if self.calibration is None:
             return [("refusal", self.fit.refusal)] if with_motion else []
         self.poses.doubt(doubts_of(self.calibration, taken))

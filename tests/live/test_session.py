@@ -1,0 +1,196 @@
+"""A session from connect to run, fed by a world that knows the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.live.snapshot import Command, Phase
+from contactwrench.live.source import Batch
+from contactwrench.live.wizard import Wish
+from tests.support.live_drive import Driver
+from tests.support.live_world import LiveWorld
+
+WISH = Wish(poses=6)
+FLIPPED = Rotation.from_euler("zx", [-120.0, 176.0], degrees=True)
+
+
+def world(seed: int, **named: object) -> LiveWorld:
+    return LiveWorld(seed, rate=250, pose_rate=125, **named)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def calibration() -> cw.Calibration:
+    """Of the usual world, by a session."""
+    drive = Driver(world(3), wish=WISH)
+    drive.calibrated()
+    assert drive.session.calibration is not None
+    return drive.session.calibration
+
+
+WORLDS = {
+    "pull, upright": {},
+    "reaction, upright": {"sign": -1.0},
+    "pull, from the ceiling": {"down": (0.0, 0.0, 1.0), "mounting": FLIPPED, "com": (0.01, -0.02, -0.06)},
+    "reaction, from the ceiling, late": {"sign": -1.0, "down": (0.0, 0.0, 1.0), "delay": 0.04},
+}
+
+
+@pytest.mark.parametrize("named", WORLDS.values(), ids=WORLDS)
+def test_the_wizard_finds_the_tool_the_sign_and_the_delay(named: dict[str, object], tmp_path: Path) -> None:
+    """Free air is the same for a sensor of the other sign on a robot that hangs: the pushes tell."""
+    true, saved = world(1, **named), tmp_path / "saved.json"
+    drive = Driver(true, wish=WISH, save=lambda cal: cal.save(saved) or str(saved))
+    drive.calibrated()
+    drive.do(Command.SAVE)
+    cal = cw.Calibration.load(saved)
+    assert cal.weight is not None
+    assert cal.com is not None
+    assert cal.R_flange_sensor is not None
+    assert cal.delay is not None
+    assert cal.delay_std is not None
+    assert abs(cal.weight - true.weight) < 4.0 * cal.std["weight"]
+    assert (np.abs(cal.com - true.com) < 4.0 * cal.std["com"]).all()
+    assert (np.abs(cal.bias - true.bias) < 4.0 * cal.std["bias"]).all()
+    assert (Rotation.from_matrix(cal.R_flange_sensor) * true.mounting.inv()).magnitude() < 4.0 * max(cal.std["mount"])
+    assert cal.gravity_direction @ true.down > np.cos(np.deg2rad(0.2))
+    assert cal.provenance.get("sign", "pull") == ("pull" if true.sign > 0.0 else "reaction")
+    assert "9.0 N towards the flange's +x" in str(cal.provenance["push_test"])
+    assert not [finding for finding in cal.findings if finding.kind == "sign_not_confirmed"]
+    assert abs(cal.delay - true.delay) < 2e-3
+    assert (abs(cal.delay) > 3.0 * cal.delay_std) == (true.delay > 0.0)
+    drive.verified()
+    assert drive.shown().verified.startswith("passed")
+    assert drive.session.phase is Phase.RUN
+    free = np.concatenate([turn.contact.wrench for turn in drive.play(true.stand(1.0)) if turn.contact is not None])
+    assert np.abs(free.mean(axis=0)).max() < 0.01
+    turns = drive.play(true.stand(3.0, (4.0, -3.0, 0.0)))
+    contact = np.concatenate([turn.contact.wrench for turn in turns if turn.contact is not None])
+    pushed = contact[np.linalg.norm(contact[:, :3], axis=1) > 4.5].mean(axis=0)
+    expected = (true.R_base_flange * true.mounting).inv().apply([4.0, -3.0, 0.0])
+    assert np.allclose(pushed[:3], expected, atol=0.05)
+    assert np.allclose(pushed[3:], np.cross(true.hook, expected), atol=0.01)
+    drive.play(true.stand(1.5))
+    assert [text for text in drive.said("contact") if "ended" in text]
+
+
+def test_pushes_that_contradict_the_poses_are_said() -> None:
+    """A push towards +y where +x was asked for would settle the sign by chance: it is refused."""
+    drive = Driver(world(2), wish=WISH)
+    drive.push_test(along=(0.0, 1.0, 0.0))
+    drive.poses(6)
+    drive.do(Command.NEXT)
+    fit = drive.shown().fit
+    assert fit is not None
+    assert fit.refusal.startswith("the push towards the flange's +x reads 90 deg away from where these poses put it")
+    assert Command.NEXT not in drive.session.commands()
+
+
+def test_a_pose_that_is_pushed_while_it_is_taken_is_refused_by_name() -> None:
+    drive = Driver(world(4), wish=WISH)
+    drive.push_test()
+    drive.poses(5)
+    poses = drive.shown().poses
+    assert poses is not None
+    drive.play(drive.world.move(Rotation.from_quat(poses.targets[0]), 1.5))
+    world_, push = drive.world, np.array([2.0, 1.0, 0.0])
+    still = Rotation.from_quat(world_.R_base_flange.as_quat())
+    drive.play(world_.hold(2.0, push))
+    assert len(drive.shown().poses.taken) == 5  # type: ignore[union-attr]
+    assert drive.said("pose_refused")[-1].startswith("pose 6: reads 2.2 N off what the other poses predict")
+    drive.play(world_.hold(2.5, np.zeros(3)))
+    assert (still.inv() * world_.R_base_flange).magnitude() < 1e-9
+    assert len(drive.shown().poses.taken) == 6  # type: ignore[union-attr]
+
+
+def test_a_hand_that_lets_go_after_the_pose_voids_it() -> None:
+    """Before the fifth pose nothing predicts the reading: the jump while the arm stands tells."""
+    drive = Driver(world(5), wish=WISH)
+    drive.push_test()
+    drive.poses(2)
+    drive.play(drive.world.move(Rotation.from_quat(drive.shown().poses.targets[0]), 1.5))  # type: ignore[union-attr]
+    drive.play(drive.world.hold(2.2, np.array([1.0, 1.0, 0.0])))
+    assert len(drive.shown().poses.taken) == 3  # type: ignore[union-attr]
+    drive.play(drive.world.hold(2.5, np.zeros(3)))
+    assert drive.said("pose_refused")[-1].startswith("pose 3: the reading changed by 1.4 N while the arm stood")
+    assert len(drive.shown().poses.taken) == 3  # type: ignore[union-attr]
+
+
+def test_no_pose_is_refused_where_nobody_touches() -> None:
+    drive = Driver(world(6), wish=WISH)
+    drive.push_test()
+    drive.poses(8)
+    assert drive.said("pose_refused") == []
+    assert len(drive.said("pose")) == 8
+
+
+def test_an_old_orientation_never_makes_a_valid_contact_wrench(calibration: cw.Calibration) -> None:
+    drive = Driver(world(7), calibration)
+    drive.play(drive.world.stand(1.0))
+    assert drive.shown().contact.valid  # type: ignore[union-attr]
+    silent = drive.world.t
+    turns = drive.play((sensor, None) for sensor, _ in drive.world.stand(1.0))
+    late = np.concatenate([turn.t for turn in turns]) - silent
+    valid = np.concatenate([turn.contact.valid for turn in turns if turn.contact is not None])
+    wrench = np.concatenate([turn.contact.wrench for turn in turns if turn.contact is not None])
+    assert not valid[late > 0.05].any()
+    assert np.isnan(wrench[late > 0.05]).all()
+    assert drive.shown().contact.reason.startswith("stale: the orientation is ")  # type: ignore[union-attr]
+    event = next(event for event in drive.events if event.kind == "silent")
+    assert event.device == "ur://robot"
+    assert event.t - silent < 0.5
+    drive.play(drive.world.stand(0.5))
+    assert drive.shown().contact.valid  # type: ignore[union-attr]
+    assert drive.said("back") == ["samples come again"]
+
+
+def test_a_flawed_reading_is_not_used_and_says_why(calibration: cw.Calibration) -> None:
+    drive = Driver(world(8), calibration)
+    drive.play(drive.world.stand(1.0))
+    for sensor, robot in drive.world.stand(0.2):
+        bad = Batch([sample._replace(flaw="saturated: fx") for sample in sensor.samples])
+        turn = drive.play([(bad, robot)])[0]
+        assert turn.contact is not None
+        assert not turn.contact.valid.any()
+        assert set(turn.contact.reason) == {"saturated: fx"}
+    assert drive.shown().contact.reason == "saturated: fx"  # type: ignore[union-attr]
+
+
+def test_what_is_not_possible_now_is_said() -> None:
+    drive = Driver(world(9))
+    drive.do(Command.ZERO)
+    assert drive.said("refusal") == ["zero is not possible now"]
+    drive.play(drive.world.stand(1.0))
+    drive.do(Command.RETAKE, 3)
+    assert drive.said("refusal")[-1] == "retake is not possible now"
+
+
+def test_a_new_zero_is_taken_and_a_touched_tool_gives_none(calibration: cw.Calibration) -> None:
+    drive = Driver(world(10), calibration)
+    drive.play(drive.world.stand(1.5))
+    drive.do(Command.ZERO)
+    assert drive.said("zero")[0].startswith("the zero moved by ")
+    drive.play(drive.world.hold(1.0, np.array([5.0, 0.0, 0.0])))
+    drive.do(Command.ZERO)
+    assert drive.said("refusal")[0].startswith("no new zero: ")
+
+
+def test_a_session_of_one_device_that_gives_both() -> None:
+    true = world(11)
+    drive = Driver(true)
+    session = cw.live.Session(sensor="udp://:9000", robot=None)
+    for sensor, robot in true.stand(1.0):
+        poses = {sample.arrival: sample for sample in robot.samples}
+        for sample in sensor.samples:
+            pose = poses.get(sample.arrival)
+            if pose is not None:
+                both = Batch([sample._replace(orientation=pose.orientation)])
+                session.feed(both, t=sample.arrival)
+    snapshot = session.snapshot(true.t)
+    assert snapshot.still
+    assert [device.role for device in snapshot.devices] == ["sensor and robot"]
+    assert drive.session.phase is Phase.CONNECT
