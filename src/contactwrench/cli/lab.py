@@ -15,17 +15,19 @@ from . import options
 if TYPE_CHECKING:
     from ..lab.device import Fake
     from ..lab.rig import Lab
+    from ..lab.signals import Signal
 
 PORTS = Range(0, 65_000)
 LEAST_DEG, MOST_DEG = (0.0, 0.0, 0.0, 0.0, -90.0, -110.0, -120.0), (0.0, 0.0, 0.0, 0.0, 90.0, 25.0, 120.0)
 """From home: how far the wrist turns on its own; every tilt is within it, and nothing is near."""
+LOCALHOST = "127.0.0.1"
 REST = 3.0
 """s in each pose."""
 
 
 def lab(
     sensor: Annotated[Literal["sri"], typer.Option(help="The sensor's protocol.")] = "sri",
-    robot: Annotated[Literal["ur"], typer.Option(help="The robot's protocol.")] = "ur",
+    robot: Annotated[Literal["ur", "rsi", "lines"], typer.Option(help="The robot's protocol.")] = "ur",
     auto: Annotated[bool, typer.Option("--auto", help="The arm visits poses of its own accord.")] = False,
     port_base: Annotated[
         int, options.number(PORTS, "N", "The first port; the others follow. [default: any that are free]")
@@ -41,13 +43,15 @@ def lab(
     """
     from ..lab.control import Control
     from ..lab.rig import Lab
+    from ..lab.sockets import free_port
     from ..simulate.settings import Settings, changed
 
     virtual = Lab(changed(Settings(), settings or []), seed)
+    ports = [port_base and port_base + k for k in range(4)]
     with ExitStack() as running:
-        sensing = running.enter_context(_sensor(sensor, virtual, port_base))
-        arm = running.enter_context(_robot(robot, virtual, port_base and port_base + 1))
-        control = running.enter_context(Control(virtual, port_base and port_base + 2))
+        sensing = running.enter_context(_sensor(sensor, virtual, ports[:2]))
+        arm = running.enter_context(_robot(robot, virtual.sensor(), ports[2] or free_port()))
+        control = running.enter_context(Control(virtual, ports[3]))
         options.say(
             f"Sensor   {sensing.uri}\nRobot    {arm.uri}\nControl  {control.uri}\n"
             f"contactwrench live --robot {arm.uri} --sensor {sensing.uri}"
@@ -55,16 +59,37 @@ def lab(
         _run(virtual, auto, np.random.default_rng(seed))
 
 
-def _sensor(kind: str, virtual: Lab, port: int) -> Fake:
+def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
+    if kind == "netft":
+        from ..lab.netft import NetFt
+
+        return NetFt(signal, port=ports[0], http_port=ports[1])
+    if kind == "ft300":
+        from ..lab.ft300 import Ft300
+
+        return Ft300(signal, port=ports[0])
+    if kind == "lines":
+        from ..lab.lines import TcpLines
+
+        return TcpLines(signal, shows="wrench", port=ports[0])
     from ..lab.sri import Sri
 
-    return Sri(virtual, port=port)
+    return Sri(signal, port=ports[0])
 
 
-def _robot(kind: str, virtual: Lab, port: int) -> Fake:
+def _robot(kind: str, signal: Signal, port: int) -> Fake:
+    """The robot; of one that sends without being asked, `port` is where it sends to."""
+    if kind == "rsi":
+        from ..lab.rsi import Rsi
+
+        return Rsi(signal, (LOCALHOST, port))
+    if kind == "lines":
+        from ..lab.lines import UdpLines
+
+        return UdpLines(signal, (LOCALHOST, port), shows="pose")
     from ..lab.ur import Ur
 
-    return Ur(virtual.sensor(), port=port)
+    return Ur(signal, port=port)
 
 
 def _run(virtual: Lab, auto: bool, rng: np.random.Generator) -> None:

@@ -21,14 +21,11 @@ from .sockets import Client, TcpFake
 class Control(TcpFake):
     """The control port of a lab."""
 
+    scheme = "tcp"
+
     def __init__(self, lab: Lab, port: int = 0) -> None:
         super().__init__(lab, 1.0, port=port)
         self._lab = lab
-
-    @property
-    def uri(self) -> str:
-        """Where orders go."""
-        return f"tcp://{self.host}:{self.port}"
 
     def _received(self, client: Client) -> None:
         while (end := client.inbox.find(b"\n")) >= 0:

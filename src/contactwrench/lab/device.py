@@ -40,6 +40,8 @@ class Fake(ABC):
         FileAccessError: the port is taken.
     """
 
+    scheme: str
+
     def __init__(
         self,
         signal: Signal,
@@ -82,9 +84,9 @@ class Fake(ABC):
         self._close()
 
     @property
-    @abstractmethod
     def uri(self) -> str:
         """What a listener is given."""
+        return f"{self.scheme}://{self.host}:{self.port}"
 
     def cut(self) -> None:
         """Close every connection; a new one is accepted."""
@@ -133,7 +135,7 @@ class Fake(ABC):
 
     def restart(self) -> None:
         """Count from 0 again."""
-        self.counter = 0
+        self._order(lambda: setattr(self, "counter", 0))
 
     def status(self, word: int) -> None:
         """Show a status from now on; 0: all is well."""

@@ -10,13 +10,20 @@ from select import select
 from time import sleep
 
 from ..geometry.arrays import Array
-from .device import Fake, Packets
+from .device import LOCALHOST, Fake, Packets
 
 CUT_APART = 0.001
 """s between two parts of a packet that is cut."""
 PATIENCE = 0.2
 """s: a client that takes nothing for so long is dropped."""
 RECEIVED = 65_536
+
+
+def free_port() -> int:
+    """A port of this machine at which nobody listens just now, for UDP."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((LOCALHOST, 0))
+        return int(probe.getsockname()[1])
 
 
 @dataclass(eq=False)
@@ -56,8 +63,7 @@ class TcpFake(Fake):
 
     def _turn(self, timeout: float) -> None:
         sockets = {client.socket: client for client in self._clients}
-        readable, _, _ = select([self._listener, *sockets], [], [], timeout)
-        for ready in readable:
+        for ready in select([self._listener, *sockets], [], [], timeout)[0]:
             if ready is self._listener:
                 self._accept(ready.accept()[0])
             else:
@@ -66,7 +72,12 @@ class TcpFake(Fake):
     def _accept(self, connection: socket.socket) -> None:
         connection.settimeout(PATIENCE)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._clients.append(Client(connection))
+        client = Client(connection)
+        self._clients.append(client)
+        self._accepted(client)
+
+    def _accepted(self, client: Client) -> None:
+        """Greet a new client: most devices wait to be asked."""
 
     def _read(self, client: Client) -> None:
         try:
@@ -108,15 +119,16 @@ class TcpFake(Fake):
 
 
 class UdpFake(Fake):
-    """A device on one UDP socket, with one listener at `_listener`."""
+    """A device on one UDP socket, with one listener at a time: who has asked, or `target`, who is sent to unasked."""
 
+    target: tuple[str, int] | None = None
     _socket: socket.socket
-    _listener: tuple[str, int] | None = None
+    _listener: tuple[str, int] | None
 
     def _open(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((self.host, self.port))
-        self.port = self._socket.getsockname()[1]
+        self.port, self._listener = self._socket.getsockname()[1], self.target
 
     def _close(self) -> None:
         self._cut()
@@ -129,10 +141,12 @@ class UdpFake(Fake):
         return self._listener is not None
 
     def _turn(self, timeout: float) -> None:
-        readable, _, _ = select([self._socket], [], [], timeout)
-        for ready in readable:
-            with suppress(OSError):  # what was sent has not arrived: nobody is there
-                self._received(*ready.recvfrom(RECEIVED))
+        if select([self._socket], [], [], timeout)[0]:
+            self._receive()
+
+    def _receive(self) -> None:
+        with suppress(OSError):  # what was sent has not arrived: nobody is there
+            self._received(*self._socket.recvfrom(RECEIVED))
 
     @abstractmethod
     def _received(self, data: bytes, address: tuple[str, int]) -> None:

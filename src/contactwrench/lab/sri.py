@@ -32,16 +32,13 @@ class Sri(TcpFake):
         asked: every command that has come, to see that nobody zeroes the sensor.
     """
 
+    scheme = "sri"
+
     def __init__(self, signal: Signal, rate: float = 1000.0, *, old: bool = False, **more: Any) -> None:
         super().__init__(signal, rate, **more)
         self.asked: list[str] = []
         self._ok, self._rate_name = ("", "SMPR") if old else ("$OK", "SMPF")
         self._values = {"EIP": self.host, "SGDM": f"({CHANNELS});E;1;(WMA:1)", "DCPCU": "MVPV", "DCKMD": "SUM"}
-
-    @property
-    def uri(self) -> str:
-        """What a listener is given."""
-        return f"sri://{self.host}:{self.port}"
 
     def wrong_sum(self) -> None:
         """Spoil the sum of a packet."""

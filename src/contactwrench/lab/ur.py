@@ -30,6 +30,7 @@ NORMAL, RUNNING, POWERED = 1, 7, 3
 @dataclass(frozen=True, eq=False)
 class _Moment:
     t: float
+    uptime: float
     wrench: Array
     pose: FlangePose
 
@@ -51,6 +52,8 @@ class Ur(TcpFake):
         more: as of every fake.
     """
 
+    scheme = "ur"
+
     def __init__(
         self, signal: Signal, *, cb3: bool = False, tcp_offset: Sequence[float] = NOTHING, **more: Any
     ) -> None:
@@ -60,7 +63,7 @@ class Ur(TcpFake):
         self._offset = np.array(tcp_offset, dtype=np.float64)
         self._recipes: dict[Client, _Recipe] = {}
         self._fields: dict[str, tuple[str, Callable[[_Moment], Any]]] = {
-            "timestamp": ("DOUBLE", lambda at: [self._uptime(at)]),
+            "timestamp": ("DOUBLE", lambda at: [at.uptime]),
             "actual_q": ("VECTOR6D", lambda at: at.pose.joints[:6]),
             "actual_TCP_pose": ("VECTOR6D", self._tcp_pose),
             "actual_TCP_force": ("VECTOR6D", self._tcp_force),
@@ -73,15 +76,6 @@ class Ur(TcpFake):
         }
         if not cb3:
             self._fields["ft_raw_wrench"] = ("VECTOR6D", lambda at: at.wrench)
-
-    @property
-    def uri(self) -> str:
-        """What a listener is given."""
-        return f"ur://{self.host}:{self.port}"
-
-    def _uptime(self, at: _Moment) -> float:
-        """Since the stream began, s, by the robot's clock."""
-        return (at.t - self.clock.start) * self.clock.rate / self.clock.nominal
 
     def _tcp_pose(self, at: _Moment) -> Array:
         pose, offset = at.pose, self._offset
@@ -144,7 +138,7 @@ class Ur(TcpFake):
         packets = []
         for k in range(-self.counter % recipe.every, len(rows), recipe.every):
             t = t0 + k / self.clock.rate
-            at = _Moment(t, rows[k], self.signal.pose_at(t))
+            at = _Moment(t, (self.counter + k) / self.clock.nominal, rows[k], self.signal.pose_at(t))
             values = [value for name in recipe.names for value in self._fields[name][1](at)]
             packets.append(_package("U", form.pack(1, *values)))
         return packets

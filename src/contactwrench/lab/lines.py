@@ -1,0 +1,96 @@
+"""Anything that speaks in lines: a JSON object or a CSV row a sample, as datagrams or from a TCP server.
+
+Names are those of the recordings: t (s, of the device's clock), fx fy fz tx ty tz (N, N m), qx qy qz qw of
+R_base_flange, x y z (m). A header goes before the first CSV row of a connection, and among datagrams once a second.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from ..geometry.arrays import Array
+from .device import Packets
+from .signals import Signal
+from .sockets import Client, TcpFake, UdpFake
+
+Form: TypeAlias = Literal["json", "csv"]
+Shows: TypeAlias = Literal["wrench", "pose", "both"]
+WRENCH, POSE = ("fx", "fy", "fz", "tx", "ty", "tz"), ("qx", "qy", "qz", "qw", "x", "y", "z")
+NAMES: dict[str, tuple[str, ...]] = {"wrench": WRENCH, "pose": POSE, "both": WRENCH + POSE}
+
+
+def _line(signal: Signal, names: tuple[str, ...], form: Form, at: float, t: float, row: Array) -> bytes:
+    pose = signal.pose_at(at) if POSE[0] in names else None
+    shown = [] if pose is None else [pose.quat_xyzw, pose.position]
+    values = np.concatenate([row if WRENCH[0] in names else [], *shown]).tolist()
+    if form == "json":
+        return json.dumps({"t": t, **dict(zip(names, values, strict=True))}).encode() + b"\n"
+    return ",".join(f"{value:.9g}" for value in [t, *values]).encode() + b"\n"
+
+
+def _header(names: tuple[str, ...]) -> bytes:
+    return ",".join(["t", *names]).encode() + b"\n"
+
+
+class UdpLines(UdpFake):
+    """Sends datagrams to `target`; a datagram has no connection: `cut` ends it."""
+
+    def __init__(
+        self,
+        signal: Signal,
+        target: tuple[str, int],
+        rate: float = 250.0,
+        *,
+        form: Form = "json",
+        shows: Shows = "both",
+        **more: Any,
+    ) -> None:
+        super().__init__(signal, rate, **more)
+        self.target, self._port_there, self._form, self._names = target, target[1], form, NAMES[shows]
+
+    @property
+    def uri(self) -> str:
+        """What a listener is given."""
+        return f"udp://:{self._port_there}"
+
+    def _received(self, data: bytes, address: tuple[str, int]) -> None:
+        """Nobody answers."""
+
+    def _packets(self, t0: float, rows: Array) -> Packets:
+        packets, rate = [], self.clock.nominal
+        for k, row in enumerate(rows, self.counter):
+            if self._form == "csv" and k % round(rate) == 0:
+                packets.append(_header(self._names))
+            at = t0 + (k - self.counter) / self.clock.rate
+            packets.append(_line(self.signal, self._names, self._form, at, k / rate, row))
+        return packets
+
+
+class TcpLines(TcpFake):
+    """Sends to whoever connects."""
+
+    scheme = "tcp"
+
+    def __init__(
+        self, signal: Signal, rate: float = 250.0, *, form: Form = "json", shows: Shows = "both", **more: Any
+    ) -> None:
+        super().__init__(signal, rate, **more)
+        self._form, self._names = form, NAMES[shows]
+
+    def _accepted(self, client: Client) -> None:
+        client.wants_rows = True
+        if self._form == "csv":
+            self._to(client, [_header(self._names)])
+
+    def _received(self, client: Client) -> None:
+        client.inbox.clear()
+
+    def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
+        at, numbers = t0 + np.arange(len(rows)) / self.clock.rate, self.counter + np.arange(len(rows))
+        return [
+            _line(self.signal, self._names, self._form, *moment)
+            for moment in zip(at.tolist(), (numbers / self.clock.nominal).tolist(), rows, strict=True)
+        ]

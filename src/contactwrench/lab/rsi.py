@@ -1,0 +1,80 @@
+"""A KUKA controller with RSI over Ethernet: each cycle it sends XML and wants an answer with the same IPOC within it.
+
+The robot is the client. Millimetres and degrees; A, B, C turn about z, y', x''. Of the iiwa's joints six show.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from ..geometry.arrays import Array
+from .device import Packets
+from .signals import Signal
+from .sockets import UdpFake
+
+IPOC = re.compile(rb"<IPOC>\s*(\d+)\s*</IPOC>")
+CORRECTION = re.compile(rb'<RKorr\s+X="([^"]+)"\s+Y="([^"]+)"\s+Z="([^"]+)"\s+A="([^"]+)"\s+B="([^"]+)"\s+C="([^"]+)"')
+FIRST = 123_645_634_000
+POSE = ("X", "Y", "Z", "A", "B", "C")
+
+
+class Rsi(UdpFake):
+    """The controller. A datagram has no connection: `cut` ends its program.
+
+    Args:
+        signal: where the flange is.
+        target: host and port of who answers.
+        cycle: 0.004 or 0.012 s.
+        most_late: late answers after which the robot stops.
+        more: as of every fake.
+
+    Attributes:
+        delays: cycles without an answer in time.
+        stopped: whether there were too many.
+        correction: the last one (6,), mm and degrees, that came in time.
+    """
+
+    def __init__(
+        self, signal: Signal, target: tuple[str, int], *, cycle: float = 0.004, most_late: int = 100, **more: Any
+    ) -> None:
+        super().__init__(signal, 1.0 / cycle, **more)
+        self.target, self._port_there, self._milliseconds, self._most_late = (
+            target,
+            target[1],
+            round(1000.0 * cycle),
+            most_late,
+        )
+        self.delays, self.stopped, self.correction = 0, False, np.zeros(6)
+        self._unanswered = b""
+
+    @property
+    def uri(self) -> str:
+        """What a listener is given."""
+        return f"rsi://:{self._port_there}"
+
+    def _received(self, data: bytes, address: tuple[str, int]) -> None:
+        found, correction = IPOC.search(data), CORRECTION.search(data)
+        if found and found[1] == self._unanswered and correction:
+            self._unanswered, self.correction = b"", np.array(correction.groups(), dtype=np.float64)
+
+    def _packets(self, t0: float, rows: Array) -> Packets:
+        return [self._cycle(t0 + k / self.clock.rate, self.counter + k) for k in range(len(rows))]
+
+    def _cycle(self, t: float, number: int) -> bytes:
+        from scipy.spatial.transform import Rotation
+
+        self.delays += bool(self._unanswered)
+        if self.delays > self._most_late:
+            self.stopped, self._listener = True, None
+        pose = self.signal.pose_at(t)
+        abc = Rotation.from_quat(pose.quat_xyzw).as_euler("ZYX", degrees=True)
+        at = [f'{name}="{value:.6f}"' for name, value in zip(POSE, [*(1000.0 * pose.position), *abc], strict=True)]
+        joints = [f'A{k}="{value:.6f}"' for k, value in enumerate(np.rad2deg(pose.joints[:6]), 1)]
+        self._unanswered = str(FIRST + self._milliseconds * number).encode()
+        return (
+            f'<Rob Type="KUKA"><RIst {" ".join(at)}/><AIPos {" ".join(joints)}/><Delay D="{self.delays}"/>'
+            f"<IPOC>{self._unanswered.decode()}</IPOC></Rob>"
+        ).encode()

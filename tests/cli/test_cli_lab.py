@@ -1,0 +1,60 @@
+"""`contactwrench lab` as it is started: what it prints works, and Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+from contextlib import ExitStack
+from subprocess import PIPE
+from typing import Any
+from unittest.mock import Mock
+
+import pytest
+
+from contactwrench.cli.lab import lab
+from tests.lab.clients import ask, connected, exactly, line, nothing_left, rtde, sri_packet
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
+
+
+def test_it_runs_until_it_is_interrupted() -> None:
+    command = [sys.executable, "-m", "contactwrench", "lab", "--auto", "--set", "tool.mass=0.5"]
+    with ExitStack() as ending:
+        program = ending.enter_context(subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True))
+        ending.callback(program.kill)
+        assert program.stdout is not None
+        said = [program.stdout.readline().split() for _ in range(4)]
+        sensor, robot, control = (int(words[1].rsplit(":", 1)[1]) for words in said[:3])
+        assert said[3] == f"contactwrench live --robot {said[1][1]} --sensor {said[0][1]}".split()
+        with connected(sensor) as sri, connected(robot) as ur, connected(control) as orders:
+            sri.sendall(b"AT+SMPF=1000\r\nAT+GSD\r\n")
+            assert line(sri) == "ACK+SMPF=1000$OK"
+            assert [sri_packet(sri)[0] for _ in range(20)] == list(range(20))
+            rtde(ur, "O", struct.pack(">d", 500.0) + b"timestamp")
+            assert rtde(ur, "S") == b"\x01"
+            assert exactly(ur, 12)
+            state = ask(orders, {"state": True})
+            assert (state["truth"]["mass"], state["moving"]) == (0.5, True)
+            program.send_signal(signal.SIGINT)
+            assert program.wait(timeout=10) == 130
+        assert program.stderr is not None
+        assert program.stderr.read() == "contactwrench: interrupted\n"
+
+
+class _StartedError(Exception):
+    """Raised where the program would wait for Ctrl-C."""
+
+
+@pytest.mark.parametrize("pair", [("netft", "rsi"), ("ft300", "lines"), ("lines", "ur")])
+def test_every_pair_starts_at_the_ports_that_are_asked_for(
+    pair: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("contactwrench.cli.lab._run", Mock(side_effect=_StartedError))
+    first = 20_000 + os.getpid() % 20_000
+    with nothing_left(), pytest.raises(_StartedError):
+        lab(*pair, port_base=first)
+    out = capsys.readouterr().out
+    assert all(f":{port}" in out for port in (first, first + 2, first + 3))
