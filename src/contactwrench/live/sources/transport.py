@@ -189,8 +189,8 @@ class Udp(Link):
         device: what is expected there, for people.
     """
 
-    peer: Any = None
-    """Who sent the last datagram."""
+    senders: list[Any]
+    """Of the datagrams that were taken last."""
 
     def connect(self, host: str, port: int) -> None:
         """Send to and take from one address only. Raises `DeviceError`."""
@@ -216,22 +216,24 @@ class Udp(Link):
             with suppress(OSError):
                 self._socket.send(data)
 
-    def answer(self, data: bytes) -> None:
-        """To who sent the last datagram."""
-        if self._socket is not None and self.peer is not None:
+    def answer(self, data: bytes, sender: Any) -> None:
+        """To who sent a datagram."""
+        if self._socket is not None:
             with suppress(OSError):
-                self._socket.sendto(data, self.peer)
+                self._socket.sendto(data, sender)
 
     def receive(self, timeout: float) -> list[bytes]:
         """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
         taken: list[bytes] = []
+        self.senders = []
         with self._lock:
             if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
                 return taken
             try:
                 while len(taken) < MOST:
-                    data, self.peer = self._socket.recvfrom(MOST_BYTES)
+                    data, sender = self._socket.recvfrom(MOST_BYTES)
                     taken.append(data)
+                    self.senders.append(sender)
             except (BlockingIOError, ConnectionResetError):
                 pass
             except ConnectionRefusedError:
