@@ -54,7 +54,7 @@ class Bota:
         return About("Bota", wrench=True, orientation=False, rate=1e6 / step, settings={"file": self._path})
 
     def read(self, timeout: float) -> Batch:
-        """As `Source`: the driver is asked twice a sample, as its blocking call has no end where the sensor is silent."""
+        """As `Source`: the driver is asked twice a sample, as its call that blocks has no end in silence."""
         batch, end = Batch(), monotonic() + timeout
         while not self._take(batch) and monotonic() < end:
             if self._closed.wait(self._pause):

@@ -139,7 +139,7 @@ class _Rosless:
         self.type_name: str = self._subscription.type_name
 
     def take(self, timeout: float) -> list[Any]:
-        messages = []
+        messages: list[Any] = []
         while (message := self._subscription.read(timeout=timeout)) is not None and len(messages) < DEPTH:
             messages.append(message)
             timeout = 0.0
