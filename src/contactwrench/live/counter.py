@@ -16,13 +16,15 @@ LATEST = 10.0
 
 
 class Counter:
-    """Counts of `period` s, one a sample, `step` from one to the next; they wrap at `modulus` (None: never).
+    """Counts of `period` s, one a sample, `step` from one to the next (None: not known, so that no loss is seen); they
+    wrap at `modulus` (None: never).
 
     How long it was since the last sample tells a loss, also over wraps, from a device that began anew.
     """
 
-    def __init__(self, period: float, modulus: int | None = None, step: int = 1) -> None:
+    def __init__(self, period: float, modulus: int | None = None, step: int | None = 1) -> None:
         self._period, self._modulus, self._step = period, modulus, step
+        self._behind_most = BEHIND * step if step else 1.0 / period
         self._latest = LATEST if modulus is None else min(LATEST, modulus * period / 4)
         self._last: int | None = None
         self._total, self._arrival, self._late = 0, 0.0, 0.0
@@ -48,10 +50,10 @@ class Counter:
             return None, Note(NoteKind.REPEATED, f"number {count} came again")
         if self._began_anew(count, ahead, arrival):
             restarted = Note(NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
-            return self._forward(count, self._step, arrival), restarted
+            return self._forward(count, self._step or 1, arrival), restarted
         if ahead < 0:
             return None, Note(NoteKind.DISORDERED, f"number {count} came after {self._last}")
-        missing = round(ahead / self._step) - 1
+        missing = round(ahead / self._step) - 1 if self._step else 0
         note = Note(NoteKind.LOST, f"{missing} missing before number {count}", missing) if missing > 0 else None
         return self._forward(count, ahead, arrival), note
 
@@ -67,10 +69,10 @@ class Counter:
     def _began_anew(self, count: int, ahead: int, arrival: float) -> bool:
         if ahead > 0:
             waited = arrival - self._arrival + self._late
-            return ahead > self._step and ahead * self._period > 1.5 * waited + SLACK
+            return ahead * self._period > 1.5 * waited + SLACK
         self._in_a_row = self._in_a_row + 1 if self._in_a_row and count > self._behind else 1
         self._behind = count
-        return ahead < -BEHIND * self._step or self._in_a_row >= IN_A_ROW
+        return ahead < -self._behind_most or self._in_a_row >= IN_A_ROW
 
     def _forward(self, count: int, ahead: int, arrival: float) -> float:
         late = self._late + arrival - self._arrival - ahead * self._period

@@ -47,7 +47,11 @@ class Stream:
     def __init__(self, source: Source) -> None:
         self._source = source
         self._closed = False
-        self.about: About = source.open()
+        try:
+            self.about: About = source.open()
+        except BaseException:
+            source.close()
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -57,6 +57,13 @@ class Uri:
                 known = f"one of {', '.join(names)}" if names else "none"
                 raise InputError(f"{self.text}: found the option {name}, expected {known}: correct the URI")
 
+    def whole(self, name: str, default: int) -> int:
+        """An option that is a whole number. Raises `InputError`."""
+        text = self.options.get(name, str(default))
+        if not text.isascii() or not text.isdigit():
+            raise InputError(f"{self.text}: found {name}={text}, expected a whole number: correct the URI")
+        return int(text)
+
 
 def parsed(text: str) -> Uri:
     """A URI. Raises `InputError`."""

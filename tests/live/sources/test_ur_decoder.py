@@ -72,7 +72,7 @@ def test_the_flange_is_the_tcp_without_its_offset(
         assert sample.position is not None
         assert (Rotation.from_quat(sample.orientation) * R.inv()).magnitude() < 1e-12
         assert np.allclose(sample.position + R.apply(offset[:3]), pose[:3])
-        turned = R.inv().apply(np.reshape(f, (2, 3))).ravel() if wrench == COMPENSATED else f
+        turned = R.inv().apply(np.reshape(np.array(f), (2, 3))).ravel() if wrench == COMPENSATED else f
         assert np.allclose(sample.wrench, turned)  # type: ignore[arg-type]
 
 

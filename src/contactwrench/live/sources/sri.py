@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from contextlib import suppress
 from math import isfinite
 from struct import Struct
 
 from ..counter import Counter
-from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six, now
+from ..source import About, Batch, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .rate import RateWatch, asked_rate
+from .rate import asked_rate
+from .reader import Reader
 from .transport import Deadline, Tcp
 
 PORT = 4008
@@ -26,8 +26,6 @@ CHANNELS = "SGDM=(A01,A02,A03,A04,A05,A06);E;1;(WMA:1)"
 EXPECTED = "ACK+ and a value, as an SRI box answers"
 OBEYS = 0.3
 """s for a command that an older box may not know; all of them fit into what `open` may take."""
-NOT_A_STREAM = 100_000
-"""Bytes without a packet after which this is no such device."""
 
 
 class SriDecoder:
@@ -42,8 +40,6 @@ class SriDecoder:
         self._buffer = b""
         self._counter = Counter(1.0 / rate, MODULUS)
         self._streaming = False
-        self.since_packet = 0
-        """Bytes since the last packet."""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
@@ -68,10 +64,9 @@ class SriDecoder:
         keep = start if start >= 0 else max(len(buffer) - len(HEADER) + 1, at)
         self._skipped(skipped + keep - at, batch)
         self._buffer = buffer[keep:]
-        self.since_packet += len(data)
 
     def _sample(self, buffer: bytes, start: int, arrival: float, batch: Batch) -> None:
-        self._streaming, self.since_packet = True, 0
+        self._streaming = True
         device, note = self._counter.take(_number(buffer, start)[0], arrival)
         if note is not None:
             batch.notes.append(note)
@@ -87,7 +82,7 @@ class SriDecoder:
         return 0
 
 
-class Sri:
+class Sri(Reader[Tcp]):
     """The box. Without `rate` it keeps the rate that it has."""
 
     FORM = "sri://HOST[:4008][?rate=HZ][&zero=1]"
@@ -96,11 +91,10 @@ class Sri:
 
     def __init__(self, uri: Uri) -> None:
         uri.only("rate", "zero")
-        self.uri = uri.text
+        super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
         self._at = uri.host, uri.port or PORT
         self._asked = asked_rate(uri)
         self._zero = uri.options.get("zero") == "1"
-        self._link = Tcp(uri.text, "SRI interface box")
 
     def open(self) -> About:
         """As `Source`."""
@@ -113,26 +107,9 @@ class Sri:
         settings = {"address of the box": address or "not told"}
         for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if self._zero else [])):
             settings[command] = "done" if self._ask(command, Deadline(OBEYS)) else "not confirmed by the box"
-        self._decoder = SriDecoder(rate or self._asked or USUAL_RATE)
-        self._watch = RateWatch(self._asked or rate)
+        self._begin(SriDecoder(rate or self._asked or USUAL_RATE), self._asked or rate)
         self._link.send(b"AT+GSD\r\n")
         return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
-
-    def read(self, timeout: float) -> Batch:
-        """As `Source`."""
-        batch = Batch()
-        data, arrival = self._link.receive(timeout), now()
-        self._decoder.feed(data, arrival, batch)
-        if self._decoder.since_packet > NOT_A_STREAM:
-            raise self._link.error("bytes that hold no packet", "a stream of packets", "check that this is the box")
-        self._watch.take(batch, arrival)
-        return batch
-
-    def close(self) -> None:
-        """As `Source`."""
-        with suppress(DeviceError):
-            self._link.send(b"AT+GSD=STOP\r\n")
-        self._link.close()
 
     def _set_rate(self) -> float | None:
         """What the box says its rate is; older boxes call it by another name."""
@@ -153,7 +130,7 @@ class Sri:
                 if needed:
                     raise self._link.silent(EXPECTED)
                 return ""
-            self._answers += self._link.receive(deadline.left)
+            self._answers += b"".join(self._link.receive(deadline.left))
             self._refuse_another()
         self._answers = self._answers[found.end() :]
         return found[1].decode("latin-1").replace("$OK", "") if b"ERROR" not in found[1] else ""

@@ -6,6 +6,8 @@ import errno
 import os
 import selectors
 import socket
+import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Lock
@@ -19,6 +21,7 @@ PATIENCE = 2.5
 """s that a device may take to connect and to answer, all of it together."""
 BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
+MOST_BYTES = 1 << 16
 MOST = 4_096
 """Datagrams of one read."""
 REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
@@ -36,7 +39,7 @@ class Deadline:
         return max(self._end - monotonic(), 0.0)
 
 
-class Link:
+class Link(ABC):
     """A socket that one thread reads and any may close, which ends a wait of the reader.
 
     The reader holds the lock while it waits, so that no socket is closed, and its number given to another, under it.
@@ -45,10 +48,17 @@ class Link:
     def __init__(self, uri: str, device: str) -> None:
         self._uri, self._device = uri, device
         self._lock = Lock()
-        self._socket: socket.socket | None = None
+        self._socket: Any = None
         self._waker: socket.socket | None = None
         self._woken: socket.socket | None = None
         self._selector: selectors.BaseSelector | None = None
+
+    @abstractmethod
+    def receive(self, timeout: float) -> list[bytes]:
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError`."""
+
+    def send(self, data: bytes) -> None:  # noqa: B027
+        """To the device, if it listens. Raises `DeviceError`."""
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
@@ -71,13 +81,19 @@ class Link:
         """What is raised where nothing answers."""
         return self.error("no answer", expected, f"check that this is the {self._device}, and that no one else uses it")
 
-    def _use(self, made: socket.socket) -> None:
-        """Take a socket. The lock is held."""
+    def _use(self, made: Any, selector: selectors.BaseSelector) -> None:
+        """Take a socket, or a file. The lock is held."""
         self._drop()
-        made.setblocking(False)
         self._woken, self._waker = socket.socketpair()
-        self._socket, self._selector = made, selectors.DefaultSelector()
+        self._socket, self._selector = made, selector
         self._selector.register(self._woken, selectors.EVENT_READ)
+
+    def _use_socket(self, family: int, kind: int) -> socket.socket:
+        made = socket.socket(family, kind)
+        made.setblocking(False)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        self._use(made, selectors.DefaultSelector())
+        return made
 
     def _ready(self, events: int, timeout: float) -> bool:
         """Whether the socket can be used within the time; not where it is closed meanwhile. The lock is held."""
@@ -116,8 +132,8 @@ class Tcp(Link):
         except (OSError, UnicodeError):
             raise self.error(f"no host {host}", self._device, "check the name, or write its address") from None
         reason = "no answer"
-        for family, kind, protocol, _, address in addresses:
-            reason = self._connected(socket.socket(family, kind, protocol), address, deadline)
+        for family, kind, _, _, address in addresses:
+            reason = self._connected(family, kind, address, deadline)
             if not reason:
                 return
         do = "check its power, its cable and the address; it must be in this computer's network"
@@ -131,25 +147,25 @@ class Tcp(Link):
         except OSError as error:
             raise self._cut(error) from None
 
-    def receive(self, timeout: float) -> bytes:
-        """All that has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
+    def receive(self, timeout: float) -> list[bytes]:
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: the connection is cut."""
         with self._lock:
             if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
-                return b""
+                return []
             try:
-                data = self._socket.recv(65_536)
+                data = self._socket.recv(MOST_BYTES)
             except BlockingIOError:
-                return b""
+                return []
             except OSError as error:
                 raise self._cut(error) from None
         if not data:
             raise self._cut(None)
-        return data
+        return [data]
 
-    def _connected(self, made: socket.socket, address: Any, deadline: Deadline) -> str:
+    def _connected(self, family: int, kind: int, address: Any, deadline: Deadline) -> str:
         """An empty text, or why not."""
         with self._lock:
-            self._use(made)
+            made = self._use_socket(family, kind)
             status = made.connect_ex(address)
             if status in (errno.EINPROGRESS, errno.EWOULDBLOCK):
                 ready = self._ready(selectors.EVENT_WRITE, deadline.left)
@@ -173,25 +189,23 @@ class Udp(Link):
         device: what is expected there, for people.
     """
 
-    peer: Any = None
-    """Who sent the last datagram."""
+    senders: list[Any]
+    """Of the datagrams that were taken last."""
 
     def connect(self, host: str, port: int) -> None:
         """Send to and take from one address only. Raises `DeviceError`."""
         try:
-            family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         except (OSError, UnicodeError):
             raise self.error(f"no host {host}", self._device, "check the name, or write its address") from None
         with self._lock:
-            self._use(made := socket.socket(family, kind, protocol))
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            made = self._use_socket(family, kind)
             self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
 
     def bind(self, host: str, port: int) -> int:
         """Take from anyone, at an address of this computer's (empty: all); the port. Raises `DeviceError`."""
         with self._lock:
-            self._use(made := socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            made = self._use_socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
             bound: int = made.getsockname()[1]
             return bound
@@ -202,25 +216,24 @@ class Udp(Link):
             with suppress(OSError):
                 self._socket.send(data)
 
-    def answer(self, data: bytes) -> None:
-        """To who sent the last datagram."""
-        if self._socket is not None and self.peer is not None:
+    def answer(self, data: bytes, sender: Any) -> None:
+        """To who sent a datagram."""
+        if self._socket is not None:
             with suppress(OSError):
-                self._socket.sendto(data, self.peer)
+                self._socket.sendto(data, sender)
 
-    def receive(self, timeout: float, most: int = MOST) -> list[bytes]:
-        """The datagrams that have come; none in silence, and after `close`.
-
-        Raises `DeviceError` where a connected port is closed: the first such answer of the network.
-        """
+    def receive(self, timeout: float) -> list[bytes]:
+        """The datagrams that have come; none in silence or after `close`. Raises `DeviceError`: the port is closed."""
         taken: list[bytes] = []
+        self.senders = []
         with self._lock:
             if not self._ready(selectors.EVENT_READ, timeout) or self._socket is None:
                 return taken
             try:
-                while len(taken) < most:
-                    data, self.peer = self._socket.recvfrom(65_536)
+                while len(taken) < MOST:
+                    data, sender = self._socket.recvfrom(MOST_BYTES)
                     taken.append(data)
+                    self.senders.append(sender)
             except (BlockingIOError, ConnectionResetError):
                 pass
             except ConnectionRefusedError:
@@ -235,3 +248,22 @@ class Udp(Link):
         except OSError as error:
             self._drop()
             raise self.error(f"{found} ({(error.strerror or str(error)).lower()})", self._device, do) from None
+
+
+class StandardInput(Link):
+    """What another program writes."""
+
+    def start(self) -> None:
+        """Begin."""
+        with self._lock:
+            self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
+
+    def receive(self, timeout: float) -> list[bytes]:
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: it has ended."""
+        with self._lock:
+            if not self._ready(selectors.EVENT_READ, timeout):
+                return []
+            data = self._socket.read(MOST_BYTES)
+        if not data:
+            raise self.error("its end", "more lines", "keep the program that writes them running")
+        return [data]

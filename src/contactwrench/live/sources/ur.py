@@ -5,16 +5,16 @@ An own client: ur-rtde polls, so that it loses and doubles samples, and has no w
 
 from __future__ import annotations
 
-from contextlib import suppress
 from struct import Struct
 from typing import Any
 
 from ...errors import InputError
 from ..counter import Counter
-from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, Six, now
+from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
 from . import rtde
-from .rate import RateWatch, asked_rate
+from .rate import asked_rate
+from .reader import Reader
 from .transport import Deadline, Tcp
 from .turns import from_rotation_vector, inverse, product, turned
 
@@ -40,8 +40,6 @@ MODES = {-1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "bootin
 """Those in which the joints' angles are not told."""
 CONTROLLER = Struct(">4I")
 _frequency = Struct(">d").pack
-NOT_A_STREAM = 100_000
-"""Bytes without a data package after which this is no such robot."""
 EXPECTED = "an RTDE server"
 
 
@@ -63,8 +61,6 @@ class UrDecoder:
         self._states = [recipe.places[name].start for name in STATES if name in recipe.places]
         self._state: tuple[float, ...] = ()
         self._flaw, self._said = "", False
-        self.since_package = 0
-        """Bytes since the last data package."""
 
     def without_wrench(self) -> None:
         """Give no wrench from now on."""
@@ -85,7 +81,6 @@ class UrDecoder:
             if not taken:
                 break
             at += taken
-        self.since_package = 0 if batch.samples else self.since_package + len(data)
         self._buffer = buffer[at:]
 
     def _between(self, piece: bytes, start: int, batch: Batch) -> int:
@@ -142,7 +137,7 @@ class UrDecoder:
         self._said = True
 
 
-class Ur:
+class Ur(Reader[Tcp]):
     """The controller."""
 
     FORM = "ur://HOST[:30004][?rate=HZ][&force=compensated]"
@@ -154,7 +149,7 @@ class Ur:
 
     def __init__(self, uri: Uri) -> None:
         uri.only("rate", "force")
-        self.uri = uri.text
+        super().__init__(uri, Tcp(uri.text, "robot's controller, RTDE switched on"), rtde.package(rtde.PAUSE))
         self._host, self._port = uri.host, uri.port or PORT
         self._rate = asked_rate(uri)
         self._force = RAW
@@ -162,7 +157,6 @@ class Ur:
             if uri.options["force"] != "compensated":
                 raise InputError(f"{uri}: found force={uri.options['force']}, expected compensated, or no such option")
             self._force = COMPENSATED
-        self._link = Tcp(uri.text, "robot's controller, RTDE switched on")
 
     def open(self) -> About:
         """As `Source`."""
@@ -177,31 +171,14 @@ class Ur:
         wrench = self._force if self._force in recipe.places else ""
         if self._ask(rtde.START, b"", deadline) != b"\x01":
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
-        self._decoder, self._watch = UrDecoder(recipe, rate, wrench), RateWatch(rate)
-        self._early = self._first(deadline)
-        seen = self._early.samples[0].wrench
+        self._begin(decoder := UrDecoder(recipe, rate, wrench), rate)
+        decoder.feed(self._answers, now(), self._early)
+        seen = self._first(deadline, "data packages").samples[0].wrench
         if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
             wrench = ""
-            self._decoder.without_wrench()
+            decoder.without_wrench()
             self._early.samples = [sample._replace(wrench=None) for sample in self._early.samples]
         return _about(version, rate, wrench, recipe)
-
-    def read(self, timeout: float) -> Batch:
-        """As `Source`."""
-        batch, self._early = self._early, Batch()
-        data = self._link.receive(0.0 if batch.samples else timeout)
-        arrival = now()
-        self._decoder.feed(data, arrival, batch)
-        if self._decoder.since_package > NOT_A_STREAM:
-            raise self._link.error("bytes that hold no data package", "data packages", "check that this is RTDE")
-        self._watch.take(batch, arrival)
-        return batch
-
-    def close(self) -> None:
-        """As `Source`."""
-        with suppress(DeviceError):
-            self._link.send(rtde.package(rtde.PAUSE))
-        self._link.close()
 
     def _recipe(self, rate: float, deadline: Deadline) -> rtde.Recipe:
         """The fields that this controller has."""
@@ -232,18 +209,7 @@ class Ur:
             if found is None:
                 if not deadline.left:
                     raise self._link.silent(EXPECTED)
-                self._answers += self._link.receive(deadline.left)
-
-    def _first(self, deadline: Deadline) -> Batch:
-        """The first samples: they tell whether there is a sensor at the wrist."""
-        batch = Batch()
-        self._decoder.feed(self._answers, now(), batch)
-        while not batch.samples:
-            if not deadline.left:
-                raise self._link.silent("data packages")
-            data = self._link.receive(deadline.left)
-            self._decoder.feed(data, now(), batch)
-        return batch
+                self._answers += b"".join(self._link.receive(deadline.left))
 
 
 def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: rtde.Recipe) -> About:

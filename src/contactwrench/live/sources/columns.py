@@ -1,0 +1,105 @@
+"""Lines with names to samples: what a recording's columns are called, and their units, hold here too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from math import isfinite, nan
+from typing import cast
+
+from ...errors import FileFormatError, InputError
+from ...recording.tables.columns import Column, Naming, OpenTable, places_of
+from ...recording.tables.orientations import orientation_columns
+from ...recording.tables.roles import roles_beside, wrench_columns
+from ..counter import Counter
+from ..source import Batch, Four, Note, NoteKind, Sample, Six, Three
+
+FOUR = 0.01
+"""By how much a quaternion's length may be off 1, as in a recording."""
+
+
+class NamedColumns:
+    """Rows of numbers under the same names.
+
+    Args:
+        names: of the columns, as in a recording.
+        naming: what the URI states of them.
+        rate: Hz of such rows; None: not known, so that no loss is seen.
+
+    Raises:
+        InputError: neither a wrench nor an orientation is among them.
+    """
+
+    def __init__(self, names: Iterable[str], naming: Naming, rate: float | None) -> None:
+        table = OpenTable("the line", places_of(names, "the line"), partial(iter, ()))
+        self.width, self.lacks = len(table.places), ""
+        wrench: list[Column] = []
+        angles: list[Column] = []
+        self._convention = None
+        try:
+            wrench = wrench_columns(table, naming)
+        except FileFormatError as error:
+            self.lacks = str(error)
+        try:
+            self._convention, angles = orientation_columns(table, naming)
+        except FileFormatError as error:
+            self.lacks = str(error)
+            if not wrench:
+                raise
+        roles = roles_beside(table, naming, wrench, self._convention, angles)
+        self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None)
+
+    def samples(self, rows: list[Sequence[float]], arrival: float, batch: Batch) -> None:
+        """Put the rows into the batch; what is NaN in them is not there."""
+        roles = self._roles
+        turns = self._turns(rows) if roles.orientation else [None] * len(rows)
+        for row, turn in zip(rows, turns, strict=True):
+            device = sum(_in_si(row, roles.t)) if roles.t else nan
+            if isfinite(device):
+                fresh, note = self._counter.take(round(1e6 * device), arrival)
+                if note is not None:
+                    batch.notes.append(note)
+                if fresh is None:
+                    continue
+            wrench = cast(Six | None, _whole(_in_si(row, roles.wrench)))
+            position = cast(Three | None, _whole(_in_si(row, roles.position)))
+            flaw = "saturated: said by the sender" if any(row[each.place] > 0.0 for each in roles.saturated) else ""
+            if wrench or turn:
+                batch.samples.append(Sample(arrival, device, wrench, turn, position, flaw=flaw))
+            else:
+                batch.notes.append(Note(NoteKind.GARBAGE, "a line without a whole wrench or orientation"))
+
+    def _turns(self, rows: list[Sequence[float]]) -> list[Four | None]:
+        columns = self._roles.orientation
+        values = [_in_si(row, columns) for row in rows]
+        if self._convention is not None and self._convention.name == "quat_xyzw":
+            return [cast(Four, q) if abs(sum(x * x for x in q) - 1.0) < 2.0 * FOUR else None for q in values]
+        try:
+            return self._converted(values)
+        except InputError:
+            return [self._converted([each])[0] if self._is_turn(each) else None for each in values]
+
+    def _is_turn(self, value: tuple[float, ...]) -> bool:
+        try:
+            return bool(self._converted([value]))
+        except InputError:
+            return False
+
+    def _converted(self, values: list[tuple[float, ...]]) -> list[Four | None]:
+        import numpy as np
+        from scipy.spatial.transform import Rotation
+
+        there = [all(map(isfinite, each)) for each in values]
+        if self._convention is None or not any(there):
+            return [None] * len(values)
+        matrices = self._convention.to_matrices(np.array([v for v, fine in zip(values, there, strict=True) if fine]))
+        quaternions = iter(Rotation.from_matrix(matrices).as_quat().tolist())
+        return [cast(Four, tuple(next(quaternions))) if fine else None for fine in there]
+
+
+def _in_si(row: Sequence[float], columns: tuple[Column, ...]) -> tuple[float, ...]:
+    return tuple([row[each.place] / each.per_si for each in columns])
+
+
+def _whole(values: tuple[float, ...]) -> tuple[float, ...] | None:
+    return values if values and all(map(isfinite, values)) else None

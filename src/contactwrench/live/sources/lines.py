@@ -1,0 +1,212 @@
+"""Anything else: one JSON object or CSV line a sample, by UDP, TCP or standard input, with the names of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+from typing import Any
+
+import msgspec
+
+from ...errors import InputError
+from ...recording.tables.columns import Naming
+from ...recording.tables.layout import cells, layout_of
+from ..source import About, Batch, Note, NoteKind
+from ..uri import Uri
+from .columns import NamedColumns
+from .rate import asked_rate
+from .reader import AnyLink, Reader
+from .transport import Deadline, StandardInput, Tcp, Udp
+
+LONGEST = 65_536
+"""Bytes of a line."""
+MOST_KINDS = 16
+"""Sets of names that are remembered."""
+OTHERS = 0.3
+"""s after the first sample in which a line of another kind may come: wrench and orientation may have one each."""
+EXPECTED = (
+    'lines such as {"t": 0.001, "fx": 0, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0, "qx": 0, "qy": 0, "qz": 0, '
+    '"qw": 1}, or CSV below a header'
+)
+
+
+class LinesDecoder:
+    """Bytes to samples.
+
+    Args:
+        naming: what the URI states of the columns.
+        rate: Hz of the lines of a kind, or None.
+        columns: the names of CSV without a header, or none.
+        whole: that what is fed ends with a line's end, as a datagram does.
+    """
+
+    def __init__(self, naming: Naming, rate: float | None, columns: Sequence[str] = (), whole: bool = False) -> None:
+        self._naming, self._rate, self._whole, self._buffer = naming, rate, whole, b""
+        self._kinds: dict[tuple[str, ...], NamedColumns] = {}
+        self._csv: NamedColumns | None = self._kind(tuple(columns)) if columns else None
+        self._separator = ""
+        self.problem = ""
+        """What was wrong with the last line that is no sample."""
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put what is whole into the batch, and keep the rest."""
+        *lines, self._buffer = (self._buffer + data + (b"\n" if self._whole else b"")).split(b"\n")
+        if len(self._buffer) > LONGEST:
+            lines, self._buffer = [*lines, self._buffer[:LONGEST]], b""
+        kind: NamedColumns | None = None
+        rows: list[Sequence[float]] = []
+        for line in filter(None, map(bytes.strip, lines)):
+            try:
+                of, row = self._row(line)
+            except (InputError, ValueError) as error:
+                self.problem = str(error)
+                batch.notes.append(Note(NoteKind.GARBAGE, f"a line of {len(line)} bytes that is no sample", len(line)))
+                continue
+            if of is not kind and kind is not None:
+                kind.samples(rows, arrival, batch)
+                rows = []
+            kind = of or kind
+            rows += [row] if of is not None else []
+        if kind is not None:
+            kind.samples(rows, arrival, batch)
+
+    def _row(self, line: bytes) -> tuple[NamedColumns | None, Sequence[float]]:
+        """The numbers of a line and what they are; nothing of a header or comment. Raises `ValueError`."""
+        if line.startswith(b"{"):
+            values = _flat(msgspec.json.decode(line))
+            return self._kind(tuple(values)), list(values.values())
+        text = line.decode()
+        if text.startswith("#"):
+            return None, ()
+        if self._csv is not None:
+            try:
+                return self._csv, self._numbers(text, self._csv.width)
+            except ValueError:
+                if self._is_numbers(text):
+                    raise
+        return self._header(text)
+
+    def _header(self, text: str) -> tuple[None, Sequence[float]]:
+        if self._is_numbers(text):
+            raise ValueError("found numbers, expected a header first: send one, or say ?columns=t,fx,fy,fz,tx,ty,tz,..")
+        found = layout_of([text], "the line")
+        if found is None:
+            return None, ()
+        layout = found[1]
+        self._csv, self._separator = self._kind(layout.names), layout.separator
+        return None, ()
+
+    def _numbers(self, text: str, width: int) -> list[float]:
+        separator = self._separator or next((each for each in ("\t", ";", ",") if each in text), " ")
+        row = cells(text, separator, 0, "the line") if '"' in text else text.split(separator.strip(" ") or None)
+        if len(row) != width:
+            raise ValueError(f"found {len(row)} values, expected {width} as in the header")
+        if separator != "," and "," in text:
+            row = [cell.replace(",", ".") for cell in row]
+        return [float(cell) if cell.strip() else nan for cell in row]
+
+    def _is_numbers(self, text: str) -> bool:
+        return text[0] in "+-.0123456789"
+
+    def _kind(self, names: tuple[str, ...]) -> NamedColumns:
+        if (found := self._kinds.get(names)) is None:
+            if len(self._kinds) >= MOST_KINDS:
+                self._kinds.clear()
+            found = self._kinds[names] = NamedColumns(names, self._naming, self._rate)
+        return found
+
+
+def _flat(values: Any) -> dict[str, float]:
+    """Numbers by name, those of a list as `name[0]`. Raises `ValueError`."""
+    found: dict[str, float] = {}
+    for name, value in values.items():
+        for k, each in enumerate(value) if isinstance(value, list) else [(None, value)]:
+            if isinstance(each, int | float):
+                found[name if k is None else f"{name}[{k}]"] = each
+            elif each is None:
+                found[name] = nan
+    return found
+
+
+class _Lines(Reader[AnyLink]):
+    ABOUT = (
+        "one JSON object or CSV line a sample, columns named as in a recording; columns: of CSV without a header; "
+        "orientation, units: as --orientation and --units; rate: by which lost lines show"
+    )
+    TESTED = "senders of its own"
+    OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
+    WHOLE = False
+
+    def __init__(self, uri: Uri, link: AnyLink) -> None:
+        uri.only("rate", "columns", "orientation", "units")
+        super().__init__(uri, link)
+        self._rate = asked_rate(uri)
+        self._naming = Naming(orientation=uri.options.get("orientation", "auto"), units=uri.options.get("units"))
+        self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
+        self._at = uri.host, uri.port
+        self._fresh()
+
+    def open(self) -> About:
+        """As `Source`."""
+        deadline = Deadline()
+        self._connect(deadline)
+        decoder = self._fresh()
+        self._begin(decoder, self._rate)
+        early = self._first(deadline, EXPECTED)
+        others = Deadline(OTHERS)
+        while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
+            for data in self._link.receive(others.left):
+                decoder.feed(data, early.samples[-1].arrival, early)
+        wrench, orientation = _any(early, "wrench"), _any(early, "orientation")
+        return About(f"lines of {self.uri.partition('?')[0]}", wrench, orientation, self._rate)
+
+    def _fresh(self) -> LinesDecoder:
+        return LinesDecoder(self._naming, self._rate, self._columns, self.WHOLE)
+
+    def _connect(self, deadline: Deadline) -> None:
+        raise NotImplementedError
+
+
+def _any(batch: Batch, name: str) -> bool:
+    return any(getattr(sample, name) is not None for sample in batch.samples)
+
+
+class UdpLines(_Lines[Udp]):
+    """A port that others send to."""
+
+    FORM = f"udp://[HOST]:PORT{_Lines.OPTIONS}"
+    WHOLE = True
+
+    def __init__(self, uri: Uri) -> None:
+        super().__init__(uri, Udp(uri.text, "sender of lines"))
+        if uri.port is None:
+            raise InputError(f"{uri}: found no port, expected one, as udp://:9000")
+
+    def _connect(self, deadline: Deadline) -> None:
+        self.port = self._link.bind(self._at[0], self._at[1] or 0)
+
+
+class TcpLines(_Lines[Tcp]):
+    """A server."""
+
+    FORM = f"tcp://HOST:PORT{_Lines.OPTIONS}"
+
+    def __init__(self, uri: Uri) -> None:
+        super().__init__(uri, Tcp(uri.text, "server of lines"))
+        if uri.port is None:
+            raise InputError(f"{uri}: found no port, expected one, as tcp://192.168.0.10:9000")
+
+    def _connect(self, deadline: Deadline) -> None:
+        self._link.connect(self._at[0], self._at[1] or 0, deadline)
+
+
+class StdinLines(_Lines[StandardInput]):
+    """What another program writes."""
+
+    FORM = f"stdin:{_Lines.OPTIONS}"
+
+    def __init__(self, uri: Uri) -> None:
+        super().__init__(uri, StandardInput(uri.text, "program that writes lines"))
+
+    def _connect(self, deadline: Deadline) -> None:
+        self._link.start()

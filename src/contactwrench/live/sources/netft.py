@@ -1,0 +1,141 @@
+"""ATI Net F/T and Axia: records of counts by UDP (RDT), and what a count is worth from the box's own page."""
+
+from __future__ import annotations
+
+from http.client import HTTPConnection, HTTPException
+from re import search
+from struct import Struct
+from time import monotonic
+
+from ...recording.tables.units import per_si, unit_of
+from ..counter import Counter
+from ..source import About, Batch, Note, NoteKind, Sample
+from ..uri import Uri
+from .reader import Reader
+from .transport import Deadline, Udp
+
+PORT, HTTP_PORT = 49_152, 80
+PAGE = "/netftapi2.xml"
+_request = Struct(">HHI").pack
+STOP, STREAM, ZERO = (_request(0x1234, command, 0) for command in (0, 2, 0x42))
+_record = Struct(">III6i")
+MODULUS = 1 << 32
+MONITOR = 1 << 16
+"""A threshold of the user's that was crossed: the only bit of the status that is no error."""
+SATURATED = {"net": 1 << 17, "axia": 1 << 27 | 1 << 30}
+"""ATI's manuals: of a Net F/T, saturation or A/D; of an Axia, a gage, or force and torque, out of range."""
+PATIENCE = 1.2
+"""s for the page."""
+AGAIN = 1.0
+"""s of silence after which the stream is asked for again: a box that was switched off has forgotten it."""
+
+
+class NetFtDecoder:
+    """Datagrams of whole records to samples.
+
+    Args:
+        counts: of one N, and of one N m.
+        rate: Hz.
+        saturated: the bits of the status that say it.
+    """
+
+    def __init__(self, counts: tuple[float, float], rate: float, saturated: int) -> None:
+        self._force, self._torque = 1.0 / counts[0], 1.0 / counts[1]
+        self._counter, self._saturated = Counter(1.0 / rate, MODULUS), saturated
+        self._status = 0
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put the records into the batch."""
+        if not data or len(data) % _record.size:
+            batch.notes.append(Note(NoteKind.GARBAGE, f"{len(data)} bytes that are no record", len(data)))
+            return
+        f, t = self._force, self._torque
+        for number, _, status, fx, fy, fz, tx, ty, tz in _record.iter_unpack(data):
+            device, note = self._counter.take(number, arrival)
+            if note is not None:
+                batch.notes.append(note)
+            if status != self._status:
+                self._status = status
+                batch.notes.append(Note(NoteKind.STATUS, f"status 0x{status:08x}"))
+            if device is not None:
+                wrench = fx * f, fy * f, fz * f, tx * t, ty * t, tz * t
+                batch.samples.append(Sample(arrival, device, wrench, flaw=self._flaw(status) if status else ""))
+
+    def _flaw(self, status: int) -> str:
+        word = "saturated" if status & self._saturated else "broken" if status & ~MONITOR else ""
+        return f"{word}: status 0x{status:08x}" if word else ""
+
+
+class NetFt(Reader[Udp]):
+    """The box; its rate is set on its page."""
+
+    FORM = "netft://HOST[:49152][?http=80][&zero=1]"
+    ABOUT = "ATI Net F/T, Axia with Ethernet: wrench; http: the port of its page; zero=1: the box zeroes itself first"
+    TESTED = "its fake in the lab, written from ATI's manual; no box"
+
+    def __init__(self, uri: Uri) -> None:
+        uri.only("http", "zero")
+        super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
+        self._at = uri.host, uri.port or PORT
+        self._http = uri.whole("http", HTTP_PORT)
+        self._zero = uri.options.get("zero") == "1"
+
+    def open(self) -> About:
+        """As `Source`."""
+        deadline = Deadline()
+        page = self._page()
+        name = _text(page, "prodname") or "Net F/T"
+        rate = float(_text(page, "cfgcomrdtrate") or "nan")
+        counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
+        if not rate > 0.0:
+            raise self._link.error("no rate on the page", "cfgcomrdtrate", "set the RDT rate on the box's page")
+        self._link.connect(*self._at)
+        if self._zero:
+            self._link.send(ZERO)
+        self._link.send(STREAM)
+        saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
+        self._begin(NetFtDecoder(counts, rate, saturated), rate)
+        self._first(deadline, "records")
+        self._heard = monotonic()
+        settings = {"zero": "the box was told to zero itself: its bias is not the sensor's"} if self._zero else {}
+        return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
+
+    def read(self, timeout: float) -> Batch:
+        """As `Source`; after silence the stream is asked for again."""
+        batch = super().read(timeout)
+        if batch.samples:
+            self._heard = monotonic()
+        elif monotonic() - self._heard > AGAIN:
+            self._heard = monotonic()
+            self._link.send(STREAM)
+        return batch
+
+    def _page(self) -> str:
+        connection = HTTPConnection(self._at[0], self._http, timeout=PATIENCE)
+        try:
+            connection.request("GET", PAGE)
+            page = connection.getresponse().read(1 << 18).decode("latin-1")
+        except (OSError, HTTPException) as error:
+            found = (
+                f"no page at port {self._http} ({(getattr(error, 'strerror', '') or str(error) or 'other').lower()})"
+            )
+            raise self._link.error(found, f"the box's {PAGE}", "check its power, cable and address") from None
+        finally:
+            connection.close()
+        if not _text(page, "cfgcpf"):
+            raise self._link.another(page.encode("latin-1"), f"the box's {PAGE}")
+        return page
+
+    def _counts(self, page: str, quantity: str, of: str, unit: str) -> float:
+        """Counts of one N or N m."""
+        number, spelled = _text(page, of), _text(page, unit)
+        known = unit_of(quantity, spelled)
+        if known is None or not float(number or "0") > 0.0:
+            expected = f"counts of a unit of {quantity}"
+            raise self._link.error(f"{number or 'nothing'} per {spelled or 'nothing'}", expected, "set it on its page")
+        return float(number) * per_si(quantity, known)
+
+
+def _text(page: str, tag: str) -> str:
+    found = search(f"<{tag}>([^<]*)</{tag}>", page)
+    return found[1].strip() if found else ""

@@ -1,0 +1,74 @@
+"""What all sources of bytes do: read, decode, watch the rate, and close."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Generic, Protocol, TypeVar
+
+from ..source import Batch, DeviceError, now
+from ..uri import Uri
+from .rate import RateWatch
+from .transport import Deadline, Link
+
+NOT_A_STREAM = 100_000
+"""Bytes without a sample after which what comes is no stream of the device."""
+
+
+class Decoder(Protocol):
+    """Bytes to samples."""
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put what is whole into the batch, and keep the rest."""
+
+
+AnyLink = TypeVar("AnyLink", bound=Link)
+
+
+class Reader(Generic[AnyLink]):
+    """A source's second half; the first is `open`, which connects and then begins.
+
+    Args:
+        uri: of the device.
+        link: to it.
+        farewell: what it is sent before the link is closed.
+    """
+
+    def __init__(self, uri: Uri, link: AnyLink, farewell: bytes = b"") -> None:
+        self.uri = uri.text
+        self._link, self._farewell = link, farewell
+        self._early, self._unread = Batch(), 0
+
+    def read(self, timeout: float) -> Batch:
+        """As `Source`."""
+        batch, self._early = self._early, Batch()
+        data = self._link.receive(0.0 if batch.samples else timeout)
+        arrival = now()
+        for each in data:
+            self._decoder.feed(each, arrival, batch)
+            self._unread += len(each)
+        if batch.samples:
+            self._unread = 0
+        elif self._unread > NOT_A_STREAM:
+            raise self._link.error(f"{self._unread} bytes without a sample", "samples", "check what sends them")
+        self._watch.take(batch, arrival)
+        return batch
+
+    def close(self) -> None:
+        """As `Source`."""
+        if self._farewell:
+            with suppress(DeviceError):
+                self._link.send(self._farewell)
+        self._link.close()
+
+    def _begin(self, decoder: Decoder, rate: float | None) -> None:
+        self._decoder, self._watch, self._early, self._unread = decoder, RateWatch(rate), Batch(), 0
+
+    def _first(self, deadline: Deadline, expected: str) -> Batch:
+        """What came up to the first sample; `read` gives it again. Raises `DeviceError` where none comes."""
+        early = self._early
+        while not early.samples:
+            if not deadline.left:
+                raise self._link.silent(expected)
+            for each in self._link.receive(deadline.left):
+                self._decoder.feed(each, now(), early)
+        return early

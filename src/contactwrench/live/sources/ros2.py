@@ -1,0 +1,188 @@
+"""A topic of ROS 2: by rclpy where a ROS is sourced, else by rosless, which speaks DDS without any ROS."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from importlib import import_module
+from math import nan
+from threading import Event, Lock
+from time import sleep
+from typing import Any, Protocol
+
+from ...errors import MissingExtraError
+from ..counter import Counter
+from ..source import About, Batch, DeviceError, Four, Sample, Six, Three, now
+from ..uri import Uri
+from .transport import PATIENCE, Deadline
+
+WRENCHES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
+POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/Pose")
+DEPTH = 1_000
+"""Messages that wait for a reader which is late."""
+STEP = 0.05
+"""s for which a wait cannot be ended from another thread."""
+
+
+class Subscription(Protocol):
+    """What both ways to ROS give."""
+
+    type_name: str
+
+    def take(self, timeout: float) -> list[Any]:
+        """Messages that have come, waiting for the first."""
+        ...
+
+    def close(self) -> None:
+        """Leave."""
+
+
+class Ros2:
+    """A topic."""
+
+    FORM = "ros2://TOPIC"
+    ABOUT = (
+        "WrenchStamped, Wrench, PoseStamped or Pose (of the flange in base axes) of ROS 2; ROS_DOMAIN_ID as always; "
+        "without a sourced ROS: pip install rosless"
+    )
+    TESTED = "rosless 0.5 to rosless; rclpy of Kilted"
+
+    def __init__(self, uri: Uri) -> None:
+        uri.only()
+        self.uri = uri.text
+        self._topic = "/" + uri.text.partition("?")[0].partition("://")[2].strip("/")
+        self._subscription: Subscription | None = None
+        self._closed, self._lock = Event(), Lock()
+
+    def open(self) -> About:
+        """As `Source`; it waits for a publisher."""
+        self._closed.clear()
+        made, by = self._made()
+        with self._lock:
+            self._subscription = made
+        if made.type_name not in WRENCHES + POSES:
+            raise self._error(f"messages of {made.type_name or 'nobody'}", "check the topic and ROS_DOMAIN_ID")
+        self._counter = Counter(1e-6, step=None)
+        wrench = made.type_name in WRENCHES
+        settings = {"message": made.type_name, "by": by}
+        return About(f"ROS 2 topic {self._topic}", wrench, not wrench, settings=settings)
+
+    def read(self, timeout: float) -> Batch:
+        """As `Source`."""
+        batch, deadline = Batch(), Deadline(timeout)
+        messages: list[Any] = []
+        while not messages and not self._closed.is_set():
+            with self._lock:
+                messages = self._subscription.take(min(STEP, deadline.left)) if self._subscription else []
+            if not deadline.left:
+                break
+        arrival = now()
+        for message in messages:
+            self._sample(message, arrival, batch)
+        return batch
+
+    def close(self) -> None:
+        """As `Source`."""
+        self._closed.set()
+        with self._lock:
+            made, self._subscription = self._subscription, None
+            if made is not None:
+                made.close()
+
+    def _sample(self, message: Any, arrival: float, batch: Batch) -> None:
+        device = nan
+        if (header := getattr(message, "header", None)) is not None and (header.stamp.sec or header.stamp.nanosec):
+            device = header.stamp.sec + 1e-9 * header.stamp.nanosec
+            fresh, note = self._counter.take(header.stamp.sec * 1_000_000 + header.stamp.nanosec // 1_000, arrival)
+            if note is not None:
+                batch.notes.append(note)
+            if fresh is None:
+                return
+        inner = getattr(message, "wrench", None) or getattr(message, "pose", message)
+        if hasattr(inner, "force"):
+            f, t = inner.force, inner.torque
+            wrench: Six = (f.x, f.y, f.z, t.x, t.y, t.z)
+            batch.samples.append(Sample(arrival, device, wrench))
+        else:
+            p, q = inner.position, inner.orientation
+            turn: Four = (q.x, q.y, q.z, q.w)
+            position: Three = (p.x, p.y, p.z)
+            batch.samples.append(Sample(arrival, device, None, turn, position))
+
+    def _made(self) -> tuple[Subscription, str]:
+        try:
+            import_module("rclpy")
+        except ImportError:
+            pass
+        else:
+            return _Rclpy(self._topic), "rclpy"
+        try:
+            rosless = import_module("rosless")
+        except ImportError:
+            raise MissingExtraError(
+                f"{self.uri}: found neither rclpy nor rosless, expected one: source /opt/ros/DISTRO/setup.bash before "
+                "the program starts, or pip install rosless"
+            ) from None
+        try:
+            return _Rosless(rosless, self._topic), "rosless"
+        except RuntimeError:
+            raise self._error("nobody who publishes it", "check the topic and ROS_DOMAIN_ID") from None
+
+    def _error(self, found: str, do: str) -> DeviceError:
+        return DeviceError(f"{self.uri}: found {found}, expected {' or '.join(WRENCHES + POSES)}: {do}")
+
+
+class _Rosless:
+    def __init__(self, rosless: Any, topic: str) -> None:
+        domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+        self._subscription = rosless.subscribe(topic, domain=domain, wait=PATIENCE, depth=DEPTH)
+        self.type_name: str = self._subscription.type_name
+
+    def take(self, timeout: float) -> list[Any]:
+        messages: list[Any] = []
+        while (message := self._subscription.read(timeout=timeout)) is not None and len(messages) < DEPTH:
+            messages.append(message)
+            timeout = 0.0
+        return messages
+
+    def close(self) -> None:
+        self._subscription.close()
+
+
+class _Rclpy:
+    def __init__(self, topic: str) -> None:
+        rclpy, qos = import_module("rclpy"), import_module("rclpy.qos")
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node(f"contactwrench_live_{os.getpid()}", context=self._context)
+        self._executor = import_module("rclpy.executors").SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._messages: deque[Any] = deque(maxlen=DEPTH)
+        self.type_name = self._discovered(topic)
+        if self.type_name in WRENCHES + POSES:
+            package, _, name = self.type_name.split("/")
+            profile = qos.QoSProfile(depth=DEPTH, reliability=qos.ReliabilityPolicy.BEST_EFFORT)
+            kind = getattr(import_module(f"{package}.msg"), name)
+            self._node.create_subscription(kind, topic, self._messages.append, profile)
+
+    def _discovered(self, topic: str) -> str:
+        deadline = Deadline()
+        while deadline.left:
+            if types := dict(self._node.get_topic_names_and_types()).get(topic):
+                return str(types[0])
+            sleep(STEP)
+        return ""
+
+    def take(self, timeout: float) -> list[Any]:
+        known = -1
+        while len(self._messages) > known:
+            known = len(self._messages)
+            self._executor.spin_once(timeout_sec=0.0 if known else timeout)
+        messages = list(self._messages)
+        self._messages.clear()
+        return messages
+
+    def close(self) -> None:
+        self._executor.shutdown(0.0)
+        self._node.destroy_node()
+        self._context.try_shutdown()

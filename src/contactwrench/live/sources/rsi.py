@@ -1,0 +1,141 @@
+"""KUKA RSI over Ethernet: each cycle the robot sends its pose to us, and is to have an answer within the cycle."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from math import radians
+
+from ..counter import Counter
+from ..source import About, Batch, Note, NoteKind, Sample, Six, now
+from ..uri import Uri
+from .reader import Reader
+from .transport import Deadline, Udp
+from .turns import from_kuka_abc
+
+PORT = 49_152
+CYCLES = (4, 12)
+"""ms."""
+FIRST = 5
+"""Datagrams by which the cycle is told."""
+_ipoc = re.compile(rb"<IPOC>\s*(\d+)\s*</IPOC>").search
+_pose = re.compile(rb"<RIst\s([^>]*)/>").search
+_joints = re.compile(rb"<AIPos\s([^>]*)/>").search
+_delay = re.compile(rb'<Delay\s+D="(\d+)"').search
+_attributes = re.compile(rb'(\w+)\s*=\s*"([^"]*)"').findall
+NO_CORRECTION: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+Corrections = Callable[[Sample], Six]
+"""Of a sample: X, Y, Z mm and A, B, C degrees by which the robot is to move in this cycle, as its RSI is set up."""
+
+
+class RsiDecoder:
+    """Datagrams to samples.
+
+    Args:
+        cycle: ms; None: not known.
+    """
+
+    def __init__(self, cycle: int | None) -> None:
+        self._counter, self._late = Counter(1e-3, step=cycle), 0
+        self.ipoc = 0
+        """Of the last datagram that had one, else 0."""
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put the sample into the batch."""
+        found, pose = _ipoc(data), _pose(data)
+        self.ipoc = int(found[1]) if found else 0
+        try:
+            x, y, z, a, b, c = _numbers(pose[1] if pose else b"", b"XYZABC")
+            if not found:
+                raise ValueError
+        except ValueError:
+            batch.notes.append(Note(NoteKind.GARBAGE, f"{len(data)} bytes without RIst and IPOC", len(data)))
+            return
+        device, note = self._counter.take(self.ipoc, arrival)
+        if note is not None:
+            batch.notes.append(note)
+        self._note_late(data, batch)
+        if device is not None:
+            position = 1e-3 * x, 1e-3 * y, 1e-3 * z
+            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, _angles(data)))
+
+    def _note_late(self, data: bytes, batch: Batch) -> None:
+        if found := _delay(data):
+            if (late := int(found[1])) > self._late:
+                text = f"the robot has counted {late} late answers, too many of which stop it"
+                batch.notes.append(Note(NoteKind.LATE, text, late - self._late))
+            self._late = late
+
+
+class Rsi(Reader[Udp]):
+    """The robot. `corrections` may be set before `open`; without them it is never moved."""
+
+    FORM = "rsi://[HOST][:49152]"
+    ABOUT = (
+        "KUKA KR C4, C5 with RSI Ethernet: orientation, position, joints; the robot sends to this computer, HOST is "
+        "this computer's address, and it is answered in each cycle with corrections of zero"
+    )
+    TESTED = "its fake in the lab, written from KUKA's manual; no robot"
+
+    def __init__(self, uri: Uri) -> None:
+        uri.only()
+        super().__init__(uri, Udp(uri.text, "KUKA robot"))
+        self._at = uri.host, PORT if uri.port is None else uri.port
+        self.corrections: Corrections | None = None
+        self.port = 0
+
+    def open(self) -> About:
+        """As `Source`."""
+        deadline = Deadline()
+        self.port = self._link.bind(*self._at)
+        self._start(None)
+        first = Batch()
+        while len(first.samples) < FIRST:
+            if not deadline.left:
+                raise self._link.error(
+                    "no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR"
+                )
+            first.samples += self.read(deadline.left).samples
+        times = [sample.device for sample in first.samples]
+        shortest = min(1e3 * (b - a) for a, b in pairwise(times))
+        cycle = min(CYCLES, key=lambda each: abs(each - shortest))
+        self._start(cycle)
+        settings = {"pose": "of $TOOL in $BASE: with a turned $TOOL it is not the flange's", "cycle": f"{cycle} ms"}
+        return About("KUKA RSI", wrench=False, orientation=True, rate=1e3 / cycle, settings=settings)
+
+    def _start(self, cycle: int | None) -> None:
+        self._rsi = RsiDecoder(cycle)
+        self._begin(self._rsi, 1e3 / cycle if cycle else None)
+
+    def read(self, timeout: float) -> Batch:
+        """As `Source`; each datagram is answered before this returns."""
+        batch = Batch()
+        data = self._link.receive(timeout)
+        arrival = now()
+        for each, sender in zip(data, self._link.senders, strict=False):
+            known = len(batch.samples)
+            self._rsi.feed(each, arrival, batch)
+            if ipoc := self._rsi.ipoc:
+                moved = self.corrections is not None and len(batch.samples) > known
+                correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
+                self._link.answer(answer(ipoc, correction), sender)
+        self._watch.take(batch, arrival)
+        return batch
+
+
+def answer(ipoc: int, correction: Six = NO_CORRECTION) -> bytes:
+    """What the robot is to have within the cycle."""
+    values = " ".join(f'{name}="{value:.4f}"' for name, value in zip("XYZABC", correction, strict=True))
+    return f'<Sen Type="ImFree"><RKorr {values}/><IPOC>{ipoc}</IPOC></Sen>'.encode()
+
+
+def _numbers(attributes: bytes, names: bytes) -> list[float]:
+    found = dict(_attributes(attributes))
+    return [float(found.get(bytes([name]), b"")) for name in names]
+
+
+def _angles(data: bytes) -> tuple[float, ...] | None:
+    """Of the axes, rad, as many as are sent."""
+    found = _joints(data)
+    return tuple(radians(float(value)) for _, value in _attributes(found[1])) if found else None
