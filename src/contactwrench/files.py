@@ -172,7 +172,7 @@ def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:
     pieces = [content] if isinstance(content, bytes) else content
     target = target_of(path)
     if target.exists() and not target.is_file():
-        with _cause_named(path), target.open("wb") as device:
+        with cause_named(path), target.open("wb") as device:
             device.writelines(pieces)
     else:
         with new_place(path) as made, made.open("wb") as file:
@@ -189,7 +189,7 @@ def new_place(path: str | Path) -> Iterator[Path]:
     target = target_of(path)
     if target.exists() and not target.is_file():
         raise FileAccessError(f"{path}: found a device or a pipe, expected a file to write: name another")
-    with _cause_named(path), tempfile.TemporaryDirectory(prefix=".contactwrench-", dir=target.parent) as beside:
+    with cause_named(path), tempfile.TemporaryDirectory(prefix=".contactwrench-", dir=target.parent) as beside:
         made = Path(beside) / target.name
         yield made
         for file in [made] if made.is_file() else sorted(made.iterdir()):
@@ -222,7 +222,7 @@ def target_of(path: str | Path) -> Path:
     """The place that is written under a name, through links; a pipe behind /dev/stdout has no other name. Raises
     `FileAccessError` for a folder, and for what can be no file's name.
     """
-    with _cause_named(path), suppress(FileNotFoundError):
+    with cause_named(path), suppress(FileNotFoundError):
         mode = Path(path).stat().st_mode
         if stat.S_ISDIR(mode):
             raise FileAccessError(f"{path}: found a folder, expected a new name: name another, or a file in it")
@@ -232,7 +232,7 @@ def target_of(path: str | Path) -> Path:
 
 
 @contextmanager
-def _cause_named(path: str | Path) -> Iterator[None]:
+def cause_named(path: str | Path) -> Iterator[None]:
     """Whatever the system says against writing becomes `FileAccessError`."""
     try:
         yield

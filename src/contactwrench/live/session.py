@@ -143,10 +143,11 @@ class Session:
             known = orientation[0] == orientation[0]
             why.append(sample.flaw or ("" if known else f"stale: the orientation is {age:.2f} s old"))
         t = np.array([when for when, _ in readings])
-        wrench = np.array([NO_READING if s.flaw or s.wrench is None else s.wrench for _, s in readings]).reshape(-1, 6)
+        wrench = np.array([NO_READING if each.wrench is None else each.wrench for _, each in readings]).reshape(-1, 6)
         contact = None
         if self._runner is not None and len(t):
-            contact, events = self._runner.step(t, wrench, np.array(used), why)
+            usable = np.where([[not flaw] for flaw in flaws], wrench, np.nan) if any(flaws) else wrench
+            contact, events = self._runner.step(t, usable, np.array(used), why)
             self._happened([("contact", text) for text in events], float(t[-1]))
         return Turn(
             t=t,

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Protocol
+
+import numpy as np
 
 from ..compensate.contact_wrenches import ContactWrenches
 from ..geometry.arrays import Array
@@ -35,16 +39,55 @@ class Turn:
     position: Array
     contact: ContactWrenches | None
 
+    @property
+    def rows(self) -> int:
+        """How many readings and orientations came."""
+        return len(self.t) + len(self.pose_t)
+
+    def in_contact(self) -> ContactWrenches | None:
+        """The contact wrenches with their times; None: there are none."""
+        if self.contact is None or self.contact.t is not None:
+            return self.contact
+        return replace(self.contact, t=self.t)
+
+    @classmethod
+    def joined(cls, turns: Sequence[Turn]) -> Turn:
+        """Turns one after the other as one; `contact` is of the readings that have one."""
+        parts = [contact for turn in turns if (contact := turn.in_contact()) is not None]
+        return cls(
+            **{name: np.concatenate([getattr(turn, name) for turn in turns]) for name in ARRAYS},
+            flaw=list(chain.from_iterable(turn.flaw for turn in turns)),
+            contact=ContactWrenches.concatenate(parts) if parts else None,
+        )
+
+
+ARRAYS = ("t", "arrival", "wrench", "orientation", "pose_t", "pose", "position")
+NO_TURN = Turn(
+    np.empty(0),
+    np.empty(0),
+    np.empty((0, 6)),
+    np.empty((0, 4)),
+    [],
+    np.empty(0),
+    np.empty((0, 4)),
+    np.empty((0, 3)),
+    None,
+)
+"""In which nothing came."""
+
 
 class Sink(Protocol):
     """Where turns go. `waits`: whether a write may wait (a disk); then it is given a thread and a bounded queue of its
-    own, and what does not fit is dropped and counted. One that does not wait is written to by the worker itself.
+    own, and what does not fit is dropped and counted; in silence it gets a turn without rows each half second. One that
+    does not wait is written to by the worker itself.
     """
 
     uri: str
     waits: bool
+    written: int
+    """Rows so far: readings, or contact wrenches."""
     dropped: int
-    """Rows that were not written."""
+    """Rows that were not written, those of a write that raised among them."""
 
     def open(self) -> None:
         """Raises `FileAccessError`, `DeviceError` or `InputError`, one line."""

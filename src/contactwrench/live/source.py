@@ -27,7 +27,7 @@ class DeviceError(ContactWrenchError, OSError):
 
 
 class EndOfStreamError(DeviceError):
-    """A recording that is played has ended."""
+    """There is nothing more to come, and nothing is wrong: a recording, or standard input, has ended."""
 
 
 class Sample(NamedTuple):
@@ -97,6 +97,8 @@ class About:
         frame: of the wrench: `sensor` or `flange`.
         ranges: (6,) of the sensor, N and N m, where it states them.
         settings: what else is to be said of it, by name.
+        replay: it is a recording: `Sample.arrival` goes on by the recording's own clock, whatever the speed, and says
+            nothing about `now()`; silence is a read that gave nothing, never an age by `now()`.
     """
 
     name: str
@@ -107,6 +109,7 @@ class About:
     frame: str = "sensor"
     ranges: Six | None = None
     settings: dict[str, str] = field(default_factory=dict)
+    replay: bool = False
 
 
 class Source(Protocol):
@@ -121,6 +124,7 @@ class Source(Protocol):
         """What has come; waits for it at most `timeout` s, after which the batch is empty: silence is no error.
 
         Raises:
+            EndOfStreamError: there will be no more, and nothing is wrong.
             DeviceError: the connection is cut, or what comes is no stream of this device.
         """
 

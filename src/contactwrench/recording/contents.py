@@ -69,7 +69,7 @@ class FrameContent:
 class BagContents:
     """A bag: `start` s (Unix time, as a rule), `duration` s by its own stamps, its topics by name, the frames of its
     transforms, in sentences what its `reading` needs, and what is
-    damaged in it; empty: nothing.
+    damaged in it; empty: nothing. `left_open`: in a sentence that it was not closed, or empty.
     """
 
     path: str
@@ -80,6 +80,7 @@ class BagContents:
     frames: tuple[FrameContent, ...]
     reading: tuple[str, ...]
     damage: str = ""
+    left_open: str = ""
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,9 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
         frames = tuple(
             FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
         )
-        kind, said = KINDS[kind_of(path)], bag.damage.said
-        return BagContents(str(path), kind, bag.start, bag.duration, topics, frames, _reading(bag), said)
+        kind, left_open = KINDS[kind_of(path)], bag.damage.left_open
+        said = bag.damage.said if bag.damage.first else ""
+        return BagContents(str(path), kind, bag.start, bag.duration, topics, frames, _reading(bag), said, left_open)
 
 
 def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:

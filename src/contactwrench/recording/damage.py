@@ -12,6 +12,8 @@ class Damage:
     def __init__(self, source: str, accepted: bool = False) -> None:
         self.source, self.accepted = source, accepted
         self._found: dict[str, None] = {}
+        self.left_open = ""
+        """One sentence where the recording was not closed and lacks nothing but its end; empty: it was closed."""
 
     def found(self, what: str, expected: str) -> None:
         """Note what was found, as "164 of 950 messages of /wrench", and what the file says of itself.
@@ -25,6 +27,10 @@ class Damage:
             )
         self._found[f"found {what}, expected {expected}"] = None
 
+    def end_missing(self) -> None:
+        """Note that the program that recorded it was ended from outside, and that all that it wrote is there."""
+        self.left_open = f"{self.source} was not closed, as when its program is killed: what it had written was read"
+
     @property
     def first(self) -> str:
         """What was found first, without its reason and what was expected; empty: nothing."""
@@ -32,7 +38,11 @@ class Damage:
 
     @property
     def said(self) -> str:
-        """What was found so far, one sentence; of many findings the first and the last, which count; empty: nothing."""
+        """What was found so far, one sentence; of many findings the first and the last, which count; else whether it
+        was left open; empty: nothing.
+        """
         found = list(self._found)
         found[4:-4] = [f"{len(found) - 8} more"] if len(found) > 9 else found[4:-4]
-        return f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read" if found else ""
+        if not found:
+            return self.left_open
+        return f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read"

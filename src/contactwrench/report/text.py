@@ -190,6 +190,8 @@ def _bag(contents: BagContents) -> Iterator[str]:
     yield f"{contents.path}"
     if contents.damage:
         yield f"Damaged: {contents.damage}"
+    if contents.left_open:
+        yield f"Note: {contents.left_open}"
     yield f"{contents.kind}, {count:,} messages in {contents.duration:.6g} s{_since(contents.start)}"
     kind = max([4, *(len(_type(topic)) for topic in contents.topics)])
     name = max([5, *(len(topic.name) for topic in contents.topics if len(topic.name) <= NAME_AND_TYPE - kind)])

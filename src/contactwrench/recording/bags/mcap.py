@@ -30,6 +30,8 @@ CHUNK_HEAD, INDEX_HEAD, MESSAGE_HEAD = Struct("<QQQII"), Struct("<HI"), Struct("
 HEAD = np.dtype([("connection", "<u2"), ("sequence", "<u4"), ("stamp", "<u8"), ("published", "<u8")])
 """What stands before a message's payload."""
 ENTRY = np.dtype([("stamp", "<u8"), ("place", "<i8")])
+LIVE = b"contactwrench live"
+"""The library that a recording of a live session names in its header: it closes a chunk each half second."""
 RUN = 2**20
 """Bytes of messages outside of chunks that are taken together as if they were one."""
 
@@ -67,12 +69,26 @@ class Mcap(ChunkedFile):
         code, length, start, _, checksum, magic = self._head(FOOT, foot)
         start = start or foot
         if (code, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= start <= foot:
-            self.damage.found("no index at its end", "a recording that was closed")
+            if self._left_open():
+                self.damage.end_missing()
+            else:
+                self.damage.found("no index at its end", "a recording that was closed")
             return self.size
         whole = not checksum or checksum == self._checksum(start, self.size - len(MAGIC) - 4)
         self._require(whole, "another checksum of its index", "the one that it states")
         self._read(start, foot)
         return start
+
+    def _left_open(self) -> bool:
+        """Whether this is a recording of a live session that ends behind a whole chunk: of any other nobody knows what
+        it lacks.
+        """
+        place, code = len(MAGIC), HEADER
+        live = LIVE in self._bytes(place, 2 * len(LIVE) + RECORD.size)
+        while live and place < self.size:
+            code, length = self._head(RECORD, place)
+            place += RECORD.size + length
+        return live and place == self.size and code in (CHUNK, MESSAGE_INDEX)
 
     def _checksum(self, start: int, end: int) -> int:
         checksum = 0
@@ -153,7 +169,11 @@ class Mcap(ChunkedFile):
     def _hold_summary(self) -> None:
         """What was found is held against what the summary says of it."""
         ends = self.others[DATA_END]
-        self._require(self.header is not None and len(ends) == 1, "no start or no end of its data", "one of each")
+        self._require(
+            self.header is not None and len(ends) == (not self.damage.left_open),
+            "no start or no end of its data",
+            "one of each",
+        )
         if self.header is not None and self.header.profile != "ros2":
             raise ValueError("Profile is not ros2")
         for place, length in ends:

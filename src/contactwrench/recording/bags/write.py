@@ -53,7 +53,7 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
     wrench, orientation = streams.wrench, streams.orientation
     position = np.zeros((len(orientation), 3)) if orientation.position is None else orientation.position
     quaternions = Rotation.from_matrix(orientation.R_base_flange).as_quat() if len(orientation) else np.empty((0, 4))
-    stamps = [_nanoseconds(wrench.t), _nanoseconds(orientation.t)]
+    stamps = [nanoseconds(wrench.t), nanoseconds(orientation.t)]
     payloads = [
         stamped(ros1, "sensor", stamps[0], wrench.wrench),
         stamped(ros1, "base", stamps[1], np.hstack([position, quaternions])),
@@ -126,7 +126,7 @@ def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> 
     return [flat[k : k + size] for k in range(0, len(flat), size)]
 
 
-def _nanoseconds(t: Array) -> NDArray[np.int64]:
+def nanoseconds(t: Array) -> NDArray[np.int64]:
     """Times, s, in whole ns: the nearest of those that a float64 can mean."""
     whole = np.floor(t)
     ns: NDArray[np.int64] = whole.astype(np.int64) * 10**9 + np.rint((t - whole) * 1e9).astype(np.int64)

@@ -54,25 +54,36 @@ def write_contact_wrenches(
     elif recording is not None and is_parquet(recording):
         write_bytes(Path(path), _parquet(_beside(recording, naming, iter(batches))))
     else:
-        write_bytes(Path(path), _parquet(map(_columns, batches)))
+        write_bytes(Path(path), _parquet(map(columns_of, batches)))
 
 
 def _csv(batches: Iterator[ContactWrenches]) -> Iterator[str]:
-    """By one `%` for many lines: Python writes a number faster than numpy can do anything to a text."""
     first = next(batches, None)
     if first is None:
         return
-    with_t, judged = first.t is not None, first.judged
-    yield ",".join([*(["t"] if with_t else []), *NAMES, *(JUDGEMENT if judged else [])]) + "\n"
-    line = ",".join([*(["%r"] if with_t else []), *(["%.9g"] * len(NAMES)), *(["%d,%s,%s"] if judged else [])]) + "\n"
+    yield csv_header(first)
     for batch in chain([first], batches):
-        columns = [*([] if batch.t is None else [batch.t]), *batch.wrench.T, *batch.std.T]
-        for start in range(0, len(batch), LINES):
-            some = slice(start, start + LINES)
-            cells = [column[some].tolist() for column in columns]
-            if batch.judged:
-                cells += _judgement(batch, some)
-            yield line * len(cells[0]) % tuple(chain.from_iterable(zip(*cells, strict=True)))
+        yield from csv_lines(batch)
+
+
+def csv_header(batch: ContactWrenches) -> str:
+    """The names of the columns that a batch, and those behind it, have."""
+    return ",".join([*(["t"] if batch.t is not None else []), *NAMES, *(JUDGEMENT if batch.judged else [])]) + "\n"
+
+
+def csv_lines(batch: ContactWrenches) -> Iterator[str]:
+    """The rows of a batch, many at a time, by one `%` for many lines: Python writes a number faster than numpy can do
+    anything to a text.
+    """
+    columns = [*([] if batch.t is None else [batch.t]), *batch.wrench.T, *batch.std.T]
+    judgement = ["%d,%s,%s"] if batch.judged else []
+    line = ",".join([*([] if batch.t is None else ["%r"]), *(["%.9g"] * len(NAMES)), *judgement]) + "\n"
+    for start in range(0, len(batch), LINES):
+        some = slice(start, start + LINES)
+        cells = [column[some].tolist() for column in columns]
+        if batch.judged:
+            cells += _judgement(batch, some)
+        yield line * len(cells[0]) % tuple(chain.from_iterable(zip(*cells, strict=True)))
 
 
 def _judgement(batch: ContactWrenches, some: slice) -> list[list[Any]]:
@@ -81,17 +92,18 @@ def _judgement(batch: ContactWrenches, some: slice) -> list[list[Any]]:
     return [
         batch.valid[some].tolist(),
         [contact[touches] for touches in batch.contact[some].tolist()],
-        [_quoted(reason) for reason in batch.reason[some]],
+        [quoted(reason) for reason in batch.reason[some]],
     ]
 
 
-def _quoted(reason: str | None) -> str:
+def quoted(reason: str | None) -> str:
+    """A text as a cell of CSV; nothing for None."""
     if reason is None:
         return ""
     return '"' + reason.replace('"', '""') + '"' if any(letter in reason for letter in ',"\n') else reason
 
 
-def _columns(batch: ContactWrenches) -> dict[str, Any]:
+def columns_of(batch: ContactWrenches) -> dict[str, Any]:
     """The columns by their names, as pyarrow takes them."""
     values = np.hstack([batch.wrench, batch.std])
     columns: dict[str, Any] = {} if batch.t is None else {"t": batch.t}
@@ -117,7 +129,7 @@ def _beside(recording: str | Path, naming: Naming, batches: Iterator[ContactWren
             batch = next(batches, None)
             if batch is None:
                 raise InputError(f"{recording}: found more rows than were compensated: write to another format")
-            parts.append(pa.table(_columns(batch)))
+            parts.append(pa.table(columns_of(batch)))
         known = pa.concat_tables(parts)
         new, waiting = known.slice(0, wanted), known.slice(wanted)
         if not has_wrench.all():

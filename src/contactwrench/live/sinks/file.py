@@ -1,0 +1,131 @@
+"""What a live session makes as files that can be read up to the last second, whatever happens to the program.
+
+A file that is there is replaced: whether it may be is asked before (cli/outputs.py); a folder never is.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from ...errors import FileFormatError
+from ...files import cause_named
+from ...recording.bags.write import nanoseconds, stamped
+from ...recording.tables.write import columns_of, csv_header, csv_lines
+from ..sink import Turn
+from ..uri import Uri
+from .growing import Growing, GrowingMcap, GrowingParquet, GrowingText, Message, text_message
+
+EVERY = 0.5
+"""s between two writes: half of what may be lost."""
+FORMATS: dict[str, type[Growing]] = {".csv": GrowingText, ".parquet": GrowingParquet, ".mcap": GrowingMcap}
+CONTACT = ("free", "in contact", "contact not judged")
+"""By the code of `ContactWrenches.contact`, of which -1 is the last place."""
+
+
+class GrowingFile(ABC):
+    """Turns are kept for half a second and written together."""
+
+    waits = True
+
+    def __init__(self, path: Path) -> None:
+        if path.suffix.lower() not in FORMATS:
+            raise FileFormatError(f"{path}: found the suffix {path.suffix or '(none)'}, expected {', '.join(FORMATS)}")
+        self.uri, self._path, self._kind = str(path), path, FORMATS[path.suffix.lower()]
+        self.written = self.dropped = 0
+        self._kept: list[Turn] = []
+        self._since = monotonic()
+        self._file: Growing | None = None
+
+    def open(self) -> None:
+        """Raises `FileAccessError`, and `MissingExtraError` without pyarrow or mcap."""
+        with cause_named(self._path):
+            self._file = self._kind(self._path)
+
+    def write(self, turn: Turn) -> None:
+        """Keep a turn, and write those that are kept when it is time to. Raises `FileAccessError`."""
+        self._kept.append(turn)
+        if monotonic() - self._since >= EVERY:
+            self._put()
+
+    def close(self) -> None:
+        """Write what is kept, and close the file. Raises `FileAccessError`."""
+        self._put()
+        file, self._file = self._file, None
+        if file is not None:
+            with cause_named(self._path):
+                file.close()
+
+    def _put(self) -> None:
+        turns, self._kept, self._since = self._kept, [], monotonic()
+        if self._file is None or not any(turn.rows for turn in turns):
+            return
+        turn = Turn.joined(turns)
+        rows = self._rows_of(turn)
+        self.dropped += rows
+        with cause_named(self._path):
+            match self._file:
+                case GrowingMcap():
+                    self._file.add(self._messages(turn))
+                case GrowingParquet() if rows:
+                    self._file.add(self._columns(turn))
+                case GrowingText():
+                    self._file.add("".join(self._lines(turn)))
+        self.dropped, self.written = self.dropped - rows, self.written + rows
+
+    @abstractmethod
+    def _rows_of(self, turn: Turn) -> int:
+        """How many rows of a table a turn makes."""
+
+    @abstractmethod
+    def _messages(self, turn: Turn) -> Iterator[Message]:
+        """What an MCAP gets."""
+
+    @abstractmethod
+    def _columns(self, turn: Turn) -> dict[str, Any]:
+        """What Parquet gets, by name; there is at least a row."""
+
+    @abstractmethod
+    def _lines(self, turn: Turn) -> Iterator[str]:
+        """What CSV gets, with a header before the first row."""
+
+
+class ContactFile(GrowingFile):
+    """`--out FILE`: the contact wrenches, in the columns of `compensate`. An MCAP has them in `/wrench/contact`, their
+    std in `/wrench/contact/std`, and in `/wrench/contact/judgement` whether they are valid, whenever that changes.
+    """
+
+    def __init__(self, uri: Uri) -> None:
+        super().__init__(Path(uri.text.removeprefix("file:")))
+        self._begun, self._said = False, ""
+
+    def _rows_of(self, turn: Turn) -> int:
+        return 0 if turn.contact is None else len(turn.contact)
+
+    def _messages(self, turn: Turn) -> Iterator[Message]:
+        contact = turn.contact
+        if contact is None or contact.t is None:
+            return
+        stamp = nanoseconds(contact.t)
+        for topic, values in (("/wrench/contact", contact.wrench), ("/wrench/contact/std", contact.std)):
+            for ns, payload in zip(stamp.tolist(), stamped(False, "sensor", stamp, values), strict=True):
+                yield topic, ns, ns, payload
+        judged = zip(stamp.tolist(), contact.valid.tolist(), contact.contact.tolist(), contact.reason, strict=True)
+        for ns, valid, touches, reason in judged:
+            said = f"{'valid' if valid else f'not valid ({reason})'}, {CONTACT[touches]}"
+            if said != self._said:
+                self._said = said
+                yield "/wrench/contact/judgement", ns, ns, text_message(said)
+
+    def _columns(self, turn: Turn) -> dict[str, Any]:
+        return {} if turn.contact is None else columns_of(turn.contact)
+
+    def _lines(self, turn: Turn) -> Iterator[str]:
+        if turn.contact is not None:
+            if not self._begun:
+                yield csv_header(turn.contact)
+            self._begun = True
+            yield from csv_lines(turn.contact)

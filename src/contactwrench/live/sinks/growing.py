@@ -1,0 +1,132 @@
+"""Files that grow while the arm runs: what was added can be read from then on, whatever happens to the program.
+
+`add` has written when it returns: on the disk, as far as that tells the truth.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from struct import pack
+from typing import IO, Any, TypeAlias
+
+from ...files import already_there
+from ...recording.bags.mcap import LIVE
+from ...recording.bags.open import require_rosbags
+from ...recording.bags.write import CDR, POSE_STAMPED, WRENCH_STAMPED
+from ...recording.tables.parquet import import_parquet
+
+ROWS_OF_PART = 2**16
+"""Of a part of a Parquet recording, which is written anew, with all of them, whenever rows come: a minute at 1 kHz.
+More write more, fewer make more parts to open.
+"""
+STRING = "std_msgs/msg/String"
+TYPES = {
+    "/wrench": WRENCH_STAMPED,
+    "/pose": POSE_STAMPED,
+    "/flaw": STRING,
+    "/wrench/contact": WRENCH_STAMPED,
+    "/wrench/contact/std": WRENCH_STAMPED,
+    "/wrench/contact/judgement": STRING,
+}
+"""Of the topics of an MCAP."""
+Message: TypeAlias = tuple[str, int, int, bytes]
+"""A topic; when it was logged and published, ns; the payload."""
+
+
+def text_message(text: str) -> bytes:
+    """A `std_msgs/String` in CDR."""
+    content = text.encode() + b"\0"
+    return CDR + pack("<I", len(content)) + content
+
+
+def _on_disk(file: IO[bytes]) -> None:
+    file.flush()
+    os.fsync(file.fileno())
+
+
+class GrowingText:
+    """Lines of CSV. The methods of all three raise `OSError`."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb")
+
+    def add(self, lines: str) -> None:
+        """Write whole lines."""
+        self._file.write(lines.encode())
+        _on_disk(self._file)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class GrowingParquet:
+    """A folder of Parquet files, which reads as one recording: a file by itself has no content before its end."""
+
+    def __init__(self, path: Path) -> None:
+        import_parquet()
+        if path.is_dir():
+            raise already_there(path)
+        path.unlink(missing_ok=True)
+        path.mkdir()
+        self._folder, self._part, self._tables = path, 1, list[Any]()
+
+    def add(self, columns: Mapping[str, Any]) -> None:
+        """Write rows: the part that they belong to is written beside its place and renamed."""
+        import pyarrow as pa
+
+        self._tables.append(pa.table(columns))
+        table = pa.concat_tables(self._tables)
+        name = f"part-{self._part:05d}.parquet"
+        beside = self._folder / f".{name}.new"
+        with beside.open("wb") as file:
+            import_parquet().write_table(table, file)
+            _on_disk(file)
+        beside.replace(self._folder / name)
+        if len(table) >= ROWS_OF_PART:
+            self._part, self._tables = self._part + 1, []
+
+    def close(self) -> None:
+        """Nothing is left to be written."""
+
+
+class GrowingMcap:
+    """An MCAP of ROS 2, a chunk each time that messages are added."""
+
+    def __init__(self, path: Path) -> None:
+        require_rosbags()
+        from mcap.writer import CompressionType, Writer
+
+        self._file = path.open("wb")
+        self._writer: Any = Writer(self._file, compression=CompressionType.NONE)
+        self._writer.start("ros2", LIVE.decode())
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def add(self, messages: Iterable[Message]) -> None:
+        """Write messages in the order of their logging."""
+        for topic, logged, published, payload in sorted(messages, key=lambda message: message[1]):
+            self._writer.add_message(self._channel(topic), logged, payload, published)
+        self._writer.flush()
+        _on_disk(self._file)
+
+    def close(self) -> None:
+        """Write the index."""
+        self._writer.finish()
+        self._file.close()
+
+    def _channel(self, topic: str) -> int:
+        from ...recording.bags.message_layout import typestore
+
+        kind = TYPES[topic]
+        if kind not in self._schemas:
+            text, _ = typestore(False).generate_msgdef(kind, ros_version=2)
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text.encode())
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+        return self._channels[topic]
+
+
+Growing: TypeAlias = GrowingText | GrowingParquet | GrowingMcap

@@ -1,0 +1,231 @@
+"""What a session wrote is read back as it was, by this package's own readers."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import contactwrench as cw
+from contactwrench.errors import FileAccessError, FileFormatError
+from contactwrench.live.sink import NO_TURN, Sink, Turn
+from contactwrench.live.sinks import file as file_sinks
+from contactwrench.live.sinks.recorder import Recorder
+from contactwrench.live.uri import sink_of
+from contactwrench.recording.bags.open import messages, opened_bag
+from contactwrench.recording.contents import contents
+from contactwrench.recording.read import batches, read_streams
+from contactwrench.samples.samples import Streams
+from tests.support.bags import bag_streams
+from tests.support.turns import FLAW, ROBOT_RATE, START, orientations, turn, turns, without_orientation
+
+KINDS = (".csv", ".parquet", ".mcap")
+
+
+def _given(sink: Sink, what: list[Turn]) -> Sink:
+    sink.open()
+    for one in what:
+        sink.write(one)
+    sink.close()
+    return sink
+
+
+def _texts(path: Path, topic: str) -> list[str]:
+    with opened_bag(path) as bag:
+        chosen = [known for known in bag.counts if known.name == topic]
+        logged = [each for part in messages(bag, chosen) for each in part.values()]
+        return [each.raw.message(row)[8:-1].decode() for each in logged for row in range(len(each))]
+
+
+sizes = st.lists(st.sampled_from([0, 0, 1, 3, 40]), min_size=1, max_size=8).filter(lambda sizes: sum(sizes) > 3)
+
+
+@settings(max_examples=12, deadline=None)
+@given(sizes=sizes, seed=st.integers(0, 99), flawed=st.sampled_from([0.0, 0.3]), kept=st.booleans(), data=st.data())
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_recording_is_what_came(
+    tmp_path_factory: pytest.TempPathFactory,
+    kind: str,
+    sizes: list[int],
+    seed: int,
+    flawed: float,
+    kept: bool,
+    data: st.DataObject,
+) -> None:
+    """Whether it was written at once or turn by turn; readings that are none are there as text."""
+    path = tmp_path_factory.mktemp("live") / f"run{kind}"
+    what = turns(sizes, seed, flawed)
+    whole = Turn.joined(what)
+    usable = np.array([not flaw for flaw in whole.flaw])
+    if (odd := data.draw(st.sampled_from([None, np.nan, np.inf, 1e30]))) is not None:
+        what[-1].wrench[-1:, 2] = odd
+        whole = Turn.joined(what)
+        usable &= ~(np.abs(np.nan_to_num(whole.wrench[:, 2], nan=np.inf)) > 1e9)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(file_sinks, "EVERY", 0.5 if kept else -1.0)
+        sink = _given(Recorder(path), what)
+    assert (sink.written, sink.dropped) == (len(whole.t), 0)
+    if not usable.any():
+        return
+    streams = read_streams(path)
+    here = np.isfinite(streams.wrench.wrench).all(axis=1)
+    np.testing.assert_array_equal(streams.wrench.t[here], whole.t[usable])
+    np.testing.assert_array_equal(streams.wrench.wrench[here], whole.wrench[usable])
+    t = whole.pose_t if kind == ".mcap" else whole.t
+    np.testing.assert_array_equal(streams.orientation.t, t)
+    np.testing.assert_allclose(streams.orientation.R_base_flange, _R(orientations(t)), atol=1e-8)
+    assert streams.orientation.position is not None
+    within = 1e-6 if kept or kind == ".mcap" else 1.0 / ROBOT_RATE  # the pose behind a reading may come a turn later
+    expected = np.minimum(t, whole.pose_t[-1]) - START
+    np.testing.assert_allclose(streams.orientation.position[:, 0], expected, atol=within)
+    said = _texts(path, "/flaw") if kind == ".mcap" else _column(path, "flaw")
+    assert len([text for text in said if text]) == int((~usable).sum())
+    if flawed and (~usable).any() and odd is None:
+        first = int(np.argmin(usable))
+        assert next(filter(None, said)) == f"{FLAW} {whole.wrench[first].tolist()}"
+
+
+def _R(quat_xyzw: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    from scipy.spatial.transform import Rotation
+
+    matrices: np.ndarray = Rotation.from_quat(quat_xyzw).as_matrix()  # type: ignore[type-arg]
+    return matrices
+
+
+def _column(path: Path, name: str) -> list[str]:
+    if path.suffix == ".csv":
+        with path.open(newline="", encoding="utf-8") as file:
+            return [row[name] for row in csv.DictReader(file)]
+    import pyarrow.parquet as pq
+
+    return [text for part in sorted(path.glob("*.parquet")) for text in pq.read_table(part)[name].to_pylist()]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_samples_and_a_calibration_are_read_from_a_recording(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"run{kind}"
+    _given(Recorder(path), turns([500] * 4, flawed=0.05))
+    samples = cw.read(path)
+    assert 1800 < len(samples) < 2000
+    assert samples.damage == ""
+    assert sum(len(part.wrench) for part in batches(path, rows=300)) == (2000 if kind == ".mcap" else len(samples))
+
+
+@pytest.mark.parametrize("kind", [".csv", ".parquet"])
+def test_a_robot_that_falls_silent_takes_no_row_and_refuses_none(tmp_path: Path, kind: str) -> None:
+    """`compensate` refuses a table in which a later wrench has no orientation: such a reading stands as text."""
+    path = tmp_path / f"run{kind}"
+    what = turns([500] * 4)
+    what[2] = without_orientation(what[2])
+    _given(Recorder(path), what)
+    assert len(cw.read(path)) == 1500
+    assert [text.startswith("no orientation [") for text in _column(path, "flaw")] == 1000 * [False] + 500 * [
+        True
+    ] + 500 * [False]
+
+
+@pytest.mark.parametrize("kind", [".csv", ".parquet"])
+def test_a_sensor_alone_is_recorded_as_readings(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"run{kind}"
+    _given(Recorder(path), [without_orientation(one) for one in turns([500] * 4)])
+    streams: Streams = read_streams(path)
+    assert (len(streams.wrench), len(streams.orientation)) == (2000, 0)
+
+
+def test_a_pose_that_is_no_orientation_is_set_aside(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    one = turn(0, 80)
+    one.pose[3] = 0.0
+    _given(Recorder(path), [one])
+    assert len(bag_streams(path).orientation) == len(one.pose_t) - 1
+    assert _texts(path, "/flaw")[0].startswith("pose: no orientation [")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_contact_wrenches_are_what_was_made(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"out{kind}"
+    what = [*turns([30], judged=False), NO_TURN, *turns([200, 0, 1, 300], seed=4)]
+    sink = _given(sink_of(str(path)), what)
+    contact = Turn.joined(what).contact
+    assert contact is not None
+    assert (sink.written, sink.dropped) == (501, 0)
+    if kind == ".mcap":
+        with opened_bag(path) as bag:
+            counts = {topic.name: count for topic, count in bag.counts.items()}
+        said = _texts(path, "/wrench/contact/judgement")
+        assert counts["/wrench/contact"] == counts["/wrench/contact/std"] == 501
+        assert 100 < len(said) == len([key for key, _ in itertools.groupby(said)])
+        assert any(text.startswith('not valid (stale: no "pose", 0.2 s), ') for text in said)
+        return
+    names = ["t", "fx", "tz", "fx_std"]
+    read = np.array([_column(path, name) for name in names], dtype=np.float64)
+    expected = np.array([contact.t, contact.wrench[:, 0], contact.wrench[:, 5], contact.std[:, 0]])
+    np.testing.assert_allclose(read, expected, rtol=1e-8)
+    np.testing.assert_array_equal(read[0], expected[0])
+    valid = [str(each) in ("1", "True") for each in _column(path, "valid")]
+    assert valid == contact.valid.tolist()
+    assert [each or None for each in _column(path, "reason")] == list(contact.reason)
+    assert [_code(each) for each in _column(path, "contact")] == contact.contact.tolist()
+
+
+def _code(cell: object) -> int:
+    return {"": -1, "None": -1, "0": 0, "False": 0, "1": 1, "True": 1}[str(cell)]
+
+
+def test_what_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"run\.txt: found the suffix \.txt, expected \.csv, \.parquet, \.mcap$"):
+        Recorder(tmp_path / "run.txt")
+    with pytest.raises(FileAccessError, match=r"there is no folder .*: make it first$"):
+        Recorder(tmp_path / "no" / "run.csv").open()
+    (tmp_path / "run.parquet").mkdir()
+    with pytest.raises(FileAccessError, match=r"found a file there already, expected a new name"):
+        Recorder(tmp_path / "run.parquet").open()
+
+
+def test_a_file_that_was_checked_is_replaced(tmp_path: Path) -> None:
+    for kind in KINDS:
+        path = tmp_path / f"run{kind}"
+        path.write_text("old")
+        _given(Recorder(path), [turn(0, 20)])
+        assert len(read_streams(path).wrench) == 20
+
+
+def test_a_name_is_not_decoded(tmp_path: Path) -> None:
+    """Of a URI the whole is the name."""
+    sink = sink_of(f"file:{tmp_path}/a%20b?c#d.csv")
+    _given(sink, [turn(0, 3)])
+    assert (tmp_path / "a%20b?c#d.csv").is_file()
+
+
+def test_a_recording_that_was_not_closed_is_read_with_a_note(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    sink = Recorder(path)
+    sink.open()
+    sink.write(turn(0, 700))
+    sink._put()
+    sink.write(turn(700, 300))
+    samples = cw.read(path)
+    assert len(samples) > 680
+    assert samples.damage == f"{path} was not closed, as when its program is killed: what it had written was read"
+    found = contents(path)
+    assert (getattr(found, "damage", None), getattr(found, "left_open", None)) == ("", samples.damage)
+    sink.close()
+    assert cw.read(path).damage == ""
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(FileFormatError, match="found no index at its end, expected a recording that was closed"):
+        cw.read(path)
+
+
+def test_a_turn_may_give_contact_wrenches_without_times(tmp_path: Path) -> None:
+    one = turn(0, 5)
+    assert one.contact is not None
+    sink = _given(sink_of(str(tmp_path / "a.csv")), [replace(one, contact=replace(one.contact, t=None))])
+    assert [float(t) for t in _column(tmp_path / "a.csv", "t")] == one.t.tolist()
+    assert sink.written == 5
