@@ -91,10 +91,10 @@ def test_a_recording_is_what_came(
         assert next(filter(None, said)) == f"{FLAW} {whole.wrench[first].tolist()}"
 
 
-def _R(quat_xyzw: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _R(quat_xyzw: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
-    matrices: np.ndarray = Rotation.from_quat(quat_xyzw).as_matrix()  # type: ignore[type-arg]
+    matrices: np.ndarray = Rotation.from_quat(quat_xyzw).as_matrix()
     return matrices
 
 

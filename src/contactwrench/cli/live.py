@@ -9,11 +9,11 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..errors import InputError
+from ..errors import InputError, refuse
 from ..files import already_there
 from ..geometry.ranges import CUTOFF, NOISE, POSES, Range
 from . import options
@@ -22,19 +22,22 @@ from .outputs import Writes
 if TYPE_CHECKING:
     from ..calibration.calibration import Calibration
     from ..live.page import Hub, Server
-    from ..live.pump import Pump
+    from ..live.pump import Pump, Reader
     from ..live.snapshot import Event as Said
     from ..live.source import About, Source
     from ..live.wizard import Wish
 
-WANTED, SWITCH = Range(1e-6, 1e3, "N"), 5e-4
+WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-4
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
-HOST_AND_PORT = "HOST:PORT"
+LOOK = 0.1
+HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
 
 def live(
     *,
-    sensor: Annotated[str, typer.Option(metavar="URI", help="The sensor; `contactwrench devices` lists all.")],
+    sensor: Annotated[
+        str | None, typer.Option(metavar="URI", help="The sensor; `contactwrench devices` lists all.")
+    ] = None,
     robot: Annotated[
         str | None, typer.Option(metavar="URI", help="The robot. [default: the sensor gives orientations too]")
     ] = None,
@@ -61,35 +64,88 @@ def live(
         str, typer.Option(metavar=HOST_AND_PORT, help="Where the page is served; others need the token it prints.")
     ] = "127.0.0.1:0",
     events: Annotated[bool, typer.Option("--events", help="Print what happens as JSON lines.")] = False,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Record what both devices send: .csv, .parquet or .mcap."),
+        Writes(),
+    ] = None,
+    out: Annotated[
+        list[str] | None,
+        typer.Option(metavar="URI|FILE", help="Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
+        Writes(lambda outs, _: (Path(each) for each in outs or () if ":" not in each)),
+    ] = None,
+    recorded: Annotated[
+        Path | None, typer.Option("--from", metavar="FILE", help="Play this recording in place of devices.")
+    ] = None,
+    speed: Annotated[float, options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.")] = 1.0,
     lab: Annotated[str | None, typer.Option(metavar="URI", help="The control port of `contactwrench lab`.")] = None,
     force: options.Force = False,
 ) -> None:
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""
     from ..calibration.calibration import Calibration
     from ..live.devices import require_devices
+    from ..live.page.hub import Hub
+    from ..live.pump import Pump, Ways
+    from ..live.queued import open_sink
+    from ..live.running import Options
+    from ..live.session import Session
+    from ..live.sinks.recorder import Recorder
+    from ..live.uri import sink_of
+
+    refuse(
+        (not (page or wizard or calibration), "found --no-page and no calibration, expected -c CAL.json, or --wizard"),
+        ((sensor is None) == (recorded is None), "expected --sensor URI, or --from FILE for a recording"),
+        (recorded is not None and robot is not None, "found --from and --robot, expected one: a recording has both"),
+    )
+    host, port = _address(listen)
+    known = None if calibration is None else Calibration.load(calibration)
+    sources = _sources(sensor, robot, recorded, speed)
+    wish = _wish(wanted, poses, sign, gravity, sources["sensor"].uri)
+    sys.setswitchinterval(SWITCH)
+    with ExitStack() as stack:
+        readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
+        at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
+        if known is not None:
+            require_devices(known, str(calibration), at_sensor, at_arm)
+        session = Session(
+            known,
+            sensor=sources["sensor"].uri,
+            robot=sources["robot"].uri if "robot" in sources else None,
+            wish=wish,
+            options=Options(lowpass, drift),
+            save=_Save(output, at_sensor, at_arm, force),
+        )
+        patient = speed == 0.0
+        outlets = [open_sink(sink_of(each), patient=patient) for each in out or ()]
+        recorder = None if record is None else open_sink(Recorder(record), patient=patient)
+        session.recording = None if record is None else True
+        hub = Hub()
+        ways = Ways(hub.publish if page or wizard else None, _say_json if events else _say_line, hub.commands)
+        pump = Pump(session, readers, ways=ways)
+        pump.write_to(outlets, recorder)
+        if page:
+            stack.callback(_served(hub, host, port, lab).close)
+        _until_a_signal(pump, hub if wizard else None, page)
+
+
+def _sources(sensor: str | None, robot: str | None, recorded: Path | None, speed: float) -> dict[str, Source]:
+    from ..live.replay import Replay
     from ..live.uri import source_of
 
-    if not (page or wizard or calibration):
-        raise InputError("found --no-page and no calibration, expected -c CAL.json to run with, or --wizard")
-    known = None if calibration is None else Calibration.load(calibration)
-    wish = _wish(wanted, poses, sign, gravity, sensor)
-    host, port = _address(listen)
-    sources = {"sensor": source_of(sensor), **({} if robot is None else {"robot": source_of(robot)})}
-    with ExitStack() as stack:
-        abouts = {role: _opened(source, role, robot is None, stack) for role, source in sources.items()}
-        arm = abouts.get("robot", abouts["sensor"])
-        if known is not None:
-            require_devices(known, str(calibration), abouts["sensor"], arm)
-        running = _Running(known, wish, _Save(output, abouts["sensor"], arm, force), (lowpass, drift))
-        running.run(sources, abouts, host if page else None, port, lab, wizard, events)
+    if recorded is not None:
+        return {"sensor": Replay(recorded, speed=speed)}
+    given = {"sensor": sensor, "robot": robot}
+    return {role: source_of(uri) for role, uri in given.items() if uri is not None}
 
 
-def _opened(source: Source, role: str, alone: bool, stack: ExitStack) -> About:
+def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
     from ..live.devices import probed
+    from ..live.pump import Reader
 
-    about = probed(source, wrench=role == "sensor", orientation=alone or role == "robot")
     stack.callback(source.close)
-    return about
+    reader = Reader(source, probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
+    stack.callback(reader.stop)
+    return reader
 
 
 def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, source: str) -> Wish:
@@ -105,7 +161,7 @@ def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, sour
 
 def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
-    if not host or not port.isdigit() or int(port) > 65_535:
+    if not host or not port.isdigit() or int(port) > MOST_PORT:
         raise InputError(f"--listen is {text!r}, expected {HOST_AND_PORT}, as in 127.0.0.1:8010")
     return host, int(port)
 
@@ -127,80 +183,41 @@ class _Save:
         return str(path)
 
 
-class _Running:
-    """A session at work, until a signal."""
+def _served(hub: Hub, host: str, port: int, lab: str | None) -> Server:
+    from ..live.page import serve
+    from .live_lab import Hands
 
-    def __init__(self, calibration: Any, wish: Wish, save: _Save, filters: tuple[float | None, float | None]) -> None:
-        self._calibration, self._wish, self._save, self._filters = calibration, wish, save, filters
-        self._stop, self._signal = Event(), 0
+    server = serve(hub, host, port, lab=None if lab is None else Hands(lab, hub))
+    options.say(f"Open {server.url}")
+    sys.stdout.flush()
+    return server
 
-    def run(
-        self,
-        sources: dict[str, Source],
-        abouts: dict[str, About],
-        host: str | None,
-        port: int,
-        lab: str | None,
-        wizard: bool,
-        events: bool,
-    ) -> None:
-        from ..live.page.hub import Hub
-        from ..live.pump import Pump, Reader, Ways
-        from ..live.running import Options
-        from ..live.session import Session
 
-        sys.setswitchinterval(SWITCH)
-        robot = sources["robot"].uri if "robot" in sources else None
-        options_ = Options(*self._filters)
-        session = Session(
-            self._calibration,
-            sensor=sources["sensor"].uri,
-            robot=robot,
-            wish=self._wish,
-            options=options_,
-            save=self._save,
-        )
-        hub = Hub()
-        say = _say_json if events else _say_line
-        ways = Ways(hub.publish if host or wizard else None, say, hub.commands)
-        readers = {role: Reader(source, abouts[role]) for role, source in sources.items()}
-        pump = Pump(session, readers, ways=ways)
-        server = None if host is None else self._serve(hub, host, port, lab)
-        self._until_a_signal(pump, server, hub if wizard else None)
+def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
+    """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
+    from .live_terminal import Terminal
 
-    def _serve(self, hub: Hub, host: str, port: int, lab: str | None) -> Server:
-        from ..live.page import serve
-        from .live_lab import Hands
+    stop, came = Event(), list[int]()
 
-        server = serve(hub, host, port, lab=None if lab is None else Hands(lab, hub))
-        options.say(f"Open {server.url}")
-        sys.stdout.flush()
-        return server
+    def end(number: int, _: object) -> None:
+        came.append(number)
+        stop.set()
 
-    def _until_a_signal(self, pump: Pump, server: Server | None, terminal: Hub | None) -> None:
-        from .live_terminal import Terminal
-
-        before = {number: signal.signal(number, self._asked_to_end) for number in (signal.SIGINT, signal.SIGTERM)}
-        guide = None if terminal is None else Terminal(terminal)
-        try:
-            pump.start()
-            while not self._stop.wait(0.1) and not pump.wait(0.0):
-                if guide is not None:
-                    guide.show()
-        finally:
-            pump.close()
-            if server is not None:
-                server.close()
-            for number, handler in before.items():
-                signal.signal(number, handler)
-        if pump.failure is not None:
-            raise pump.failure
-        if self._signal:
-            os.kill(os.getpid(), self._signal)
-
-    def _asked_to_end(self, number: int, _: object) -> None:
-        self._signal = number
-        self._stop.set()
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    guide = None if terminal is None else Terminal(terminal)
+    try:
+        pump.start()
+        while not stop.wait(LOOK) and (page or not pump.wait(0.0)) and pump.failure is None:
+            if guide is not None:
+                guide.show()
+    finally:
+        pump.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if pump.failure is not None:
+        raise pump.failure
+    if came:
+        os.kill(os.getpid(), came[0])
 
 
 def _say_json(said: Said) -> None:

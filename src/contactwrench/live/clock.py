@@ -7,6 +7,7 @@ smallest delay itself, a fraction of a ms on a wire, cannot be seen, and is left
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, isnan
 
 BIN, BINS = 0.5, 240
@@ -36,21 +37,27 @@ class Clock:
         self._rate, self._line = 0.0, (0.0, inf)
         self.lateness = 0.0
 
-    def take(self, arrival: float, device: float) -> float:
-        """The time (s since 1970) of a sample; `device` NaN: the arrival itself, there is nothing better."""
-        if isnan(device):
-            t = arrival
-        else:
-            offset = arrival - device
-            if device >= self._bin + BIN or device < self._bin:
-                self._next_bin(device)
-            if offset < self._least[1]:
-                self._least = (device, offset)
-                if offset < self._at(device):
-                    self._line = self._least
-            line = self._at(device)
-            self.lateness += 0.01 * (offset - line - self.lateness)
-            t = device + line
+    def times(self, stamps: Sequence[tuple[float, float]]) -> list[float]:
+        """The times (s since 1970) of samples that came together, from their (arrival, device's time): what a device
+        had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there is nothing better.
+        """
+        for arrival, device in stamps:
+            if not isnan(device):
+                self._see(arrival, device)
+        return [self._time(arrival, device) for arrival, device in stamps]
+
+    def _see(self, arrival: float, device: float) -> None:
+        offset = arrival - device
+        if device >= self._bin + BIN or device < self._bin:
+            self._next_bin(device)
+        if offset < self._least[1]:
+            self._least = (device, offset)
+            if offset < self._at(device):
+                self._line = self._least
+
+    def _time(self, arrival: float, device: float) -> float:
+        t = arrival if isnan(device) else device + self._at(device)
+        self.lateness += 0.01 * (arrival - t - self.lateness)
         self._last = max(t, self._last + LEAST_STEP)
         return self._last
 

@@ -57,7 +57,8 @@ class Intake:
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
-        taken = [(self.clock.take(sample.arrival, sample.device), sample) for sample in batch.samples]
+        times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples])
+        taken = list(zip(times, batch.samples, strict=True))
         for _, sample in taken:
             if sample.flaw:
                 self.wrong += 1

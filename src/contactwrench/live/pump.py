@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from queue import Empty, Queue, SimpleQueue
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 
 from ..errors import ContactWrenchError
+from .queued import OpenSink
 from .session import Session
-from .sink import Turn
 from .snapshot import Event as Said
 from .snapshot import Output
 from .source import About, Batch, DeviceError, EndOfStreamError, Note, NoteKind, Source, now
@@ -33,27 +33,14 @@ HALF_OPEN = 1.0
 """s of silence after which a connection is made anew."""
 AGAIN = 0.4
 """s from one attempt to the next."""
+AHEAD = 4
+"""Batches by which a recording may be ahead of the worker."""
 SNAPSHOTS = 1.0 / 30.0
 ENDS_IN = 4.0
 """s that a thread is given to end."""
 
 News: TypeAlias = Batch | About | str
 """What a reader says: what came, that the device is there, or why it is not."""
-
-
-class Outlet(Protocol):
-    """A sink at work, with whatever queue it needs (queued.py)."""
-
-    uri: str
-    written: int
-    dropped: int
-    error: str
-
-    def write(self, turn: Turn) -> None:
-        """Take a turn; never waits."""
-
-    def close(self) -> None:
-        """Write what is left, and end."""
 
 
 @dataclass(frozen=True)
@@ -66,25 +53,23 @@ class Ways:
 
 
 class Reader:
-    """A device that is read in a thread of its own, and connected to again for as long as it takes.
+    """A device that is read in a thread of its own, from now on, and connected to again for as long as it takes.
 
     Args:
-        source: open already where there is an `about`.
+        source: open already.
         about: what it said.
     """
 
-    def __init__(self, source: Source, about: About | None) -> None:
-        self._source, self._about = source, about
+    def __init__(self, source: Source, about: About) -> None:
+        self._source, self.about = source, about
         self._news: deque[News] = deque()
         self._stop = Event()
-        self._wake: SimpleQueue[None] | None = None
+        self.wake: SimpleQueue[None] = SimpleQueue()
+        """Gets something whenever something came."""
         self._full = 0
         self.ended = False
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
 
-    def start(self, wake: SimpleQueue[None] | None) -> None:
-        """Begin; `wake`: what the worker waits for, where it is to wake up for this device."""
-        self._wake = wake
         self._thread.start()
 
     def news(self) -> list[News]:
@@ -107,12 +92,12 @@ class Reader:
         self._thread.join(ENDS_IN)
 
     def _run(self) -> None:
-        about = self._about
+        about: About | None = self.about
         while not self._stop.is_set():
             try:
                 about = about or self._source.open()
                 self._put(about)
-                self._read()
+                self._read(about.replay)
             except EndOfStreamError as error:
                 self.ended = True
                 self._put(str(error))
@@ -124,14 +109,16 @@ class Reader:
                 self._source.close()
             self._stop.wait(AGAIN)
 
-    def _read(self) -> None:
+    def _read(self, replay: bool) -> None:
         last = now()
         while not self._stop.is_set():
             batch = self._source.read(READ)
             if batch.samples or batch.notes:
                 last = now()
                 self._put(batch)
-            elif now() - last > HALF_OPEN:
+                while replay and len(self._news) > AHEAD and not self._stop.is_set():
+                    self._stop.wait(0.001)
+            elif now() - last > HALF_OPEN and not replay:
                 raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
 
     def _put(self, news: News) -> None:
@@ -139,8 +126,8 @@ class Reader:
             self._full += len(news.samples)
             return
         self._news.append(news)
-        if self._wake is not None:
-            self._wake.put(None)
+        if self.wake.empty():
+            self.wake.put(None)
 
 
 class Pump:
@@ -149,8 +136,6 @@ class Pump:
     Args:
         session: what is fed.
         readers: by role, `sensor` and, where that is another device, `robot`.
-        outlets: where turns go.
-        recorder: where they go too, while the session records.
         ways: where snapshots and events go, and commands come from.
     """
 
@@ -158,22 +143,25 @@ class Pump:
         self,
         session: Session,
         readers: Mapping[str, Reader],
-        outlets: Sequence[Outlet] = (),
-        recorder: Outlet | None = None,
+        *,
         ways: Ways | None = None,
     ) -> None:
-        self.session, self._readers, self._outlets, self._recorder = session, dict(readers), tuple(outlets), recorder
+        self.session, self._readers = session, dict(readers)
+        self._outlets: tuple[OpenSink, ...] = ()
+        self._recorder: OpenSink | None = None
         self._ways = ways or Ways()
-        self._wake: SimpleQueue[None] = SimpleQueue()
+        self._wake = self._readers["sensor"].wake
         self._stop = Event()
-        self._shown = 0.0
+        self._shown, self._recorded, self._replay = 0.0, 0.0, False
         self.failure: BaseException | None = None
         self._worker = Thread(target=self._run, name="worker", daemon=True)
 
+    def write_to(self, outlets: Sequence[OpenSink], recorder: OpenSink | None = None) -> None:
+        """Before it starts: where turns go, and where they go too while the session records."""
+        self._outlets, self._recorder = tuple(outlets), recorder
+
     def start(self) -> None:
         """Begin."""
-        for role, reader in self._readers.items():
-            reader.start(self._wake if role == "sensor" else None)
         self._worker.start()
 
     def wait(self, seconds: float | None = None) -> bool:
@@ -216,6 +204,9 @@ class Pump:
 
     def _turn(self, t: float) -> None:
         batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}
+        if self._replay:  # its clock is the recording's
+            stamps = [batch.samples[-1].arrival for batch in batches.values() if batch is not None and batch.samples]
+            t = self._recorded = max([self._recorded or t, *stamps])
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
         if len(turn.t) or len(turn.pose_t):
             for outlet in self._outlets:
@@ -228,13 +219,14 @@ class Pump:
                 self._ways.say(said)
         if self._ways.publish is not None and t - self._shown >= SNAPSHOTS:
             self._shown = t
-            self._ways.publish(self._snapshot(t))
+            self._ways.publish(self.encoded_snapshot(t))
 
     def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
         """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""
         whole: Batch | None = None
         for news in reader.news():
             if isinstance(news, About):
+                self._replay = news.replay
                 self.session.opened(role, news, t)
             elif isinstance(news, str):
                 self.session.down(role, news, t)
@@ -250,7 +242,8 @@ class Pump:
             ask = self._ways.asked.get()
             self.session.do(ask.do, t, None if ask.pose is None else ask.pose + 1)
 
-    def _snapshot(self, t: float) -> bytes:
+    def encoded_snapshot(self, t: float) -> bytes:
+        """What a person sees at `t` s, as JSON; for the worker alone."""
         outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._outlets)
         recording = "" if self._recorder is None else self._recorder.uri
         return msgspec.json.encode(self.session.snapshot(t, outlets, recording))

@@ -74,7 +74,8 @@ class Session:
         self._trace: deque[tuple[float | None, ...]] = deque(maxlen=TRACE_KEPT)
         self._traced = -inf
         self._last: Turn | None = None
-        self.recording = False
+        self.recording: bool | None = None
+        """Whether it is recorded; None: there is nothing to record to."""
         if calibration is not None:
             self._wizard.phase = Phase.RUN
             self._run(calibration, SIGNS.get(str(calibration.provenance.get("sign", "pull")), 1.0))
@@ -183,7 +184,8 @@ class Session:
         """What can be asked for now."""
         running = (Command.ZERO,) if self._runner is not None else ()
         save = (Command.SAVE,) if self._save is not None and self.calibration is not None and not self.saved else ()
-        return (*self._wizard.commands(self._standing), *running, *save, Command.RECORD)
+        record = () if self.recording is None else (Command.RECORD,)
+        return (*self._wizard.commands(self._standing), *running, *save, *record)
 
     def _after(self, command: Command) -> None:
         """Begin to run where the wizard has come to that, and end it where a person went back."""

@@ -16,8 +16,8 @@ CONTACT = (False, True, None)
 
 
 class Line(msgspec.Struct):
-    """A sample: `t` s since 1970, the contact wrench N and N m and its `std` (6,), null where it is not known; `reason`:
-    why it is not valid.
+    """A sample: `t` s since 1970, the contact wrench N and N m and its `std` (6,), null where it is not known;
+    `reason`: why it is not valid.
     """
 
     t: float

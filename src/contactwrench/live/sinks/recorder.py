@@ -92,8 +92,8 @@ class Recorder(GrowingFile):
 
 def _flaws(turn: Turn) -> list[str]:
     """Why each reading is none; empty: it is one."""
-    number = (np.abs(turn.wrench) <= LARGEST_READING).all(axis=1)
-    return [flaw or ("" if good else "no number") for flaw, good in zip(turn.flaw, number.tolist(), strict=True)]
+    number: list[bool] = np.all(np.abs(turn.wrench) <= LARGEST_READING, axis=1).tolist()
+    return [flaw or ("" if good else "no number") for flaw, good in zip(turn.flaw, number, strict=True)]
 
 
 def _there(flaws: list[str]) -> NDArray[np.bool_]:
@@ -109,4 +109,5 @@ def _with_numbers(flaws: list[str], wrench: Array) -> list[str]:
 def _is_orientation(quat_xyzw: Array) -> NDArray[np.bool_]:
     """Which of (n, 4) are quaternions as the readers take them."""
     length: Array = np.linalg.norm(quat_xyzw, axis=1)
-    return np.asarray(np.abs(length - 1.0) < ROTATION_TOLERANCE, np.bool_)
+    unit: NDArray[np.bool_] = np.abs(length - 1.0) < ROTATION_TOLERANCE
+    return unit
