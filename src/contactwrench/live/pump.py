@@ -149,6 +149,7 @@ class Pump:
         self.session, self._readers = session, dict(readers)
         self._outlets: tuple[OpenSink, ...] = ()
         self._recorder: OpenSink | None = None
+        self._ended = set[str]()
         self._ways = ways or Ways()
         self._wake = self._readers["sensor"].wake
         self._stop = Event()
@@ -213,6 +214,7 @@ class Pump:
                 outlet.write(turn)
             if self._recorder is not None and self.session.recording:
                 self._recorder.write(turn)
+        self._say_of_outlets(t)
         self._obey(t)
         for said in self.session.events():
             if self._ways.say is not None:
@@ -220,6 +222,13 @@ class Pump:
         if self._ways.publish is not None and t - self._shown >= SNAPSHOTS:
             self._shown = t
             self._ways.publish(self.encoded_snapshot(t))
+
+    def _say_of_outlets(self, t: float) -> None:
+        """Of each outlet that has ended, once."""
+        for outlet in (*self._outlets, *((self._recorder,) if self._recorder else ())):
+            if outlet.error and outlet.uri not in self._ended:
+                self._ended.add(outlet.uri)
+                self.session.outlet_ended(outlet.error, t)
 
     def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
         """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""

@@ -100,6 +100,10 @@ class Session:
         if event is not None:
             self._say(event)
 
+    def outlet_ended(self, text: str, t: float) -> None:
+        """A sink has ended by itself."""
+        self._say(Event(t, "sink", "error", text))
+
     def _intake(self, role: str) -> Intake:
         return self._robot if role == "robot" else self._sensor
 

@@ -68,8 +68,9 @@ class UdpLines:
         for t, (fx, fy, fz, tx, ty, tz), std, valid, touches, reason in zip(
             *(column.tolist() for column in columns), contact.reason, strict=True
         ):
+            text = None if reason is None else str(reason)
             try:
-                send(encode(Line(t, fx, fy, fz, tx, ty, tz, std, valid, CONTACT[touches], reason)) + b"\n")
+                send(encode(Line(t, fx, fy, fz, tx, ty, tz, std, valid, CONTACT[touches], text)) + b"\n")
                 self.written += 1
             except OSError:
                 self.dropped += 1
