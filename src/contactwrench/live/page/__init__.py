@@ -8,8 +8,7 @@
 `static/` is the page itself: no build step, and no address outside itself.
 """
 
-from .app import LabAction
 from .hub import Ask, Hub
 from .server import Server, serve
 
-__all__ = ["Ask", "Hub", "LabAction", "Server", "serve"]
+__all__ = ["Ask", "Hub", "Server", "serve"]

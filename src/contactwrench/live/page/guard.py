@@ -13,14 +13,6 @@ ANY_ADDRESS = ("0.0.0.0", "::")
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """A status of HTTP, and one line that says what to do."""
-
-    status: int
-    text: str
-
-
-@dataclass(frozen=True)
 class Guard:
     """Judges requests by their headers. `listen` and `port` are what the server listens on; `token` None: not needed.
 
@@ -31,34 +23,33 @@ class Guard:
     port: int
     token: str | None
 
-    @property
-    def cookie(self) -> str:
-        """Its name; cookies know no ports, so the name does."""
-        return f"contactwrench_{self.port}"
-
-    def refusal(self, scope: Mapping[str, Any]) -> Refusal | None:
-        """Why a request (ASGI scope, of HTTP or a WebSocket) is refused, or None."""
+    def refusal(self, scope: Mapping[str, Any]) -> tuple[int, str] | None:
+        """Why a request (ASGI scope, of HTTP or a WebSocket) is refused, as a status and a line; None: it is not."""
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         host, origin = headers.get("host", ""), headers.get("origin")
         socket = scope["type"] == "websocket"
         if not self._is_own(host):
-            return Refusal(400, "found another name in Host, expected this page's own: open the address as printed")
+            return 400, "found another name in Host, expected this page's own: open the address as printed"
         if (socket or origin is not None) and origin != f"http://{host}":
-            return Refusal(403, "found a request from another page, expected one from this page: open it as printed")
-        if not socket and scope["method"] not in {"GET", "HEAD"}:
-            return Refusal(405, "found another method, expected GET")
-        if self.token is not None and not self.token_in_query(scope) and not self._token_in_cookie(headers):
-            return Refusal(403, "found no valid token, expected the one in the address that the program printed")
+            return 403, "found a request from another page, expected one from this page: open the address as printed"
+        if not socket and scope["method"] != "GET":
+            return 405, "found another method, expected GET"
+        if not (self.token is None or self.has_token(scope) or self._has_cookie(headers.get("cookie", ""))):
+            return 403, "found no valid token, expected the address with its token, as the program printed it"
         return None
 
-    def token_in_query(self, scope: Mapping[str, Any]) -> bool:
+    def has_token(self, scope: Mapping[str, Any]) -> bool:
         """Whether the address has the token, so that the cookie is to be set."""
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        return self.token is not None and _same(given, self.token)
+        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])
+        return self.token is not None and _same(given[0], self.token)
 
-    def _token_in_cookie(self, headers: Mapping[str, str]) -> bool:
-        pairs = (pair.strip().partition("=") for pair in headers.get("cookie", "").split(";"))
-        return any(name == self.cookie and _same(value, self.token or "") for name, _, value in pairs)
+    @property
+    def cookie(self) -> str:
+        """The cookie; cookies know no ports, so its name does."""
+        return f"contactwrench_{self.port}={self.token}"
+
+    def _has_cookie(self, given: str) -> bool:
+        return any(_same(pair.strip(), self.cookie) for pair in given.split(";"))
 
     def _is_own(self, host: str) -> bool:
         names = {"127.0.0.1", "localhost", f"[{self.listen}]" if ":" in self.listen else self.listen}
@@ -68,13 +59,12 @@ class Guard:
         return host.lower() in own or any_address
 
 
-def _same(given: str, token: str) -> bool:
-    return hmac.compare_digest(given.encode(), token.encode())
+def _same(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode(), secret.encode())
 
 
 def _is_address(name: str) -> bool:
     try:
-        ip_address(name)
+        return bool(ip_address(name))
     except ValueError:
         return False
-    return True

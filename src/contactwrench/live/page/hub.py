@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from queue import Full, Queue
+from queue import Queue
 from typing import Annotated
 
 import msgspec
@@ -36,43 +36,27 @@ class Hub:
 
     def __init__(self) -> None:
         self.commands: Queue[Ask] = Queue(MOST_COMMANDS)
+        self.wakes: set[Callable[[], object]] = set()
+        """Called in the worker's thread for every snapshot."""
         self._recent: deque[tuple[int, bytes]] = deque(maxlen=MERGED)
-        self._wakes: set[Callable[[], object]] = set()
         self._number = 0
 
     def publish(self, snapshot: bytes) -> None:
         """Show a `Snapshot`, encoded as JSON, at most 30 times a second; returns at once."""
         self._number += 1
         self._recent.append((self._number, snapshot))
-        for wake in tuple(self._wakes):
+        for wake in tuple(self.wakes):
             wake()
 
-    def ask(self, ask: Ask) -> bool:
-        """Hand the worker what a person asked for; False: it has not taken the last ones yet."""
-        try:
-            self.commands.put_nowait(ask)
-        except Full:
-            return False
-        return True
-
-    def listen(self, wake: Callable[[], object]) -> Callable[[], None]:
-        """Call `wake`, in the worker's thread, for every snapshot, until what is returned is called."""
-        self._wakes.add(wake)
-        return lambda: self._wakes.discard(wake)
-
     def after(self, seen: int) -> tuple[int, bytes] | None:
-        """The newest snapshot and its number, if it is newer than number `seen`, as the browser gets it: with the
-        traces, of the same phase, of the snapshots that it skipped. A browser that has seen none (0) skips none.
+        """The newest snapshot and its number, if it is newer than number `seen`, as a browser gets it: with the traces,
+        of the same phase, of the snapshots that the browser skipped. One that has seen none (0) skips none.
         """
         recent = tuple(self._recent)
         if not recent or recent[-1][0] <= seen:
             return None
         number, newest = recent[-1]
-        skipped = [_traced(data) for n, data in recent[:-1] if 0 < seen < n]
-        phase = _traced(newest).phase
+        skipped = [msgspec.json.decode(data, type=_Traced) for n, data in recent[:-1] if 0 < seen < n]
+        phase = msgspec.json.decode(newest, type=_Traced).phase
         earlier = b",".join(bytes(each.trace) for each in skipped if each.phase is phase)
         return number, b'{"earlier":[' + earlier + b'],"snapshot":' + newest + b"}"
-
-
-def _traced(snapshot: bytes) -> _Traced:
-    return msgspec.json.decode(snapshot, type=_Traced)

@@ -6,14 +6,13 @@ import asyncio
 import secrets
 import socket
 import time
-from collections.abc import Callable
 from threading import Thread
 from typing import TYPE_CHECKING
 
 from ...errors import MissingExtraError
 from ..source import DeviceError
-from .app import Application
-from .guard import ANY_ADDRESS, Guard
+from .app import Application, Lab
+from .guard import Guard
 from .hub import Hub
 
 if TYPE_CHECKING:
@@ -23,13 +22,11 @@ MOST_CONNECTIONS = 64
 """TCP connections at one time: 20 pages, and their requests for files."""
 LONGEST_CONNECTION = 30.0
 """s that a connection which is no WebSocket lives: what sends half a request takes no place for long."""
-LARGEST_MESSAGE = 4096
-LARGEST_HEADERS = 16384
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Server:
-    """A page that is served. `url` is its address, the token in it."""
+    """A page that is served. `url` is its address, with the token where one is needed."""
 
     def __init__(self, url: str, server: uvicorn.Server, thread: Thread) -> None:
         self.url = url
@@ -41,31 +38,28 @@ class Server:
         self._thread.join()
 
 
-def serve(
-    hub: Hub,
-    host: str = "127.0.0.1",
-    port: int = 0,
-    token: str | None = None,
-    lab: Callable[[dict[str, str]], object] | None = None,
-) -> Server:
+def serve(hub: Hub, host: str = "127.0.0.1", port: int = 0, token: str | None = None, lab: Lab | None = None) -> Server:
     """Serve the page of a session.
 
     Args:
         hub: where its snapshots come from and its commands go.
-        host: the address to listen on; 0.0.0.0 or ::, all.
+        host: the address to listen on; 0.0.0.0 or ::, all: others put this computer's address into the printed one.
         port: 0: any that is free.
         token: what every request must show; None: one is made where others than this computer can reach us.
-        lab: called, in a thread, with what is done to the virtual arm (`{"do": "press_down"}`, see `LabAction`); None:
-            the page has no such buttons. It should return within a second.
+        lab: called, in a thread, with what is done to the virtual arm (`{"do": "press_down"}`, see `InLab`), and to
+            return within a second; None: the page has no such buttons.
 
     Raises:
         DeviceError: the address cannot be listened on.
         MissingExtraError: uvicorn or websockets is not installed.
     """
-    listening = _listening(host, port)
+    try:
+        listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except (OSError, OverflowError) as error:
+        message = f"{host}:{port}: found that it cannot be listened on ({error}), expected a free port: choose another"
+        raise DeviceError(message) from None
     port = listening.getsockname()[1]
-    if not token:
-        token = None if host in LOOPBACK else secrets.token_urlsafe(24)
+    token = token or (None if host in LOOPBACK else secrets.token_urlsafe(24))
     try:
         server = _uvicorn(Application(hub, Guard(host, port, token), lab))
     except BaseException:
@@ -75,21 +69,8 @@ def serve(
     thread.start()
     while not server.started and thread.is_alive():
         time.sleep(0.002)
-    return Server(_url(host, port, token), server, thread)
-
-
-def _listening(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        return socket.create_server((host, port), family=family)
-    except (OSError, OverflowError) as error:
-        message = f"{host}:{port}: found that it cannot be listened on ({error}), expected a free port: choose another"
-        raise DeviceError(message) from None
-
-
-def _url(host: str, port: int, token: str | None) -> str:
-    reached = socket.gethostbyname(socket.gethostname()) if host in ANY_ADDRESS else host
-    return f"http://{f'[{reached}]' if ':' in reached else reached}:{port}/{f'?token={token}' if token else ''}"
+    shown = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
+    return Server(f"http://{shown}:{port}/{f'?token={token}' if token else ''}", server, thread)
 
 
 def _uvicorn(application: Application) -> uvicorn.Server:
@@ -118,13 +99,12 @@ def _uvicorn(application: Application) -> uvicorn.Server:
         loop="asyncio",
         http=Bounded,
         ws=WebSocketsSansIOProtocol,
-        ws_max_size=LARGEST_MESSAGE,
+        ws_max_size=4096,
         ws_per_message_deflate=False,
-        h11_max_incomplete_event_size=LARGEST_HEADERS,
+        h11_max_incomplete_event_size=16384,
         lifespan="off",
         log_config=None,
         log_level="critical",
-        access_log=False,
         proxy_headers=False,
         server_header=False,
         timeout_graceful_shutdown=1,

@@ -119,7 +119,6 @@ export function drawPlot(canvas, trace, column, title, now) {
     end();
   }
   labels(g, valid, column, y, right, bottom, c);
-  return most;
 }
 
 function stretches(rows, holds, draw) {
@@ -142,7 +141,7 @@ function labels(g, valid, column, y, right, bottom, c) {
   for (const label of at) write(g, "xyz"[label.k], right + 8, label.y - over, c.axes[label.k]);
 }
 
-const gravityIn = ([x, y, z, w]) => [-2 * (x * z - w * y), -2 * (y * z + w * x), -(1 - 2 * (x * x + y * y))];
+export const gravityIn = ([x, y, z, w]) => [-2 * (x * z - w * y), -2 * (y * z + w * x), -(1 - 2 * (x * x + y * y))];
 const view = { turn: 0.6, tilt: 0.35, latest: null, bound: false };
 
 function projected([x, y, z]) {
@@ -179,7 +178,7 @@ export function drawSphere(canvas, poses, orientation) {
 }
 
 function mark(g, { at: [x, y, depth], kind, label }, c) {
-  g.globalAlpha = depth < -0.05 ? 0.45 : 1;
+  g.globalAlpha = depth < -0.05 ? 0.55 : 1;
   g.beginPath();
   if (kind === "now") {
     g.moveTo(x, y - 10);
@@ -191,7 +190,8 @@ function mark(g, { at: [x, y, depth], kind, label }, c) {
     g.strokeStyle = c.ground;
     g.stroke();
   } else {
-    g.arc(x, y, kind === "planned" ? 5 : 9, 0, 7);
+    if (kind === "doubt") g.rect(x - 8, y - 8, 16, 16);
+    else g.arc(x, y, kind === "planned" ? 5 : 9, 0, 7);
     g.fillStyle = kind === "taken" ? c.accent : kind === "doubt" ? c.warn : c.ground;
     g.fill();
     g.strokeStyle = kind === "planned" ? c.soft : kind === "next" ? c.text : c.ground;
@@ -214,21 +214,6 @@ function bindView(canvas) {
   const keys = { ArrowLeft: [-0.2, 0], ArrowRight: [0.2, 0], ArrowUp: [0, 0.2], ArrowDown: [0, -0.2] };
   canvas.addEventListener("keydown", (event) => { if (event.key in keys) { event.preventDefault(); turn(...keys[event.key]); } });
   canvas.addEventListener("pointermove", (event) => { if (event.buttons) turn(event.movementX / 120, event.movementY / 120); });
-}
-
-export function drawRing(canvas, progress) {
-  const { g, width, height, c } = start(canvas);
-  const arc = (to, colour) => {
-    g.beginPath();
-    g.arc(width / 2, height / 2, width / 2 - 8, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * to);
-    g.strokeStyle = colour;
-    g.lineWidth = 9;
-    g.stroke();
-  };
-  arc(1, c.line);
-  if (progress > 0) arc(progress, c.accent);
-  g.font = "bold 17px system-ui, sans-serif";
-  write(g, `${Math.round(100 * progress)} %`, width / 2, height / 2 + 6, c.text, "center");
 }
 
 // The std of the contact force after each pose, on a scale of decades, and the std that is wanted.
@@ -256,7 +241,7 @@ export function drawConvergence(canvas, poses) {
 
 // The wrist from the side: flange, sensor and tool, and where to press.
 export function drawPush(canvas, step) {
-  const { g, width, height, c } = start(canvas);
+  const { g, width, c } = start(canvas);
   const middle = width / 2;
   const box = (x, y, w, h, label) => {
     g.strokeStyle = c.soft;
@@ -268,12 +253,12 @@ export function drawPush(canvas, step) {
   box(middle, 42, 84, 30, "sensor");
   box(middle, 72, 56, 74, "tool");
   if (!step || !step.toward) return;
-  const done = Math.min(step.force / step.needed, 1);
-  const colour = done >= 1 ? c.ok : c.accent;
+  const colour = c.accent;
   const arrow = (x0, y0, x1, y1) => {
     const angle = Math.atan2(y1 - y0, x1 - x0);
     line(g, [[x0, y0], [x1, y1]], colour, 4);
-    line(g, [-2.6, 2.6].map((a) => [x1 + 14 * Math.cos(angle + a), y1 + 14 * Math.sin(angle + a)]).toSpliced(1, 0, [x1, y1]), colour, 4);
+    const barb = (a) => [x1 + 14 * Math.cos(angle + a), y1 + 14 * Math.sin(angle + a)];
+    line(g, [barb(-2.6), [x1, y1], barb(2.6)], colour, 4);
   };
   if (step.toward === "down") {
     arrow(middle + 44, 92, middle + 44, 172);
@@ -282,8 +267,4 @@ export function drawPush(canvas, step) {
     arrow(middle - 120, 122, middle - 34, 122);
     write(g, `towards the flange's ${step.toward}`, middle, 170, colour, "center");
   }
-  g.fillStyle = c.line;
-  g.fillRect(20, height - 22, width - 40, 10);
-  g.fillStyle = colour;
-  g.fillRect(20, height - 22, (width - 40) * done, 10);
 }

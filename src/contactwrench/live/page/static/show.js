@@ -1,5 +1,5 @@
 // What a snapshot looks like in words and numbers. Texts are only ever set as text, never as markup.
-import { drawConvergence, drawPlot, drawPush, drawRing, drawSphere } from "./draw.js";
+import { drawConvergence, drawPlot, drawPush, drawSphere } from "./draw.js";
 
 const byId = (id) => document.getElementById(id);
 const STEPS = { connect: "Connect", push: "Push test", poses: "Poses", fit: "Fit", verify: "Verify", run: "Run" };
@@ -7,15 +7,15 @@ const AXES = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"];
 const CHECKS = 2;
 const USUAL = {
   connect: ["next"], push: ["back", "skip", "next"], poses: ["back", "skip", "capture", "next"],
-  fit: ["back", "save", "next"], verify: ["back", "skip", "save", "next"], run: ["back", "zero", "record"],
+  fit: ["back", "save", "next"], verify: ["back", "skip", "save", "next"], run: ["zero", "record", "back"],
 };
-const ORDER = ["back", "skip", "zero", "record", "capture", "save", "next"];
 const STATES = { streaming: "● sending", connecting: "◌ connecting", silent: "▲ silent", down: "✕ not connected" };
 const HELP = {
   silent: "Check its power and its cable. Check that no other program has taken its connection.",
   down: "Check its power, its cable and its address. The program tries again by itself.",
   connecting: "",
 };
+const LAMPS = { error: "▨", contact: "●", ok: "○", note: "◌" };
 const LEVELS = { note: "note", warning: "▲ warning", error: "✕ error", weak: "▲ weak", refused: "✕ refused" };
 
 export const degrees = (rad) => Math.round((rad * 180) / Math.PI);
@@ -24,7 +24,7 @@ export function num(value, digits) {
   return value.toFixed(digits).replace("-", "−");
 }
 const unitOf = (axis) => (axis < 3 ? "N" : "N m");
-const digitsOf = (axis) => (axis < 3 ? 2 : 3);
+const digitsOf = (axis) => (axis < 3 ? 3 : 4);
 const clock = (t) => new Date(1000 * t).toLocaleTimeString([], { hour12: false });
 
 function set(id, text) {
@@ -52,26 +52,17 @@ function make(tag, ...classes) {
   return element;
 }
 
+// `why` the page has no news, or empty. The age stands outside the alert, which is read out when it changes.
 export function stale(why, age) {
   document.body.classList.toggle("old", Boolean(why));
   level("link", why ? "error" : "ok");
-  set("link", why ? "✕ no news" : "● live");
-  const since = age === null ? "" : ` What you see is ${Math.round(age)} s old.`;
-  if (why) alarm(why + since);
-  else if (byId("banner").dataset.from === "link") alarm("");
-  byId("banner").dataset.from = why ? "link" : "session";
-}
-
-function alarm(text) {
-  // one word of it a fault, not one a second: the age is not read out again
-  const banner = byId("banner");
-  banner.hidden = !text;
-  set(banner, text);
+  set("link", !why ? "● live" : age === null ? "✕ no news" : `✕ no news for ${Math.round(age)} s`);
+  byId("banner").hidden = !why;
+  set("banner", why && `${why} What you see below is old.`);
 }
 
 export function show(now, trace, ask) {
   const fault = faultOf(now);
-  if (!document.body.classList.contains("old")) alarm(fault.text);
   showPhase(now);
   showInstruction(now, fault);
   showActions(now, ask);
@@ -89,10 +80,10 @@ export function show(now, trace, ask) {
 // What makes the numbers old or unknown, whatever the session says of the last one.
 function faultOf(now) {
   const bad = now.devices.filter((device) => device.state === "silent" || device.state === "down");
-  const of = (role) => bad.find((device) => device.role.includes(role));
-  const text = bad.map((device) => `The ${device.role} ${device.state === "silent" ? "is silent" : "is not connected"}`
-    + `${device.age === null ? "" : `, its last sample is ${num(device.age, 0)} s old`}.`).join(" ");
-  return { text, sensor: of("sensor"), robot: of("robot"), first: bad[0] };
+  const text = bad.map((device) => `The ${device.role} ${device.state === "silent" ? "is silent" : "is not connected"}.`);
+  const detail = bad.map((device) => [device.uri, device.text, HELP[device.state]].filter(Boolean).join(": "));
+  const needed = now.phase === "run" ? bad.length : bad.some((device) => device.role.includes("sensor"));
+  return { text: text.join(" "), detail: detail.join(" "), invalid: needed ? text.join(" ") : "" };
 }
 
 function showPhase(now) {
@@ -128,7 +119,7 @@ const INSTRUCTIONS = {
     const poses = now.poses;
     if (!poses) return ["Move the arm to a first pose.", ""];
     if (poses.progress > 0) return ["Hold still. A pose is being taken.", `${Math.round(100 * poses.progress)} %`];
-    const turn = poses.turn === null ? "" : `Turn ${degrees(poses.turn)}° to go. `;
+    const turn = poses.turn === null ? "" : `${degrees(poses.turn)}° to go. `;
     const text = poses.enough ? "Enough poses. Go on, or take more." : "Turn the wrist to the next pose.";
     return [text, turn + poses.waiting];
   },
@@ -139,37 +130,34 @@ const INSTRUCTIONS = {
   },
   verify(now) {
     const poses = now.poses;
-    if (now.verified) return [now.verified, now.saved];
+    if (now.verified) return [now.verified, now.saved, now.checks.every((check) => check.passed) ? "ok" : "error"];
     if (poses && poses.progress > 0) return ["Hold still. A check is being taken.", `${Math.round(100 * poses.progress)} %`];
     return ["Move the arm to a new pose and let go.", `${now.checks.length} of ${CHECKS} checks done. ${poses ? poses.waiting : ""}`];
   },
   run(now) {
     const state = contactState(now, "");
-    return [state.text, state.reason];
+    return [`${LAMPS[state.level]} ${state.text}`, state.reason, state.level];
   },
 };
 
 function showInstruction(now, fault) {
-  let [text, detail] = INSTRUCTIONS[now.phase](now);
-  if (fault.first && now.phase !== "fit") {
-    text = `The ${fault.first.role} ${fault.first.state === "silent" ? "is silent" : "is not connected"}.`;
-    detail = `${fault.first.text ? `${fault.first.text}. ` : ""}${HELP[fault.first.state]}`;
-  }
+  const stands = !fault.text || now.phase === "fit";
+  const [text, detail, state] = stands ? INSTRUCTIONS[now.phase](now) : [`▨ ${fault.text}`, fault.detail, "error"];
   set("instruction", text);
   set("detail", detail);
+  level("now", state || "");
 }
 
 function labelOf(what, now) {
   const names = Object.keys(STEPS);
   const next = STEPS[names[names.indexOf(now.phase) + 1]] || "";
-  return {
-    back: now.phase === "run" ? "Calibrate again" : "Back", skip: "Skip", capture: "Take this pose", save: "Save",
-    zero: "Zero", record: now.recording ? "Stop recording" : "Record", next: `Next: ${next.toLowerCase()}`,
-  }[what];
+  const back = now.phase === "run" ? "Calibrate again" : "Back";
+  const record = now.recording ? "Stop recording" : "Record";
+  return { back, record, skip: "Skip", capture: "Take this pose", save: "Save", zero: "Zero", next: `Next: ${next.toLowerCase()}` }[what];
 }
 
 function showActions(now, ask) {
-  const wanted = ORDER.filter((what) => USUAL[now.phase].includes(what) || now.commands.includes(what));
+  const wanted = [...USUAL[now.phase], ...now.commands.filter((what) => what !== "retake" && !USUAL[now.phase].includes(what))];
   const group = byId("actions");
   for (const old of [...group.children]) {
     if (!wanted.includes(old.dataset.do)) {
@@ -177,14 +165,14 @@ function showActions(now, ask) {
       old.remove();
     }
   }
-  wanted.forEach((what, i) => {
+  wanted.forEach((what) => {
     let button = group.querySelector(`[data-do=${what}]`);
     if (!button) {
       button = Object.assign(document.createElement("button"), { type: "button" });
       button.dataset.do = what;
       button.addEventListener("click", () => { if (button.getAttribute("aria-disabled") !== "true") ask(what); });
-      group.insertBefore(button, group.children[i] || null);
     }
+    if (group.children[wanted.indexOf(what)] !== button) group.insertBefore(button, group.children[wanted.indexOf(what)] || null);
     set(button, labelOf(what, now));
     button.setAttribute("aria-disabled", String(!now.commands.includes(what)));
   });
@@ -201,7 +189,8 @@ function showDevices(now) {
     const jitter = device.jitter === null ? "" : `, late by ± ${num(1000 * device.jitter, 1)} ms`;
     set(rate, device.rate === null ? "rate not known yet" : `${num(device.rate, 1)} Hz${asked}${jitter}`);
     level(rate, device.rate !== null && device.asked && device.rate < 0.9 * device.asked ? "warning" : "note");
-    set(counts, `${device.samples} samples, ${device.lost} lost, ${device.repeated} repeated, ${device.wrong} wrong`);
+    const age = device.age > 1 ? `, the last ${num(device.age, 0)} s ago` : "";
+    set(counts, `${device.samples} samples${age}; ${device.lost} lost, ${device.repeated} repeated, ${device.wrong} wrong`);
     level(counts, device.lost + device.wrong > 0.001 * device.samples ? "warning" : "note");
     set(problem, [device.text, HELP[device.state] || ""].filter(Boolean).join(". "));
   });
@@ -254,10 +243,11 @@ function showPoses(now, ask) {
   const poses = now.poses;
   drawSphere(byId("sphere"), poses, now.orientation);
   byId("sphere").setAttribute("aria-label", `${poses.taken.length} poses taken, ${poses.targets.length} planned`);
-  drawRing(byId("ring"), poses.progress);
-  byId("ring").setAttribute("aria-label", `pose ${Math.round(100 * poses.progress)} % taken`);
-  const turn = poses.turn === null ? "No pose is planned." : `Turn ${degrees(poses.turn)}° to go.`;
-  set("capture-text", poses.progress > 0 ? "Hold still." : `${turn} ${poses.waiting}`);
+  const done = `${Math.round(100 * poses.progress)} %`;
+  byId("ring").style.setProperty("--done", done.replace(" ", ""));
+  byId("ring").setAttribute("aria-label", `pose ${done} taken`);
+  set(byId("ring").firstElementChild, done);
+  set("capture-text", `${poses.progress > 0 ? "Hold still." : poses.waiting} ${poses.taken.length} poses are taken.`);
   drawConvergence(byId("convergence"), poses);
   const std = poses.std_force === null ? "Not known yet: more poses are needed."
     : `± ${num(poses.std_force, 2)} N and ± ${num(poses.std_torque, 3)} N m after ${poses.taken.length} poses.`;
@@ -293,7 +283,8 @@ function showChecks(now) {
 function showFit(now) {
   const fit = now.fit;
   if (!fit) return;
-  set("verdict", fit.refusal ? `✕ ${fit.refusal}` : `${fit.verdict === "good" ? "✓" : "▲"} ${fit.verdict}`);
+  set("verdict", fit.refusal ? "✕ none" : `${fit.verdict === "good" ? "✓" : "▲"} ${fit.verdict}`);
+  byId("table").hidden = fit.parameters.length === 0;
   level("verdict", fit.refusal ? "error" : fit.verdict === "good" ? "ok" : "warning");
   const expected = fit.expected_force === null ? ""
     : `Expect contact forces within ± ${num(fit.expected_force, 2)} N and torques within ± ${num(fit.expected_torque, 3)} N m. `;
@@ -322,13 +313,16 @@ function contactState(now, fault) {
     : { level: "ok", text: "No contact.", reason: contact.reason };
 }
 
+function restState(now, fault) {
+  if (fault || !now.reading) return { level: "error", text: "Not valid.", reason: fault || "No reading has come yet." };
+  return now.still ? { level: "ok", text: "At rest.", reason: "" } : { level: "note", text: "Moving.", reason: now.moving };
+}
+
 function showWrench(now, fault, trace) {
   const running = now.phase === "run";
   set("wrench-title", running ? "Contact wrench" : "Readings");
-  const old = fault.sensor || (running && fault.robot) ? fault.text : "";
-  const state = running ? contactState(now, old)
-    : { level: old ? "error" : now.still ? "ok" : "note", text: old ? "Not valid." : now.still ? "At rest." : "Moving.", reason: old || now.moving };
-  set("lamp", `${{ error: "▨", contact: "●", ok: "○", note: "◌" }[state.level]} ${state.text}`);
+  const state = running ? contactState(now, fault.invalid) : restState(now, fault.invalid);
+  set("lamp", `${LAMPS[state.level]} ${state.text}`);
   level("lamp", state.level);
   set("invalid", state.reason);
   const values = running ? now.contact && now.contact.wrench : now.reading;
@@ -348,10 +342,10 @@ function showSix(id, values, stds, invalid) {
     return pair;
   }, (pair, axis, i) => {
     const [value, std] = pair.children[1].children;
-    set(pair.children[0], axis);
+    set(pair.children[0], `${axis}, ${unitOf(i)}`);
     pair.classList.toggle("invalid", Boolean(invalid));
-    set(value, `${num(values && values[i], digitsOf(i))} ${unitOf(i)}`);
-    set(std, stds ? `± ${num(stds[i], digitsOf(i) + 1)}` : "");
+    set(value, num(values && values[i], digitsOf(i)));
+    set(std, stds ? `± ${num(stds[i], digitsOf(i))}` : "");
   });
 }
 
@@ -360,7 +354,7 @@ function showRun(now) {
   if (!running) return;
   set("run-text", `Calibration ${running.calibration}. ${running.invalid} readings were not valid.`
     + (now.recording ? ` Recording to ${now.recording}.` : ""));
-  const contacts = [...running.contacts].reverse();
+  const contacts = running.contacts.slice(-10).reverse();
   list("contacts", contacts.length ? contacts : [null], () => make("li", "what"), (item, contact) => set(item.children[0], contact
     ? `${clock(contact[0])}: ${num(contact[1], 2)} s, at most ${num(contact[2], 1)} N` : "none yet"));
   showSix("drift", running.drift, null, false);
