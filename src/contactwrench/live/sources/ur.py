@@ -55,7 +55,7 @@ class UrDecoder:
     def __init__(self, recipe: rtde.Recipe, rate: float, wrench: str) -> None:
         self._recipe, self._buffer = recipe, b""
         self._size = len(recipe.header) + recipe.struct.size
-        self._counter = Counter(1e-6, step=round(1e6 / rate))
+        self._counter = Counter(1e-6, step=round(1e6 / rate), learns=True)
         self._wrench = recipe.places.get(wrench)
         self._to_flange = wrench == COMPENSATED
         self._states = [recipe.places[name].start for name in STATES if name in recipe.places]
