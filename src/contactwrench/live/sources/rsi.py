@@ -72,6 +72,7 @@ class Rsi(Reader[Udp]):
         "KUKA KR C4, C5 with RSI Ethernet: orientation, position, joints; the robot sends to this computer, HOST is "
         "this computer's address, and it is answered in each cycle with corrections of zero"
     )
+    RATE = "250 or 83.3 Hz, as the robot is set"
     TESTED = "its fake in the lab, written from KUKA's manual; no robot"
 
     def __init__(self, uri: Uri) -> None:

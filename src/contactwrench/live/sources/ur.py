@@ -145,6 +145,7 @@ class Ur(Reader[Tcp]):
         "Universal Robots CB3 and e-series: orientation, position, joints, and the raw wrench of an e-series (5.9 and "
         "newer); force=compensated: the wrench with the payload subtracted by the robot"
     )
+    RATE = "as asked for, else 500 Hz (CB3: 125 Hz)"
     TESTED = "its fake in the lab, written from the RTDE guide; no robot"
 
     def __init__(self, uri: Uri) -> None:
