@@ -18,6 +18,7 @@ from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
 from .demo import demo
+from .devices import devices
 from .diagnose import diagnose
 from .diff import diff
 from .export import export
@@ -49,7 +50,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
-for verb in (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export, simulate, live, lab, demo):
+for verb in (
+    info,
+    plan,
+    calibrate,
+    diagnose,
+    compensate,
+    verify,
+    weigh,
+    show,
+    diff,
+    export,
+    simulate,
+    live,
+    devices,
+    lab,
+    demo,
+):
     app.command()(guarded(verb))
 
 

@@ -11,6 +11,8 @@ IN_A_ROW = 3
 a network delayed together are still two late ones; a device that restarts loses two samples by it."""
 SLACK = 0.5
 """s by which samples may come sooner than their numbers say: a jump further ahead was no loss but another start."""
+LEARNT = 5
+"""Steps by whose shortest one is corrected that was asked for: a controller of 125 Hz asked for 500 loses nothing."""
 LATEST = 10.0
 """s of samples at most that wait somewhere before they come."""
 
@@ -19,16 +21,18 @@ class Counter:
     """Counts of `period` s, one a sample, `step` from one to the next (None: not known, so that no loss is seen); they
     wrap at `modulus` (None: never).
 
-    How long it was since the last sample tells a loss, also over wraps, from a device that began anew.
+    How long it was since the last sample tells a loss, also over wraps, from a device that began anew. `learns`: that
+    the step may be longer than it says, as of time stamps where the device has a rate of its own.
     """
 
-    def __init__(self, period: float, modulus: int | None = None, step: int | None = 1) -> None:
+    def __init__(self, period: float, modulus: int | None = None, step: int | None = 1, learns: bool = False) -> None:
         self._period, self._modulus, self._step = period, modulus, step
         self._behind_most = BEHIND * step if step else 1.0 / period
         self._latest = LATEST if modulus is None else min(LATEST, modulus * period / 4)
         self._last: int | None = None
         self._total, self._arrival, self._late = 0, 0.0, 0.0
         self._behind, self._in_a_row = 0, 0
+        self._learning: list[int] | None = [] if learns and step else None
 
     def take(self, count: int, arrival: float) -> tuple[float | None, Note | None]:
         """A sample's time by the device and what is to be noted.
@@ -44,7 +48,7 @@ class Counter:
             self._last, self._arrival = count, arrival
             return 0.0, None
         ahead = self._ahead(count, arrival)
-        if ahead == self._step and not self._in_a_row:
+        if ahead == self._step and not self._in_a_row and self._learning is None:
             return self._forward(count, ahead, arrival), None
         if ahead == 0:
             return None, Note(NoteKind.REPEATED, f"number {count} came again")
@@ -53,9 +57,22 @@ class Counter:
             return self._forward(count, self._step or 1, arrival), restarted
         if ahead < 0:
             return None, Note(NoteKind.DISORDERED, f"number {count} came after {self._last}")
-        missing = round(ahead / self._step) - 1 if self._step else 0
+        missing = self._missing(ahead)
         note = Note(NoteKind.LOST, f"{missing} missing before number {count}", missing) if missing > 0 else None
         return self._forward(count, ahead, arrival), note
+
+    def _missing(self, ahead: int) -> int:
+        """Samples that are lost within an advance, or within those by which the step was learnt."""
+        if self._step is None:
+            return 0
+        if self._learning is None:
+            return round(ahead / self._step) - 1
+        self._learning.append(ahead)
+        if len(self._learning) < LEARNT:
+            return 0
+        learnt, self._learning = self._learning, None
+        self._step = max(self._step, min(learnt))
+        return round(sum(learnt) / self._step) - len(learnt)
 
     def _ahead(self, count: int, arrival: float) -> int:
         """Counts since the last sample, by as many wraps as fit best the time that passed."""

@@ -25,7 +25,6 @@ SOURCES: Mapping[str, str] = {
     "udp": "sources.lines:UdpLines",
     "tcp": "sources.lines:TcpLines",
     "stdin": "sources.lines:StdinLines",
-    "rig": "sources.rig:RigInProcess",
 }
 SINKS: Mapping[str, str] = {
     "udp": "sinks.lines:UdpLines",
@@ -76,6 +75,39 @@ def parsed(text: str) -> Uri:
         raise InputError(f"{text}: found no scheme, expected a URI like sri://{text or '192.168.0.108'}")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
     return Uri(text, parts.scheme, parts.hostname or "", port, unquote(parts.path), options)
+
+
+@dataclass(frozen=True)
+class Known:
+    """A scheme that can be opened, as its class says: `form` of the URI, what it is `about`, its `rate`, what it was
+    `tested` against; `error` where the class cannot be loaded.
+    """
+
+    scheme: str
+    form: str
+    about: str = ""
+    rate: str = ""
+    tested: str = ""
+    error: str = ""
+
+
+def known_sources() -> list[Known]:
+    """All sources, those of other packages too: their classes state FORM, ABOUT, RATE and TESTED, texts all of them."""
+    return [_known(scheme, load) for scheme, load in sorted(schemes(SOURCES, SOURCE_GROUP).items())]
+
+
+def known_sinks() -> list[Known]:
+    """All sinks, likewise."""
+    return [_known(scheme, load) for scheme, load in sorted(schemes(SINKS, SINK_GROUP).items())]
+
+
+def _known(scheme: str, load: Callable[[], Any]) -> Known:
+    try:
+        made = load()
+    except Exception as error:  # another package's
+        return Known(scheme, f"{scheme}:", error=f"cannot be loaded ({' '.join(str(error).split())})")
+    told = {name: str(getattr(made, name.upper(), "")) for name in ("about", "rate", "tested")}
+    return Known(scheme, str(getattr(made, "FORM", f"{scheme}:")), **told)
 
 
 def source_of(text: str) -> Source:

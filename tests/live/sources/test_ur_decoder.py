@@ -90,7 +90,7 @@ def test_a_state_is_said_when_it_changes() -> None:
 
 
 def test_stamps_that_stand_or_run_back_are_seen() -> None:
-    times = [0.0, 0.002, 0.002, 0.004, 0.010, 0.008, 0.012]
+    times = [*(0.002 * k for k in range(-6, 1)), 0.002, 0.002, 0.004, 0.010, 0.008, 0.012]
     kinds = [note.kind for note in decoded([data(5.0 + t) for t in times]).notes]
     assert kinds == [NoteKind.REPEATED, NoteKind.LOST, NoteKind.DISORDERED]
 
@@ -98,3 +98,9 @@ def test_stamps_that_stand_or_run_back_are_seen() -> None:
 @given(st.binary(max_size=400))
 def test_any_bytes_are_read(garbage: bytes) -> None:
     decoded([garbage])
+
+
+def test_a_slower_controller_than_was_asked_for_loses_nothing() -> None:
+    """A CB3 of 125 Hz asked for 500; a package that was lost while that was learnt is counted."""
+    batch = decoded([data(0.008 * k) for k in range(30) if k not in (3, 20)])
+    assert [(note.kind, note.number) for note in batch.notes] == [(NoteKind.LOST, 1)] * 2

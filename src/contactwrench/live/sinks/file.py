@@ -98,6 +98,11 @@ class ContactFile(GrowingFile):
     std in `/wrench/contact/std`, and in `/wrench/contact/judgement` whether they are valid, whenever that changes.
     """
 
+    FORM = "FILE.csv, FILE.parquet, FILE.mcap"
+    ABOUT = "contact wrenches, in the columns of compensate; what is a second old survives a crash"
+    RATE = "the sensor's"
+    TESTED = "read again, also after kill -9"
+
     def __init__(self, uri: Uri) -> None:
         super().__init__(Path(uri.text.removeprefix("file:")))
         self._begun, self._said = False, ""

@@ -36,6 +36,10 @@ class Line(msgspec.Struct):
 class UdpLines:
     """`udp://HOST:PORT`. It never waits: what the socket does not take at once, or nobody listens to, is dropped."""
 
+    FORM = "udp://HOST:PORT"
+    ABOUT = "one JSON line a sample: t, fx..tz, std, valid, contact, reason"
+    RATE = "the sensor's"
+    TESTED = "a socket"
     waits = False
 
     def __init__(self, uri: Uri) -> None:

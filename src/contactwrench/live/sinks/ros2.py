@@ -18,6 +18,10 @@ class Ros2:
     quality of service of sensors. A wrench that is not valid is NaN, as the message has no place to say so.
     """
 
+    FORM = "ros2://TOPIC[?frame=NAME]"
+    ABOUT = "WrenchStamped, NaN where it is not valid"
+    RATE = "the sensor's"
+    TESTED = "rclpy"
     waits = True
 
     def __init__(self, uri: Uri) -> None:

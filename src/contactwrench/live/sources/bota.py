@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from threading import Event, Lock
 from time import monotonic
@@ -24,6 +25,7 @@ class Bota:
     ABOUT = (
         "Bota, all of the vendor's driver (pip install bota-driver): wrench, temperature; its file says which sensor"
     )
+    RATE = "as its file says"
     TESTED = "the vendor's driver with its dummy sensor; no sensor"
 
     def __init__(self, uri: Uri) -> None:
@@ -35,7 +37,7 @@ class Bota:
     def open(self) -> About:
         """As `Source`; how long the vendor's driver takes is its own affair: 0.5 s."""
         try:
-            import bota_driver
+            bota_driver = import_module("bota_driver")
         except ImportError:
             raise MissingExtraError(f"{self.uri}: found no bota_driver, expected it: pip install bota-driver") from None
         if not Path(self._path).is_file():

@@ -47,7 +47,7 @@ class NamedColumns:
             if not wrench:
                 raise
         roles = roles_beside(table, naming, wrench, self._convention, angles)
-        self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None)
+        self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None, learns=True)
 
     def samples(self, rows: list[Sequence[float]], arrival: float, batch: Batch) -> None:
         """Put the rows into the batch; what is NaN in them is not there."""

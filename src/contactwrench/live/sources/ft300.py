@@ -1,110 +1,155 @@
-"""Robotiq FT 300: six Modbus registers, asked for 100 times a second, by TCP or a serial line."""
+"""Robotiq FT 300: six Modbus registers, asked for 100 times a second, by TCP or a serial line (Linux, macOS)."""
 
 from __future__ import annotations
 
-from threading import Event, Lock
+import os
+import selectors
+from struct import Struct
 from time import monotonic
-from typing import Any
 
-from ...errors import MissingExtraError
-from ..source import About, Batch, DeviceError, Note, NoteKind, Sample, now
+from ..source import About, Batch, Note, NoteKind, Sample
 from ..uri import Uri
-from .rate import RateWatch
+from .reader import Reader
+from .transport import Deadline, Link, Tcp
 
-PORT, UNIT, FIRST = 502, 9, 180
-"""Of Modbus; registers 180 to 185 are forces in 0.01 N and torques in 0.001 N m (Robotiq's manual)."""
-BAUD = 19_200
+PORT, UNIT = 502, 9
 RATE = 100.0
-PATIENCE = 0.5
-"""s for an answer."""
+QUESTION = Struct(">BBHH").pack(UNIT, 3, 180, 6)
+"""Registers 180 to 185 hold forces in 0.01 N and torques in 0.001 N m (Robotiq's manual)."""
+_registers = Struct(">6h")
+ANSWER = bytes([UNIT, 3, _registers.size])
+AGAIN = 0.5
+"""s without an answer after which the question is asked again."""
 
 
-def wrench_of(registers: list[int]) -> tuple[float, float, float, float, float, float]:
-    """N and N m of six registers of 16 bits with a sign."""
-    fx, fy, fz, tx, ty, tz = (each - 0x1_0000 if each & 0x8000 else each for each in registers)
-    return 0.01 * fx, 0.01 * fy, 0.01 * fz, 0.001 * tx, 0.001 * ty, 0.001 * tz
+class Ft300Decoder:
+    """Answers to samples: those of TCP have a head with a number, those of a serial line a sum."""
+
+    def __init__(self, serial: bool) -> None:
+        self._serial, self._buffer = serial, b""
+        self._before, self._after = (0, 2) if serial else (6, 0)
+
+    def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
+        """Put what is whole into the batch, and keep the rest."""
+        buffer = self._buffer + data
+        size = len(ANSWER) + _registers.size
+        while (start := buffer.find(ANSWER)) >= 0 and len(buffer) >= start + size + self._after:
+            end = start + size
+            if self._serial and crc(buffer[start:end]) != buffer[end : end + 2]:
+                batch.notes.append(Note(NoteKind.WRONG_SUM, "an answer with a wrong sum"))
+            else:
+                fx, fy, fz, tx, ty, tz = _registers.unpack_from(buffer, start + len(ANSWER))
+                wrench = 0.01 * fx, 0.01 * fy, 0.01 * fz, 0.001 * tx, 0.001 * ty, 0.001 * tz
+                batch.samples.append(Sample(arrival, wrench=wrench))
+            self._note_garbage(max(start - self._before, 0), batch)
+            buffer = buffer[end + self._after :]
+        keep = size + self._before + self._after
+        self._note_garbage(max(len(buffer) - keep, 0), batch)
+        self._buffer = buffer[-keep:]
+
+    def _note_garbage(self, number: int, batch: Batch) -> None:
+        if number:
+            batch.notes.append(Note(NoteKind.GARBAGE, f"{number} bytes that are no answer", number))
 
 
-class Ft300:
+class Serial(Link):
+    """A serial line at 19,200 baud, 8 bits, no parity."""
+
+    def start(self, path: str) -> None:
+        """Open it. Raises `DeviceError`."""
+        try:
+            import termios
+        except ImportError:
+            raise self.error("no serial lines of this kind", "Linux or macOS", "use Modbus TCP") from None
+        try:
+            line = os.fdopen(os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK), "r+b", buffering=0)
+            raw = [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, termios.B19200, termios.B19200]
+            termios.tcsetattr(line, termios.TCSANOW, [*raw, termios.tcgetattr(line)[6]])
+        except (OSError, termios.error) as error:
+            found = f"no serial line ({str(error.args[-1]).lower()})"
+            raise self.error(found, self._device, "check its path, and that you may use it (group dialout)") from None
+        with self._lock:
+            self._use(line, selectors.DefaultSelector())
+
+    def send(self, data: bytes) -> None:
+        """Send a few bytes."""
+        if self._socket is not None:
+            self._socket.write(data)
+
+    def receive(self, timeout: float) -> list[bytes]:
+        """What has come; nothing in silence, and after `close`. Raises `DeviceError`: it was pulled out."""
+        with self._lock:
+            if not self._ready(selectors.EVENT_READ, timeout):
+                return []
+            try:
+                data = self._socket.read(256)
+            except OSError:
+                data = b""
+        if data == b"":
+            raise self.error("the line gone", "samples", "check its plug")
+        return [data] if data else []
+
+
+class Ft300(Reader[Tcp | Serial]):
     """The sensor. It has no counter and no status: a sample that it repeats is not seen."""
 
     FORM = "ft300://HOST[:502] or ft300:///dev/ttyUSB0"
-    ABOUT = "Robotiq FT 300: wrench, 100 Hz by TCP, about 50 Hz by a serial line of 19,200 baud"
-    TESTED = "its fake in the lab, written from Robotiq's manual; no sensor"
+    ABOUT = "Robotiq FT 300: wrench; 100 Hz by Modbus TCP, about 50 Hz by a serial line"
+    RATE = "100 Hz (serial: about 50 Hz)"
+    TESTED = "its fake in the lab, and pymodbus as the server; no sensor"
 
     def __init__(self, uri: Uri) -> None:
         uri.only()
-        self.uri = uri.text
-        self._at = uri
-        self._client: Any = None
-        self._closed, self._lock = Event(), Lock()
+        self._path = uri.path if not uri.host else ""
+        kind = Serial if self._path else Tcp
+        super().__init__(uri, kind(uri.text, "Robotiq FT 300"))
+        self._at = uri.host, uri.port or PORT
 
     def open(self) -> About:
         """As `Source`."""
-        self._closed.clear()
-        with self._lock:
-            self._client = self._made()
-            if not self._client.connect():
-                self._drop()
-                raise self._error("nobody listening", "check its power, its cable and the address")
-        self._due, self._watch = monotonic(), RateWatch(RATE)
-        first = Batch()
-        for _ in range(3):
-            self._ask(first)
-            if first.samples:
-                break
+        deadline = Deadline()
+        if isinstance(self._link, Tcp):
+            self._link.connect(*self._at, deadline)
         else:
-            raise self._error("no registers 180 to 185", "check that this is the sensor, and its unit 9")
-        how = f"serial, {BAUD} baud" if self._at.path else "TCP"
+            self._link.start(self._path)
+        self._number, self._asked, self._due = 0, False, monotonic()
+        self._begin(Ft300Decoder(bool(self._path)), RATE)
+        first = Batch()
+        while not first.samples:
+            if not deadline.left:
+                raise self._link.silent("six Modbus registers from 180 on")
+            first = self.read(min(AGAIN, deadline.left))
+        self._early = first
+        how = self._path or "Modbus TCP"
         return About("Robotiq FT 300", wrench=True, orientation=False, rate=RATE, settings={"by": how})
 
     def read(self, timeout: float) -> Batch:
-        """As `Source`: it asks for one sample when that is due."""
-        batch = Batch()
-        self._due = max(self._due + 1.0 / RATE, monotonic() - 1.0 / RATE)
-        if not self._closed.wait(max(min(self._due - monotonic(), timeout), 0.0)):
-            self._ask(batch)
-            self._watch.take(batch, now())
+        """As `Source`: it asks for a sample when that is due, and waits for the answer."""
+        if not self._early.samples and not self._asked:
+            if (wait := self._due - monotonic()) > 0.0:
+                self._link.receive(min(wait, timeout))
+                if wait >= timeout:
+                    return Batch()
+            self._ask()
+        batch = super().read(timeout)
+        if batch.samples:
+            self._asked, self._due = False, max(self._due + 1.0 / RATE, monotonic() - 1.0 / RATE)
+        elif monotonic() - self._sent > AGAIN:
+            self._ask()
         return batch
 
-    def close(self) -> None:
-        """As `Source`; a question under way ends first, within half a second."""
-        self._closed.set()
-        with self._lock:
-            self._drop()
+    def _ask(self) -> None:
+        self._number = (self._number + 1) % 0x1_0000
+        head = b"" if self._path else Struct(">HHH").pack(self._number, 0, len(QUESTION))
+        self._link.send(head + QUESTION + (crc(QUESTION) if self._path else b""))
+        self._asked, self._sent = True, monotonic()
 
-    def _ask(self, batch: Batch) -> None:
-        from pymodbus.exceptions import ConnectionException, ModbusIOException
 
-        with self._lock:
-            if self._client is None:
-                return
-            try:
-                answer = self._client.read_holding_registers(FIRST, count=6, device_id=UNIT)
-            except ModbusIOException:
-                return
-            except (ConnectionException, OSError):
-                raise self._error("the connection closed", "check its power and its cable") from None
-        if answer.isError() or len(answer.registers) != 6:
-            batch.notes.append(Note(NoteKind.GARBAGE, "an answer that is no six registers"))
-        else:
-            batch.samples.append(Sample(now(), wrench=wrench_of(answer.registers)))
-
-    def _made(self) -> Any:
-        try:
-            from pymodbus.client import ModbusSerialClient, ModbusTcpClient
-        except ImportError:
-            raise MissingExtraError(
-                f"{self.uri}: found no pymodbus, expected it: pip install 'contactwrench[live]'"
-            ) from None
-        if self._at.path:
-            return ModbusSerialClient(self._at.path, baudrate=BAUD, timeout=PATIENCE, retries=0)
-        return ModbusTcpClient(self._at.host, port=self._at.port or PORT, timeout=PATIENCE, retries=0)
-
-    def _drop(self) -> None:
-        if self._client is not None:
-            self._client.close()
-        self._client = None
-
-    def _error(self, found: str, do: str) -> DeviceError:
-        return DeviceError(f"{self.uri}: found {found}, expected a Robotiq FT 300: {do}")
+def crc(data: bytes) -> bytes:
+    """The sum of Modbus on a serial line: CRC-16 with the polynomial 0xA001, low byte first."""
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value.to_bytes(2, "little")

@@ -133,6 +133,7 @@ class _Lines(Reader[AnyLink]):
         "one JSON object or CSV line a sample, columns named as in a recording; columns: of CSV without a header; "
         "orientation, units: as --orientation and --units; rate: by which lost lines show"
     )
+    RATE = "the sender's"
     TESTED = "senders of its own"
     OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
     WHOLE = False

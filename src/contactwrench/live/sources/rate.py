@@ -12,8 +12,8 @@ WINDOW = 1.0
 """s over which samples are counted."""
 PAUSE = 0.25
 """s without any sample: what is counted begins anew, so that silence is no low rate."""
-TOLERANCE = 0.1
-"""Of the rate: what a network's bursts do to a count over a second at 100 Hz and more."""
+TOLERANCE = 0.2
+"""Of the rate: above what bursts of a network do to a count over a second, below a rate that is another."""
 
 
 class RateWatch:

@@ -45,6 +45,7 @@ class Ros2:
         "WrenchStamped, Wrench, PoseStamped or Pose (of the flange in base axes) of ROS 2; ROS_DOMAIN_ID as always; "
         "without a sourced ROS: pip install rosless"
     )
+    RATE = "the publisher's"
     TESTED = "rosless 0.5 to rosless; rclpy of Kilted"
 
     def __init__(self, uri: Uri) -> None:

@@ -87,6 +87,7 @@ class Sri(Reader[Tcp]):
 
     FORM = "sri://HOST[:4008][?rate=HZ][&zero=1]"
     ABOUT = "SRI M8125, M8128: wrench; rate: asked of the box; zero=1: the box zeroes itself first"
+    RATE = "as asked for, else as the box is set; usually 1000 Hz"
     TESTED = "its fake in the lab, written from public drivers; no box"
 
     def __init__(self, uri: Uri) -> None:

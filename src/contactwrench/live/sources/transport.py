@@ -28,10 +28,10 @@ REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
 
 
 class Deadline:
-    """A moment that is `seconds` from now."""
+    """A moment that is `seconds` from now, `PATIENCE` where it is not said."""
 
-    def __init__(self, seconds: float = PATIENCE) -> None:
-        self._end = monotonic() + seconds
+    def __init__(self, seconds: float | None = None) -> None:
+        self._end = monotonic() + (PATIENCE if seconds is None else seconds)
 
     @property
     def left(self) -> float:

@@ -55,7 +55,7 @@ class UrDecoder:
     def __init__(self, recipe: rtde.Recipe, rate: float, wrench: str) -> None:
         self._recipe, self._buffer = recipe, b""
         self._size = len(recipe.header) + recipe.struct.size
-        self._counter = Counter(1e-6, step=round(1e6 / rate))
+        self._counter = Counter(1e-6, step=round(1e6 / rate), learns=True)
         self._wrench = recipe.places.get(wrench)
         self._to_flange = wrench == COMPENSATED
         self._states = [recipe.places[name].start for name in STATES if name in recipe.places]
@@ -145,6 +145,7 @@ class Ur(Reader[Tcp]):
         "Universal Robots CB3 and e-series: orientation, position, joints, and the raw wrench of an e-series (5.9 and "
         "newer); force=compensated: the wrench with the payload subtracted by the robot"
     )
+    RATE = "as asked for, else 500 Hz (CB3: 125 Hz)"
     TESTED = "its fake in the lab, written from the RTDE guide; no robot"
 
     def __init__(self, uri: Uri) -> None:
