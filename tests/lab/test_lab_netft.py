@@ -84,7 +84,7 @@ def test_faults_of_records() -> None:
         assert (8,) in [record(client) for _ in range(20)]
         box.restart()
         assert 1 in [record(client)[0] for _ in range(20)]
-        box.counter = 2**32 - 3
+        box.restart(2**32 - 3)
         numbers = [record(client)[0] for _ in range(30)]
         assert numbers[numbers.index(2**32 - 1) + 1] == 0
         box.split()

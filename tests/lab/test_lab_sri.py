@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from contactwrench.errors import FileAccessError
 from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
 from tests.lab.clients import connected, exactly, line, nothing_left, sri_packet
@@ -63,7 +64,7 @@ def test_the_stream_is_numbered_whole_and_at_its_rate(stream: socket.socket) -> 
 
 def test_the_number_wraps(sri: Sri, stream: socket.socket) -> None:
     sri_packet(stream)
-    sri.counter = 65_530
+    sri.restart(65_530)
     numbers = [sri_packet(stream)[0] for _ in range(60)]
     assert 65_535 in numbers
     assert numbers[numbers.index(65_535) + 1] == 0
@@ -122,6 +123,35 @@ def test_its_rate_is_its_own() -> None:
         assert abs(rows - 0.5 * 525.0) < 30
 
 
-def test_a_client_that_does_not_read_holds_nobody_up(sri: Sri, stream: socket.socket) -> None:
-    del stream
-    time.sleep(0.05)
+def test_a_client_that_does_not_read_is_dropped_and_the_others_go_on() -> None:
+    with Sri(Plain(), 1000.0) as sri, socket.socket() as asleep, connected(sri.port) as awake:
+        asleep.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        asleep.connect((sri.host, sri.port))
+        asleep.sendall(b"AT+SMPF=9999\r\nAT+GSD\r\n")
+        deadline = time.monotonic() + 20.0
+        while len(sri._clients) != 1 and time.monotonic() < deadline:
+            for client in sri._clients:
+                client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+            time.sleep(0.02)
+        assert len(sri._clients) == 1
+        awake.sendall(b"AT+EIP=?\r\n")
+        assert line(awake) == "ACK+EIP=127.0.0.1$OK"
+
+
+def test_nonsense_does_not_end_it(sri: Sri) -> None:
+    with connected(sri.port) as connection:
+        connection.sendall(b"\xff\x00GET / HTTP/1.1\r\nAT+SGDM=(A01);C;x\r\nAT+SMPF=nan\r\n")
+        assert [line(connection) for _ in range(3)] == ["ACK+=$ERROR", "ACK+SGDM=$ERROR", "ACK+SMPF=$ERROR"]
+
+
+def test_a_port_that_is_taken_is_said(sri: Sri) -> None:
+    with pytest.raises(FileAccessError, match=f"port {sri.port} of 127.0.0.1 cannot be listened on"):
+        Sri(Plain(), port=sri.port).__enter__()
+
+
+@pytest.mark.parametrize("trouble", ["cut", "silence", "refuse", "split"])
+def test_it_ends_in_every_state(trouble: str) -> None:
+    with nothing_left(), Sri(Plain()) as sri, connected(sri.port) as connection:
+        connection.sendall(b"AT+GSD\r\n")
+        sri_packet(connection)
+        getattr(sri, trouble)(*{"silence": [60.0], "refuse": [60.0]}.get(trouble, []))

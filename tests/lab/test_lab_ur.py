@@ -7,6 +7,7 @@ import os
 import struct
 import subprocess
 import sys
+import time
 from importlib.util import find_spec
 
 import numpy as np
@@ -58,6 +59,20 @@ def test_a_cb3_has_no_raw_wrench_and_an_offset_moves_the_pose() -> None:
         tcp = R * Rotation.from_rotvec(offset[3:])
         assert np.allclose(pose[3:], tcp.as_rotvec(), atol=1e-12)
         assert np.allclose(pose[:3], SIGNAL["position"] + R.apply(offset[:3]), atol=1e-12)
+
+
+def test_its_time_goes_on_while_nobody_listens_and_nonsense_is_hung_up_on() -> None:
+    with Ur(Plain()) as ur:
+        stamps = []
+        for _ in range(2):
+            with connected(ur.port) as connection:
+                rtde(connection, "O", struct.pack(">d", 500.0) + b"timestamp")
+                rtde(connection, "S")
+                stamps.append(struct.unpack(">d", rtde_package(connection)[1][1:])[0])
+                time.sleep(0.2)
+        assert 0.2 < stamps[1] - stamps[0] < 1.0
+        with connected(ur.port) as connection, pytest.raises(ConnectionError):
+            rtde(connection, "O", b"short")
 
 
 READ = """

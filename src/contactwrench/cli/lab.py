@@ -43,14 +43,13 @@ def lab(
     """
     from ..lab.control import Control
     from ..lab.rig import Lab
-    from ..lab.sockets import free_port
     from ..simulate.settings import Settings, changed
 
     virtual = Lab(changed(Settings(), settings or []), seed)
     ports = [port_base and port_base + k for k in range(4)]
     with ExitStack() as running:
         sensing = running.enter_context(_sensor(sensor, virtual, ports[:2]))
-        arm = running.enter_context(_robot(robot, virtual.sensor(), ports[2] or free_port()))
+        arm = running.enter_context(_robot(robot, virtual.sensor(), ports[2]))
         control = running.enter_context(Control(virtual, ports[3]))
         options.say(
             f"Sensor   {sensing.uri}\nRobot    {arm.uri}\nControl  {control.uri}\n"
@@ -79,14 +78,16 @@ def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
 
 def _robot(kind: str, signal: Signal, port: int) -> Fake:
     """The robot; of one that sends without being asked, `port` is where it sends to."""
+    from ..lab.sockets import free_port
+
     if kind == "rsi":
         from ..lab.rsi import Rsi
 
-        return Rsi(signal, (LOCALHOST, port))
+        return Rsi(signal, (LOCALHOST, port or free_port()))
     if kind == "lines":
         from ..lab.lines import UdpLines
 
-        return UdpLines(signal, (LOCALHOST, port), shows="pose")
+        return UdpLines(signal, (LOCALHOST, port or free_port()), shows="pose")
     from ..lab.ur import Ur
 
     return Ur(signal, port=port)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Event, Thread
 from time import monotonic, sleep
 from types import TracebackType
@@ -61,6 +62,7 @@ class Fake(ABC):
         self.state = 0
         """The status that it shows."""
         self.clock = Clock(true_rate or rate, clock_drift, jitter)
+        self._powered = monotonic()
         self._orders: deque[tuple[Callable[[], None], Event]] = deque()
         self._faults: deque[Fault] = deque()
         self._silent_until, self._closed_until, self._late = 0.0, 0.0, 0.0
@@ -133,9 +135,17 @@ class Fake(ABC):
         """Send two packets in the wrong order."""
         self._faults.append(lambda packets: [packets[1], packets[0], *packets[2:]] if len(packets) > 1 else None)
 
-    def restart(self) -> None:
-        """Count from 0 again."""
-        self._order(lambda: setattr(self, "counter", 0))
+    def restart(self, number: int = 0) -> None:
+        """As after power was off: count from there again, and time from 0."""
+
+        def begin() -> None:
+            self.counter, self._powered = number, monotonic()
+
+        self._order(begin)
+
+    def uptime(self, t: float) -> float:
+        """What the device's own clock shows at a moment of the lab's, s since it was powered."""
+        return (t - self._powered) * self.clock.rate / self.clock.nominal
 
     def status(self, word: int) -> None:
         """Show a status from now on; 0: all is well."""
@@ -178,8 +188,9 @@ class Fake(ABC):
         if monotonic() < self._closed_until:
             sleep(IDLE)
             return
-        self._closed_until = 0.0
-        self._open()
+        with suppress(OSError):  # somebody has the port: try again
+            self._open()
+            self._closed_until = 0.0
 
     def _silent(self) -> bool:
         return monotonic() < self._silent_until

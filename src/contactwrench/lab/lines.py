@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from ..geometry.arrays import Array
-from .device import Packets
+from .device import Fake, Packets
 from .signals import Signal
 from .sockets import Client, TcpFake, UdpFake
 
@@ -22,8 +22,8 @@ WRENCH, POSE = ("fx", "fy", "fz", "tx", "ty", "tz"), ("qx", "qy", "qz", "qw", "x
 NAMES: dict[str, tuple[str, ...]] = {"wrench": WRENCH, "pose": POSE, "both": WRENCH + POSE}
 
 
-def _line(signal: Signal, names: tuple[str, ...], form: Form, at: float, t: float, row: Array) -> bytes:
-    pose = signal.pose_at(at) if POSE[0] in names else None
+def _line(device: Fake, names: tuple[str, ...], form: Form, at: float, row: Array) -> bytes:
+    pose, t = device.signal.pose_at(at) if POSE[0] in names else None, device.uptime(at)
     shown = [] if pose is None else [pose.quat_xyzw, pose.position]
     values = np.concatenate([row if WRENCH[0] in names else [], *shown]).tolist()
     if form == "json":
@@ -60,12 +60,12 @@ class UdpLines(UdpFake):
         """Nobody answers."""
 
     def _packets(self, t0: float, rows: Array) -> Packets:
-        packets, rate = [], self.clock.nominal
+        packets = []
         for k, row in enumerate(rows, self.counter):
-            if self._form == "csv" and k % round(rate) == 0:
+            if self._form == "csv" and k % round(self.rate) == 0:
                 packets.append(_header(self._names))
             at = t0 + (k - self.counter) / self.clock.rate
-            packets.append(_line(self.signal, self._names, self._form, at, k / rate, row))
+            packets.append(_line(self, self._names, self._form, at, row))
         return packets
 
 
@@ -89,8 +89,5 @@ class TcpLines(TcpFake):
         client.inbox.clear()
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        at, numbers = t0 + np.arange(len(rows)) / self.clock.rate, self.counter + np.arange(len(rows))
-        return [
-            _line(self.signal, self._names, self._form, *moment)
-            for moment in zip(at.tolist(), (numbers / self.clock.nominal).tolist(), rows, strict=True)
-        ]
+        rate = self.clock.rate
+        return [_line(self, self._names, self._form, t0 + k / rate, row) for k, row in enumerate(rows)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 from abc import abstractmethod
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -88,7 +89,10 @@ class TcpFake(Fake):
             self._drop(client)
             return
         client.inbox += data
-        self._received(client)
+        try:
+            self._received(client)
+        except (ValueError, struct.error):  # it speaks another protocol
+            self._drop(client)
 
     @abstractmethod
     def _received(self, client: Client) -> None:
@@ -145,7 +149,7 @@ class UdpFake(Fake):
             self._receive()
 
     def _receive(self) -> None:
-        with suppress(OSError):  # what was sent has not arrived: nobody is there
+        with suppress(OSError, ValueError):  # what was sent has not arrived, or what comes means nothing
             self._received(*self._socket.recvfrom(RECEIVED))
 
     @abstractmethod

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
+from time import monotonic
 from typing import Any
 
 from ..geometry.arrays import Array
@@ -17,6 +18,15 @@ from .sockets import Client, TcpFake
 
 CHANNELS = "A01,A02,A03,A04,A05,A06"
 WRAPS = 1 << 16
+RATE = r"[1-9]\d{0,3}"
+FORMS = {
+    "EIP": r"[\d.]+",
+    "SGDM": rf"\({CHANNELS}\);E;[1-9]\d?;\(WMA:\d+\)",
+    "DCPCU": "MVPV",
+    "DCKMD": "SUM",
+    "ADJZF": "[01](;[01]){5}",
+}
+"""What a value looks like; another is answered `$ERROR`: units other than N and N m, sums other than the byte."""
 
 
 class Sri(TcpFake):
@@ -38,7 +48,13 @@ class Sri(TcpFake):
         super().__init__(signal, rate, **more)
         self.asked: list[str] = []
         self._ok, self._rate_name = ("", "SMPR") if old else ("$OK", "SMPF")
-        self._values = {"EIP": self.host, "SGDM": f"({CHANNELS});E;1;(WMA:1)", "DCPCU": "MVPV", "DCKMD": "SUM"}
+        self._values = {
+            "EIP": self.host,
+            "SGDM": f"({CHANNELS});E;1;(WMA:1)",
+            "DCPCU": "MVPV",
+            "DCKMD": "SUM",
+            "ADJZF": "",
+        }
 
     def wrong_sum(self) -> None:
         """Spoil the sum of a packet."""
@@ -59,7 +75,7 @@ class Sri(TcpFake):
             if value == "STOP":
                 self._answer(client, f"ACK+GSD=STOP{self._ok}\r\n".encode())
         elif name == "GOD":
-            row = self.signal.wrench_rows(self.clock.time(self.clock.row), 1, self.clock.rate)
+            row = self.signal.wrench_rows(monotonic(), 1, self.clock.rate)
             self._answer(client, self._packet(self.counter, row))
             self.counter += 1
         else:
@@ -67,16 +83,15 @@ class Sri(TcpFake):
 
     def _setting(self, name: str, value: str | None) -> str:
         """Answer a question, or take a value."""
+        form = RATE if name == self._rate_name else FORMS.get(name)
+        if form is None or not re.fullmatch(rf"\?|{form}", value or ""):
+            return "$ERROR"
         if name == self._rate_name:
             if value != "?":
-                self.ask_rate(float(value or "nan"))
+                self.ask_rate(float(value or 0))
             return f"{self.rate:g}{self._ok}"
-        if name == "ADJZF":
-            return f"{value}{self._ok}"
-        if name not in self._values or value is None:
-            return "$ERROR"
         if value != "?":
-            self._values[name] = value
+            self._values[name] = str(value)
         return f"{self._values[name]}{self._ok}"
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:

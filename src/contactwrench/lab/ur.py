@@ -30,16 +30,8 @@ NORMAL, RUNNING, POWERED = 1, 7, 3
 @dataclass(frozen=True, eq=False)
 class _Moment:
     t: float
-    uptime: float
     wrench: Array
     pose: FlangePose
-
-
-class _Recipe:
-    """Which fields a client gets, and of how many of the robot's ticks one."""
-
-    names: Sequence[str] = ()
-    every = 1
 
 
 class Ur(TcpFake):
@@ -61,9 +53,10 @@ class Ur(TcpFake):
         self.state = NORMAL
         self._version = (3, 15, 8, 0) if cb3 else (5, 15, 0, 0)
         self._offset = np.array(tcp_offset, dtype=np.float64)
-        self._recipes: dict[Client, _Recipe] = {}
+        self._recipes: dict[Client, tuple[list[str], int]] = {}
+        """The fields that a client gets, and of how many ticks one."""
         self._fields: dict[str, tuple[str, Callable[[_Moment], Any]]] = {
-            "timestamp": ("DOUBLE", lambda at: [at.uptime]),
+            "timestamp": ("DOUBLE", lambda at: [self.uptime(at.t)]),
             "actual_q": ("VECTOR6D", lambda at: at.pose.joints[:6]),
             "actual_TCP_pose": ("VECTOR6D", self._tcp_pose),
             "actual_TCP_force": ("VECTOR6D", self._tcp_force),
@@ -124,8 +117,7 @@ class Ur(TcpFake):
         kinds = [self._fields[name][0] if name in self._fields else "NOT_FOUND" for name in names]
         if "NOT_FOUND" in kinds:
             return b"\x00" + ",".join(kinds).encode()
-        recipe = self._recipes[client] = _Recipe()
-        recipe.names, recipe.every = names, max(round(self.rate / max(frequency, 1.0)), 1)
+        self._recipes[client] = (names, max(round(self.rate / max(frequency, 1.0)), 1))
         return b"\x01" + ",".join(kinds).encode()
 
     def _drop(self, client: Client) -> None:
@@ -133,13 +125,13 @@ class Ur(TcpFake):
         self._recipes.pop(client, None)
 
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        recipe = self._recipes[client]
-        form = struct.Struct(">B" + "".join(FORMS[self._fields[name][0]] for name in recipe.names))
+        names, every = self._recipes[client]
+        form = struct.Struct(">B" + "".join(FORMS[self._fields[name][0]] for name in names))
         packets = []
-        for k in range(-self.counter % recipe.every, len(rows), recipe.every):
+        for k in range(-self.counter % every, len(rows), every):
             t = t0 + k / self.clock.rate
-            at = _Moment(t, (self.counter + k) / self.clock.nominal, rows[k], self.signal.pose_at(t))
-            values = [value for name in recipe.names for value in self._fields[name][1](at)]
+            at = _Moment(t, rows[k], self.signal.pose_at(t))
+            values = [value for name in names for value in self._fields[name][1](at)]
             packets.append(_package("U", form.pack(1, *values)))
         return packets
 
