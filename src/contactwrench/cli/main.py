@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import typer
 
-from ..errors import ContactWrenchError, shortened, visible
+from ..errors import BEFORE, ContactWrenchError, shortened, visible
 from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
@@ -114,5 +114,5 @@ def _largest_input() -> str:
 
 
 def _say(message: str) -> int:
-    print(shortened(f"contactwrench: {visible(message)}"), file=sys.stderr)
+    print(shortened(f"{BEFORE}{visible(message)}"), file=sys.stderr)
     return BAD
