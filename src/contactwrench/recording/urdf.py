@@ -146,6 +146,12 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         )
     if kind == "revolute" and element.find("limit") is None:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
+    limits = (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT
+    if limits[0] > limits[1]:
+        raise FileFormatError(
+            f"{path}: joint {name} has the limits {limits[0]:g} to {limits[1]:g} rad, expected lower below upper: "
+            "exchange them"
+        )
     return _Joint(
         name,
         kind if mimic is None else f"a mimic of {mimic.get('joint')}",
@@ -154,7 +160,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
         numbers("origin", "xyz", "0 0 0"),
         axis / max(length, 1.0 / FARTHEST),
-        (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT,
+        limits,
     )
 
 
@@ -166,7 +172,12 @@ def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joi
         chain.append(to_child[link])
         link = to_child[link].parent
         if len(chain) > len(to_child):
-            raise FileFormatError(f"{path}: the joints from {tip} go round in a circle, expected a tree")
+            *links, last = [joint.child for joint in chain]
+            circle = [*links[len(links) - 1 - links[::-1].index(last) :], last]
+            raise FileFormatError(
+                f"{path}: found links that go round in a circle ({_list(circle)}), expected a tree: correct the parent "
+                "of one of them"
+            )
     return chain[::-1]
 
 
@@ -182,6 +193,8 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
         if link not in parents
     }
     ends = [link for link, count in axes.items() if count == max(axes.values())]
+    if not ends:
+        _chain(path, next(iter(to_child)), to_child)
     if len(ends) != 1:
         raise FileFormatError(
             f"{path}: found {len(ends)} ends of the arm ({_list(ends)}), expected one: name the flange, as in "
