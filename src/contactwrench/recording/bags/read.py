@@ -106,8 +106,8 @@ def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | No
         return arm.base_frame or None
     for part in messages(bag, topics):
         if topics[0] in part:
-            ((parent, _),) = poses(bag, topics[0], part[topics[0]][:1])[1]
-            return parent or None
+            for parent, _ in poses(bag, topics[0], part[topics[0]][:1])[1]:
+                return parent or None
     return None
 
 
