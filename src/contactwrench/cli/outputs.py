@@ -6,6 +6,7 @@ Every argument that is no output counts as read where it names something, so tha
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import copy_context
 from dataclasses import dataclass
@@ -84,6 +85,8 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
         for file in mark.files(values[name], values) if named else ():
             _require_unread(file, read)
             target = target_of(file)
+            if file == values[name] and not any(map(os.path.isdir, read.values())):
+                _require_no_slash(file)
             if target.exists() and not target.is_file():
                 continue
             if identity(target) in written:
@@ -122,6 +125,14 @@ def _require_unread(file: Path, read: Mapping[Key, str]) -> None:
         when, name = "would be", next(filter(None, map(read.get, map(identity, target.parents))), None)
     if name is not None:
         raise FileAccessError(f"{file}: found what {when} read as {name}, expected another file to write: name one")
+
+
+def _require_no_slash(file: Path) -> None:
+    """Raise `FileAccessError` for a file that was given with a slash at its end, which a `Path` has lost."""
+    for argument in sys.argv[1:]:
+        text = argument.rpartition("=")[2]
+        if text.endswith("/") and Path(text) == file:
+            raise FileAccessError(f"{text}: found the name of a folder, expected that of a file: leave out its last /")
 
 
 def _is_page(file: Path) -> bool:
