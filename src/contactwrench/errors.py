@@ -1,7 +1,7 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 LONGEST = 299
 """Characters of a message on a terminal."""
@@ -68,6 +68,12 @@ def visible(text: str) -> str:
     writing is escaped, as in JSON.
     """
     return _INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def some_of(names: Iterable[str], most: int = 12) -> str:
+    """Names for a message."""
+    known = list(names)
+    return ", ".join(known[:most]) + (", ..." if len(known) > most else "")
 
 
 def shortened(message: str, rules: Sequence[tuple[str, int]] = _LONG) -> str:

@@ -135,15 +135,10 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
     residuals = estimate.residuals if len(estimate.residuals) == len(readings) else estimate.errors
     left, left_negated = (float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (residuals, rival.errors))
     if left_negated < 0.5 * left and _fits_worse(residuals, rival.noise, rival.errors, dof):
-        raise AmbiguityError(
-            _contradiction(
-                f"only a negative weight explains these readings ({left:.3g} N left as given, {left_negated:.3g} N "
-                "negated)",
-                f"say --sign reaction or --gravity {negated(stated)}, or mend a mirrored axis",
-                rival.tool.weight,
-                left_negated,
-            )
-        )
+        left_so = f"{left:.3g} N left as given, {left_negated:.3g} N negated"
+        found = f"only a negative weight explains these readings ({left_so})"
+        either = f"say --sign reaction or --gravity {negated(stated)}, or mend a mirrored axis"
+        raise _contradiction(found, either, rival.tool.weight, left_negated)
     explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ stated >= 0.0
     tie = explained and on_stated_side and not _fits_worse(rival.errors, estimate.noise, residuals, dof)
@@ -156,15 +151,10 @@ def require_stated_side(tool: RigidTool, stated: Array, std: float, left: float)
     """
     angle = np.rad2deg(np.arccos(np.clip(tool.gravity_direction @ stated, -1.0, 1.0)))
     if angle > 90.0 + SURE_SIDE * np.rad2deg(std):
-        found = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
-        raise AmbiguityError(
-            _contradiction(
-                f"gravity comes out {angle:.0f} deg from the stated direction, expected up to 90",
-                f"say --sign reaction, or --gravity {found} of a base mounted that way",
-                tool.weight,
-                left,
-            )
-        )
+        direction = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
+        found = f"gravity comes out {angle:.0f} deg from the stated direction, expected up to 90"
+        either = f"say --sign reaction, or --gravity {direction} of a base mounted that way"
+        raise _contradiction(found, either, tool.weight, left)
 
 
 def require_positive_weight(weight: float, gravity_direction: Array, left: float, hint: str = "") -> None:
@@ -174,21 +164,20 @@ def require_positive_weight(weight: float, gravity_direction: Array, left: float
     if weight <= 0.0:
         found = f"the weight comes out as {weight:.3g} N, expected above 0"
         either = f"say {hint}--sign reaction or --gravity {negated(gravity_direction)}"
-        raise AmbiguityError(_contradiction(found, either, weight, left))
+        raise _contradiction(found, either, weight, left)
 
 
-def _contradiction(found: str, either: str, weight: float, left: float) -> str:
-    """What was found and what may mend it, in as few words as what is likelier leaves: where there is next to no
+def _contradiction(found: str, either: str, weight: float, left: float) -> AmbiguityError:
+    """The error for what was found, `either` of which may mend it; or what is likelier, where there is next to no
     weight (N), or much is `left` (N).
     """
     if max(abs(weight), left) < LIGHTEST_TOOL:
-        return with_room_for(f"{found}; of so little weight {LIKELIEST_CAUSE}", f"; else {either}")
+        return AmbiguityError(with_room_for(f"{found}; of so little weight {LIKELIEST_CAUSE}", f"; else {either}"))
+    why = "free air cannot tell, one push by hand can"
     if left > POOR_SHARE * abs(weight):
-        return (
-            f"{found}: {either}; but {left:.2g} N are left so too, and likelier the file is read wrongly: "
-            "contactwrench diagnose tells how"
-        )
-    return f"{found}: {either}; free air cannot tell, one push by hand can"
+        likelier = "likelier the file is read wrongly: contactwrench diagnose tells how"
+        why = f"but {left:.2g} N are left so too, and {likelier}"
+    return AmbiguityError(f"{found}: {either}; {why}")
 
 
 def negated(direction: Array) -> str:

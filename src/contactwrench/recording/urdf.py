@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..assess.robot_arms import Arm, known_arm
-from ..errors import FileFormatError
+from ..errors import FileFormatError, some_of
 from ..files import read_bytes
 from ..geometry.arrays import Array
 
@@ -62,7 +61,9 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     to_child = {joint.child: joint for joint in _joints(path)}
     tip = _flange(path, to_child) if flange is None else flange
     if tip not in to_child:
-        raise FileFormatError(f"{path}: found no joint that carries a link {tip!r}, expected one of {_list(to_child)}")
+        raise FileFormatError(
+            f"{path}: found no joint that carries a link {tip!r}, expected one of {some_of(to_child)}"
+        )
     chain = _chain(path, tip, to_child)
     R_before, offsets, axes, limits, names, R, offset = [], [], [], [], [], np.eye(3), np.zeros(3)
     for joint in chain:
@@ -175,8 +176,8 @@ def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joi
             *links, last = [joint.child for joint in chain]
             circle = [*links[len(links) - 1 - links[::-1].index(last) :], last]
             raise FileFormatError(
-                f"{path}: found links that go round in a circle ({_list(circle)}), expected a tree: correct the parent "
-                "of one of them"
+                f"{path}: found links that go round in a circle ({some_of(circle, 8)}), expected a tree: correct the "
+                "parent of one of them"
             )
     return chain[::-1]
 
@@ -197,12 +198,7 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
         _chain(path, next(iter(to_child)), to_child)
     if len(ends) != 1:
         raise FileFormatError(
-            f"{path}: found {len(ends)} ends of the arm ({_list(ends)}), expected one: name the flange, as in "
+            f"{path}: found {len(ends)} ends of the arm ({some_of(ends, 8)}), expected one: name the flange, as in "
             "arm.urdf:LINK"
         )
     return ends[0]
-
-
-def _list(names: Iterable[str]) -> str:
-    known = list(names)
-    return ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
