@@ -77,9 +77,7 @@ def some_of(names: Iterable[str], most: int = 12) -> str:
 
 
 def shortened(message: str, rules: Sequence[tuple[str, int]] = _LONG) -> str:
-    """A message that is short enough: the middle of long names and lists is left out, and words of ours only where that
-    does not do.
-    """
+    """A message that is short enough: without the middle of long names and lists, of our words only where it must."""
     for which, least in rules:
         while (excess := len(message) - LONGEST) > 0 and (found := re.findall(which, message)):
             longest = max(found, key=len)
@@ -88,9 +86,7 @@ def shortened(message: str, rules: Sequence[tuple[str, int]] = _LONG) -> str:
 
 
 def with_room_for(message: str, *more: str, end: str = "") -> str:
-    """A message, those of the further parts, the most useful first, with which a terminal still shows all words, and
-    its end.
-    """
+    """A message, those of the further parts, the most useful first, that leave all words on a terminal, and its end."""
     for part in more:
         if len(shortened(f"{BEFORE}{message}{part}{end}", _LONG[:4])) <= LONGEST:
             message += part

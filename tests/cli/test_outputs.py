@@ -399,7 +399,7 @@ def test_a_current_folder_that_was_deleted_is_no_fault_of_a_file(
 def test_a_name_with_a_slash_at_its_end_is_no_file(tmp_path: Path, capsys: Capture, option: str) -> None:
     name = f"{tmp_path}/newd/"
     done = run(capsys, "calibrate", PANDA, *option.format(name).split())
-    assert done.complaint == f"{name}: found the name of a folder, expected that of a file: leave out its last /"
+    assert done.complaint == f"{name}: found a folder's name, expected a file's: leave out its last /"
     assert not list(tmp_path.iterdir())
     assert run(capsys, "calibrate", PANDA, *option.format(name.rstrip("/")).split()).status == 0
     assert run(capsys, "demo", "--out", name + "/demo/").status != 0  # no folder in a file

@@ -86,7 +86,10 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
             _require_unread(file, read)
             target = target_of(file)
             if file == values[name] and not any(map(os.path.isdir, read.values())):
-                _require_no_slash(file)
+                # a Path has lost it
+                slashed = (a.rpartition("=")[2] for a in sys.argv[1:] if a.endswith("/"))
+                if text := next((text for text in slashed if Path(text) == file), None):
+                    raise FileAccessError(f"{text}: found a folder's name, expected a file's: leave out its last /")
             if target.exists() and not target.is_file():
                 continue
             if identity(target) in written:
@@ -125,14 +128,6 @@ def _require_unread(file: Path, read: Mapping[Key, str]) -> None:
         when, name = "would be", next(filter(None, map(read.get, map(identity, target.parents))), None)
     if name is not None:
         raise FileAccessError(f"{file}: found what {when} read as {name}, expected another file to write: name one")
-
-
-def _require_no_slash(file: Path) -> None:
-    """Raise `FileAccessError` for a file that was given with a slash at its end, which a `Path` has lost."""
-    for argument in sys.argv[1:]:
-        text = argument.rpartition("=")[2]
-        if text.endswith("/") and Path(text) == file:
-            raise FileAccessError(f"{text}: found the name of a folder, expected that of a file: leave out its last /")
 
 
 def _is_page(file: Path) -> bool:

@@ -149,10 +149,8 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
     limits = (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT
     if limits[0] > limits[1]:
-        raise FileFormatError(
-            f"{path}: joint {name} has the limits {limits[0]:g} to {limits[1]:g} rad, expected lower below upper: "
-            "exchange them"
-        )
+        found = f"joint {name} has the limits {limits[0]:g} to {limits[1]:g} rad"
+        raise FileFormatError(f"{path}: {found}, expected lower below upper: exchange them")
     return _Joint(
         name,
         kind if mimic is None else f"a mimic of {mimic.get('joint')}",
@@ -175,10 +173,8 @@ def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joi
         if len(chain) > len(to_child):
             *links, last = [joint.child for joint in chain]
             circle = [*links[len(links) - 1 - links[::-1].index(last) :], last]
-            raise FileFormatError(
-                f"{path}: found links that go round in a circle ({some_of(circle, 8)}), expected a tree: correct the "
-                "parent of one of them"
-            )
+            found = f"found links that go round in a circle ({some_of(circle, 8)})"
+            raise FileFormatError(f"{path}: {found}, expected a tree: correct the parent of one of them")
     return chain[::-1]
 
 
