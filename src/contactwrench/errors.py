@@ -1,12 +1,21 @@
 """What can go wrong, by kind. Every message is one line: what was found, what was expected, what to do."""
 
 import re
+from collections.abc import Iterable, Sequence
 
 LONGEST = 299
 """Characters of a message on a terminal."""
-_LONG = (r"\S{100,}", r"\([^()]{100,}\)", "[^:,;]{120,}", ".{600,}")
-"""What comes from a file, not from this package, in a message that is too long: a name, a list in brackets, a name with
-blanks, a list.
+BEFORE = "contactwrench: "
+_LONG = (
+    (r"\S{100,}", 60),
+    (r"\((?:[^()]|\([^()]*\)){60,}\)", 40),
+    ("[^:,;]{120,}", 60),
+    ("/[^:,;()]{40,}|\\S{40,}", 30),
+    ("[^:;]{80,}", 60),
+    (f".{{{LONGEST},}}", LONGEST),
+)
+"""What is made shorter in a message that is too long, down to how many characters, in this order: a long name, a list
+in brackets, a name with blanks, any path or name; then the longest part, and the whole.
 """
 _INVISIBLE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
@@ -61,13 +70,27 @@ def visible(text: str) -> str:
     return _INVISIBLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
-def shortened(message: str, most: int = LONGEST) -> str:
-    """A message of at most so many characters: the middle of long names and lists is left out, no word of ours is."""
-    for which in _LONG:
-        while (excess := len(message) - most) > 0 and (found := re.findall(which, message)):
+def some_of(names: Iterable[str], most: int = 12) -> str:
+    """Names for a message."""
+    known = list(names)
+    return ", ".join(known[:most]) + (", ..." if len(known) > most else "")
+
+
+def shortened(message: str, rules: Sequence[tuple[str, int]] = _LONG) -> str:
+    """A message that is short enough: without the middle of long names and lists, of our words only where it must."""
+    for which, least in rules:
+        while (excess := len(message) - LONGEST) > 0 and (found := re.findall(which, message)):
             longest = max(found, key=len)
-            message = message.replace(longest, _without_middle(longest, max(len(longest) - excess, 60)), 1)
+            message = message.replace(longest, _without_middle(longest, max(len(longest) - excess, least)), 1)
     return message
+
+
+def with_room_for(message: str, *more: str, end: str = "") -> str:
+    """A message, those of the further parts, the most useful first, that leave all words on a terminal, and its end."""
+    for part in more:
+        if len(shortened(f"{BEFORE}{message}{part}{end}", _LONG[:4])) <= LONGEST:
+            message += part
+    return message + end
 
 
 def _without_middle(text: str, most: int) -> str:

@@ -16,7 +16,7 @@ from io import BufferedReader, RawIOBase
 from pathlib import Path
 from typing import IO, Any, TextIO
 
-from .errors import FileAccessError, FileFormatError
+from .errors import FileAccessError, FileFormatError, InputError
 
 STDOUT = STDIN = "-"
 MOST_KEPT = 2**32
@@ -257,7 +257,9 @@ def already_there(path: str | Path) -> FileAccessError:
 
 
 def name_of(path: str | Path) -> str:
-    """A path as text, whatever bytes it has; of `-` what is read there."""
+    """A path as text, whatever bytes it has; of `-` what is read there. Raises `InputError` for what is no path."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path is {path!r}, expected a str or a Path: name a file")
     return "standard input" if str(path) == STDIN else os.fsencode(path).decode(errors="backslashreplace")
 
 

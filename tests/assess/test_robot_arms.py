@@ -282,7 +282,13 @@ def test_continuous_joints_have_two_turns(tmp_path: Path) -> None:
         (
             urdf_of("ur5e").replace('<parent link="l0"/>', '<parent link="tool0"/>'),
             None,
-            "the joints from tool0 go round in a circle, expected a tree",
+            "found links that go round in a circle (tool0, l6, l5, l4, l3, l2, l1, tool0), expected a tree: correct "
+            "the parent of one of them",
+        ),
+        (
+            urdf_of("ur5e").replace('lower="-2.0" upper="2.0"', 'lower="2.0" upper="-2.0"', 1),
+            None,
+            "joint j1 has the limits 2 to -2 rad, expected lower below upper: exchange them",
         ),
     ],
 )

@@ -378,3 +378,29 @@ def test_the_cause_is_said_by_the_program_too(tmp_path: Path, capsys: Capture) -
     path = tmp_path / ("n" * 256)
     for verb in (("plan", "-o", path), ("calibrate", PANDA, "--report", path), ("demo", "--out", path)):
         assert run(capsys, *verb).complaint.endswith("(file name too long): name another")
+
+
+@pytest.mark.parametrize("arguments", [("info", "run.csv"), ("calibrate", PANDA, "-o", "tool.json"), ("demo",)])
+def test_a_current_folder_that_was_deleted_is_no_fault_of_a_file(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str | Path, ...]
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    said = "found that the current folder was deleted, expected one that is there: change to another with cd"
+    assert run(capsys, *arguments).complaint == said
+    assert run(capsys, "info", PANDA).status == 0
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "info", "run.csv").complaint.startswith("run.csv: there is no such file")
+
+
+@pytest.mark.parametrize("option", ["-o {}", "--output={}", "--report {}"])
+def test_a_name_with_a_slash_at_its_end_is_no_file(tmp_path: Path, capsys: Capture, option: str) -> None:
+    name = f"{tmp_path}/newd/"
+    done = run(capsys, "calibrate", PANDA, *option.format(name).split())
+    assert done.complaint == f"{name}: found a folder's name, expected a file's: leave out its last /"
+    assert not list(tmp_path.iterdir())
+    assert run(capsys, "calibrate", PANDA, *option.format(name.rstrip("/")).split()).status == 0
+    assert run(capsys, "demo", "--out", name + "/demo/").status != 0  # no folder in a file
+    assert run(capsys, "demo", "--out", f"{tmp_path}/demo/").status == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -93,6 +94,8 @@ def within(value: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 def can_be_changed(value: Any) -> bool:
     if isinstance(value, np.ndarray):
+        with suppress(ValueError):
+            value.setflags(write=True)
         return bool(value.flags.writeable)
     if isinstance(value, dict):
         return not isinstance(value, ReadOnlyDict)

@@ -29,8 +29,8 @@ IN_RADIANS = {
 
 def doubt(columns: str, convention: str) -> str:
     return (
-        f"the angles {columns} are likely in radians: none is beyond 3.15, and {convention} reads degrees: read them "
-        "with --units angle=rad; if they are degrees, say --units angle=deg; contactwrench diagnose tries both"
+        f"the angles {columns} are likely in radians: none is beyond 3.15, and {convention} reads degrees: say "
+        "--units angle=rad, or, if they are degrees, --units angle=deg; contactwrench diagnose tries both"
     )
 
 

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactwrench.errors import ContactWrenchError, FileAccessError, InputError
+from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.bags.open import is_bag
 from contactwrench.recording.bags.read import bag_batches
 from contactwrench.recording.contents import bag_contents
@@ -32,12 +33,14 @@ from tests.support.bags import (
     ns,
     pose_stamped,
     recording,
+    serialized,
     tf,
     transform,
     wrench_stamped,
     write_bag,
 )
 
+WHAT_TO_DO = "the file is damaged; record or copy it again, or read what is left of it with --accept-damaged"
 HALF = {"orientation": {"w": 0.5}}
 I3, ZERO = np.eye(3), np.zeros(3)
 READING, POSE = wrench_stamped(0.0, np.ones(6)), pose_stamped(0.0, I3, ZERO)
@@ -275,18 +278,47 @@ def test_types_that_are_not_defined_and_messages_that_are_none(tmp_path: Path) -
         base.execute("UPDATE messages SET data = x'0001000000000000' WHERE timestamp > 1700000000000000000")
         base.commit()
     assert _refused(path) == (
-        f"{path}: topic /wrench, at 1.500 s: found 8 bytes that are no such message, expected one as its type defines"
+        f"{path}: found 8 bytes that are no such message in topic /wrench, at 1.500 s, expected one as its type "
+        f"defines: {WHAT_TO_DO}"
     )
     with closing(sqlite3.connect(path)) as base:
         base.execute("UPDATE messages SET data = x'0007000000000000' WHERE timestamp > 1700000000000000000")
         base.commit()
     assert _refused(path) == (
-        f"{path}: topic /wrench, at 1.500 s: found a message that starts with 0007, expected plain CDR"
+        f"{path}: found a message that starts with 0007 in topic /wrench, at 1.500 s, expected plain CDR: {WHAT_TO_DO}"
     )
     with closing(sqlite3.connect(path)) as base:
         base.execute("UPDATE message_definitions SET encoded_message_definition = 'float64 x'")
         base.commit()
-    assert _refused(path).startswith(f"{path}: topic /pose, at 0.000 s: found ")
+    assert " bytes that are no such message in topic /pose, at 0.000 s, expected one " in _refused(path)
+
+
+@pytest.mark.parametrize("kind", [".mcap", ".db3"])
+@pytest.mark.parametrize("topic", ["/wrench", "/pose"])
+def test_messages_of_another_length_are_left_out_and_said_where_that_is_accepted(
+    tmp_path: Path, kind: str, topic: str
+) -> None:
+    stated = {"/wrench": WRENCH_STAMPED, "/pose": POSE_STAMPED}[topic]
+    recorded, wrench, *_ = recording(100)
+    path = write_bag(tmp_path / f"run{kind}", recorded)
+    hold = bag_streams(path)
+    content = serialized(next(each for each in recorded if each.topic == topic))
+    other = Message(topic, stated, ns(0.05), {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "tests.support.bags.serialized", lambda each, **_: content[:-9] if each is other else serialized(each)
+        )
+        path = write_bag(tmp_path / f"damaged{kind}", [other, *recorded, other])
+    said = f"found {len(content) - 9} bytes that are no such message in topic {topic}, at 0.050 s, expected one as "
+    assert _refused(path) == f"{path}: {said}its type defines: {WHAT_TO_DO}"
+    left = bag_streams(path, accept_damaged=True)
+    assert np.array_equal(left.wrench.wrench, hold.wrench.wrench)
+    assert np.array_equal(left.orientation.R_base_flange, hold.orientation.R_base_flange)
+    assert left.damage.count(said) == 1
+    assert hold.damage == ""
+    out = tmp_path / f"out{kind}"
+    write_bag_with(path, out, [wrench], accept_damaged=True)
+    assert np.array_equal(bag_streams(out, wrench_topic="/wrench/contact", accept_damaged=True).wrench.wrench, wrench)
 
 
 @pytest.mark.parametrize("kind", [".db3", ""])

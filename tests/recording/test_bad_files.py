@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import contactwrench as cw
 from contactwrench.calibration.file import to_json
-from tests.support.recordings import PANDA, PAPER, Run, run_quietly
+from tests.support.recordings import PANDA, PAPER, WRENCH, Run, csv_text, run, run_quietly, written
+from tests.support.written import QUAT
 
 PANDA_BYTES, PAPER_BYTES = PANDA.read_bytes(), PAPER.read_bytes()
 many = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -289,3 +290,12 @@ def test_calibrate_on_bad_recordings_answers_or_refuses_in_one_line(folder: Path
         fits_badly = said.startswith("The fit is bad: ") and said.count("\n") == 1
         assert (done.status, said == "") == ((1, False) if fits_badly else (0, True))
         assert math.isfinite(values["weight"])
+
+
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_a_noise_that_may_be_cut_off_is_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str], end: str) -> None:
+    rows = np.random.default_rng(0).normal(scale=0.1, size=(50, 6))
+    text = csv_text((*WRENCH, *QUAT), np.column_stack([rows, np.tile([0.0, 0.0, 0.0, 1.0], (50, 1))]))
+    path = written(tmp_path, text.rstrip("\n") + end, "rest.csv")
+    said = "" if end else f"Note: {path}: the last line has no line end: its last number may be cut off\n"
+    assert run(capsys, "calibrate", PANDA, "--noise", path).err == said

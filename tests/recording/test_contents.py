@@ -142,7 +142,7 @@ def test_a_table_with_times_and_one_without(tmp_path: Path, capsys: pytest.Captu
         "gap 0.5 s at 0.020 s\n\nRead without options\n  wrench: fx fy fz tx ty tz\n"
         "  orientation: found no orientation columns, expected qx qy qz qw, r11..r33, a b c "
         "(KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename "
-        "them, or say --orientation NAME:COLUMNS, or give two files with "
+        "them, or --orientation NAME:COLUMNS, or "
         "--wrench W.csv --pose P.csv (found t, fx, fy, fz, tx, ty, tz)\n  times: t\n"
     )
     contents = json.loads(run(capsys, "info", path, "--json").out)
@@ -152,7 +152,7 @@ def test_a_table_with_times_and_one_without(tmp_path: Path, capsys: pytest.Captu
         f"{bare}\nTable, 2 rows of 2 columns\n  fx, note\n  no times, so no rate and no gaps\n\nRead without options\n"
         "  wrench: found no column fy, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
         "--wrench-columns A,B,C,D,E,F (found fx, note)\n  orientation: found no orientation columns, expected qx qy qz "
-        "qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation "
+        "qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or --orientation "
         "NAME:COLUMNS (found fx, note)\n  times: found none: add a column t, or name one with --time-column\n"
     )
     milliseconds = written(tmp_path, "t_ms\n0\n10\n20\n", "ms.csv")

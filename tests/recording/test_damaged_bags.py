@@ -24,6 +24,7 @@ from contactwrench.recording.bags.topics import wrench_topic
 from contactwrench.recording.contents import bag_contents
 from tests.support.bags import START, Message, bag_streams, header, recording, wrench_fields, write_bag, write_mcap
 from tests.support.hostile_bags import HOSTILE_BAGS, HOSTILE_MCAPS, whole_bags
+from tests.support.recordings import run
 from tests.support.world import Array
 
 WHAT_TO_DO = "the file is damaged; record or copy it again, or read what is left of it with --accept-damaged"
@@ -323,3 +324,13 @@ def test_damage_that_leaves_nothing_to_read_is_named(tmp_path: Path) -> None:
     assert str(caught.value).startswith(f"{path}: found no topic of type ")
     assert str(caught.value).endswith(" (damaged: found a record at byte 824 unreadable)")
     assert len(str(caught.value)) < 300 + len(str(path))
+
+
+def test_a_definition_that_is_no_utf8_is_said_in_few_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "run.bag"
+    path.write_bytes(whole_bags()[1].replace(b"Vector3 force", b"V\xe9ctor3 force"))
+    damaged = "found a record at byte 4319 unreadable"
+    said = run(capsys, "calibrate", path).err, run(capsys, "calibrate", path, "--accept-damaged").err
+    assert f"{damaged} (a connection that is no UTF-8), expected a whole one" in said[0]
+    assert said[1].endswith(f" (damaged: {damaged})\n")
+    assert max(map(len, said)) <= 300

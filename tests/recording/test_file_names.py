@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote_to_bytes
 
 import numpy as np
@@ -11,7 +13,8 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from contactwrench.errors import ContactWrenchError, FileAccessError
+import contactwrench as cw
+from contactwrench.errors import ContactWrenchError, FileAccessError, InputError
 from contactwrench.recording.bags.copy import write_bag_with
 from contactwrench.recording.contents import contents
 from contactwrench.recording.read import read_streams
@@ -146,3 +149,11 @@ def test_suffixes_in_capitals(tmp_path: Path, written: dict[tuple[str, int], Pat
         out = tmp_path / f"out{suffix}"
         write_bag_with(path, out, [np.zeros((ASKED, 6))])
         assert len(bag_streams(out, wrench_topic="/wrench/contact").wrench) == ASKED
+
+
+@pytest.mark.parametrize("path", [None, 3, b"run.csv"])
+@pytest.mark.parametrize("reads", [cw.read, cw.Calibration.load])
+def test_what_is_no_path_is_refused_in_one_line(reads: Callable[[Any], Any], path: Any) -> None:
+    with pytest.raises(InputError) as caught:
+        reads(path)
+    assert str(caught.value) == f"path is {path!r}, expected a str or a Path: name a file"

@@ -64,7 +64,7 @@ FOUND = {
     "food_acquisition": Header(
         position=False,
         refusal="found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz "
-        "(UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS, or give two files with "
+        "(UR) or roll pitch yaw: rename them, or --orientation NAME:COLUMNS, or "
         "--wrench W.csv --pose P.csv (found Time(s), F_x(N), F_y(N), "
         "F_z(N), T_x(Nm), T_y(Nm), T_z(Nm), P_x(m), P_y(m), P_z(m), O_x(rad), O_y(rad), O_z(rad))",
         flag={"orientation": "euler:ZYX:rad:O_z(rad),O_y(rad),O_x(rad)"},
@@ -80,7 +80,7 @@ FOUND = {
     "ati_wireless": Header(
         pose=False,
         refusal="found no column fx, expected fx fy fz tx ty tz and an orientation: add it, or name the six with "
-        "--wrench-columns A,B,C,D,E,F, or give two files with --wrench W.csv --pose P.csv "
+        "--wrench-columns A,B,C,D,E,F, or --wrench W.csv --pose P.csv "
         "(found Time, T1FX, T1FY, T1FZ, T1TX, T1TY, T1TZ)",
         flag={"wrench_columns": "T1FX,T1FY,T1FZ,T1TX,T1TY,T1TZ"},
     ),

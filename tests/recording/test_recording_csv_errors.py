@@ -16,8 +16,8 @@ MATRIX_HEADER = ",".join((*WRENCH, *MATRIX))
 IN_UTF8 = "expected CSV text in UTF-8: save it as that"
 HEADER_AND_ROWS = "expected a header line and rows of numbers"
 NO_ORIENTATION = (
-    "expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or say "
-    "--orientation NAME:COLUMNS, or give two files with --wrench W.csv --pose P.csv"
+    "expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw: rename them, or "
+    "--orientation NAME:COLUMNS, or --wrench W.csv --pose P.csv"
 )
 CUT_OFF = "expected 1 within 1 %: check the order of its parts and that none is cut off"
 ORTHONORMAL = "expected orthonormal within 1 % and determinant 1: check the order of its entries"

@@ -220,7 +220,7 @@ URDFS: dict[str, tuple[str, str]] = {
     "a long chain": (robot(CHAIN), "found 2001 joints, expected at most 2000: leave some out"),
     "a circle": (
         robot([joint("a", "x", "tool0"), joint("b", "tool0", "x")]),
-        "the joints from tool0 go round in a circle, expected a tree",
+        "found links that go round in a circle (tool0, x, tool0), expected a tree: correct the parent of one of them",
     ),
     "two parents": (
         robot([joint("a"), joint("b", "other")]),

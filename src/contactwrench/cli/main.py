@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import typer
 
-from ..errors import ContactWrenchError, shortened, visible
+from ..errors import BEFORE, ContactWrenchError, shortened, visible
 from ..version import __version__
 from .calibrate import calibrate
 from .compensate import compensate
@@ -104,6 +104,10 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
     try:
         status = program(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second
+        return 0
+    except OSError as error:
+        return _say(_of_the_system(error))
     except ContactWrenchError as error:
         return _say(str(error))
     except typer.TyperException as error:
@@ -112,16 +116,21 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
         return _say(f"{' '.join(error.format_message().split()).rstrip('.')}: try '{command} --help'")
     except typer.Abort as error:  # of typer's own, where a verb raised EOFError
         raise error.__cause__ or error from None
-    except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second
-        return 0
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename is not None else _largest_input()
-        return _say(
-            f"{where}cannot be read or written ({(error.strerror or str(error)).lower()}): check the path and its disk"
-        )
     except MemoryError:
         return _say(f"{_largest_input()}needs more memory than there is, expected a recording that fits: split it")
     return status if isinstance(status, int) else 0
+
+
+def _of_the_system(error: OSError) -> str:
+    """What could not be opened, read or written, and why."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return "found that the current folder was deleted, expected one that is there: change to another with cd"
+    if isinstance(error, ContactWrenchError):
+        return str(error)
+    where = f"{error.filename}: " if error.filename is not None else _largest_input()
+    return f"{where}cannot be read or written ({(error.strerror or str(error)).lower()}): check the path and its disk"
 
 
 def _largest_input() -> str:
@@ -131,5 +140,5 @@ def _largest_input() -> str:
 
 
 def _say(message: str) -> int:
-    print(shortened(f"contactwrench: {visible(message)}"), file=sys.stderr)
+    print(shortened(f"{BEFORE}{visible(message)}"), file=sys.stderr)
     return BAD

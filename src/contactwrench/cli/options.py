@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 import typer
 
-from ..errors import InputError, visible
+from ..errors import InputError, shortened, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
 from ..geometry.ranges import DIRECTION, NOISE, G, Range
@@ -143,7 +143,7 @@ def note_ends(*paths: Path | None) -> None:
 
 def note(text: str) -> None:
     """Say on stderr what is good to know."""
-    say(f"Note: {visible(text)}", err=True)
+    say(shortened(f"Note: {visible(text)}"), err=True)
 
 
 def _visible_lines(text: str) -> str:

@@ -6,6 +6,7 @@ Every argument that is no output counts as read where it names something, so tha
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import copy_context
 from dataclasses import dataclass
@@ -84,6 +85,11 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
         for file in mark.files(values[name], values) if named else ():
             _require_unread(file, read)
             target = target_of(file)
+            if file == values[name] and not any(map(os.path.isdir, read.values())):
+                # a Path has lost it
+                slashed = (a.rpartition("=")[2] for a in sys.argv[1:] if a.endswith("/"))
+                if text := next((text for text in slashed if Path(text) == file), None):
+                    raise FileAccessError(f"{text}: found a folder's name, expected a file's: leave out its last /")
             if target.exists() and not target.is_file():
                 continue
             if identity(target) in written:

@@ -131,7 +131,8 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         if "file" in READING[name] and not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
         result = verb(**values, **{name: recordings})
-        options.note_ends(*recordings.files, recordings.options.pose_file)
+        noise = Path(values.get("noise") or "")
+        options.note_ends(*recordings.files, recordings.options.pose_file, noise if noise.is_file() else None)
         return result
 
     return options.spelled(

@@ -6,6 +6,7 @@ and if the data do not contradict the sign of the readings and the side of the b
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,7 +18,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.fields import Alternative
 from ..calibration.findings import Finding, Kind, Severity
 from ..calibration.observability import describe
-from ..errors import AmbiguityError, UnobservableError, refuse
+from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for
 from ..geometry.ranges import TILT_STD, G
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
@@ -92,13 +93,13 @@ def calibrate(
         question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
-    likelier = f"; but {samples.doubt}" if samples.doubt else ""
     try:
         return assembled(recorded, question, origin)
-    except UnobservableError as error:
-        raise UnobservableError(f"{error}{recorded.what_was_still}{likelier}") from None
-    except AmbiguityError as error:
-        raise AmbiguityError(f"{error}{likelier}") from None
+    except (UnobservableError, AmbiguityError) as error:
+        if samples.doubt:
+            raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {samples.doubt}") from None
+        still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
+        raise type(error)(with_room_for(str(error), still)) from None
 
 
 @dataclass(frozen=True, eq=False)

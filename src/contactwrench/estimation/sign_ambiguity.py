@@ -14,7 +14,7 @@ import numpy as np
 
 from ..calibration.findings import Finding, Kind
 from ..calibration.observability import require_full_rank
-from ..errors import AmbiguityError, UnobservableError
+from ..errors import AmbiguityError, UnobservableError, with_room_for
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool
 from .estimate import RigidEstimate
@@ -27,7 +27,7 @@ from .subtracted_payload import LIGHTEST_TOOL, LIKELIEST_CAUSE
 
 FEWEST_POSES_WITH_BASE = 4
 HELD_GRAVITY = ("yaw", "mount")
-PAPER_HINT = "the paper's model takes the sensor's z along the flange's (--model mount finds any mounting); or "
+PAPER_HINT = "--model mount (paper takes the sensor's z along the flange's), "
 LEAST_LEFT = 0.5
 """Degrees of freedom: with fewer left, residuals say nothing about the noise."""
 
@@ -103,8 +103,8 @@ def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: s
     there_is_a_weight = np.isfinite(estimate.covariance).all() and abs(tool.weight) > LEAST_WEIGHT
     if not (estimate.singular_values[-1] > 0.0 and there_is_a_weight):
         raise UnobservableError(
-            "the readings do not tell the parameters apart: they hardly change from pose to pose; check that the "
-            f"columns hold what the sensor read: {LIKELIEST_CAUSE}"
+            "the readings do not tell the parameters apart, they hardly change from pose to pose: check the columns; "
+            f"{LIKELIEST_CAUSE}"
         )
 
 
@@ -135,12 +135,10 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
     residuals = estimate.residuals if len(estimate.residuals) == len(readings) else estimate.errors
     left, left_negated = (float(np.sqrt(np.mean(np.sum(e[:, :3] ** 2, axis=1)))) for e in (residuals, rival.errors))
     if left_negated < 0.5 * left and _fits_worse(residuals, rival.noise, rival.errors, dof):
-        raise AmbiguityError(
-            f"only a negative weight explains these readings: {left:.3g} N are left as given, {left_negated:.3g} N "
-            f"negated; the sensor reports the reaction (--sign reaction), or gravity points the other way (--gravity "
-            f"{negated(stated)}), or one axis is mirrored; free air cannot tell, one push by hand can"
-            f"{_otherwise(rival.tool.weight, left_negated)}"
-        )
+        left_so = f"{left:.3g} N left as given, {left_negated:.3g} N negated"
+        found = f"only a negative weight explains these readings ({left_so})"
+        either = f"say --sign reaction or --gravity {negated(stated)}, or mend a mirrored axis"
+        raise _contradiction(found, either, rival.tool.weight, left_negated)
     explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ stated >= 0.0
     tie = explained and on_stated_side and not _fits_worse(rival.errors, estimate.noise, residuals, dof)
@@ -153,12 +151,10 @@ def require_stated_side(tool: RigidTool, stated: Array, std: float, left: float)
     """
     angle = np.rad2deg(np.arccos(np.clip(tool.gravity_direction @ stated, -1.0, 1.0)))
     if angle > 90.0 + SURE_SIDE * np.rad2deg(std):
-        found = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
-        raise AmbiguityError(
-            f"gravity comes out {angle:.0f} deg from the stated direction: either the sensor reports the reaction "
-            f"(--sign reaction), or the base is mounted that way (--gravity {found}); free air cannot tell, one push "
-            f"by hand can{_otherwise(tool.weight, left)}"
-        )
+        direction = ",".join(f"{part:.3f}" for part in tool.gravity_direction)
+        found = f"gravity comes out {angle:.0f} deg from the stated direction, expected up to 90"
+        either = f"say --sign reaction, or --gravity {direction} of a base mounted that way"
+        raise _contradiction(found, either, tool.weight, left)
 
 
 def require_positive_weight(weight: float, gravity_direction: Array, left: float, hint: str = "") -> None:
@@ -166,23 +162,22 @@ def require_positive_weight(weight: float, gravity_direction: Array, left: float
     model's own.
     """
     if weight <= 0.0:
-        raise AmbiguityError(
-            f"the weight comes out as {weight:.3g} N, expected above 0: {hint}either the sensor reports the reaction "
-            f"(--sign reaction), or gravity points the other way (--gravity {negated(gravity_direction)}), or the "
-            f"poses cannot tell; one push by hand decides{_otherwise(weight, left)}"
-        )
+        found = f"the weight comes out as {weight:.3g} N, expected above 0"
+        either = f"say {hint}--sign reaction or --gravity {negated(gravity_direction)}"
+        raise _contradiction(found, either, weight, left)
 
 
-def _otherwise(weight: float, left: float) -> str:
-    """What else a sign that is wrong may come from, where there is next to no weight (N), or much is `left` (N)."""
+def _contradiction(found: str, either: str, weight: float, left: float) -> AmbiguityError:
+    """The error for what was found, `either` of which may mend it; or what is likelier, where there is next to no
+    weight (N), or much is `left` (N).
+    """
     if max(abs(weight), left) < LIGHTEST_TOOL:
-        return f"; of so little weight {LIKELIEST_CAUSE}"
+        return AmbiguityError(with_room_for(f"{found}; of so little weight {LIKELIEST_CAUSE}", f"; else {either}"))
+    why = "free air cannot tell, one push by hand can"
     if left > POOR_SHARE * abs(weight):
-        return (
-            f"; but {left:.2g} N are left so too, and likelier the file is read wrongly: contactwrench diagnose tries "
-            "the other ways to read it"
-        )
-    return ""
+        likelier = "likelier the file is read wrongly: contactwrench diagnose tells how"
+        why = f"but {left:.2g} N are left so too, and {likelier}"
+    return AmbiguityError(f"{found}: {either}; {why}")
 
 
 def negated(direction: Array) -> str:

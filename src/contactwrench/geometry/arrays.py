@@ -192,17 +192,19 @@ def _columns(rows: Rows) -> list[Field[Any]]:
 
 
 def _handed_over(values: NDArray[Any]) -> NDArray[Any]:
-    """An array that nobody else holds, made read-only in place."""
+    """An array that nobody else holds, read-only for good: of a view whose base is, numpy makes none that is not."""
     values.flags.writeable = False
-    return values
+    return values.view()
 
 
 def _frozen(values: ArrayLike, kind: np.dtype[Any]) -> NDArray[Any]:
     """The array itself where nobody can write to it any more, else a read-only copy."""
-    if isinstance(values, np.ndarray) and values.dtype == kind and values.base is None and _is_final(values):
+    if isinstance(values, np.ndarray) and values.dtype == kind and _is_final(values, values.base):
         return values
     return _handed_over(np.array(values, dtype=kind, order="C"))
 
 
-def _is_final(values: NDArray[Any]) -> bool:
-    return values.flags.c_contiguous and not values.flags.writeable
+def _is_final(values: NDArray[Any], base: Any) -> bool:
+    """Whether `values` are all of a base that is read-only: of a part, all of it would stay in memory."""
+    sealed = type(base) is np.ndarray and not base.flags.writeable and base.base is None and base.size == values.size
+    return sealed and values.flags.c_contiguous and not values.flags.writeable

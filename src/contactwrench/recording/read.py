@@ -88,7 +88,7 @@ def reader_of(path: str | Path, options: Options = AS_USUAL) -> Reader:
 
     Raises `FileFormatError` for a suffix of none, and `InputError` for what `options` says of another kind.
     """
-    reader = _by_name(Path(path))
+    reader = _by_name(Path(name_of(path)) if not isinstance(path, Path) else path)
     if options.pose_file is not None:
         if bags := [file for file in (path, options.pose_file) if _by_name(Path(file)) is bag_blocks]:
             raise InputError(f"{bags[0]}: found a bag as one of two files, expected tables: give it alone")

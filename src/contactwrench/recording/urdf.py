@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..assess.robot_arms import Arm, known_arm
-from ..errors import FileFormatError
+from ..errors import FileFormatError, some_of
 from ..files import read_bytes
 from ..geometry.arrays import Array
 
@@ -62,7 +61,9 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     to_child = {joint.child: joint for joint in _joints(path)}
     tip = _flange(path, to_child) if flange is None else flange
     if tip not in to_child:
-        raise FileFormatError(f"{path}: found no joint that carries a link {tip!r}, expected one of {_list(to_child)}")
+        raise FileFormatError(
+            f"{path}: found no joint that carries a link {tip!r}, expected one of {some_of(to_child)}"
+        )
     chain = _chain(path, tip, to_child)
     R_before, offsets, axes, limits, names, R, offset = [], [], [], [], [], np.eye(3), np.zeros(3)
     for joint in chain:
@@ -146,6 +147,10 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         )
     if kind == "revolute" and element.find("limit") is None:
         raise FileFormatError(f"{path}: joint {name} is revolute and has no limit, expected lower and upper, rad")
+    limits = (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT
+    if limits[0] > limits[1]:
+        found = f"joint {name} has the limits {limits[0]:g} to {limits[1]:g} rad"
+        raise FileFormatError(f"{path}: {found}, expected lower below upper: exchange them")
     return _Joint(
         name,
         kind if mimic is None else f"a mimic of {mimic.get('joint')}",
@@ -154,7 +159,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         Rotation.from_euler("xyz", numbers("origin", "rpy", "0 0 0")).as_matrix(),
         numbers("origin", "xyz", "0 0 0"),
         axis / max(length, 1.0 / FARTHEST),
-        (bound("lower"), bound("upper")) if kind == "revolute" else WITHOUT_LIMIT,
+        limits,
     )
 
 
@@ -166,7 +171,10 @@ def _chain(path: str | Path, tip: str, to_child: dict[str, _Joint]) -> list[_Joi
         chain.append(to_child[link])
         link = to_child[link].parent
         if len(chain) > len(to_child):
-            raise FileFormatError(f"{path}: the joints from {tip} go round in a circle, expected a tree")
+            *links, last = [joint.child for joint in chain]
+            circle = [*links[len(links) - 1 - links[::-1].index(last) :], last]
+            found = f"found links that go round in a circle ({some_of(circle, 8)})"
+            raise FileFormatError(f"{path}: {found}, expected a tree: correct the parent of one of them")
     return chain[::-1]
 
 
@@ -182,14 +190,11 @@ def _flange(path: str | Path, to_child: dict[str, _Joint]) -> str:
         if link not in parents
     }
     ends = [link for link, count in axes.items() if count == max(axes.values())]
+    if not ends:
+        _chain(path, next(iter(to_child)), to_child)
     if len(ends) != 1:
         raise FileFormatError(
-            f"{path}: found {len(ends)} ends of the arm ({_list(ends)}), expected one: name the flange, as in "
+            f"{path}: found {len(ends)} ends of the arm ({some_of(ends, 8)}), expected one: name the flange, as in "
             "arm.urdf:LINK"
         )
     return ends[0]
-
-
-def _list(names: Iterable[str]) -> str:
-    known = list(names)
-    return ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")

@@ -108,8 +108,13 @@ def _copied(bag: Bag, topic: Topic, wrenches: Iterable[Array], frame: str | None
     def records(source: Source) -> Iterator[Record]:
         nonlocal count
         numbers = [number for number, connection in source.connections.items() if connection.topic == topic]
-        for logged in logged_in(bag, source, source.connections):
-            readings = np.flatnonzero(np.isin(logged.log["connection"], numbers))
+        for recorded in logged_in(bag, source, source.connections):
+            logged, readings = recorded, np.flatnonzero(np.isin(recorded.log["connection"], numbers))
+            if bag.damage.accepted and len(readings):
+                whole = [rows for rows, *_ in by_layout(bag, topic, logged[readings])]
+                damaged = np.delete(readings, np.concatenate([np.empty(0, np.intp), *whole]))
+                logged = logged[np.delete(np.arange(len(logged)), damaged)]
+                readings = np.flatnonzero(np.isin(logged.log["connection"], numbers))
             values = np.array(list(islice(rows, len(readings)))).reshape(-1, 6)
             if len(values) < len(readings):
                 raise InputError(

@@ -98,8 +98,12 @@ def joined(payloads: list[bytes]) -> Raw:
     return Raw(np.frombuffer(b"".join(payloads), np.uint8), np.cumsum(length) - length, length)
 
 
-def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
-    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one, its error is given the row."""
+def alike(
+    raw: Raw, layout_of: Callable[[bytes], MessageLayout], left_out: Callable[[int, InputError], None]
+) -> Iterator[tuple[NDArray[np.intp], MessageLayout]]:
+    """The rows of `raw` by layout, each row once; `layout_of` a message finds a new one. One of which it raises
+    `InputError` is left out, which is told.
+    """
     compared = 0
     for length in dict.fromkeys(raw.length.tolist()):
         rows = np.flatnonzero(raw.length == length)
@@ -110,7 +114,9 @@ def alike(raw: Raw, layout_of: Callable[[bytes], MessageLayout]) -> Iterator[tup
             try:
                 layout = layout_of(raw.message(int(rows[0])))
             except InputError as error:
-                raise InputError(str(error), int(rows[0])) from None
+                left_out(int(rows[0]), error)
+                rows = rows[1:]
+                continue
             same = np.ones(len(rows), dtype=bool)
             candidates = raw[rows]
             for offset, shared in layout.shared:

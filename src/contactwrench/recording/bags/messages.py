@@ -87,7 +87,9 @@ def definitions(bag: Bag, msgtype: str) -> Fields:
 
 
 def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
-    """The messages by layout: rows, the layout and the messages. Raises `FileFormatError` naming topic and time."""
+    """The messages by layout: rows, the layout and the messages; without those that are none, where damage is accepted.
+    Raises `FileFormatError` naming topic and time.
+    """
     forms = {str(c.details.get("serialization_format") or CDR) for c in bag.connections if c.topic == topic}
     if forms - {CDR}:
         raise FileFormatError(f"{bag.path}: topic {topic.name}: found messages in {min(forms - {CDR})}, expected {CDR}")
@@ -96,9 +98,16 @@ def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[
     def layout_of(message: bytes) -> MessageLayout:
         return layout_of_message(message, topic.type, types, not bag.ros1)
 
+    def left_out(row: int, error: InputError) -> None:
+        found, _, expected = str(error).removeprefix("found ").partition(", expected ")
+        t = float(seconds(logged.stamp[row])) - bag.start
+        bag.damage.found(f"{found} in topic {topic.name}, at {t:.3f} s", expected)
+
     try:
-        for rows, layout in alike(logged.raw, layout_of):
+        for rows, layout in alike(logged.raw, layout_of, left_out):
             yield rows, layout, logged.raw[rows]
+    except FileFormatError:
+        raise
     except InputError as error:
         t = float(seconds(logged.stamp[error.row or 0]))
         raise FileFormatError(f"{place(bag, topic, t)}: {error}") from None
@@ -150,11 +159,11 @@ def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
 def numbers(
     bag: Bag, topic: Topic, logged: Logged, paths: tuple[str, ...]
 ) -> tuple[Array, Array, list[dict[str, str]]]:
-    """Times (n,) s, the numbers at `paths` (n, k), and the different texts that go with them.
+    """Times (n,) s, the numbers at `paths` (n, k), and the different texts that go with them, of messages `by_layout`.
 
     Raises `FileFormatError` where the type has no such number.
     """
-    t, values, texts = np.empty(len(logged)), np.empty((len(logged), len(paths))), []
+    t, values, texts = np.full(len(logged), np.nan), np.empty((len(logged), len(paths))), []
     for rows, layout, raw in by_layout(bag, topic, logged):
         missing = [path for path in paths if path not in layout.numbers]
         if missing:
@@ -165,7 +174,8 @@ def numbers(
         t[rows] = stamps(bag, topic, logged, rows, layout, raw)
         values[rows] = raw.columns(layout, paths)
         texts.append(layout.texts)
-    return t, values, texts
+    whole = ~np.isnan(t)
+    return t[whole], values[whole], texts
 
 
 def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:

@@ -9,14 +9,14 @@ from typing import TypeAlias
 import numpy as np
 
 from ...assess.robot_arms import Arm, flange_pose
-from ...errors import FileFormatError, InputError
+from ...errors import FileFormatError, InputError, some_of
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read
 from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
-from .transforms import ChainPoses, Poses, shortened
+from .transforms import ChainPoses, Poses
 
 BATCH = 2**16
 """Readings of a batch, and up to a chunk of the bag more."""
@@ -106,8 +106,8 @@ def base_frame(bag: Bag, topics: tuple[Topic, ...], frames: tuple[str, str] | No
         return arm.base_frame or None
     for part in messages(bag, topics):
         if topics[0] in part:
-            ((parent, _),) = poses(bag, topics[0], part[topics[0]][:1])[1]
-            return parent or None
+            for parent, _ in poses(bag, topics[0], part[topics[0]][:1])[1]:
+                return parent or None
     return None
 
 
@@ -165,7 +165,7 @@ def _no_poses(bag: Bag, topic: Topic, source: str, arm: Arm | None) -> FileForma
     names = dict.fromkeys(name for _, _, names, _ in joint_states(bag, topic, first) for name in names)
     expected = ", ".join(arm.joint_names) or f"{len(arm)} numbered joints"
     return FileFormatError(
-        f"{bag.path}: topic {topic.name}: found the joints {shortened(names) or 'without names'}, expected those of "
+        f"{bag.path}: topic {topic.name}: found the joints {some_of(names) or 'without names'}, expected those of "
         f"{arm.name} ({expected}): name the arm's URDF with {ROBOT_FLAG}"
     )
 

@@ -132,6 +132,8 @@ class Ros1Bag(ChunkedFile):
             msgtype = f"{package.removesuffix('/msg')}/msg/{name}"
             known = Connection(Topic(topic, msgtype), about["message_definition"], False, about["md5sum"], details)
             number = _uint(fields["conn"], 4)
+        except UnicodeDecodeError:
+            raise UnreadableError("a connection that is no UTF-8") from None
         except (KeyError, ValueError) as error:
             raise UnreadableError(f"a connection without {error}") from None
         alike = self.connections.setdefault(number, known) == known

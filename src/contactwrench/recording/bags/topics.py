@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from ...assess.robot_arms import Arm
-from ...errors import FileFormatError, InputError
+from ...errors import FileFormatError, InputError, some_of
 from .chunks import Topic
 from .message_layout import written
 from .messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES
 from .open import Bag
-from .transforms import STATIC, shortened, tree
+from .transforms import STATIC, tree
 
 WRENCH_FLAG, POSE_FLAG, FRAMES_FLAG, ROBOT_FLAG = "--wrench-topic", "--pose-topic", "--frames", "--robot"
 
@@ -94,7 +94,7 @@ def _flag_is_missing(bag: Bag, topics: tuple[Topic, ...]) -> FileFormatError:
         advice.append(f"name the arm of the joint states with {ROBOT_FLAG} NAME or ARM.urdf")
     if any(topic.type in TRANSFORMS for topic in topics):
         links = tree(bag, _with_messages(bag, TRANSFORMS))
-        frames = shortened(sorted({frame for link in links for frame in link}))
+        frames = some_of(sorted({frame for link in links for frame in link}))
         advice.append(f"name two frames of the transforms with {FRAMES_FLAG} BASE,FLANGE (found {frames})")
     return FileFormatError(
         f"{bag.path}: found {' and '.join(str(topic) for topic in topics)}, expected to be told how the pose follows: "
@@ -112,4 +112,4 @@ def _types(types: tuple[str, ...]) -> str:
 
 
 def _listed(bag: Bag) -> str:
-    return shortened(str(topic) for topic in bag.counts) or "no topic"
+    return some_of(str(topic) for topic in bag.counts) or "no topic"

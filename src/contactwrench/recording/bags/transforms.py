@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...errors import FileFormatError
+from ...errors import FileFormatError, some_of
 from ...geometry.arrays import Array, Rows, column
 from .chunks import Topic
 from .messages import NO_PLACEMENTS, Link, Placements, rotations, transforms
@@ -82,7 +82,7 @@ def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
     for frame in (base, flange):
         if frame not in known:
             raise FileFormatError(
-                f"{bag.path}: found no frame {frame}, expected one of those in the recording: {shortened(known)}"
+                f"{bag.path}: found no frame {frame}, expected one of those in the recording: {some_of(known)}"
             )
     if base == flange:
         raise FileFormatError(f"{bag.path}: found {base} as base and as flange, expected two frames: BASE,FLANGE")
@@ -156,12 +156,6 @@ class ChainPoses:
         position = np.stack([np.interp(t, placements.t, column) for column in placements.position.T], axis=1)
         between: Array = Slerp(placements.t, Rotation.from_matrix(R))(t).as_matrix()
         return between, position
-
-
-def shortened(names: Iterable[str]) -> str:
-    """Names for a message."""
-    some = list(names)
-    return ", ".join(some[:12]) + (", ..." if len(some) > 12 else "")
 
 
 def _ancestors(bag: Bag, edges: dict[Link, Edge], frame: str) -> list[str]:

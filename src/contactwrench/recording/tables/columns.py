@@ -12,7 +12,7 @@ from typing import NoReturn, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import FileFormatError
+from ...errors import FileFormatError, some_of
 from ...geometry.arrays import Array
 from ...geometry.orientation import Convention
 from .units import per_si, symbol, unit_shown
@@ -247,8 +247,7 @@ def with_slices(names: Iterable[str]) -> Iterator[str]:
 
 def listed(places: Iterable[str]) -> str:
     """The columns' names as a message can show them."""
-    names = [shown(name) for name in with_slices(places)]
-    return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
+    return some_of(map(shown, with_slices(places)), 20)
 
 
 def shown(name: str, length: int = 40) -> str:

@@ -63,8 +63,8 @@ def angles_in_doubt(path: str | Path, naming: Naming) -> str:
         return ""
     return (
         f"the angles {', '.join(shown(column.name) for column in columns)} are likely in radians: none is beyond "
-        f"{HALF_A_TURN}, and {convention.name} reads degrees: read them with --units angle=rad; if they are degrees, "
-        "say --units angle=deg; contactwrench diagnose tries both"
+        f"{HALF_A_TURN}, and {convention.name} reads degrees: say --units angle=rad, or, if they are degrees, "
+        "--units angle=deg; contactwrench diagnose tries both"
     )
 
 

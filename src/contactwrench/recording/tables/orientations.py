@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...errors import FileFormatError, InputError
+from ...errors import FileFormatError, InputError, with_room_for
 from ...geometry.orientation import CONVENTIONS, RECOGNISED_BY_NAME, USUAL_NAMES, Convention, convention
 from .candidates import (
     Candidate,
@@ -59,12 +59,13 @@ def orientation_columns(table: OpenTable, naming: Naming) -> tuple[Convention, l
             missing = [want for want, part in zip(CONVENTIONS[name].columns, parts, strict=True) if part is None]
             raise FileFormatError(f"{table.source}: found no column {missing[0]}, expected all of {name}: add it")
     alone = by_part.keys() >= set(WRENCH_COLUMNS)
-    two = ", or give two files with --wrench W.csv --pose P.csv" if alone else ""
-    raise FileFormatError(
-        f"{table.source}: found no orientation columns, expected qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), "
-        f"rx ry rz (UR) or roll pitch yaw: rename them, or say --orientation NAME:COLUMNS{_perhaps(table)}{two} "
-        f"(found {listed(table.places)})"
-    )
+    two = ", or --wrench W.csv --pose P.csv" if alone else ""
+    known = "qx qy qz qw, r11..r33, a b c (KUKA), w p r (FANUC), rx ry rz (UR) or roll pitch yaw"
+    mend = f"{known}: rename them, or --orientation NAME:COLUMNS"
+    if perhaps := _perhaps(table):
+        mend = f"usual names, as qx qy qz qw: rename them, or --orientation {perhaps}"
+    found_none = f"{table.source}: found no orientation columns, expected {mend}"
+    raise FileFormatError(with_room_for(found_none, two, end=f" (found {listed(table.places)})"))
 
 
 def _perhaps(table: OpenTable) -> str:
@@ -80,7 +81,7 @@ def _perhaps(table: OpenTable) -> str:
         if f"{name}[3]" in table.places and f"{name}[4]" not in table.places
         for how in ("quat_xyzw", "quat_wxyz")
     ]
-    return f", perhaps {' or '.join(four)}" if four else ""
+    return " or ".join(four[:2])
 
 
 def _whole(found: dict[str, list[Candidate | None]]) -> dict[str, list[Candidate]]:

@@ -144,7 +144,7 @@ def _wrench_by_names(table: OpenTable) -> list[Candidate]:
             f"their unit tells, or fx fy fz beside them: if they are the torque say --wrench-columns {six}"
         )
     if missing:
-        two = ", or give two files with --wrench W.csv --pose P.csv" if len(missing) == len(WRENCH_COLUMNS) else ""
+        two = ", or --wrench W.csv --pose P.csv" if len(missing) == len(WRENCH_COLUMNS) else ""
         mend = f"add it, or {_BY_WRENCH_COLUMNS}{two}"
         raise lacking(table, missing[0], "fx fy fz tx ty tz and an orientation", mend)
     choices = {part: by_part[part] for part in WRENCH_COLUMNS}

@@ -1,0 +1,79 @@
+"""What the program says is a line that a terminal shows, and that still says what to do, however long names are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from contactwrench.errors import LONGEST
+from tests.support.recordings import WRENCH, csv_text, run, written
+from tests.support.rigs import NOISE, example
+from tests.support.world import Array, noisy_readings
+from tests.support.written import QUAT, quat
+
+Capture = pytest.CaptureFixture[str]
+NAMES = ("x", "my data my data m", 38 * "y", "left wrist/" * 5, 150 * "z")
+HEADERS = {
+    "no orientation": (*WRENCH, "{} a", "{} b"),
+    "a list of four": (*WRENCH, *(f"{{}}[{k}]" for k in range(4))),
+    "many columns": (*WRENCH, *(f"{k}{{}}({k})" for k in range(40))),
+    "no wrench": ("{} a", *QUAT),
+    "no torque": (*WRENCH[:3], *(f"{{}}.p{axis}" for axis in "xyz"), *QUAT),
+    "two wrenches": (*(f"{sensor}{{}}.force.{axis}" for sensor in "ab" for axis in "xyz"), *WRENCH[3:], *QUAT),
+    "an unknown unit": (*(f"{part}_{{}} [furlong]" for part in WRENCH), *QUAT),
+    "degrees of a UR": (*WRENCH, *(f"{{}}.r{axis} [deg]" for axis in "xyz")),
+    "an estimate": (*(f"{{}}.O_F_ext_hat_K[{k}]" for k in range(6)), *QUAT),
+}
+FLAGS = (
+    (),
+    ("--time-column", "{}"),
+    ("--orientation", "quat_xyzw:{0}1,{0}2,{0}3,{0}4"),
+    ("--wrench-columns", "{}[0:6]"),
+)
+
+
+def _said(capsys: Capture, *arguments: str | Path) -> str:
+    """The one line of a run that was refused, which a terminal shows."""
+    complaint = run(capsys, *arguments).complaint
+    assert len(f"contactwrench: {complaint}") <= LONGEST
+    return complaint
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_of_a_table(tmp_path: Path, capsys: Capture, header: str) -> None:
+    for k, (file, name) in enumerate(product(NAMES, NAMES)):
+        names = [each.format(name) for each in HEADERS[header]]
+        path = written(tmp_path, csv_text(names, np.eye(len(names))), f"{file.replace('/', '-')}.csv")
+        said = _said(capsys, "calibrate", path, *(flag.format(name) for flag in FLAGS[k % len(FLAGS)]))
+        assert ": " in said.partition(", expected ")[2]
+
+
+def _recordings() -> Iterator[tuple[Array, Array]]:
+    """Orientations (n, 3, 3) and readings (n, 6) that are reversed, inverse, next to nothing, or of few poses."""
+    for seed, weight, poses in product(range(2), (0.3, 20.0), (3, 9)):
+        rig, R, rng = example(seed, poses=poses)
+        wrench = noisy_readings(replace(rig, weight=weight), R, NOISE, rng)
+        yield R, -wrench
+        yield R.transpose(0, 2, 1), wrench
+        yield R, 1e-12 * wrench
+        yield R[:1] @ Rotation.from_euler("z", np.arange(poses)[:, None]).as_matrix(), wrench
+
+
+@pytest.mark.parametrize("model", ["yaw", "mount+base"])
+def test_of_signs_and_poses(tmp_path: Path, capsys: Capture, model: str) -> None:
+    found = set()
+    for R, wrench in _recordings():
+        for columns, numbers in (((*QUAT,), quat(R)), (("a", "b", "c"), Rotation.from_matrix(R).as_euler("ZYX"))):
+            path = written(tmp_path, csv_text((*WRENCH, *columns), np.column_stack([wrench, numbers])))
+            done = run(capsys, "calibrate", path, "--model", model, "--gravity", "0.0123457,-0.0234568,-0.987654")
+            if done.status == 2:
+                assert len(done.err) <= LONGEST + 1
+                assert "…" not in done.err or "likely in radians" in done.err
+                found.add(done.err.split(": ")[1][:20])
+    assert len(found) > 2
