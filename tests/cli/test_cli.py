@@ -379,9 +379,3 @@ def test_a_full_disk_behind_a_file_is_one_line(panda_json: Path, capsys: Capture
     message = "/dev/full: cannot be written (no space left on device): check the space on the disk and the permissions"
     assert run(capsys, "calibrate", PANDA, "-o", FULL).complaint == message
     assert run(capsys, "compensate", PANDA, "-c", panda_json, "-o", FULL).complaint == message
-
-
-def test_compensate_takes_no_g_as_it_gives_no_mass(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        "No such option: --g" in run(capsys, "compensate", PANDA, "-c", "c.json", "-o", "o.csv", "--g", "9.8").complaint
-    )

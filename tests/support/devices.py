@@ -14,7 +14,6 @@ from contactwrench.lab.ft300 import Ft300
 from contactwrench.lab.lines import TcpLines, UdpLines
 from contactwrench.lab.netft import SATURATED, NetFt
 from contactwrench.lab.rsi import Rsi
-
 from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur

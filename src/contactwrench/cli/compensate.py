@@ -91,6 +91,7 @@ def compensate(
     ] = None,
     recording: Recordings,
     gravity: options.Gravity = None,
+    g: options.StandardGravity = options.DEFAULT_G,
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
+from queue import Full
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -47,7 +49,8 @@ class Terminal:
             except ValueError:
                 options.say(f"found {line.strip()!r}, expected one of {', '.join(Command)}", err=True)
                 continue
-            self._hub.ask(ask)
+            with suppress(Full):
+                self._hub.commands.put_nowait(ask)
 
 
 def instruction(snapshot: Snapshot) -> str:
