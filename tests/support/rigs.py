@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from hypothesis import strategies as st
 
@@ -27,6 +29,19 @@ def noise_free(rig: Rig, R_base_flange: Array) -> cw.Samples:
 def noisy(rig: Rig, R_base_flange: Array, rng: np.random.Generator, noise: Array = NOISE) -> cw.Samples:
     """Readings with noise."""
     return cw.Samples(wrench=noisy_readings(rig, R_base_flange, noise, rng), R_base_flange=R_base_flange)
+
+
+def samples_of_a_design(
+    rig: Rig, R_base_flange: Array, runs: int, rng: np.random.Generator, noise: Array = NOISE
+) -> Iterator[cw.Samples]:
+    """As many recordings of the same poses, of whose noise the sample mean is 0 and the sample covariance exactly that
+    of `noise`: what an estimate scatters by shows in few `runs` (more than readings), without the scatter of dice.
+    """
+    drawn = rng.normal(size=(runs, 6 * len(R_base_flange)))
+    assert len(drawn) > drawn.shape[1]
+    whitened = np.sqrt(runs) * np.linalg.qr(drawn - drawn.mean(axis=0))[0]
+    for wrench in readings(rig, R_base_flange) + noise * whitened.reshape(runs, -1, 6):
+        yield cw.Samples(wrench, R_base_flange)
 
 
 def example(seed: int, poses: int = 24) -> tuple[Rig, Array, np.random.Generator]:
