@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import gc
 import os
+from typing import Any
 
+import pytest
 from hypothesis import settings
 
 gc.disable()
@@ -26,3 +28,13 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Each worker begins with a part of its own, so that what a file's tests share is made once, and ends with what is
+    left of another's.
+    """
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
