@@ -1,13 +1,19 @@
 """One thread for linear algebra, as a test has a core to itself; property tests draw the same examples at every run.
 
-`make explore` draws new examples.
+`make explore` draws new examples. What is collected stays to the end: the garbage collector need not go through the
+quarter of a million objects of libraries and tests again and again.
 """
 
 from __future__ import annotations
 
+import gc
 import os
+from typing import Any
 
+import pytest
 from hypothesis import settings
+
+gc.disable()
 
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
@@ -15,3 +21,20 @@ for library in ("OMP", "OPENBLAS", "MKL"):
 settings.register_profile("same_every_time", derandomize=True, database=None, deadline=None)
 settings.register_profile("explore", database=None, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same_every_time"))
+
+
+def pytest_collection_finish() -> None:
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
+    gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Each worker begins with a part of its own, so that what a file's tests share is made once, and ends with what is
+    left of another's.
+    """
+    from xdist.scheduler import WorkStealingScheduling  # type: ignore[import-untyped]
+
+    return WorkStealingScheduling(config, log)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -82,15 +83,23 @@ def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
         assert "tilt the tool to another pose for the rest" in held.warnings[0]
 
 
+LONG = replace(example(3)[0], weight=6.0, com=np.array([0.15, 0.2, -0.15]))
+"""A light and long tool, so that its errors count for much."""
+
+
+@cache
+def _calibrations_of_long() -> list[cw.Calibration]:
+    _, R, rng = example(3, poses=8)
+    return [cw.calibrate(noisy(LONG, R, rng), "mount", noise=NOISE) for _ in range(200)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("poses", [1, 2, 6])
 def test_std_is_what_the_estimates_scatter_by(poses: int) -> None:
-    """Calibration and weighing both repeated; a light and long tool, so that its errors count for much."""
-    rig, R, rng = example(3, poses=8)
-    rig, mass = replace(rig, weight=6.0, com=np.array([0.15, 0.2, -0.15])), 1.0
-    z_mass, z_com, z_flange, alarms, runs = [], [], [], 0, 200
-    for _ in range(runs):
-        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+    """Calibration and weighing both repeated."""
+    rig, mass, rng = LONG, 1.0, np.random.default_rng((3, poses))
+    z_mass, z_com, z_flange, alarms = [], [], [], 0
+    for calibration in _calibrations_of_long():
         at = random_rotations(poses, rng)
         held = weigh(calibration, _noisy_holding(rig, mass, COM, at, rng))
         alarms += held.probability < 0.01

@@ -13,7 +13,7 @@ import contactwrench as cw
 from contactwrench.calibration.text import verdict_sentences
 from contactwrench.statistics import two_digits
 from tests.support.recordings import PANDA
-from tests.support.rigs import NOISE, example, noise_free, noisy
+from tests.support.rigs import NOISE, example, noise_free, noisy, samples_of_a_design
 from tests.support.world import DOWN, Array, cramer_rao, derivatives, random_rotations, readings, tilted_down
 
 MODELS = ("paper", "yaw", "mount", "mount+base", "affine")
@@ -132,8 +132,8 @@ def test_covariance_of_b_gives_the_same_std_of_the_wrench(model: str) -> None:
 def test_std_of_the_wrench_covers_the_error_of_the_prediction() -> None:
     rig, R, rng = example(6, poses=10)
     unseen, squared = random_rotations(20, rng), []
-    for _ in range(80):
-        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+    for samples in samples_of_a_design(rig, R, 64, rng):
+        calibration = cw.calibrate(samples, "mount", noise=NOISE)
         squared.append(((calibration.predict(unseen) - readings(rig, unseen)) / calibration.wrench_std(unseen)) ** 2)
     assert np.mean(squared) == pytest.approx(1.0, abs=0.2)
 
@@ -167,8 +167,8 @@ def test_yaw_of_a_tilted_and_of_a_flipped_sensor() -> None:
 def test_std_of_yaw_is_that_of_monte_carlo() -> None:
     rig, R, rng = example(9, poses=10)
     yaws, stds = [], []
-    for _ in range(150):
-        calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
+    for samples in samples_of_a_design(rig, R, 64, rng):
+        calibration = cw.calibrate(samples, "mount", noise=NOISE)
         assert calibration.yaw is not None
         yaws.append(calibration.yaw)
         stds.append(calibration.std["yaw"])

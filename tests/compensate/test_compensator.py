@@ -420,21 +420,22 @@ def test_shapes_are_refused() -> None:
 
 def test_memory_does_not_grow() -> None:
     calibration, rig, rng = calibrated(2)
-    R = swinging(rng, 1000)
+    rate = 250  # the buffers hold seconds
+    R = swinging(rng, rate)
     wrench = free(rig, R, rng)
-    compensator = cw.Compensator(calibration, **(EVERYTHING | {"fast": False}))
+    compensator = cw.Compensator(calibration, **(EVERYTHING | {"fast": False, "rate": float(rate)}))
     import tracemalloc
 
-    def thousand(start: float) -> None:
-        for k in range(1000):
-            compensator(wrench[k], R[k], start + k / RATE)
+    def one_second(start: float) -> None:
+        for k in range(rate):
+            compensator(wrench[k], R[k], start + k / rate)
 
     tracemalloc.start()  # before the buffers are filled: what they hold is replaced, not added
     for second in range(12):
-        thousand(float(second))
+        one_second(float(second))
     before = tracemalloc.get_traced_memory()[0]
-    thousand(12.0)
-    thousand(13.0)
+    one_second(12.0)
+    one_second(13.0)
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 2000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -61,16 +62,24 @@ def _errors_in_std(mount_deg: float, base_deg: float, poses: Array, runs: int, s
     return np.array(in_std), np.array(in_interval)
 
 
+@pytest.fixture
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without what other models make of the poses, a seventh of the work."""
+    monkeypatch.setattr(import_module("contactwrench.estimation.calibrate"), "alternatives_to", lambda *_: ())
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (0.3, 0.2), (1.4, 0.7), (4.0, 2.0), (7.0, 0.0)])
 def test_no_tilt_makes_the_std_of_the_mean_too_small(mount_deg: float, base_deg: float) -> None:
     """Six spread poses, exactly nominal to far beyond: errors of 1.3 std RMS at most (Student's t of few dof: 1.2)."""
-    in_std, in_interval = _errors_in_std(mount_deg, base_deg, SPREAD, 40, 77)
+    in_std, in_interval = _errors_in_std(mount_deg, base_deg, SPREAD, 30, 77)
     assert float(np.sqrt(np.mean(in_std**2))) < 1.3
     assert float(np.mean(np.abs(in_interval) < 1.0)) > 0.9
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("alone")
 def test_an_exactly_nominal_cell_profits_from_it() -> None:
     """The mean's force errs by little more than that of whoever knows both tilts, and less than where both are free."""
     rng = np.random.default_rng(8)

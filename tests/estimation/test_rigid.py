@@ -14,7 +14,16 @@ import contactwrench as cw
 from contactwrench.estimation.noise import StatedNoise, readings_of
 from contactwrench.estimation.priors import Question
 from contactwrench.estimation.rigid import estimated
-from tests.support.rigs import NOISE, assert_same_tool, example, noise_free, noisy, rotation_angle, seeds
+from tests.support.rigs import (
+    NOISE,
+    assert_same_tool,
+    example,
+    noise_free,
+    noisy,
+    rotation_angle,
+    samples_of_a_design,
+    seeds,
+)
 from tests.support.world import (
     DOWN,
     Array,
@@ -77,7 +86,7 @@ def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
 def test_errors_have_the_size_of_the_bound_and_of_the_stated_covariance(model: str) -> None:
     rig, R, rng = example(21, poses=12)
     rig = _for_model(rig, model, rng)
-    fits = [cw.calibrate(noisy(rig, R, rng), model, noise=NOISE) for _ in range(160)]
+    fits = [cw.calibrate(samples, model, noise=NOISE) for samples in samples_of_a_design(rig, R, 80, rng)]
     errors = np.array([np.r_[fit.weight, fit.com, fit.bias] for fit in fits]) - np.r_[rig.weight, rig.com, rig.bias]
     bound = np.sqrt(np.diag(cramer_rao(rig, model, R, NOISE)))[:10]
     assert np.sqrt(np.mean(errors**2, axis=0)) == pytest.approx(bound, rel=0.2)

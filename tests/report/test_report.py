@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache, partial
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -22,6 +23,16 @@ from tests.support.world import random_rotations
 
 TITLES = ("h3", "summary")
 VOID = {"meta", "br", "link", "img", "hr", "input"}
+
+
+panda = cache(partial(cw.calibrate, cw.read(PANDA)))
+"""The set of measured poses calibrated by a model."""
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and not drawn: where only words are looked at."""
+    monkeypatch.setattr(figures, "svg_text", lambda _: "<svg></svg>")
 
 
 class _Page(HTMLParser):
@@ -77,7 +88,7 @@ def _page(path: Path) -> tuple[_Page, str]:
 
 @pytest.mark.slow
 def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> None:
-    write_calibration_report(tmp_path / "r.html", cw.calibrate(cw.read(PANDA), "mount"))
+    write_calibration_report(tmp_path / "r.html", panda("mount"))
     page, _ = _page(tmp_path / "r.html")
     assert "script" not in page.tags
     assert "link" not in page.tags
@@ -88,7 +99,7 @@ def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "yaw", "mount", "affine"])
 def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, model: str) -> None:
-    calibration = cw.calibrate(cw.read(PAPER if model == "paper" else PANDA), model)
+    calibration = cw.calibrate(cw.read(PAPER), model) if model == "paper" else panda(model)
     write_calibration_report(tmp_path / "r.html", calibration)
     _, words = _page(tmp_path / "r.html")
     for sentence in verdict_sentences(calibration):
@@ -130,7 +141,7 @@ def test_a_calibration_of_very_many_poses_has_a_report_without_them(tmp_path: Pa
 
 @pytest.mark.slow
 def test_figures_are_the_same_bytes_each_time() -> None:
-    calibration = cw.calibrate(cw.read(PANDA), "mount+base")
+    calibration = panda("mount+base")
     ways = compare(calibration, calibration.poses)
     assert figures.left_over_per_pose(calibration, ways) == figures.left_over_per_pose(calibration, ways)
     assert figures.residuals_per_pose(calibration, ways[0]) == figures.residuals_per_pose(calibration, ways[0])
@@ -143,14 +154,15 @@ def test_gravity_is_drawn_on_the_half_of_the_sphere_that_it_points_to() -> None:
     down, up = np.diag([1.0, -1.0, -1.0]), np.eye(3)
     poses = [Pose(R, np.zeros(6), np.zeros((6, 6)), 1, None, None, None) for R in (down, down, down, up)]
     poses.append(Pose(up, np.zeros(6), np.zeros((6, 6)), 1, None, None, "in contact"))
-    svg = figures.std_over_orientations(replace(cw.calibrate(cw.read(PANDA), "mount"), poses=tuple(poses)))
+    svg = figures.std_over_orientations(replace(panda("mount"), poses=tuple(poses)))
     assert "+z: 3 poses" in svg
     assert "-z: 1 pose<" in svg
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 def test_auto_shows_what_it_assumed_and_what_other_models_make_of_the_poses(tmp_path: Path) -> None:
-    calibration = cw.calibrate(cw.read(PANDA))
+    calibration = panda()
     write_calibration_report(tmp_path / "r.html", calibration)
     page, words = _page(tmp_path / "r.html")
     for assumption in calibration.assumptions:
@@ -164,12 +176,13 @@ def test_auto_shows_what_it_assumed_and_what_other_models_make_of_the_poses(tmp_
     assert rows[4][1] == "-"
     for absent in ("Poses that were left out", "left out", "Hollow", "But the bias"):
         assert absent not in words
-    write_calibration_report(tmp_path / "mount.html", cw.calibrate(cw.read(PANDA), "mount"))
+    write_calibration_report(tmp_path / "mount.html", panda("mount"))
     _, words = _page(tmp_path / "mount.html")
     assert "What was assumed" not in words
     assert "What other models" not in words
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 @pytest.mark.parametrize("timed", [True, False])
 def test_poses_that_were_left_out_keep_their_numbers_and_say_why(tmp_path: Path, timed: bool) -> None:
@@ -195,10 +208,11 @@ def test_poses_that_were_left_out_keep_their_numbers_and_say_why(tmp_path: Path,
     assert [line[0] for line in every if line[-1] == "left out"] == ["6"]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("kind", [Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED, Kind.POSE_LEFT_OUT])
 def test_a_bias_that_moved_is_said_where_the_residuals_show_it(tmp_path: Path, kind: Kind) -> None:
     finding = Finding.doubtful(kind, "something happened after pose 3")
-    calibration = replace(cw.calibrate(cw.read(PANDA), "mount"), findings=(finding,))
+    calibration = replace(panda("mount"), findings=(finding,))
     write_calibration_report(tmp_path / "r.html", calibration)
     _, words = _page(tmp_path / "r.html")
     how = kind.value.replace("_", " ")
@@ -206,6 +220,7 @@ def test_a_bias_that_moved_is_said_where_the_residuals_show_it(tmp_path: Path, k
     assert ("drawn against it" in words) == (kind in BIAS_MOVED)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("severity", "missed", "box"),
     [
@@ -219,7 +234,7 @@ def test_only_good_is_green_and_warnings_stand_outside_of_it(
     tmp_path: Path, severity: Severity, missed: str, box: str
 ) -> None:
     finding = Finding(Kind.OTHER, severity, "something is odd")
-    calibration = replace(cw.calibrate(cw.read(PANDA), "mount"), findings=(finding,))
+    calibration = replace(panda("mount"), findings=(finding,))
     write_calibration_report(tmp_path / "r.html", calibration, missed=missed)
     text = (tmp_path / "r.html").read_text()
     (inside, after) = text.partition('<div class="verdict ')[2].split("</div>")[:2]
@@ -229,8 +244,9 @@ def test_only_good_is_green_and_warnings_stand_outside_of_it(
     assert ("misses what is required, force 1 N over 0.1." in inside) == bool(missed)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_head_says_what_was_stated_and_no_more(tmp_path: Path) -> None:
-    calibration = cw.calibrate(cw.read(PANDA), "mount")
+    calibration = panda("mount")
     stated: dict[str, str | int | float | bool | None] = {
         "source": "a & b.mcap",
         "created": "2026-11-22T06:00:00+00:00",
@@ -245,9 +261,10 @@ def test_the_head_says_what_was_stated_and_no_more(tmp_path: Path) -> None:
     assert "17 poses Doubtful" in words
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_stops_stand_in_the_order_of_time(tmp_path: Path) -> None:
     """The third of the recording's stops was left out and is the last of the poses, as estimation keeps them."""
-    calibration = cw.calibrate(cw.read(PANDA), "mount")
+    calibration = panda("mount")
     times = [0.0, 10.0, *(10.0 * k for k in range(3, 17)), 20.0]
     poses = [replace(pose, t_start=t, t_end=t + 1.0) for pose, t in zip(calibration.poses, times, strict=True)]
     poses[16] = replace(poses[16], rejected="in contact")
@@ -263,7 +280,7 @@ def test_stops_stand_in_the_order_of_time(tmp_path: Path) -> None:
 
 def test_the_maps_have_a_scale_from_zero_to_what_is_weak() -> None:
     """A hundred times the error, and the same scale: up to a tenth of the weight of 7.7 N, at 50 mm for the torque."""
-    c = cw.calibrate(cw.read(PANDA), "mount")
+    c = panda("mount")
     sure, vague = (figures.std_over_orientations(replace(c, covariance=k * c.covariance)) for k in (1e-4, 1.0))
     scales = [re.findall(r">([0-9.]+)</text>", svg) for svg in (sure, vague)]
     tenths = [f"0.{k}" for k in range(8)]
@@ -282,18 +299,18 @@ def test_the_maps_say_between_what_the_std_lies_on_either_half() -> None:
 
 
 def test_the_drawing_names_the_axes_the_centre_of_mass_and_the_weight() -> None:
-    calibration = cw.calibrate(cw.read(PANDA), "mount")
+    calibration = panda("mount")
     assert calibration.weight is not None
     assert calibration.com is not None
     svg = figures.sensor_axes(calibration)
     for name in ("x", "y", "z", "flange x", "flange y", "flange z", f"{calibration.weight:.2f} N"):
         assert f">{name}<" in svg
     assert f">com {', '.join(f'{1e3 * part:.1f}' for part in calibration.com)} mm<" in svg
-    assert figures.sensor_axes(cw.calibrate(cw.read(PANDA), "affine")) == ""
+    assert figures.sensor_axes(panda("affine")) == ""
 
 
 def test_without_matplotlib_the_report_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     with pytest.raises(cw.ContactWrenchError, match=r"needs matplotlib.*pip install 'contactwrench\[report\]'"):
-        write_calibration_report(tmp_path / "r.html", cw.calibrate(cw.read(PANDA), "mount"))
+        write_calibration_report(tmp_path / "r.html", panda("mount"))
     assert not (tmp_path / "r.html").exists()

@@ -7,6 +7,7 @@ import re
 from base64 import b64encode
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 
 from contactwrench.errors import MissingExtraError
-from reproduction import film, peg, pushing
+from reproduction import film, peg, pushing, sources_of_error
 from reproduction.page import experiment_markdown, shown, write_experiment
 from reproduction.part import Measured, Part, Picture, Table, mean, root_mean_square, share, wilson
 from reproduction.run import STEPS, run
@@ -29,11 +30,15 @@ PIXEL = "data:image/png;base64," + b64encode(b"\x89PNG is what it begins with").
 
 @pytest.fixture(scope="module")
 def short() -> Iterator[tuple[Part, ...]]:
-    """Two trials of everything, in short motions."""
+    """Two trials of everything, in short motions; of the sources of error one size, all are in their own test."""
+    one_size = {name: replace(source, sizes=source.sizes[:1]) for name, source in sources_of_error.SOURCES.items()}
+    cells = ((sources_of_error.NONE, 0.0), *((name, source.sizes[0]) for name, source in one_size.items()))
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as pool:
         patch.setattr(pushing, "ROUND", 0.5)
         patch.setattr(peg, "LONGEST", 0.2)
         patch.setattr(film, "frames", _nothing)
+        patch.setattr(sources_of_error, "SOURCES", one_size)
+        patch.setattr(sources_of_error, "CELLS", cells)
         done: list[str] = []
         parts = run(pool, 0.0, 1, done.append)
         assert sorted(done) == sorted(step.name for step in STEPS)

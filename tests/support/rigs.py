@@ -29,6 +29,23 @@ def noisy(rig: Rig, R_base_flange: Array, rng: np.random.Generator, noise: Array
     return cw.Samples(wrench=noisy_readings(rig, R_base_flange, noise, rng), R_base_flange=R_base_flange)
 
 
+def noise_of_a_design(runs: int, poses: int, rng: np.random.Generator, noise: Array = NOISE) -> Array:
+    """Noise (runs, poses, 6) of which the mean over the runs is 0 and the covariance exactly that of `noise`: what an
+    estimate scatters by shows in few runs (more than a run has readings), without the scatter of dice.
+    """
+    drawn = rng.normal(size=(runs, 6 * poses))
+    assert runs > drawn.shape[1]
+    whitened = np.sqrt(runs) * np.linalg.qr(drawn - drawn.mean(axis=0))[0]
+    of_all: Array = noise * whitened.reshape(runs, poses, 6)
+    return of_all
+
+
+def samples_of_a_design(rig: Rig, R_base_flange: Array, runs: int, rng: np.random.Generator) -> list[cw.Samples]:
+    """As many recordings of the same poses, with noise of a design."""
+    free = readings(rig, R_base_flange)
+    return [cw.Samples(free + off, R_base_flange) for off in noise_of_a_design(runs, len(R_base_flange), rng)]
+
+
 def example(seed: int, poses: int = 24) -> tuple[Rig, Array, np.random.Generator]:
     """A random rig, random poses, and the generator that made them."""
     rng = np.random.default_rng(seed)
