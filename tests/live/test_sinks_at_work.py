@@ -57,7 +57,7 @@ def test_a_slow_disk_slows_nobody_and_what_it_dropped_is_counted() -> None:
     begun = monotonic()
     for _ in range(40):
         at_work.write(one)
-    assert monotonic() - begun < 0.05
+    assert monotonic() - begun < 0.5  # of 4 s
     at_work.close()
     room = MOST_WAITING // one.rows
     assert room <= len(sink.got) <= room + 2
@@ -84,7 +84,7 @@ def test_what_waits_when_a_session_ends_is_given_up_after_two_seconds() -> None:
         at_work.write(turn(0, 10))
     begun = monotonic()
     at_work.close()
-    assert monotonic() - begun < DRAIN + 0.3
+    assert monotonic() - begun < DRAIN + 0.9
     assert at_work.error == "test:: was not done 2 s after the end: too slow"
     sleep(1.0)
     assert sink.closed

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen
-from .source import About, Batch, EndOfStream, Note, Source
+from .source import About, Batch, EndOfStreamError, Note, Source
 from .uri import source_of
 
 WAIT = 0.1
@@ -67,7 +67,7 @@ class Stream:
         while not self._closed:
             try:
                 batch = self._source.read(WAIT)
-            except EndOfStream:
+            except EndOfStreamError:
                 return
             if batch.samples or batch.notes:
                 yield batch_of(batch)
