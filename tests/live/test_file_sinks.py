@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import FileAccessError, FileFormatError
@@ -24,6 +25,7 @@ from contactwrench.recording.read import batches, read_streams
 from contactwrench.samples.samples import Streams
 from tests.support.bags import bag_streams
 from tests.support.turns import FLAW, ROBOT_RATE, START, orientations, turn, turns, without_orientation
+from tests.support.world import Array
 
 KINDS = (".csv", ".parquet", ".mcap")
 
@@ -91,10 +93,8 @@ def test_a_recording_is_what_came(
         assert next(filter(None, said)) == f"{FLAW} {whole.wrench[first].tolist()}"
 
 
-def _R(quat_xyzw: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    matrices: np.ndarray = Rotation.from_quat(quat_xyzw).as_matrix()
+def _R(quat_xyzw: Array) -> Array:
+    matrices: Array = Rotation.from_quat(quat_xyzw).as_matrix()
     return matrices
 
 

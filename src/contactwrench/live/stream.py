@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen
-from .source import About, Batch, Note, Source
+from .source import About, Batch, EndOfStreamError, Note, Source
 from .uri import source_of
 
 WAIT = 0.1
@@ -42,7 +42,9 @@ class StreamBatch(Frozen):
 
 
 class Stream:
-    """An open source. Iterating gives batches with at least one sample or note, as they come, until it is closed."""
+    """An open source. Iterating gives batches with at least one sample or note, as they come, until it is closed or
+    ends.
+    """
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -63,7 +65,10 @@ class Stream:
 
     def __iter__(self) -> Iterator[StreamBatch]:
         while not self._closed:
-            batch = self._source.read(WAIT)
+            try:
+                batch = self._source.read(WAIT)
+            except EndOfStreamError:
+                return
             if batch.samples or batch.notes:
                 yield batch_of(batch)
 

@@ -7,39 +7,21 @@ import socket
 import msgspec
 
 from ...errors import InputError
+from ...recording.tables.columns import WRENCH_COLUMNS
 from ..sink import Turn
 from ..source import DeviceError
 from ..uri import Uri
 
+NAMES = ("t", *WRENCH_COLUMNS, "std", "valid", "contact", "reason")
 CONTACT = (False, True, None)
 """By the code of `ContactWrenches.contact`, of which -1 is the last place."""
 
 
-class Line(msgspec.Struct):
-    """A sample: `t` s since 1970, the contact wrench N and N m and its `std` (6,), null where it is not known;
-    `reason`: why it is not valid.
+class UdpLines:
+    """`udp://HOST:PORT`: `t` s since 1970, `fx`..`tz` N and N m, `std` (6,), `valid`, `contact` and, where it is not
+    valid, `reason`; null is not known. It never waits: what the socket does not take at once is dropped.
     """
 
-    t: float
-    fx: float
-    fy: float
-    fz: float
-    tx: float
-    ty: float
-    tz: float
-    std: list[float]
-    valid: bool
-    contact: bool | None
-    reason: str | None
-
-
-class UdpLines:
-    """`udp://HOST:PORT`. It never waits: what the socket does not take at once, or nobody listens to, is dropped."""
-
-    FORM = "udp://HOST:PORT"
-    ABOUT = "one JSON line a sample: t, fx..tz, std, valid, contact, reason"
-    RATE = "the sensor's"
-    TESTED = "a socket"
     waits = False
 
     def __init__(self, uri: Uri) -> None:
@@ -48,7 +30,7 @@ class UdpLines:
             raise InputError(f"{uri}: found no host and port to send to, expected a URI like udp://127.0.0.1:9000")
         self.uri, self._host, self._port = uri.text, uri.host, uri.port
         self.written = self.dropped = 0
-        self._encode = msgspec.json.Encoder().encode
+        self._encode = msgspec.json.Encoder(enc_hook=str).encode  # a Reason is a text with a kind
         self._socket: socket.socket | None = None
 
     def open(self) -> None:
@@ -68,13 +50,11 @@ class UdpLines:
         if contact is None or contact.t is None or self._socket is None:
             return
         send, encode = self._socket.send, self._encode
-        columns = (contact.t, contact.wrench, contact.std, contact.valid, contact.contact)
-        for t, (fx, fy, fz, tx, ty, tz), std, valid, touches, reason in zip(
-            *(column.tolist() for column in columns), contact.reason, strict=True
-        ):
-            text = None if reason is None else str(reason)
+        numbers = (column.tolist() for column in (contact.t, contact.wrench, contact.std, contact.valid))
+        touches = [CONTACT[code] for code in contact.contact.tolist()]
+        for t, wrench, std, *judged in zip(*numbers, touches, contact.reason, strict=True):
             try:
-                send(encode(Line(t, fx, fy, fz, tx, ty, tz, std, valid, CONTACT[touches], text)) + b"\n")
+                send(encode(dict(zip(NAMES, (t, *wrench, std, *judged), strict=True))) + b"\n")
                 self.written += 1
             except OSError:
                 self.dropped += 1

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...geometry.arrays import Array
 from ...geometry.orientation import ROTATION_TOLERANCE
 from ...recording.bags.write import nanoseconds, stamped
-from ...recording.tables.columns import POSITION, WRENCH_COLUMNS
+from ...recording.tables.columns import FLAW, POSITION, WRENCH_COLUMNS
 from ...recording.tables.write import quoted
 from ...samples.samples import LARGEST_READING
 from ..sink import Turn
@@ -21,7 +21,7 @@ from .file import GrowingFile
 from .growing import Message, text_message
 
 QUATERNION = ("qx", "qy", "qz", "qw")
-NAMES = ("t", *WRENCH_COLUMNS, *QUATERNION, *POSITION, "flaw")
+NAMES = ("t", *WRENCH_COLUMNS, *QUATERNION, *POSITION, FLAW)
 ROW = "%r," * 7 + "%.9g," * 7 + "%s\n"
 """Times and readings to their last bit."""
 POSES_KEPT = 1_000
@@ -69,7 +69,7 @@ class Recorder(GrowingFile):
         wrench = np.where(_there(flaws), turn.wrench, np.nan)
         orientation = np.where(known[:, None], turn.orientation, np.nan)
         columns = np.column_stack([turn.t, wrench, orientation, self._positions(turn)])
-        return {**dict(zip(NAMES, columns.T, strict=False)), "flaw": _with_numbers(flaws, turn.wrench)}
+        return {**dict(zip(NAMES, columns.T, strict=False)), FLAW: _with_numbers(flaws, turn.wrench)}
 
     def _lines(self, turn: Turn) -> Iterator[str]:
         *numbers, flaws = self._columns(turn).values()
@@ -92,8 +92,8 @@ class Recorder(GrowingFile):
 
 def _flaws(turn: Turn) -> list[str]:
     """Why each reading is none; empty: it is one."""
-    number: list[bool] = np.all(np.abs(turn.wrench) <= LARGEST_READING, axis=1).tolist()
-    return [flaw or ("" if good else "no number") for flaw, good in zip(turn.flaw, number, strict=True)]
+    number = np.asarray((np.abs(turn.wrench) <= LARGEST_READING).all(axis=1))
+    return [flaw or ("" if good else "no number") for flaw, good in zip(turn.flaw, number.tolist(), strict=True)]
 
 
 def _there(flaws: list[str]) -> NDArray[np.bool_]:
@@ -109,5 +109,4 @@ def _with_numbers(flaws: list[str], wrench: Array) -> list[str]:
 def _is_orientation(quat_xyzw: Array) -> NDArray[np.bool_]:
     """Which of (n, 4) are quaternions as the readers take them."""
     length: Array = np.linalg.norm(quat_xyzw, axis=1)
-    unit: NDArray[np.bool_] = np.abs(length - 1.0) < ROTATION_TOLERANCE
-    return unit
+    return np.asarray(np.abs(length - 1.0) < ROTATION_TOLERANCE, np.bool_)

@@ -84,11 +84,12 @@ class Mcap(ChunkedFile):
         it lacks.
         """
         place, code = len(MAGIC), HEADER
-        live = LIVE in self._bytes(place, 2 * len(LIVE) + RECORD.size)
-        while live and place < self.size:
+        if LIVE not in self._bytes(place, RECORD.size + 2 * len(LIVE)):
+            return False
+        while place < self.size and code in (HEADER, CHUNK, MESSAGE_INDEX):
             code, length = self._head(RECORD, place)
             place += RECORD.size + length
-        return live and place == self.size and code in (CHUNK, MESSAGE_INDEX)
+        return place == self.size and code in (CHUNK, MESSAGE_INDEX)
 
     def _checksum(self, start: int, end: int) -> int:
         checksum = 0

@@ -33,6 +33,11 @@ NANOSECONDS = "nanosec"
 SATURATED = "saturated"
 """1 or true in the rows in which a channel of the sensor stood at its limit."""
 
+FLAW = "flaw"
+"""The last column of a recording of a live session: in words why a row has no reading, and what was read. So a row of
+it that was not finished, at the end of a file, can be told from one that somebody wrote so.
+"""
+
 
 @dataclass(frozen=True)
 class Naming:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
-from .columns import SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
+from .columns import FLAW, SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
 from .layout import (
     DECIMAL_COMMA,
     PERHAPS_DOTTED,
@@ -73,7 +73,8 @@ def open_csv(path: str | Path, rows: int) -> OpenTable:
         raise FileFormatError(f"{source}: {said}, expected a header line and rows of numbers")
     header_row, layout = found
     below = ((row, _blanked(text, header_row + 1 - row), done) for row, text, done in first)
-    bodies = (Lines(*block, layout, source) for block in chain(below, blocks))
+    whole = _without_unfinished_row(chain(below, blocks), layout)
+    bodies = (Lines(*block, layout, source) for block in whole)
     return OpenTable(source, places_of(layout.names, source), partial(_with_rows, bodies))
 
 
@@ -81,6 +82,19 @@ def _blanked(text: str, count: int) -> str:
     """The text with its first lines, so many, left blank."""
     lines = text.split("\n")
     return text if count <= 0 else "\n".join([""] * min(count, len(lines)) + lines[count:])
+
+
+def _without_unfinished_row(
+    blocks: Iterator[tuple[int, str, float]], layout: Layout
+) -> Iterator[tuple[int, str, float]]:
+    """The blocks; of a live session that was ended from outside, less the row that it was writing (doubts.py tells)."""
+    block = next(blocks)
+    for following in blocks:
+        yield block
+        block = following
+    before, _, last = block[1].rpartition("\n")
+    unfinished = layout.names[-1] == FLAW and last.count(layout.separator) < len(layout.names) - 1
+    yield (block[0], before, block[2]) if unfinished else block
 
 
 def _blocks_of_text(path: str | Path, source: str, rows: int) -> Iterator[tuple[int, str, float]]:

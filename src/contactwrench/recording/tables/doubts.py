@@ -10,7 +10,7 @@ import numpy as np
 
 from ...files import TEXT_AT_ONCE, name_of, open_bytes
 from ...geometry.arrays import Array
-from .columns import Naming, shown
+from .columns import FLAW, Naming, shown
 from .csv import SUFFIXES
 from .layout import is_row
 from .orientations import orientation_columns
@@ -73,10 +73,12 @@ def end_in_doubt(path: str | Path) -> str:
     if Path(path).suffix.lower() not in SUFFIXES or Path(path).is_dir():
         return ""
     with open_bytes(path) as file:
+        header = file.readline(TEXT_AT_ONCE).strip()
         file.seek(max(file.seek(0, SEEK_END) - TEXT_AT_ONCE, 0))
         last = re.split(rb"[\r\n]", file.read())[-1].replace(b"\0", b"")
-    said = f"{name_of(path)}: the last line has no line end: its last number may be cut off"
-    return said if is_row(last.decode(errors="replace")) else ""
+    unfinished = header.endswith(f",{FLAW}".encode()) and last.count(b",") < header.count(b",")
+    what = " and too few cells: it was left out" if unfinished else ": its last number may be cut off"
+    return f"{name_of(path)}: the last line has no line end{what}" if is_row(last.decode(errors="replace")) else ""
 
 
 def times_in_doubt(path: str | Path, naming: Naming, t: Array | None) -> str:
