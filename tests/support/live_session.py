@@ -238,7 +238,7 @@ class Played:
             self.force += 8.0 * dt
             if self.force >= 10.0:
                 self.pushes, self.force = self.pushes + 1, 0.0
-        if self.phase in {Phase.POSES, Phase.VERIFY}:
+        if (self.phase is Phase.POSES and self.taken < POSES_NEEDED) or self.phase is Phase.VERIFY:
             self.progress += dt
             if self.progress >= 1.0:
                 self.progress = 0.0
