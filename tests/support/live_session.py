@@ -146,7 +146,10 @@ LONG = (
 UGLY: dict[str, Snapshot] = {
     "no devices": snapshot(Phase.CONNECT, devices=(), reading=None, noise=None, trace=(), events=(), orientation=None),
     "no robot": snapshot(Phase.RUN, devices=(sensor(), robot(state="down", text="refused", age=None, rate=None))),
-    "sensor silent": snapshot(Phase.RUN, devices=(sensor(state="silent", age=3.2, rate=0.0), robot())),
+    "sensor silent": snapshot(
+        Phase.RUN, devices=(sensor(state="silent", age=3.2, rate=0.0), robot()),
+        trace=trace(T0 - 3.2, 6.8, (0.05, -0.03, 0.04, 0.002, -0.001, 0.001), 18.0),
+    ),
     "long names": snapshot(
         Phase.RUN,
         devices=(sensor(uri=LONG, name="Maker of sensors " * 12, text="wrong sum " * 30), robot(name="<img src=x>")),
