@@ -18,6 +18,8 @@ from contactwrench.live.snapshot import Command, Event, Phase, Snapshot
 from tests.support.live_session import T0, UGLY, Played, played, quaternions, snapshot
 
 CHROMIUM = "/usr/bin/chromium"
+PATIENCE = 20_000
+"""ms."""
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
 pytest.importorskip("uvicorn", reason="uvicorn is not installed")
@@ -71,13 +73,13 @@ def showing(*moments: Snapshot, lab: Callable[[dict[str, str]], object] | None =
 def seen(page: Any, selector: str, text: str = "") -> Any:
     """The element, once it is visible and has the text."""
     found = page.locator(selector).filter(has_text=text).first
-    found.wait_for(timeout=5000)
+    found.wait_for(timeout=PATIENCE)
     return found
 
 
 class Clicks:
     def press(self, page: Any, what: str) -> None:
-        page.locator(f"[data-do={what}][aria-disabled=false]").click(timeout=5000)
+        page.locator(f"[data-do={what}][aria-disabled=false]").click(timeout=PATIENCE)
 
 
 class Keys:
@@ -164,6 +166,21 @@ def test_news_that_stop_are_marked_and_come_back(browser: Any) -> None:
         hub.publish(msgspec.json.encode(snapshot(Phase.RUN, T0 + 5.0)))
         seen(page, "#link", "● live")
         assert page.locator("#banner").is_hidden()
+
+
+def test_a_program_that_ended_is_said(browser: Any) -> None:
+    with showing(snapshot(Phase.RUN)) as (_, server), opened(browser, server.url) as page:
+        seen(page, "#link", "● live")
+        page.evaluate("() => { window.WebSocket = class { constructor() { setTimeout(() => this.onclose({})); } }; }")
+        server.close()
+        seen(page, "#banner", "The program has ended, or does not answer.")
+
+
+def test_one_page_too_many_says_so(browser: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactwrench.live.page.app.MOST_CLIENTS", 0)
+    with showing(snapshot(Phase.RUN)) as (_, server), opened(browser, server.url) as page:
+        seen(page, "#banner", "0 pages are open already. Close one.")
+        assert "old" not in page.inner_text("#banner")
 
 
 def test_texts_of_devices_are_shown_and_not_obeyed(browser: Any) -> None:

@@ -146,7 +146,10 @@ LONG = (
 UGLY: dict[str, Snapshot] = {
     "no devices": snapshot(Phase.CONNECT, devices=(), reading=None, noise=None, trace=(), events=(), orientation=None),
     "no robot": snapshot(Phase.RUN, devices=(sensor(), robot(state="down", text="refused", age=None, rate=None))),
-    "sensor silent": snapshot(Phase.RUN, devices=(sensor(state="silent", age=3.2, rate=0.0), robot())),
+    "sensor silent": snapshot(
+        Phase.RUN, devices=(sensor(state="silent", age=3.2, rate=0.0), robot()),
+        trace=trace(T0 - 3.2, 6.8, (0.05, -0.03, 0.04, 0.002, -0.001, 0.001), 18.0),
+    ),
     "long names": snapshot(
         Phase.RUN,
         devices=(sensor(uri=LONG, name="Maker of sensors " * 12, text="wrong sum " * 30), robot(name="<img src=x>")),
@@ -238,7 +241,7 @@ class Played:
             self.force += 8.0 * dt
             if self.force >= 10.0:
                 self.pushes, self.force = self.pushes + 1, 0.0
-        if self.phase in {Phase.POSES, Phase.VERIFY}:
+        if (self.phase is Phase.POSES and self.taken < POSES_NEEDED) or self.phase is Phase.VERIFY:
             self.progress += dt
             if self.progress >= 1.0:
                 self.progress = 0.0

@@ -20,6 +20,8 @@ Send = Callable[[Message], Awaitable[None]]
 Lab = Callable[[dict[str, str]], object]
 
 MOST_CLIENTS = 20
+LOOK_AGAIN = 0.01
+"""s between looks for a new snapshot: what it is late by at most, for a worker that need not wake anybody."""
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
     "content-security-policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
@@ -81,7 +83,7 @@ class Application:
         await receive()  # websocket.connect
         await send({"type": "websocket.accept"})
         if self._clients >= MOST_CLIENTS:
-            await _close(send, 1013, f"{MOST_CLIENTS} pages are open already: close one")
+            await _close(send, 1013, f"{MOST_CLIENTS} pages are open already. Close one.")
             return
         self._clients += 1
         ready = asyncio.Event()
@@ -95,24 +97,14 @@ class Application:
                 await sender
 
     async def _send_newest(self, ready: asyncio.Event, send: Send) -> None:
-        news, loop, seen = asyncio.Event(), asyncio.get_running_loop(), 0
-
-        def wake() -> None:
-            with suppress(RuntimeError):  # the loop ended while the worker came here
-                loop.call_soon_threadsafe(news.set)
-
-        self._hub.wakes.add(wake)
-        try:
-            await send({"type": "websocket.send", "text": f'{{"lab":{"true" if self._lab else "false"}}}'})
-            while await ready.wait():
-                while (newest := self._hub.after(seen)) is None:
-                    news.clear()
-                    await news.wait()
-                ready.clear()
-                seen, text = newest
-                await send({"type": "websocket.send", "text": text.decode()})
-        finally:
-            self._hub.wakes.discard(wake)
+        await send({"type": "websocket.send", "text": f'{{"lab":{"true" if self._lab else "false"}}}'})
+        seen = 0
+        while await ready.wait():
+            while (newest := self._hub.after(seen)) is None:
+                await asyncio.sleep(LOOK_AGAIN)
+            ready.clear()
+            seen, text = newest
+            await send({"type": "websocket.send", "text": text.decode()})
 
     async def _take(self, receive: Receive, send: Send, ready: asyncio.Event) -> None:
         pressed = False

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
 from queue import Queue
 from typing import Annotated
 
@@ -36,23 +34,21 @@ class Hub:
 
     def __init__(self) -> None:
         self.commands: Queue[Ask] = Queue(MOST_COMMANDS)
-        self.wakes: set[Callable[[], object]] = set()
-        """Called in the worker's thread for every snapshot."""
-        self._recent: deque[tuple[int, bytes]] = deque(maxlen=MERGED)
-        self._number = 0
+        self._recent: tuple[tuple[int, bytes], ...] = ()
 
     def publish(self, snapshot: bytes) -> None:
-        """Show a `Snapshot`, encoded as JSON, at most 30 times a second; returns at once."""
-        self._number += 1
-        self._recent.append((self._number, snapshot))
-        for wake in tuple(self.wakes):
-            wake()
+        """Show a `Snapshot`, encoded as JSON, at most 30 times a second; returns at once.
+
+        A tuple is put in place of another, and nobody is woken: a lock or a system call would let other threads in.
+        """
+        number = self._recent[-1][0] + 1 if self._recent else 1
+        self._recent = (*self._recent[1 - MERGED :], (number, snapshot))
 
     def after(self, seen: int) -> tuple[int, bytes] | None:
         """The newest snapshot and its number, if it is newer than number `seen`, as a browser gets it: with the traces,
         of the same phase, of the snapshots that the browser skipped. One that has seen none (0) skips none.
         """
-        recent = tuple(self._recent)
+        recent = self._recent
         if not recent or recent[-1][0] <= seen:
             return None
         number, newest = recent[-1]

@@ -107,6 +107,8 @@ export function drawPlot(canvas, trace, column, title, now) {
     g.fillStyle = c.accent;
     g.fillRect(x(a), bottom - 1, Math.max(x(b) - x(a), 2), 5);
   });
+  const silent = rows.length ? now - rows[rows.length - 1][0] : 0;
+  if (silent > 0.5) hatch(g, x(now - silent), top, right - x(now - silent), bottom - top, c.bad);
   for (let k = 0; k < 3; k++) {
     let piece = [];
     let before = null;

@@ -47,7 +47,7 @@ function received(message) {
 
 function mark() {
   const age = performance.now() - lastAt;
-  stale(last === null || lost || age > OLD ? (lost || "The program says nothing.") : "", last ? age / 1000 : null);
+  stale(lost || (age > OLD ? "The program says nothing." : ""), last ? age / 1000 : null);
 }
 
 function ask(what, pose) {

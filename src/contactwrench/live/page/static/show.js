@@ -58,7 +58,7 @@ export function stale(why, age) {
   level("link", why ? "error" : "ok");
   set("link", !why ? "● live" : age === null ? "✕ no news" : `✕ no news for ${Math.round(age)} s`);
   byId("banner").hidden = !why;
-  set("banner", why && `${why} What you see below is old.`);
+  set("banner", why && age !== null ? `${why} What you see below is old.` : why);
 }
 
 export function show(now, trace, ask) {
