@@ -36,8 +36,9 @@ def test_it_runs_until_it_is_interrupted() -> None:
             rtde(ur, "O", struct.pack(">d", 500.0) + b"timestamp")
             assert rtde(ur, "S") == b"\x01"
             assert exactly(ur, 12)
-            state = ask(orders, {"state": True})
-            assert (state["truth"]["mass"], state["moving"]) == (0.5, True)
+            while not (state := ask(orders, {"state": True}))["moving"]:
+                pass
+            assert state["truth"]["mass"] == 0.5
             program.send_signal(signal.SIGINT)
             assert program.wait(timeout=10) == 130
         assert program.stderr is not None
@@ -53,7 +54,7 @@ def test_every_pair_starts_at_the_ports_that_are_asked_for(
     pair: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("contactwrench.cli.lab._run", Mock(side_effect=_StartedError))
-    first = 20_000 + os.getpid() % 20_000
+    first = 20_000 + 8 * os.getpid() % 12_000  # below the ports that the system gives
     with nothing_left(), pytest.raises(_StartedError):
         lab(*pair, port_base=first)
     out = capsys.readouterr().out

@@ -169,28 +169,27 @@ class Fake(ABC):
                 what, done = self._orders.popleft()
                 what()
                 done.set()
-            if self._closed_until:
-                self._wait_to_reopen()
-                continue
-            if not self._wanted():
-                self.clock.running = False
-            elif not self.clock.running:
-                self.clock.begin()
-            timeout = min(self.clock.remaining(), IDLE) if self.clock.running else IDLE
-            if self._silent():
-                sleep(timeout)
+            if not self._closed_until:
+                self._turn_and_show()
+            elif monotonic() < self._closed_until:
+                sleep(IDLE)
             else:
-                self._turn(timeout)
-            if self.clock.running and (rows := self.clock.due()):
-                self._show(rows)
+                with suppress(OSError):  # somebody has the port: try again
+                    self._open()
+                    self._closed_until = 0.0
 
-    def _wait_to_reopen(self) -> None:
-        if monotonic() < self._closed_until:
-            sleep(IDLE)
-            return
-        with suppress(OSError):  # somebody has the port: try again
-            self._open()
-            self._closed_until = 0.0
+    def _turn_and_show(self) -> None:
+        if not self._wanted():
+            self.clock.running = False
+        elif not self.clock.running:
+            self.clock.begin()
+        timeout = min(self.clock.remaining(), IDLE) if self.clock.running else IDLE
+        if self._silent():
+            sleep(timeout)
+        else:
+            self._turn(timeout)
+        if self.clock.running and (rows := self.clock.due()):
+            self._show(rows)
 
     def _silent(self) -> bool:
         return monotonic() < self._silent_until

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,51 +13,41 @@ from ..simulate.rig import Rig, inverse_dynamics
 from ..simulate.trajectory import PEAK
 
 KNOT = 0.002
-"""s between the moments that MuJoCo computes; between them the physics is taken for linear: 1e-6 rad of the flange."""
+"""s between the moments that MuJoCo computes; between them all is taken for linear: 1e-6 rad of the flange."""
 SHORTEST = 0.4
 """s: of a move over no distance."""
+TURNING_ROUND = 4.0 * SHORTEST
+"""s: of the shortest move that begins on the way elsewhere, as the arm must not stop hard."""
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
     """`joints` (k, 7), `wrench` (k, 6) of the free tool on the sensor, quaternions `quat_xyzw` (k, 4) of
-    `R_base_flange`, `position` (k, 3) at k moments from `start` on, `KNOT` apart; after the last the arm rests.
-    `coefficients` (6, 7) are of the joints' polynomial in s over `duration`, s.
+    `R_base_flange`, `position` (k, 3) at k moments, `KNOT` apart from `start` on until `end`; then the arm rests.
+    `path` is the joints' polynomial.
     """
 
     start: float
-    duration: float
-    coefficients: Array
+    end: float
+    path: Any
     joints: Array
     wrench: Array
     quat_xyzw: Array
     position: Array
-
-    @property
-    def end(self) -> float:
-        """When the arm comes to rest."""
-        return self.start + self.duration
 
     def at(self, values: Array, t: Array) -> Array:
         """Of such values (k, d), those at times (n,) that rise: (n, d)."""
         if t[0] >= self.end:
             return np.broadcast_to(values[-1], (len(t), values.shape[1]))
         knot = np.minimum(np.maximum((t - self.start) / KNOT, 0.0), len(values) - 1.0)
-        before = np.minimum(knot.astype(np.intp), max(len(values) - 2, 0))
-        after = np.minimum(before + 1, len(values) - 1)
-        between: Array = values[before] + (knot - before)[:, None] * (values[after] - values[before])
+        before = np.minimum(knot.astype(np.intp), len(values) - 2)
+        between: Array = values[before] + (knot - before)[:, None] * (values[before + 1] - values[before])
         return between
 
     def state(self, t: float) -> Array:
         """Joints, their velocity and their acceleration (3, 7)."""
-        if self.duration == 0.0 or t >= self.end:
-            return np.stack([self.joints[-1], np.zeros(7), np.zeros(7)])
-        return _derivatives(self.coefficients, np.array([t - self.start]))[:, 0]
-
-
-def rest(rig: Rig, joints: Array, start: float) -> Course:
-    """An arm that rests at joints (7,)."""
-    return _course(rig, start, 0.0, np.vstack([joints, np.zeros((5, 7))]))
+        since = min(max(t, self.start), self.end) - self.start
+        return np.stack([self.path(since, derivative) for derivative in range(3)])
 
 
 def course(rig: Rig, state: Array, joints: Array, start: float, speed: float) -> Course:
@@ -69,44 +60,15 @@ def course(rig: Rig, state: Array, joints: Array, start: float, speed: float) ->
         start: s.
         speed: of the joint that has furthest to go, of its largest.
     """
-    furthest = float((np.abs(joints - state[0]) / MAX_SPEED).max())
-    duration = max(PEAK * furthest / speed, SHORTEST)
-    if state[1:].any():  # it is on its way elsewhere, and must not stop hard
-        duration = max(duration, 4.0 * SHORTEST)
-    return _course(rig, start, duration, _coefficients(state, joints, duration))
-
-
-def _coefficients(state: Array, joints: Array, duration: float) -> Array:
-    """Of the quintic that begins with a state and ends at rest: the first three are the state's, the others follow."""
-    begin = np.stack([state[0], state[1], state[2] / 2.0])
-    powers = duration ** np.arange(6.0)
-    ends = np.array([[1.0] * 6, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], [0.0, 0.0, 2.0, 6.0, 12.0, 20.0]])
-    wanted = np.stack([joints, np.zeros(7), np.zeros(7)])
-    missing = wanted - ends[:, :3] @ (begin * powers[:3, None])
-    return np.vstack([begin, np.linalg.solve(ends[:, 3:], missing) / powers[3:, None]])
-
-
-def _derivatives(coefficients: Array, t: Array) -> Array:
-    """Joints, velocity and acceleration (3, n, 7) at times (n,) from the start."""
-    k = np.arange(6.0)
-    powers = t[:, None] ** k
-    slower, slowest = np.maximum(k - 1.0, 0.0), np.maximum(k - 2.0, 0.0)
-    return np.stack(
-        [
-            powers @ coefficients,
-            (k * t[:, None] ** slower) @ coefficients,
-            (k * (k - 1.0) * t[:, None] ** slowest) @ coefficients,
-        ]
-    )
-
-
-def _course(rig: Rig, start: float, duration: float, coefficients: Array) -> Course:
+    from scipy.interpolate import BPoly
     from scipy.spatial.transform import Rotation
 
+    furthest = float((np.abs(joints - state[0]) / MAX_SPEED).max())
+    duration = max(PEAK * furthest / speed, TURNING_ROUND if np.abs(state[1:]).max() > 1e-9 else SHORTEST)
+    path = BPoly.from_derivatives([0.0, duration], [[*state], [joints, np.zeros(7), np.zeros(7)]])
     t = np.minimum(np.arange(int(np.ceil(duration / KNOT)) + 1) * KNOT, duration)
-    joints, velocity, acceleration = _derivatives(coefficients, t)
-    physics = inverse_dynamics(rig, joints, velocity, acceleration)
+    physics = inverse_dynamics(rig, *(path(t, derivative) for derivative in range(3)))
     quat_xyzw: Array = Rotation.from_matrix(physics.R_base_flange).as_quat()
     turned = np.where((quat_xyzw[1:] * quat_xyzw[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     quat_xyzw[1:] *= np.cumprod(turned)[:, None]
-    return Course(start, duration, coefficients, joints, physics.wrench, quat_xyzw, physics.position)
+    return Course(start, start + duration, path, physics.joints, physics.wrench, quat_xyzw, physics.position)

@@ -16,10 +16,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from ..assess.robot_arms import known_arm, within_limits
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.orientation import rotation_matrices
-from ..simulate.arm import JOINT_RANGE
 from ..simulate.kinematics import HOME, joints_for
 from ..simulate.rig import JOINTS, build
 from ..simulate.sensor import SensorStream
@@ -102,15 +102,15 @@ class Lab:
             raise InputError(f"speed is {speed:g}, expected more than 0 and at most 1: it is a share of the largest")
         self.settings = Settings() if settings is None else settings
         self._rig, self._speed, self._orders = build(self.settings), speed, Lock()
-        self._courses = [motion.rest(self._rig, HOME, monotonic() - REMEMBERED)]
+        resting = np.stack([HOME, np.zeros(JOINTS), np.zeros(JOINTS)])
+        self._courses = [motion.course(self._rig, resting, HOME, monotonic() - REMEMBERED, speed)]
         self._resting = (self._courses[0], _pose(self._courses[0], monotonic()))
         self._pushes: list[_Push] = []
         self._R_flange_sensor = self.settings.R_flange_sensor
         self._hook = np.array(self.settings.tool.hook)
         self._hook_flange = self._R_flange_sensor @ self._hook + [0.0, 0.0, self.settings.mounting.height]
         self._seed = seed
-        own = self.sensor()
-        self.wrench_rows = own.wrench_rows
+        self.wrench_rows = self.sensor().wrench_rows
 
     def sensor(self) -> Sensor:
         """The lab as one more device sees it."""
@@ -121,9 +121,8 @@ class Lab:
     def truth(self) -> Truth:
         """What is true of the rig."""
         rig, tool = self.settings, self.settings.tool
-        weight = tool.mass * rig.gravity
-        bias = np.array(rig.sensor.bias)
-        return Truth(weight, tool.mass, np.array(tool.com), bias, rig.R_flange_sensor, rig.gravity_direction)
+        com, bias = np.array(tool.com), np.array(rig.sensor.bias)
+        return Truth(tool.mass * rig.gravity, tool.mass, com, bias, rig.R_flange_sensor, rig.gravity_direction)
 
     def move_to(self, target: Array | Sequence[float], position: Sequence[float] | None = None) -> float:
         """Begin to move, from wherever the arm is on its way; returns how many seconds it will take.
@@ -136,25 +135,18 @@ class Lab:
             InputError: of another shape, or out of reach.
         """
         with self._orders:
-            joints = self._joints(np.asarray(target, dtype=np.float64), position, self.joints_now())
+            joints = self._joints(np.asarray(target, dtype=np.float64), position)
             start = max(monotonic() + SOON, self._courses[-1].start)
             ahead = motion.course(self._rig, self._course(start).state(start), joints, start, self._speed)
             kept = max(bisect_right([each.start for each in self._courses], start - REMEMBERED) - 1, 0)
             self._courses = [*self._courses[kept:], ahead]
         return ahead.end - monotonic()
 
-    def _joints(self, target: Array, position: Sequence[float] | None, near: Array) -> Array:
+    def _joints(self, target: Array, position: Sequence[float] | None) -> Array:
         if target.shape == (3, 3):
             R = rotation_matrices(target)[0][0]
-            return joints_for(self._rig, R, None if position is None else np.array(position), near)
-        if target.shape != (JOINTS,) or not np.isfinite(target).all():
-            raise InputError(f"found a target of shape {target.shape}, expected 7 joints (rad) or a rotation (3, 3)")
-        if np.any(np.abs(target) > JOINT_RANGE):
-            worst = int(np.argmax(np.abs(target) / JOINT_RANGE))
-            raise InputError(
-                f"q{worst + 1} is {target[worst]:.4g} rad, expected at most {JOINT_RANGE[worst]:.4g} (is this in deg?)"
-            )
-        return target
+            return joints_for(self._rig, R, None if position is None else np.array(position), self.joints_now())
+        return within_limits(known_arm("iiwa7"), target)
 
     @property
     def moving(self) -> bool:
@@ -225,10 +217,9 @@ class Lab:
         return contact
 
     def _contact(self, t: Array) -> Array:
-        pushes = [push for push in self._pushes if t[-1] > push.start and t[0] < push.end]
         R_base_flange, position = self._flange(t)
         total = self._workpiece(R_base_flange, position)
-        for push in pushes:
+        for push in [each for each in self._pushes if t[-1] > each.start and t[0] < each.end]:
             force = push.strength(t)[:, None] * push.force
             if push.frame == "base":
                 force = np.einsum("nij,ni->nj", R_base_flange @ self._R_flange_sensor, force)
@@ -257,7 +248,12 @@ class Lab:
 def _pose(course: motion.Course, t: float) -> FlangePose:
     moment = np.array([t])
     quat_xyzw = course.at(course.quat_xyzw, moment)
-    return FlangePose(_matrices(quat_xyzw)[0], quat_xyzw[0], course.at(course.position, moment)[0], course.state(t)[0])
+    return FlangePose(
+        _matrices(quat_xyzw)[0],
+        quat_xyzw[0],
+        course.at(course.position, moment)[0],
+        course.at(course.joints, moment)[0],
+    )
 
 
 def _matrices(quat_xyzw: Array) -> Array:

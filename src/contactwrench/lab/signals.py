@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from math import atan2, sqrt
 from typing import Protocol
 
@@ -47,32 +48,31 @@ class Signal(Protocol):
         ...
 
 
+@dataclass
 class Plain:
     """A signal without physics: row k of the wrench is `wrench + k * step`, and the flange stays.
 
     A step of (1, 0, 0, 0, 0, 0) numbers the rows in fx. `rows` counts those that were asked for.
     """
 
-    def __init__(
-        self,
-        wrench: tuple[float, ...] = NOTHING,
-        step: tuple[float, ...] = NOTHING,
-        R_base_flange: Array | None = None,
-        position: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        joints: tuple[float, ...] = NOTHING,
-    ) -> None:
+    wrench: Sequence[float] = NOTHING
+    step: Sequence[float] = NOTHING
+    R_base_flange: Array = field(default_factory=lambda: np.eye(3))
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    joints: Sequence[float] = NOTHING
+    rows: int = 0
+
+    def __post_init__(self) -> None:
         from scipy.spatial.transform import Rotation
 
-        self.rows = 0
-        self._wrench, self._step = np.array(wrench), np.array(step)
-        R = np.eye(3) if R_base_flange is None else R_base_flange
-        self._pose = FlangePose(R, Rotation.from_matrix(R).as_quat(), np.array(position), np.array(joints))
+        quat_xyzw = Rotation.from_matrix(self.R_base_flange).as_quat()
+        self._pose = FlangePose(self.R_base_flange, quat_xyzw, np.array(self.position), np.array(self.joints))
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:
         """The next rows, whatever the time."""
         number = np.arange(self.rows, self.rows + n)
         self.rows += n
-        rows: Array = self._wrench + number[:, None] * self._step
+        rows: Array = np.array(self.wrench) + number[:, None] * np.array(self.step)
         return rows
 
     def pose_at(self, t: float) -> FlangePose:

@@ -161,10 +161,9 @@ class UdpFake(Fake):
         """A datagram a row."""
 
     def _send(self, t0: float, rows: Array) -> None:
-        for packet in self._faulty(self._packets(t0, rows)):
-            self._datagram(packet)
-
-    def _datagram(self, packet: bytes) -> None:
-        if self._listener is not None:
+        packets = self._faulty(self._packets(t0, rows))
+        if self._listener is None:
+            return
+        for packet in packets:
             with suppress(OSError):
                 self._socket.sendto(packet[: len(packet) // 2] if self._split else packet, self._listener)
