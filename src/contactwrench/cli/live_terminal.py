@@ -37,7 +37,7 @@ class Terminal:
         if asked != self._said:
             self._said = asked
             can = ", ".join(WORDS.get(each, each.value) for each in snapshot.commands)
-            options.say(f"{asked}\n  [{can}]", err=True)
+            options.say(f"{asked}\n  [{can}]" if can else asked, err=True)
 
     def _listen(self) -> None:
         from ..live.page.hub import Ask
