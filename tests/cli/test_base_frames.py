@@ -226,7 +226,7 @@ def test_the_topic_of_the_wrench_is_the_calibrations(tmp_path: Path, capsys: Cap
     other = _two_topics(tmp_path / "other.mcap", "/wrench")
     assert run(capsys, "compensate", other, "-c", tool, "--force", "-o", out).complaint == (
         f"{other}: found no topic /ft, expected one of /pose (geometry_msgs/PoseStamped), /wrench "
-        "(geometry_msgs/WrenchStamped): --wrench-topic (the calibration's recording was read with --wrench-topic /ft "
+        "(geometry_msgs/WrenchStamped): --wrench-topic (as the calibration was read: --wrench-topic /ft "
         "--pose-topic /pose)"
     )
     done = run(capsys, "compensate", other, "-c", tool, "--force", "-o", out, "--wrench-topic", "/wrench")

@@ -213,7 +213,7 @@ def _of_bag(path: Path, options: Options, stated: Collection[str], known: Mappin
         except ContactWrenchError as error:
             if not values:
                 raise
-            raise type(error)(f"{error} (the calibration's recording was read with {_flags(values)})") from None
+            raise type(error)(f"{error} (as the calibration was read: {_flags(values)})") from None
         anyhow = frozenset(_topics_anyhow(bag, values, wrench, pose[0]))
         return _Taken(values, anyhow, base_frame(bag, pose, read.frames, arm))
 
