@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from contactwrench_ros.monitoring import ERROR, OK, WARN
-from contactwrench_ros.parameters import PARAMETERS, defaults
-from contactwrench_ros.session import Session
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.geometry.arrays import Array
+from contactwrench_ros.monitoring import ERROR, OK, WARN
+from contactwrench_ros.parameters import PARAMETERS, defaults
+from contactwrench_ros.session import Session
 
 WEIGHT, COM = 13.7, np.array([0.012, -0.031, 0.074])
 BIAS = np.array([3.0, -5.0, 20.0, 0.2, -0.1, 0.05])
@@ -25,7 +25,8 @@ NOISE = np.array([0.02, 0.02, 0.02, 0.001, 0.001, 0.001])
 def free(R: Rotation) -> Array:
     """design.md, section 1: what a free tool reads."""
     pull = (R * MOUNTING).inv().apply([0.0, 0.0, -WEIGHT])
-    return np.hstack([pull, np.cross(COM, pull)]) + BIAS
+    reading: Array = np.hstack([pull, np.cross(COM, pull)]) + BIAS
+    return reading
 
 
 def settings(**changes: Any) -> dict[str, Any]:
@@ -132,7 +133,7 @@ def test_what_a_capture_refuses(tmp_path: Path) -> None:
     R, rng = Rotation.random(random_state=1), np.random.default_rng(7)
     k, still = np.arange(500)[:, None] / 500.0, np.zeros((500, 3))
     force = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    cases = {
+    cases: dict[str, tuple[Array, Any]] = {
         "found that the arm moves": (np.hstack([0.02 * k, 0.0 * k, 0.0 * k]), 0.0),
         "though the arm stands: contact, drift or vibration": (still, 10.0 * NOISE * rng.normal(size=(500, 6))),
         "pose 4: found that the reading moves": (still, 0.2 * force * (k > 0.5)),
@@ -194,7 +195,7 @@ def test_what_cannot_be_meant_is_refused_in_one_line(saved: str, tmp_path: Path)
         ("pose_source", "odometry"): "pose_source is 'odometry', expected tf, pose, joints",
         ("sign", "up"): "sign is 'up', expected pull or reaction",
         ("calibration", str(tmp_path / "none.json")): "none.json",
-        ("output_frame", "world"): "output_frame is not known",
+        ("output_frame", "world"): "output frame is 'world'",
     }.items():
         with pytest.raises(cw.ContactWrenchError, match=said):
             Session(settings(**dict([changes])))

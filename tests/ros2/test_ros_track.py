@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from contactwrench_ros.chain import Chain, Transform
-from contactwrench_ros.track import Quat, Track, between, inverse, times
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from contactwrench.compensate.faults import Reason
+from contactwrench_ros.chain import Chain, Transform
+from contactwrench_ros.track import Quat, Track, between, inverse, times
 
 
 def quat(rotation: Rotation) -> Quat:

@@ -8,10 +8,6 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from contactwrench.assess.robot_arms import flange_orientation
-from contactwrench.errors import ContactWrenchError, visible
-from contactwrench.recording.bags.messages import joint_places
-from contactwrench.recording.urdf import arm_of
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
@@ -27,13 +23,18 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+from contactwrench.assess.robot_arms import flange_orientation
+from contactwrench.errors import ContactWrenchError, visible
+from contactwrench.recording.bags.messages import joint_places
+from contactwrench.recording.urdf import arm_of
+
 from .capturing import SECONDS
 from .chain import Transform
 from .parameters import PARAMETERS, Parameter
 from .session import Answer, Session
 
-SENSOR = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Sensor QoS with room for 0.2 s at 1 kHz: Python pauses for longer than the usual 5 readings take."""
+SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Sensor QoS with room for 1 s at 1 kHz: a process that waits for its turn misses more than the usual 5 readings."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -38,7 +38,10 @@ PARAMETERS = {
     ),
     "lowpass": Parameter(0.0, f"Hz, of the contact wrench, order 2; 0: none; {ANEW}", live=True, within=(0.0, 1e4)),
     "drift": Parameter(
-        0.0, f"N in an hour, by which the bias walks and is followed; 0: it is not; {ANEW}", live=True, within=(0.0, 10.0)
+        0.0,
+        f"N in an hour, by which the bias walks and is followed; 0: it is not; {ANEW}",
+        live=True,
+        within=(0.0, 10.0),
     ),
     "noise": Parameter(
         0.0, f"N, std of one reading; 0: the calibration's, or learned; {ANEW}", live=True, within=(0.0, 100.0)

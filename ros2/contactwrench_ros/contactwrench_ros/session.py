@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import contactwrench as cw
-from contactwrench.compensate.contact_wrenches import require_frame
+from contactwrench.compensate.contact_wrenches import OUTPUT_FRAMES, require_frame
 from contactwrench.compensate.faults import Reason
 from contactwrench.errors import ContactWrenchError, InputError, refuse
 from contactwrench.geometry.arrays import Array
@@ -64,24 +64,27 @@ class Session:
         self.set({})
 
     def set(self, changes: dict[str, Any]) -> None:
-        """Take other settings. Raises `ContactWrenchError`, and leaves everything as it was, where they cannot be meant."""
+        """Take other settings. Raises `ContactWrenchError`, and changes nothing, where they cannot be meant."""
         settings = {**self.settings, **changes}
         if self.calibration is None:
-            refuse((settings["output_frame"] not in ("sensor", "flange", "base"), "output_frame is not known"))
-        elif self.compensator is None or changes.keys() & {"lowpass", "drift", "noise"}:
-            self.compensator = compensator_of(self.calibration, settings)
-        if self.calibration is not None:
-            require_frame(self.calibration, settings["output_frame"])
-        self.settings = settings
+            frame = settings["output_frame"]
+            refuse((frame not in OUTPUT_FRAMES, f"output frame is {frame!r}, expected {', '.join(OUTPUT_FRAMES)}"))
+            self.settings = settings
+            return
+        compensator = self.compensator
+        if compensator is None or changes.keys() & {"lowpass", "drift", "noise"}:
+            compensator = compensator_of(self.calibration, settings)
+        require_frame(self.calibration, settings["output_frame"])
+        self.settings, self.compensator = settings, compensator
 
     def transforms(self, transforms: Sequence[Transform], static: bool) -> None:
         """Take what tf says."""
         if (found := self.chain.hear(transforms, static, self.settings["stale_after"])) is not None:
             self.orientations.hear(*found)
 
-    def read(self, t: float, wrench: Sequence[float]) -> Array | None:
-        """The contact wrench (6,), N and N m, in the axes asked for, of a reading at `t` s; None: there is no valid one,
-        and the tally knows why.
+    def read(self, t: float, wrench: Sequence[float] | Array) -> Array | None:
+        """The contact wrench (6,), N and N m, in the axes asked for, of a reading at `t` s; None: there is no valid
+        one, and the tally knows why.
         """
         self.tally.reading()
         quat = self.orientations.at(t, self.settings["stale_after"])

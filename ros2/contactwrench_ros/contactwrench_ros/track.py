@@ -70,7 +70,7 @@ class Track:
 
 
 def between(a: Quat, b: Quat, share: float) -> Quat:
-    """The orientation at a share of the shortest turn from `a` to `b`, or beyond it; exactly `a` where the two are one."""
+    """The orientation at a share of the shortest turn from `a` to `b`, or beyond; exactly `a` where both are one."""
     cosine = sum(p * q for p, q in zip(a, b, strict=True))
     sign = 1.0 if cosine >= 0.0 else -1.0
     if cosine * sign > 1.0 - 1e-9:
