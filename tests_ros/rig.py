@@ -78,7 +78,7 @@ class Rig:
         self.contacts: list[bool] = []
         self.said: list[Any] = []
         subscribe, publisher = self.outside.create_subscription, self.outside.create_publisher
-        subscribe(WrenchStamped, "/contactwrench/contact_wrench", self._arrive, BEST_EFFORT)
+        subscribe(WrenchStamped, "/contactwrench/contact_wrench", self._arrive, 2000)
         subscribe(Bool, "/contactwrench/contact", lambda message: self.contacts.append(message.data), LATCHED)
         subscribe(DiagnosticArray, "/diagnostics", lambda message: self.said.append(message.status[0]), 10)
         self.wrenches, self.tf = publisher(WrenchStamped, "/wrench", BEST_EFFORT), publisher(TFMessage, "/tf", 100)
@@ -171,7 +171,7 @@ class Rig:
         """Readings, and tf at most at 100 Hz, at an orientation, in real time. No more than `under_way`
         readings are without an answer: a machine that stalls is not what is tested.
         """
-        pure, start = free(R) + push * np.ones(6), time.time()
+        pure, start, stood = free(R) + push * np.ones(6), time.time(), 0.0
         for k in range(int(seconds * rate)):
             t = start + k / rate
             time.sleep(max(0.0, t - time.time()))
@@ -179,8 +179,9 @@ class Rig:
             if len(self.sent) - len(self.found) > under_way:
                 self.wait(lambda: len(self.sent) - len(self.found) <= under_way)
             t = time.time()
-            if k % max(int(rate / 100.0), 1) == 0:
+            if t - stood > 0.009:
                 self.stand(R, t)
+                stood = t
             self.read(pure + noise * NOISE * self.rng.normal(size=6), t)
 
     def ask(self, service: str, meanwhile: Callable[[], None] = lambda: None) -> Any:

@@ -27,13 +27,13 @@ def main() -> int:
                 text = text.replace(old, new)
             path.write_text(text, encoding="utf-8")
     prefix = {name: str(PREFIX) for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")}
-    path = {"PATH": f"{PREFIX / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    found_in = {"PATH": f"{PREFIX / 'bin'}{os.pathsep}{os.environ['PATH']}"}
     bases = [f"--{name}-base" for name in ("build", "install")]
     command = ["colcon", "--log-base", str(PREFIX / "log"), "build"]
     command += ["--base-paths", str(ROOT / "ros2"), str(ROOT / "tests_ros")]
     command += [word for base in bases for word in (base, str(PREFIX / base.split("-")[2]))]
     command += ["--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}"]
-    return subprocess.run(command, env=os.environ | prefix | path, check=False).returncode
+    return subprocess.run(command, env=os.environ | prefix | found_in, check=False).returncode
 
 
 if __name__ == "__main__":

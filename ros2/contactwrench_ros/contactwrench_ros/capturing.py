@@ -43,7 +43,7 @@ def samples_of(readings: Sequence[Reading], source: str, base_frame: str) -> cw.
 
 def require_still(samples: cw.Samples, before: Sequence[cw.Samples]) -> None:
     """Raise `InputError` where the arm moves, or the reading, as far as the captures `before` tell its noise."""
-    start = float(np.min(samples.t))
+    start = -np.inf if samples.t is None else float(samples.t.min())
     segments = still_segments(cw.Samples.concatenate([*before[-COMPARED:], samples]))
     if any(segment.t_end > start for segment in segments.accepted):
         return

@@ -190,4 +190,5 @@ class Session:
 
 def compensator_of(calibration: cw.Calibration, settings: dict[str, Any]) -> cw.Compensator:
     """A compensator with these settings, 0 for none. Raises `ContactWrenchError`."""
-    return cw.Compensator(calibration, **{name: settings[name] or None for name in ("lowpass", "drift", "noise")})
+    lowpass, drift, noise = (settings[name] or None for name in ("lowpass", "drift", "noise"))
+    return cw.Compensator(calibration, lowpass=lowpass, drift=drift, noise=noise)
