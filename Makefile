@@ -2,17 +2,24 @@
 PYTHON ?= python3
 RUN = .venv/run
 DEV = .venv/dev
+ROS = .venv/ros
 WHAT_IS_BUILT = pyproject.toml Makefile
 
 SECONDS = 600
 
-.PHONY: demo test test-quick explore fuzz bench experiment lint types docs check lock clean
+.PHONY: demo test test-ros bench-ros test-quick explore fuzz bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
 	$(RUN)/bin/contactwrench demo --out contactwrench-demo --force
 
 test: $(DEV)/ready  ## all tests, the same examples at every run
 	$(DEV)/bin/python -m pytest -n auto
+
+test-ros: $(ROS)/ready  ## the ROS node on real rclpy
+	. $(ROS)/install/local_setup.sh && $(ROS)/bin/python -m pytest -c tests_ros/pytest.ini tests_ros
+
+bench-ros: $(ROS)/ready  ## its latency and load at 1 kHz
+	. $(ROS)/install/local_setup.sh && $(ROS)/bin/python -m benchmarks.ros
 
 test-quick: $(DEV)/ready  ## what is not marked slow
 	$(DEV)/bin/python -m pytest -n auto -m "not slow"
@@ -56,11 +63,22 @@ $(DEV)/ready: requirements-dev.lock $(WHAT_IS_BUILT)
 	$(DEV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
+$(ROS)/packages: requirements-ros.lock $(WHAT_IS_BUILT)
+	$(PYTHON) -m venv --clear $(ROS)
+	$(ROS)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-ros.lock
+	$(ROS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+$(ROS)/ready: $(ROS)/packages tests_ros/workspace.py $(shell find ros2 tests_ros/tf2_msgs -type f)
+	$(ROS)/bin/python -m tests_ros.workspace
+	touch $@
+
 LOCK = $(DEV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	--no-emit-index-url --custom-compile-command "make lock" --upgrade pyproject.toml --extra all
+	--no-emit-index-url --custom-compile-command "make lock" --upgrade pyproject.toml
 lock: $(DEV)/ready  ## exact versions with hashes, no addresses
-	$(LOCK) --group build -o requirements.lock
-	$(LOCK) --group dev -o requirements-dev.lock
+	$(LOCK) --extra all --group build -o requirements.lock
+	$(LOCK) --extra all --group dev -o requirements-dev.lock
+	$(LOCK) --group ros -o requirements-ros.lock
 
 clean:
 	rm -rf .venv site contactwrench-demo contactwrench-experiment

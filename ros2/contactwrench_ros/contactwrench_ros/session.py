@@ -1,0 +1,194 @@
+"""What happens to a reading, and what a person may ask for; no ROS and no clock of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import contactwrench as cw
+from contactwrench.compensate.contact_wrenches import OUTPUT_FRAMES, require_frame
+from contactwrench.compensate.faults import Reason
+from contactwrench.errors import ContactWrenchError, InputError, refuse
+from contactwrench.geometry.arrays import Array
+from contactwrench.geometry.orientation import from_quat_xyzw
+from contactwrench.model import AXES
+from contactwrench.recording.base_frames import in_base_of_recording
+
+from .capturing import Reading, calibrated, captured, described, require_still, samples_of
+from .chain import Chain, Transform
+from .monitoring import Status, Tally
+from .parameters import POSE_SOURCES
+from .track import Quat, Track
+
+
+@dataclass(frozen=True)
+class Answer:
+    """To a person's wish: whether it was done, and one line."""
+
+    success: bool
+    message: str
+
+
+class Session:
+    """One sensor on one arm; `settings` are the node's parameters by their names.
+
+    Raises:
+        ContactWrenchError: a calibration that cannot be read or used, settings that cannot be meant.
+    """
+
+    def __init__(self, settings: dict[str, Any]) -> None:
+        self.settings = settings
+        refuse(
+            (
+                settings["pose_source"] not in POSE_SOURCES,
+                f"pose_source is {settings['pose_source']!r}, expected {', '.join(POSE_SOURCES)}",
+            ),
+            (settings["sign"] not in ("pull", "reaction"), f"sign is {settings['sign']!r}, expected pull or reaction"),
+        )
+        self.sign = -1.0 if settings["sign"] == "reaction" else 1.0
+        self.orientations, self.tally = Track(), Tally()
+        self.chain = Chain(settings["base_frame"], settings["flange_frame"])
+        self.gathered: list[Reading] | None = None
+        self.captures: list[cw.Samples] | None = None
+        self.calibration: cw.Calibration | None = None
+        self.compensator: cw.Compensator | None = None
+        self.contact: bool | None = None
+        self.note: str | None = None
+        if settings["calibration"]:
+            loaded = cw.Calibration.load(settings["calibration"])
+            base, source = settings["base_frame"], f"parameter base_frame {settings['base_frame']}"
+            self.calibration, self.note = in_base_of_recording(loaded, base, source)
+        self.set({})
+
+    def set(self, changes: dict[str, Any]) -> None:
+        """Take other settings. Raises `ContactWrenchError`, and changes nothing, where they cannot be meant."""
+        settings = {**self.settings, **changes}
+        if self.calibration is None:
+            frame = settings["output_frame"]
+            refuse((frame not in OUTPUT_FRAMES, f"output frame is {frame!r}, expected {', '.join(OUTPUT_FRAMES)}"))
+            self.settings = settings
+            return
+        compensator = self.compensator
+        if compensator is None or changes.keys() & {"lowpass", "drift", "noise"}:
+            compensator = compensator_of(self.calibration, settings)
+        require_frame(self.calibration, settings["output_frame"])
+        self.settings, self.compensator = settings, compensator
+
+    def transforms(self, transforms: Sequence[Transform], static: bool) -> None:
+        """Take what tf says."""
+        if (found := self.chain.hear(transforms, static, self.settings["stale_after"])) is not None:
+            self.orientations.hear(*found)
+
+    def read(self, t: float, wrench: Sequence[float] | Array) -> Array | None:
+        """The contact wrench (6,), N and N m, in the axes asked for, of a reading at `t` s; None: there is no valid
+        one, and the tally knows why.
+        """
+        self.tally.reading()
+        quat = self.orientations.at(t, self.settings["stale_after"])
+        if isinstance(quat, Reason):
+            self.tally.fault(quat)
+            return None
+        reading = self.sign * np.array(wrench)
+        if self.gathered is not None:
+            self.gathered.append(Reading(t, reading, quat))
+        if self.compensator is None:
+            return None
+        try:
+            now = self.compensator(reading, quat, t)
+        except InputError as error:  # a cut-off too high for the rate that was found
+            self.tally.fault(Reason(str(error), "settings"))
+            return None
+        if not now.valid and now.reason is not None:
+            self.tally.fault(now.reason)
+            return None
+        self.contact = now.contact
+        self.tally.publish()
+        return self._in_output_axes(now.wrench, quat)
+
+    def gather(self) -> Answer | None:
+        """Begin to keep readings for `zero` or `capture`; an answer where that cannot be."""
+        if self.gathered is not None:
+            return Answer(False, "found another capture or zero under way, expected one at a time")
+        self.gathered = []
+        return None
+
+    def zero(self) -> Answer:
+        """Take what was gathered for a free tool at rest."""
+        readings = self._taken()
+        if self.compensator is None:
+            return Answer(False, "found no calibration, expected one to zero against: ~/start_calibration")
+        try:
+            zero = self.compensator.zero(samples_of(readings, "zero", self.settings["base_frame"]))
+        except ContactWrenchError as error:
+            return Answer(False, str(error))
+        force, torque = np.round(zero.shift[:3], 3).tolist(), np.round(1e3 * zero.shift[3:], 2).tolist()
+        return Answer(True, f"zeroed: the bias had moved by {force} N and {torque} mN m")
+
+    def start(self) -> Answer:
+        """Forget the poses captured so far."""
+        self.captures = []
+        return Answer(True, "move to a pose, hold still, ~/capture; at several orientations; then ~/finish_calibration")
+
+    def capture(self) -> Answer:
+        """Keep what was gathered as a pose."""
+        readings = self._taken()
+        if self.captures is None:
+            return Answer(False, "found no calibration begun, expected ~/start_calibration first")
+        try:
+            samples = samples_of(readings, f"pose {len(self.captures) + 1}", self.settings["base_frame"])
+            require_still(samples, self.captures)
+        except ContactWrenchError as error:
+            return Answer(False, str(error))
+        line = captured(samples, self.captures)
+        self.captures.append(samples)
+        return Answer(True, line)
+
+    def finish(self) -> Answer:
+        """Calibrate, save, and compensate from now on; where that cannot be, the poses are kept and nothing changes."""
+        path = self.settings["save_to"]
+        try:
+            calibration = calibrated(self.captures or [])
+            compensator = compensator_of(calibration, self.settings)
+            require_frame(calibration, self.settings["output_frame"])
+            if path:
+                calibration.save(path)
+        except ContactWrenchError as error:
+            return Answer(False, str(error))
+        self.calibration, self.compensator, self.captures = calibration, compensator, None
+        saved = f"saved to {path}" if path else "not saved, as the parameter save_to is empty"
+        return Answer(True, f"{described(calibration)}; {saved}")
+
+    def status(self, seconds: float) -> Status:
+        """For /diagnostics, of the last so many seconds."""
+        more = {"contact": str(self.contact), "calibration": str(self.settings["calibration"] or "none")}
+        if self.captures is not None:
+            more["poses captured"] = str(len(self.captures))
+        if self.compensator is not None:
+            drift = zip(AXES, self.compensator.drift.tolist(), strict=True)
+            more |= {f"drift {axis}": f"{value:.4g}" for axis, value in drift}
+        idle = "" if self.compensator else "no calibration: ~/start_calibration, ~/capture, ~/finish_calibration"
+        trouble = self.chain.trouble() if self.settings["pose_source"] == "tf" else ""
+        return self.tally.status(seconds, idle, trouble, more)
+
+    def _taken(self) -> list[Reading]:
+        readings, self.gathered = self.gathered or [], None
+        return readings
+
+    def _in_output_axes(self, wrench: Array, quat: Quat) -> Array:
+        frame = self.settings["output_frame"]
+        if frame == "sensor" or self.calibration is None or self.calibration.R_flange_sensor is None:
+            return wrench
+        axes = self.calibration.R_flange_sensor
+        if frame == "base":
+            axes = from_quat_xyzw(np.array([quat]))[0] @ axes
+        turned: Array = (axes @ wrench.reshape(2, 3).T).T.ravel()
+        return turned
+
+
+def compensator_of(calibration: cw.Calibration, settings: dict[str, Any]) -> cw.Compensator:
+    """A compensator with these settings, 0 for none. Raises `ContactWrenchError`."""
+    lowpass, drift, noise = (settings[name] or None for name in ("lowpass", "drift", "noise"))
+    return cw.Compensator(calibration, lowpass=lowpass, drift=drift, noise=noise)
