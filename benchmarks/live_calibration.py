@@ -130,7 +130,19 @@ def one_run(seed: int, folder: Path, touched: int | None = None) -> tuple[Errors
     try:
         at = lines_until(lab, "contactwrench live")
         live = started(
-            *("live", "--sensor", at["Sensor"], "--robot", at["Robot"], "--lab", at["Control"], "-o", str(file))
+            *(
+                "live",
+                "--sensor",
+                at["Sensor"],
+                "--robot",
+                at["Robot"],
+                "--lab",
+                at["Control"],
+                "--arm",
+                "iiwa7",
+                "-o",
+                str(file),
+            )
         )
         try:
             page = PageClient(lines_until(live, "Open")["Open"])

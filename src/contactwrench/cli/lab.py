@@ -21,6 +21,8 @@ PORTS = Range(0, 65_000)
 LEAST_DEG, MOST_DEG = (0.0, 0.0, 0.0, 0.0, -90.0, -110.0, -120.0), (0.0, 0.0, 0.0, 0.0, 90.0, 25.0, 120.0)
 """From home: how far the wrist turns on its own; every tilt is within it, and nothing is near."""
 LOCALHOST = "127.0.0.1"
+BRISK = 0.5
+"""Of the joints' largest speed."""
 REST = 3.0
 """s in each pose."""
 
@@ -45,7 +47,7 @@ def lab(
     from ..lab.rig import Lab
     from ..simulate.settings import Settings, changed
 
-    virtual = Lab(changed(Settings(), settings or []), seed)
+    virtual = Lab(changed(Settings(), settings or []), seed, BRISK)
     ports = [port_base and port_base + k for k in range(4)]
     with ExitStack() as running:
         sensing = running.enter_context(_sensor(sensor, virtual, ports[:2]))

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -20,6 +21,7 @@ from . import options
 from .outputs import Writes
 
 if TYPE_CHECKING:
+    from ..assess.robot_arms import Reach
     from ..calibration.calibration import Calibration
     from ..live.page import Hub, Server
     from ..live.pump import Pump, Reader
@@ -56,6 +58,10 @@ def live(
     gravity: options.Gravity = None,
     wanted: Annotated[float, options.number(WANTED, "N", "Std of the contact force at which poses are enough.")] = 0.05,
     poses: Annotated[int, options.number(POSES, "N", "How many poses the wizard plans.", "--poses")] = 12,
+    arm: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|URDF[:LINK]", help="Plan only what its wrist reaches, as `plan` does."),
+    ] = None,
     lowpass: Annotated[float | None, options.number(CUTOFF, "HZ", "Low-pass of the contact wrench.")] = None,
     drift: Annotated[float | None, options.number(NOISE, "N", "Follow a bias that wanders so far in an hour.")] = None,
     page: Annotated[bool, typer.Option("--page/--no-page", help="Show the session in a browser.")] = True,
@@ -100,7 +106,7 @@ def live(
     host, port = _address(listen)
     known = None if calibration is None else Calibration.load(calibration)
     sources = _sources(sensor, robot, recorded, speed)
-    wish = _wish(wanted, poses, sign, gravity, sources["sensor"].uri)
+    wish = replace(_wish(wanted, poses, sign, gravity, sources["sensor"].uri), reach=_reach(arm))
     sys.setswitchinterval(SWITCH)
     with ExitStack() as stack:
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
@@ -146,6 +152,13 @@ def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
     reader = Reader(source, probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
     stack.callback(reader.stop)
     return reader
+
+
+def _reach(arm: str | None) -> Reach | None:
+    from ..assess.robot_arms import reach
+    from ..recording.urdf import arm_of
+
+    return None if arm is None else reach(arm_of(arm))
 
 
 def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, source: str) -> Wish:

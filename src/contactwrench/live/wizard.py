@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..assess.plan import plan
+from ..assess.robot_arms import Reach
 from ..assess.verify import verify
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError
@@ -36,13 +37,15 @@ Happened = tuple[str, str]
 @dataclass(frozen=True)
 class Wish:
     """What a person wants: `wanted` N, the std of the contact force at which poses are enough; how many `poses` are
-    planned; what was `stated`; what goes into the calibration's provenance as its source.
+    planned, within `reach` where the arm is known; what was `stated`; what goes into the calibration's provenance as
+    its source.
     """
 
     wanted: float = 0.05
     poses: int = 12
     stated: Stated = field(default_factory=Stated)
     source: str = "live"
+    reach: Reach | None = None
 
 
 class Wizard:
@@ -196,7 +199,7 @@ class Wizard:
         from scipy.spatial.transform import Rotation
 
         try:
-            chosen = plan(n, recorded=from_quat_xyzw(np.array(taken)) if taken else None)
+            chosen = plan(n, recorded=from_quat_xyzw(np.array(taken)) if taken else None, reach=self._wish.reach)
         except ContactWrenchError:
             return ()
         quaternions = Rotation.from_matrix(chosen.R_base_flange).as_quat().tolist()
