@@ -319,7 +319,7 @@ function contactState(now, fault) {
 
 function restState(now, fault) {
   if (fault || !now.reading) return { level: "error", text: "Not valid.", reason: fault || "No reading has come yet." };
-  return now.still ? { level: "ok", text: "At rest.", reason: "" } : { level: "note", text: "Moving.", reason: now.moving };
+  return now.still ? { level: "ok", text: "At rest.", reason: "" } : { level: "note", text: "Not at rest.", reason: sentence(now.moving) };
 }
 
 function showWrench(now, fault, trace) {
