@@ -113,12 +113,13 @@ class PushTest:
     def steps(self) -> tuple[PushStep, ...]:
         """What is asked for, for a person."""
         done = [
-            PushStep(ASKS[each.towards], NEEDED, each.newtons, f"felt {each.newtons:.1f} N") for each in self.pushes
+            PushStep(ASKS[each.towards], NEEDED, each.newtons, f"felt {each.newtons:.1f} N", each.towards)
+            for each in self.pushes
         ]
-        to_come = [PushStep(ask, NEEDED, 0.0, "") for ask in list(ASKS.values())[len(done) :]]
+        to_come = [PushStep(ask, NEEDED, 0.0, "", toward) for toward, ask in list(ASKS.items())[len(done) :]]
         if to_come:
             said = f"{to_come[0].ask} ({self._said})" if self._said else to_come[0].ask
-            to_come[0] = PushStep(said, NEEDED, self._now, "")
+            to_come[0] = PushStep(said, NEEDED, self._now, "", to_come[0].toward)
         return (*done, *to_come)
 
 

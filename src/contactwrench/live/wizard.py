@@ -58,6 +58,7 @@ class Wizard:
         self._verifying = PoseTaking()
         self._targets: tuple[Four, ...] = ()
         self.fit: Fitted | None = None
+        self._std_forces: dict[int, float | None] = {}
         self.checks: tuple[Check, ...] = ()
         self.verified = ""
 
@@ -167,6 +168,7 @@ class Wizard:
             return []
         pushes = self.push.pushes if with_motion else ()
         self.fit = fitted(taken, pushes, self._wish.stated, self._wish.source)
+        self._std_forces[len(taken)] = force_std(self.calibration)[0]
         if self.calibration is None:
             return [("refusal", self.fit.refusal)] if with_motion else []
         self.poses.doubt(doubts_of(self.calibration, taken))
@@ -221,4 +223,5 @@ class Wizard:
             torque,
             self._wish.wanted,
             force is not None and force <= self._wish.wanted and len(self.poses.taken) >= FEWEST_POSES,
+            tuple(self._std_forces.get(n) for n in range(1, len(self.poses.taken) + 1)),
         )

@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Awaitable, Callable, MutableMapping
 from contextlib import suppress
 from importlib.resources import files
-from queue import Full
 from typing import Any, Literal
 
 import msgspec
@@ -119,16 +118,10 @@ class Application:
             elif isinstance(asked, InLab):
                 pressed = asked.do not in {"release", "next_pose"}
                 await self._do_in_lab(asked.do)
-            else:
-                await self._ask(asked, send)
+            elif not self._hub.ask(asked):
+                await send({"type": "websocket.send", "text": '{"notice":"The program is busy. Press again."}'})
         if pressed:  # the hand goes with the browser
             await self._do_in_lab("release")
-
-    async def _ask(self, asked: Ask, send: Send) -> None:
-        try:
-            self._hub.commands.put_nowait(asked)
-        except Full:
-            await send({"type": "websocket.send", "text": '{"notice":"The program is busy. Press again."}'})
 
     async def _do_in_lab(self, action: str) -> None:
         if self._lab:

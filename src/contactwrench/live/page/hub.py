@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from queue import Queue
+from queue import Full, Queue
 from typing import Annotated
 
 import msgspec
@@ -43,6 +43,14 @@ class Hub:
         """
         number = self._recent[-1][0] + 1 if self._recent else 1
         self._recent = (*self._recent[1 - MERGED :], (number, snapshot))
+
+    def ask(self, ask: Ask) -> bool:
+        """Hand the worker what a person asked for; False: it has not taken the last ones yet."""
+        try:
+            self.commands.put_nowait(ask)
+        except Full:
+            return False
+        return True
 
     def after(self, seen: int) -> tuple[int, bytes] | None:
         """The newest snapshot and its number, if it is newer than number `seen`, as a browser gets it: with the traces,

@@ -7,7 +7,7 @@ const AXES = ["Fx", "Fy", "Fz", "Tx", "Ty", "Tz"];
 const CHECKS = 2;
 const USUAL = {
   connect: ["next"], push: ["back", "skip", "next"], poses: ["back", "skip", "capture", "next"],
-  fit: ["back", "save", "next"], verify: ["back", "skip", "save", "next"], run: ["zero", "record", "back"],
+  fit: ["back", "save", "next"], verify: ["back", "skip", "capture", "save", "next"], run: ["zero", "record", "back"],
 };
 const STATES = { streaming: "● sending", connecting: "◌ connecting", silent: "▲ silent", down: "✕ not connected" };
 const HELP = {
@@ -23,6 +23,8 @@ export function num(value, digits) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   return value.toFixed(digits).replace("-", "−");
 }
+const short = (value) => (value > 0 ? value.toFixed(Math.max(0, 1 - Math.floor(Math.log10(value)))) : num(value, 1));
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const unitOf = (axis) => (axis < 3 ? "N" : "N m");
 const digitsOf = (axis) => (axis < 3 ? 3 : 4);
 const clock = (t) => new Date(1000 * t).toLocaleTimeString([], { hour12: false });
@@ -113,6 +115,7 @@ const INSTRUCTIONS = {
   push(now) {
     const step = now.push.find((each) => !each.seen);
     if (!step) return ["The push test is done.", now.push_verdict];
+    if (step.force >= step.needed) return [step.ask, `${num(step.force, 1)} N: enough. Let go after a second.`];
     return [step.ask, `${num(step.force, 1)} N so far, ${num(step.needed, 0)} N are needed.`];
   },
   poses(now) {
@@ -121,7 +124,7 @@ const INSTRUCTIONS = {
     if (poses.progress > 0) return ["Hold still. A pose is being taken.", `${Math.round(100 * poses.progress)} %`];
     const turn = poses.turn === null ? "" : `${degrees(poses.turn)}° to go. `;
     const text = poses.enough ? "Enough poses. Go on, or take more." : "Turn the wrist to the next pose.";
-    return [text, turn + poses.waiting];
+    return [text, turn + sentence(poses.waiting)];
   },
   fit(now) {
     if (!now.fit) return ["Working out the calibration.", ""];
@@ -132,7 +135,7 @@ const INSTRUCTIONS = {
     const poses = now.poses;
     if (now.verified) return [now.verified, now.saved, now.checks.every((check) => check.passed) ? "ok" : "error"];
     if (poses && poses.progress > 0) return ["Hold still. A check is being taken.", `${Math.round(100 * poses.progress)} %`];
-    return ["Move the arm to a new pose and let go.", `${now.checks.length} of ${CHECKS} checks done. ${poses ? poses.waiting : ""}`];
+    return ["Move the arm to a new pose and let go.", `${now.checks.length} of ${CHECKS} checks done. ${poses ? sentence(poses.waiting) : ""}`];
   },
   run(now) {
     const state = contactState(now, "");
@@ -143,8 +146,8 @@ const INSTRUCTIONS = {
 function showInstruction(now, fault) {
   const stands = !fault.text || now.phase === "fit";
   const [text, detail, state] = stands ? INSTRUCTIONS[now.phase](now) : [`▨ ${fault.text}`, fault.detail, "error"];
-  set("instruction", text);
-  set("detail", detail);
+  set("instruction", sentence(text));
+  set("detail", sentence(detail));
   level("now", state || "");
 }
 
@@ -153,11 +156,12 @@ function labelOf(what, now) {
   const next = STEPS[names[names.indexOf(now.phase) + 1]] || "";
   const back = now.phase === "run" ? "Calibrate again" : "Back";
   const record = now.recording ? "Stop recording" : "Record";
-  return { back, record, skip: "Skip", capture: "Take this pose", save: "Save", zero: "Zero", next: `Next: ${next.toLowerCase()}` }[what];
+  return { back, record, retake: "Press again from the start", skip: "Skip", capture: "Take this pose", save: "Save", zero: "Zero", next: `Next: ${next.toLowerCase()}` }[what];
 }
 
 function showActions(now, ask) {
-  const wanted = [...USUAL[now.phase], ...now.commands.filter((what) => what !== "retake" && !USUAL[now.phase].includes(what))];
+  const wanted = [...USUAL[now.phase], ...now.commands.filter((what) => !USUAL[now.phase].includes(what)
+    && (what !== "retake" || now.phase === "push"))];
   const group = byId("actions");
   for (const old of [...group.children]) {
     if (!wanted.includes(old.dataset.do)) {
@@ -186,7 +190,7 @@ function showDevices(now) {
     level(tag, { streaming: "ok", connecting: "note" }[device.state] || "error");
     set(name, device.name);
     const asked = device.asked === null ? "" : ` of ${num(device.asked, 0)} Hz`;
-    const jitter = device.jitter === null ? "" : `, late by ± ${num(1000 * device.jitter, 1)} ms`;
+    const jitter = device.jitter === null ? "" : `, late by ${num(1000 * device.jitter, 1)} ms`;
     set(rate, device.rate === null ? "rate not known yet" : `${num(device.rate, 1)} Hz${asked}${jitter}`);
     level(rate, device.rate !== null && device.asked && device.rate < 0.9 * device.asked ? "warning" : "note");
     const age = device.age > 1 ? `, the last ${num(device.age, 0)} s ago` : "";
@@ -236,7 +240,7 @@ function showPush(now) {
     bar.value = Math.min(push.force, push.needed);
     bar.setAttribute("aria-label", push.ask);
   });
-  set("push-verdict", now.push_verdict);
+  set("push-verdict", sentence(now.push_verdict));
 }
 
 function showPoses(now, ask) {
@@ -247,11 +251,11 @@ function showPoses(now, ask) {
   byId("ring").style.setProperty("--done", done.replace(" ", ""));
   byId("ring").setAttribute("aria-label", `pose ${done} taken`);
   set(byId("ring").firstElementChild, done);
-  set("capture-text", `${poses.progress > 0 ? "Hold still." : poses.waiting} ${poses.taken.length} poses are taken.`);
+  set("capture-text", `${poses.taken.length} poses are taken. ${poses.progress > 0 ? "Hold still." : sentence(poses.waiting)}`);
   drawConvergence(byId("convergence"), poses);
   const std = poses.std_force === null ? "Not known yet: more poses are needed."
-    : `± ${num(poses.std_force, 2)} N and ± ${num(poses.std_torque, 3)} N m after ${poses.taken.length} poses.`;
-  set("convergence-text", `How well the contact wrench is known: ${std} Wanted: ± ${num(poses.wanted, 2)} N.`);
+    : `± ${short(poses.std_force)} N and ± ${short(poses.std_torque)} N m after ${poses.taken.length} poses.`;
+  set("convergence-text", `How well the contact wrench is known: ${std} Wanted: ± ${short(poses.wanted)} N.`);
   byId("convergence").setAttribute("aria-label", byId("convergence-text").textContent);
   list("taken", poses.taken, (i) => {
     const item = make("li", "what", "problem");
@@ -273,11 +277,11 @@ function showChecks(now) {
   const rows = [...now.checks, ...Array(Math.max(0, CHECKS - now.checks.length)).fill(null)];
   list("checks", rows, () => make("li", "what", "tag"), (item, check, i) => {
     const [what, tag] = item.children;
-    set(what, check ? `Pose ${i + 1}: ${num(check.force, 2)} N and ${num(check.torque, 3)} N m are left.` : `Pose ${i + 1}`);
+    set(what, check ? `Pose ${i + 1}: ${short(check.force)} N and ${short(check.torque)} N m are left.` : `Pose ${i + 1}`);
     set(tag, check ? (check.passed ? "✓ passed" : "✕ failed") : "○ to come");
     level(tag, check ? (check.passed ? "ok" : "error") : "note");
   });
-  set("verified", now.verified);
+  set("verified", sentence(now.verified));
 }
 
 function showFit(now) {
@@ -287,8 +291,8 @@ function showFit(now) {
   byId("table").hidden = fit.parameters.length === 0;
   level("verdict", fit.refusal ? "error" : fit.verdict === "good" ? "ok" : "warning");
   const expected = fit.expected_force === null ? ""
-    : `Expect contact forces within ± ${num(fit.expected_force, 2)} N and torques within ± ${num(fit.expected_torque, 3)} N m. `;
-  set("expected", expected + [fit.sign, fit.delay].filter(Boolean).join(" "));
+    : `Expect contact forces within ± ${short(fit.expected_force)} N and torques within ± ${short(fit.expected_torque)} N m.`;
+  list("expected", [expected, fit.sign, fit.delay && `Delay: ${fit.delay}`].filter(Boolean), () => make("li"), (item, text) => set(item, sentence(text)));
   list("findings", fit.findings, () => make("li", "tag", "what"), (item, [severity, text]) => {
     level(item.children[0], severity);
     set(item.children[0], LEVELS[severity] || severity);
@@ -315,7 +319,7 @@ function contactState(now, fault) {
 
 function restState(now, fault) {
   if (fault || !now.reading) return { level: "error", text: "Not valid.", reason: fault || "No reading has come yet." };
-  return now.still ? { level: "ok", text: "At rest.", reason: "" } : { level: "note", text: "Moving.", reason: now.moving };
+  return now.still ? { level: "ok", text: "At rest.", reason: "" } : { level: "note", text: "Not at rest.", reason: sentence(now.moving) };
 }
 
 function showWrench(now, fault, trace) {
