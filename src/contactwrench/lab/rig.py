@@ -129,7 +129,7 @@ class Lab:
 
         Args:
             target: joints (7,), rad; or `R_base_flange` (3, 3).
-            position: of the flange (3,), m, base axes, with an orientation; None: wherever it is nearest.
+            position: of the flange (3,), m, base axes, with an orientation; None: wherever it is nearest to home.
 
         Raises:
             InputError: of another shape, or out of reach.
@@ -145,7 +145,7 @@ class Lab:
     def _joints(self, target: Array, position: Sequence[float] | None) -> Array:
         if target.shape == (3, 3):
             R = rotation_matrices(target)[0][0]
-            return joints_for(self._rig, R, None if position is None else np.array(position), self.joints_now())
+            return joints_for(self._rig, R, None if position is None else np.array(position), HOME)
         return within_limits(known_arm("iiwa7"), target)
 
     @property

@@ -87,10 +87,10 @@ class Runner:
         force, torque = float(np.linalg.norm(zero.shift[:3])), 1e3 * float(np.linalg.norm(zero.shift[3:]))
         return f"the zero moved by {force:.2g} N and {torque:.2g} mN m since the calibration"
 
-    def shown(self) -> Running:
-        """For a person."""
+    def shown(self, saved: str) -> Running:
+        """For a person; `saved`: the calibration's file, where it was written."""
         drift: Any = tuple(self._compensator.drift.tolist())
-        source = str(self.calibration.provenance.get("source", ""))
+        source = saved or str(self.calibration.provenance.get("source", ""))
         return Running(tuple(self._contacts), drift, self._invalid, source)
 
 

@@ -282,7 +282,7 @@ class Session:
             checks=wizard.checks,
             verified=wizard.verified,
             saved=self.saved,
-            running=None if self._runner is None else self._runner.shown(),
+            running=None if self._runner is None else self._runner.shown(self.saved),
             outputs=outputs,
             recording=recording if self.recording else "",
         )

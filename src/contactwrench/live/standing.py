@@ -27,11 +27,11 @@ QUIETER = 25.0
 
 @dataclass(frozen=True)
 class Stand:
-    """`still` since `since` s (infinity: not); else what `moves`, in words, and whether it is the `arm`."""
+    """`still` since `since` s (infinity: not); else what `moves`, in words, and whether the `arm` is seen to."""
 
     since: float
     moves: str = "nothing has come yet"
-    arm: bool = True
+    arm: bool = False
 
     @property
     def still(self) -> bool:
@@ -75,7 +75,7 @@ class Standing:
             return "readings have stopped coming", False
         self.noise = wrench.std(axis=0)
         if not np.isfinite(orientation).all():
-            return "the robot's orientation is missing", True
+            return "the robot's orientation is missing", False
         self.orientation = orientation[-1]
         cosine = np.abs(orientation @ orientation[-1]).min()
         if 2.0 * np.arccos(min(cosine, 1.0)) > TURNS:
