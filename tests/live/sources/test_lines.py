@@ -57,7 +57,7 @@ def test_units_stand_in_names() -> None:
         (
             "q0,q1,q2,q3",
             [0.8, 0, 0.6, 0],
-            {"orientation": "quat_wxyz:q0,q1,q2,q3"},
+            "quat_wxyz:q0,q1,q2,q3",
             Rotation.from_quat([0, 0.6, 0, 0.8]),
         ),
     ],
