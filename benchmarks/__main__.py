@@ -16,7 +16,19 @@ from .record import append
 from .table import Row, print_table
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-BY_THEMSELVES = ("speed", "tables", "plan", "rig", "measured", "bags", "clock_delay", "stillness", "live", "live_page")
+BY_THEMSELVES = (
+    "speed",
+    "tables",
+    "plan",
+    "rig",
+    "measured",
+    "bags",
+    "clock_delay",
+    "stillness",
+    "live",
+    "live_devices",
+    "live_page",
+)
 """They use the clock, or are too short for a pool; they come first, while numpy has all its threads."""
 
 IN_A_POOL = ("accuracy", "auto", "dirty", "inference", "diagnose")

@@ -22,6 +22,10 @@ class UdpLines:
     valid, `reason`; null is not known. It never waits: what the socket does not take at once is dropped.
     """
 
+    FORM = "udp://HOST:PORT"
+    ABOUT = "one JSON line a sample: t, fx..tz, std, valid, contact, reason"
+    RATE = "the sensor's"
+    TESTED = "a socket"
     waits = False
 
     def __init__(self, uri: Uri) -> None:

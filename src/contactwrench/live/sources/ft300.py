@@ -96,7 +96,7 @@ class Ft300(Reader[Tcp | Serial]):
     FORM = "ft300://HOST[:502] or ft300:///dev/ttyUSB0"
     ABOUT = "Robotiq FT 300: wrench; 100 Hz by Modbus TCP, about 50 Hz by a serial line"
     RATE = "100 Hz (serial: about 50 Hz)"
-    TESTED = "its fake in the lab, and pymodbus as the server; no sensor"
+    TESTED = "its fake in the lab; no sensor, and no serial line"
 
     def __init__(self, uri: Uri) -> None:
         uri.only()

@@ -134,7 +134,7 @@ class _Lines(Reader[AnyLink]):
         "orientation, units: as --orientation and --units; rate: by which lost lines show"
     )
     RATE = "the sender's"
-    TESTED = "senders of its own"
+    TESTED = "the lab's senders"
     OPTIONS = "[?rate=HZ][&columns=t,fx,..][&orientation=NAME[:COLUMNS]][&units=force=kgf,..]"
     WHOLE = False
 

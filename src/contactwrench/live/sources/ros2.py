@@ -164,7 +164,11 @@ class _Rclpy:
             package, _, name = self.type_name.split("/")
             profile = qos.QoSProfile(depth=DEPTH, reliability=qos.ReliabilityPolicy.BEST_EFFORT)
             kind = getattr(import_module(f"{package}.msg"), name)
-            self._node.create_subscription(kind, topic, self._messages.append, profile)
+            self._node.create_subscription(kind, topic, self._keep, profile)
+
+    def _keep(self, message: Any) -> None:
+        """A method, as rclpy asks a callback for its signature."""
+        self._messages.append(message)
 
     def _discovered(self, topic: str) -> str:
         deadline = Deadline()

@@ -1,0 +1,119 @@
+"""Lines: JSON and CSV, names and units and conventions of a recording, headers that come late or again."""
+
+from __future__ import annotations
+
+import io
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from contactwrench.live.source import Batch, DeviceError, NoteKind, Sample
+from contactwrench.live.sources.lines import LinesDecoder
+from contactwrench.live.uri import source_of
+from contactwrench.recording.tables.columns import Naming
+from tests.live.sources.test_sri_decoder import pieces_of
+
+WRENCH = "fx,fy,fz,tx,ty,tz"
+
+
+def decoded(text: str, cuts: tuple[int, ...] = (), columns: str = "", orientation: str = "auto") -> Batch:
+    decoder = LinesDecoder(Naming(orientation), None, columns.split(",") if columns else ())
+    batch = Batch()
+    for piece in pieces_of(text.encode(), list(cuts)):
+        decoder.feed(piece, 1.0, batch)
+    return batch
+
+
+def only(batch: Batch) -> Sample:
+    assert batch.notes == []
+    (sample,) = batch.samples
+    return sample
+
+
+@given(st.lists(st.integers(0, 500), max_size=8).map(tuple))
+def test_lines_may_be_cut_anywhere(cuts: tuple[int, ...]) -> None:
+    rows = [f"{k / 1000},{k},0,0,0,0,1,0,0,0,1\n" for k in range(5)]
+    batch = decoded(f"t,{WRENCH},qx,qy,qz,qw\n" + "".join(rows), cuts)
+    assert batch.notes == []
+    assert [sample.device for sample in batch.samples] == [0.0, 0.001, 0.002, 0.003, 0.004]
+    assert all(sample.orientation == (0.0, 0.0, 0.0, 1.0) for sample in batch.samples)
+
+
+def test_units_stand_in_names() -> None:
+    sample = only(decoded('{"t_ms": 5, "fx": 1, "fy": 2, "fz": 3, "tx_nmm": 4000, "ty_nmm": 0, "tz_nmm": 6}\n'))
+    assert sample.device == pytest.approx(0.005)
+    assert sample.wrench == pytest.approx((1.0, 2.0, 3.0, 4.0, 0.0, 0.006))
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers", "orientation", "turn"),
+    [
+        ("a,b,c", [10, 20, 30], "auto", Rotation.from_euler("ZYX", [10, 20, 30], degrees=True)),
+        ("rx,ry,rz", [0.1, 0.2, 0.3], "auto", Rotation.from_rotvec([0.1, 0.2, 0.3])),
+        (
+            "q0,q1,q2,q3",
+            [0.8, 0, 0.6, 0],
+            "quat_wxyz:q0,q1,q2,q3",
+            Rotation.from_quat([0, 0.6, 0, 0.8]),
+        ),
+    ],
+)
+def test_conventions_are_those_of_recordings(
+    names: str, numbers: list[float], orientation: str, turn: Rotation
+) -> None:
+    sample = only(decoded(f"t,{names}\n1,{','.join(map(str, numbers))}\n", orientation=orientation))
+    assert sample.wrench is None
+    assert sample.orientation is not None
+    assert (Rotation.from_quat(np.array(sample.orientation)) * turn.inv()).magnitude() < 1e-12
+
+
+def test_wrench_and_orientation_may_have_a_line_each() -> None:
+    six = '"fx": 1, "fy": 0, "fz": 0, "tx": 0, "ty": 0, "tz": 0'
+    batch = decoded(f'{{"t": 1, {six}}}\n{{"t": 1, "qx": 0, "qy": 0, "qz": 0, "qw": 1}}\n{{"t": 1.002, {six}}}\n')
+    assert batch.notes == []
+    assert [sample.wrench is not None for sample in batch.samples] == [True, False, True]
+
+
+def test_a_header_may_come_again_and_be_another() -> None:
+    batch = decoded(f"{WRENCH}\n1,2,3,4,5,6\n{WRENCH}\n1,2,3,4,5,6\nfz,fx,fy,tx,ty,tz\n3,1,2,4,5,6\n# said\n\n")
+    assert batch.notes == []
+    assert [sample.wrench for sample in batch.samples] == [(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)] * 3
+
+
+def test_columns_may_be_stated_and_semicolons_have_decimal_commas() -> None:
+    assert only(decoded("1,5;2;3;4;5;6\n", columns=WRENCH)).wrench == (1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
+
+
+@pytest.mark.parametrize("line", ["1,2,3", "!!", '{"fx": "a"}', "{", '{"fx": 1}', "1,2,3,4,5,x", "\xff,1"])
+def test_what_is_no_sample_is_garbage_and_ends_nothing(line: str) -> None:
+    batch = decoded(f"{WRENCH}\n1,2,3,4,5,6\n{line}\n1,2,3,4,5,6\n")
+    assert [note.kind for note in batch.notes] == [NoteKind.GARBAGE]
+    assert len(batch.samples) == 2
+
+
+def test_a_quaternion_that_is_none_is_not_used() -> None:
+    batch = decoded('{"qx": 0, "qy": 0, "qz": 0, "qw": 2}\n')
+    assert batch.samples == []
+
+
+def test_standard_input_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    to_read, to_write = os.pipe()
+    with io.FileIO(to_read) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        os.write(to_write, f"t,{WRENCH}\n1,2,3,4,5,6,7\n".encode())
+        source = source_of("stdin:")
+        assert source.open().wrench
+        assert len(source.read(0.1).samples) == 1
+        os.close(to_write)
+        with pytest.raises(DeviceError, match="found its end"):
+            source.read(1.0)
+        source.close()
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_read(data: bytes) -> None:
+    LinesDecoder(Naming(), None).feed(data + b"\n", 0.0, Batch())
