@@ -37,6 +37,7 @@ class Kind(StrEnum):
     BIAS_DRIFTED = "bias_drifted"
     BIAS_WANDERED = "bias_wandered"
     TWO_LEVELS = "two_levels"
+    CREEP = "creep"
     GAIN = "gain"
     CABLE = "cable"
     ROBOT = "robot"
@@ -82,7 +83,7 @@ DOUBT_OF_KIND = {
     Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.IMPLAUSIBLE_TOOL: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,
-    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
+    **dict.fromkeys((*BIAS_MOVED, Kind.CREEP, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }
 
 

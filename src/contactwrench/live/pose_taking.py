@@ -22,23 +22,29 @@ SETTLED, HOLD = 0.3, 1.0
 """s that everything stands before readings count, and s of readings in a pose."""
 APART = np.deg2rad(8.0)
 """rad from every pose that was taken: one beside another tells nothing new."""
+CREEPS, PATIENCE = 2.5, 8.0
+"""Of the quiet std of a mean over a twentieth of a second: what one half of the readings is off the other while they
+still creep after a move; waited for, but for no more s than that.
+"""
 JUMPED = 6.0
 """Of the quiet std of a mean over a twentieth of a second: what the reading changes by when a hand lets go. Creep goes
 on without a moment in which the reading moves, and is none."""
 FROM_OTHERS = 5.0
 """Standard deviations of what the other poses predict, and `GAIN` of the tool's weight: sensors are not better."""
 GAIN = 0.02
-MOST_ROWS = 4_000
 
 
 @dataclass(frozen=True, eq=False)
 class Taken(Frozen):
-    """A pose: times (n,), readings (n, 6) as the device gives them, orientations (n, 4), and `doubt` of it."""
+    """A pose: times (n,), readings (n, 6) as the device gives them, orientations (n, 4), and `doubt` of it; the arm had
+    `stood` for so many s when it was taken.
+    """
 
     t: Array
     wrench: Array
     orientation: Array
     doubt: str = ""
+    stood: float = SETTLED + HOLD
 
     @property
     def mean(self) -> Array:
@@ -63,6 +69,7 @@ class PoseTaking:
         self._refused: Four | None = None
         self._watched = False
         self._moved = False
+        self._level = np.zeros(6)
 
     def look(
         self,
@@ -95,7 +102,10 @@ class PoseTaking:
         elif (stood := t - stand.since) < SETTLED + HOLD:
             self.progress, self.waiting = stood / (SETTLED + HOLD), "hold still"
         elif self._refused is None:
-            return self._take(times, wrench, orientation, calibration, sign)
+            if _creeps(wrench, quiet) and stood < PATIENCE:
+                self.progress, self.waiting = 1.0, "the reading still creeps after the move: wait"
+            else:
+                return self._take(Taken(times, wrench, orientation, stood=stood), calibration, sign)
         return "", ""
 
     def _near(self, here: Four) -> str:
@@ -111,11 +121,11 @@ class PoseTaking:
         if stand.arm and not stand.still:
             self._watched = False
             return "", ""
+        level = wrench[-len(wrench) // 2 :].mean(axis=0)
         if not stand.still:
             self._moved = self._watched
         elif self._watched and self._moved and quiet is not None:
-            self._moved = False
-            change = wrench[-len(wrench) // 2 :].mean(axis=0) - self.taken[-1].mean
+            self._moved, change = False, level - self._level
             if (np.abs(change) > JUMPED * quiet).any():
                 number, by = len(self.taken), float(np.linalg.norm(change[:3]))
                 self.taken, self._watched = self.taken[:-1], False
@@ -125,13 +135,10 @@ class PoseTaking:
                 )
         else:
             self._watched = True
+        self._level = level if stand.still else self._level
         return "", ""
 
-    def _take(
-        self, times: Array, wrench: Array, orientation: Array, calibration: Calibration | None, sign: float
-    ) -> tuple[str, str]:
-        rows = slice(-MOST_ROWS, None)
-        pose = Taken(times[rows], wrench[rows], orientation[rows])
+    def _take(self, pose: Taken, calibration: Calibration | None, sign: float) -> tuple[str, str]:
         number = len(self.taken) + 1
         if calibration is not None and (by := _beside_prediction(calibration, pose, sign)):
             self._refused = pose.turn
@@ -153,6 +160,7 @@ class PoseTaking:
 
     def _add(self, pose: Taken) -> tuple[str, str]:
         self.taken, self._watched, self._moved, self._refused = (*self.taken, pose), True, False, None
+        self._level = pose.mean
         return "pose", f"pose {len(self.taken)} taken"
 
     def drop(self, number: int) -> bool:
@@ -165,6 +173,18 @@ class PoseTaking:
     def doubt(self, reasons: dict[int, str]) -> None:
         """What the fit has against poses, by their number from 0."""
         self.taken = tuple(replace(pose, doubt=reasons.get(k, "")) for k, pose in enumerate(self.taken))
+
+
+def change_within(wrench: Array) -> Array:
+    """By how much (6,) the second half of readings (n, 6) differs from the first."""
+    half = len(wrench) // 2
+    change: Array = wrench[half:].mean(axis=0) - wrench[:half].mean(axis=0)
+    return change
+
+
+def _creeps(wrench: Array, quiet: Array | None) -> bool:
+    """Whether readings (n, 6) over `HOLD` still change by more than noise."""
+    return quiet is not None and bool((np.abs(change_within(wrench)) > CREEPS * quiet).any())
 
 
 def samples_of(poses: tuple[Taken, ...], sign: float, source: str) -> Samples:

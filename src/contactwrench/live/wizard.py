@@ -17,7 +17,7 @@ from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError
 from ..geometry.orientation import from_quat_xyzw
 from ..samples.samples import Streams
-from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_delay
+from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_creep, with_delay
 from .history import History
 from .pose_taking import PoseTaking, samples_of
 from .pose_track import angle_between
@@ -173,7 +173,8 @@ class Wizard:
             return [("refusal", self.fit.refusal)] if with_motion else []
         self.poses.doubt(doubts_of(self.calibration, taken))
         if with_motion:
-            self.fit = Fitted(with_delay(self.calibration, self._streams()), self.sign, "", self.fit.settled)
+            whole = with_creep(with_delay(self.calibration, self._streams()), taken)
+            self.fit = Fitted(whole, self.sign, "", self.fit.settled)
         return [("fit", f"{len(taken)} poses: verdict {self.calibration.verdict}")]
 
     def _check(self) -> list[Happened]:
