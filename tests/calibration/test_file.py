@@ -141,7 +141,8 @@ def test_files_that_are_no_whole_json(tmp_path: Path) -> None:
         message = refusal(tmp_path, text[:length])
         assert message.startswith("no whole JSON file (")
         assert message.endswith(f"), {whole}")
-    assert refusal(tmp_path, b"t,fx,fy") == "found no JSON, expected a saved calibration: name one; `info` shows a recording"
+    a_table = "found no JSON, expected a saved calibration: name one (info shows a recording)"
+    assert refusal(tmp_path, b"t,fx,fy") == a_table
     assert refusal(tmp_path, b"") == f"no whole JSON file (Input data was truncated), {whole}"
     assert refusal(tmp_path, text.encode("utf-16")).startswith("no whole JSON file (JSON is malformed")
     assert refusal(tmp_path, text.replace(": 0.", ": NaN", 1)).startswith("no whole JSON file (JSON is malformed")

@@ -42,7 +42,7 @@ def load(path: str | Path, form: type[Form]) -> Form:
     """Read and check a calibration file. Raises `FileAccessError`; `FileFormatError` naming what is wrong with it."""
     content = read_bytes(path).removeprefix(codecs.BOM_UTF8)
     if content[:1].isalnum():
-        raise FileFormatError(f"{path}: found no JSON, expected a saved calibration: name one; `info` shows a recording")
+        raise FileFormatError(f"{path}: found no JSON, expected a saved calibration: name one (info shows a recording)")
     try:
         values = msgspec.json.decode(content)
         json.loads(content, object_pairs_hook=_each_once)
