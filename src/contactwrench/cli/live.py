@@ -8,8 +8,9 @@ import sys
 import time
 from contextlib import ExitStack
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -89,6 +90,7 @@ def live(
 ) -> None:
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""
     from ..calibration.calibration import Calibration
+    from ..compensate.runner import compiled
     from ..live.devices import require_devices
     from ..live.page.hub import Hub
     from ..live.pump import Pump, Ways
@@ -125,6 +127,8 @@ def live(
         outlets = [open_sink(sink_of(each), patient=patient) for each in out or ()]
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
+        if known is None and find_spec("numba"):
+            Thread(target=compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
         hub = Hub()
         ways = Ways(hub.publish if page or wizard else None, _say_json if events else _say_line, hub.commands)
         pump = Pump(session, readers, ways=ways)

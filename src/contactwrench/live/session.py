@@ -203,6 +203,7 @@ class Session:
     def _run(self, calibration: Calibration, sign: float) -> None:
         about = self._sensor.about
         self._turns.clear()
+        self._trace.clear()
         self._runner = Runner(calibration, sign, self._options, None if about is None else about.ranges)
 
     def _save_calibration(self, t: float) -> None:

@@ -38,7 +38,7 @@ class RateWatch:
         rate, self._start, self._count = self._count / passed, arrival, 0
         if abs(rate / self._noted - 1.0) > TOLERANCE:
             self._noted = rate
-            batch.notes.append(Note(NoteKind.RATE, f"{rate:.4g} Hz, asked for {self._asked:g} Hz"))
+            batch.notes.append(Note(NoteKind.RATE, f"{rate:.4g} Hz come, {self._asked:g} Hz were asked for"))
 
 
 def asked_rate(uri: Uri) -> float | None:

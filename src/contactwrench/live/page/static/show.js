@@ -83,7 +83,7 @@ export function show(now, trace, ask) {
 function faultOf(now) {
   const bad = now.devices.filter((device) => device.state === "silent" || device.state === "down");
   const text = bad.map((device) => `The ${device.role} ${device.state === "silent" ? "is silent" : "is not connected"}.`);
-  const detail = bad.map((device) => [device.uri, device.text, HELP[device.state]].filter(Boolean).join(": "));
+  const detail = bad.map((device) => `${device.uri}: ${[device.text, HELP[device.state]].filter(Boolean).join(". ")}`);
   const needed = now.phase === "run" ? bad.length : bad.some((device) => device.role.includes("sensor"));
   return { text: text.join(" "), detail: detail.join(" "), invalid: needed ? text.join(" ") : "" };
 }
