@@ -24,7 +24,7 @@ export function num(value, digits) {
   return value.toFixed(digits).replace("-", "−");
 }
 const short = (value) => (value > 0 ? value.toFixed(Math.max(0, 1 - Math.floor(Math.log10(value)))) : num(value, 1));
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const sentence = (text) => (/^[a-z0-9]+:\/\//.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1)); // an address stays as it is
 const unitOf = (axis) => (axis < 3 ? "N" : "N m");
 const digitsOf = (axis) => (axis < 3 ? 3 : 4);
 const clock = (t) => new Date(1000 * t).toLocaleTimeString([], { hour12: false });
