@@ -12,7 +12,7 @@ from ..errors import ContactWrenchError
 if TYPE_CHECKING:
     from ..live.page import Hub
 
-WAITS = 1.0
+WAITS = 3.0
 """s for an answer."""
 DOWN, ALONG_X, ASIDE = (0.0, 0.0, -10.0), (10.0, 0.0, 0.0), (0.0, 8.0, 0.0)
 PUSHES: dict[str, dict[str, Any]] = {
