@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from threading import Event, Thread
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -214,17 +214,16 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
     from .live_terminal import Terminal
 
-    stop, came = Event(), list[int]()
-
-    def end(number: int, _: object) -> None:
-        came.append(number)
-        stop.set()
-
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     guide = None if terminal is None else Terminal(terminal)
     try:
         pump.start()
-        while not stop.wait(LOOK) and (page or not pump.wait(0.0)) and pump.failure is None:
+        while not came and (page or not pump.wait(0.0)) and pump.failure is None:
+            time.sleep(LOOK)
             if guide is not None:
                 guide.show()
     finally:
