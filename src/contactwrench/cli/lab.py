@@ -29,9 +29,7 @@ REST = 3.0
 
 
 def lab(
-    sensor: Annotated[
-        Literal["sri", "netft", "ft300", "lines"], typer.Option(help="The sensor's protocol.")
-    ] = "sri",
+    sensor: Annotated[Literal["sri", "netft", "ft300", "lines"], typer.Option(help="The sensor's protocol.")] = "sri",
     robot: Annotated[Literal["ur", "rsi", "lines"], typer.Option(help="The robot's protocol.")] = "ur",
     live: Annotated[
         bool, typer.Option("--live", help="Start `contactwrench live` on it too, and end with it.")
