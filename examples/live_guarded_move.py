@@ -119,6 +119,7 @@ if __name__ == "__main__":
     if len(sys.argv) != 5:
         sys.exit(__doc__)
     try:
-        main(*sys.argv[1:4], cw.Calibration.load(sys.argv[4]))
+        sensor_at, robot_at, control_at, file = sys.argv[1:]
+        main(sensor_at, robot_at, control_at, cw.Calibration.load(file))
     except (cw.ContactWrenchError, OSError) as error:
         sys.exit(f"{error}")
