@@ -7,10 +7,13 @@ WHAT_IS_BUILT = pyproject.toml Makefile
 
 SECONDS = 600
 
-.PHONY: demo test test-ros bench-ros test-quick explore fuzz bench experiment lint types docs check lock clean
+.PHONY: demo live-demo test test-ros bench-ros test-quick explore fuzz bench experiment lint types docs check lock clean
 
 demo: $(RUN)/ready  ## the main job on two measured sets; writes ./contactwrench-demo
 	$(RUN)/bin/contactwrench demo --out contactwrench-demo --force
+
+live-demo: $(RUN)/ready  ## the virtual lab and a live session on it; the page's address is printed; until Ctrl-C
+	$(RUN)/bin/contactwrench lab --live
 
 test: $(DEV)/ready  ## all tests, the same examples at every run
 	$(DEV)/bin/python -m pytest -n auto

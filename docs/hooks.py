@@ -9,7 +9,7 @@ from typing import Any
 from latex2mathml.converter import convert
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
-LINK_TO_SOURCE = re.compile(r"\[([^\]]*)\]\(\.\./(?:src|reproduction|benchmarks)/[^)]*\)")
+LINK_TO_SOURCE = re.compile(r"\[([^\]]*)\]\(\.\./(?:src|reproduction|benchmarks|examples)/[^)]*\)")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

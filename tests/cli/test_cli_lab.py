@@ -7,7 +7,8 @@ import signal
 import struct
 import subprocess
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from subprocess import PIPE
 from typing import Any
 from unittest.mock import Mock
@@ -28,7 +29,9 @@ def test_it_runs_until_it_is_interrupted() -> None:
         assert program.stdout is not None
         said = [program.stdout.readline().split() for _ in range(4)]
         sensor, robot, control = (int(words[1].rsplit(":", 1)[1]) for words in said[:3])
-        assert said[3] == f"contactwrench live --robot {said[1][1]} --sensor {said[0][1]}".split()
+        assert said[3] == [
+            *(["contactwrench", "live", "--robot"]), said[1][1], "--sensor", said[0][1], "--lab", said[2][1]
+        ]  # fmt: skip
         with connected(sensor) as sri, connected(robot) as ur, connected(control) as orders:
             sri.sendall(b"AT+SMPF=1000\r\nAT+GSD\r\n")
             assert line(sri) == "ACK+SMPF=1000$OK"
@@ -59,3 +62,38 @@ def test_every_pair_starts_at_the_ports_that_are_asked_for(
         lab(*pair, port_base=first)
     out = capsys.readouterr().out
     assert all(f":{port}" in out for port in (first, first + 2, first + 3))
+
+
+def _is_closed(port: int) -> bool:
+    with suppress(OSError), connected(port):
+        return False
+    return True
+
+
+@pytest.mark.parametrize(("number", "status", "said"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")])
+def test_a_live_session_beside_it_ends_with_it(number: str, status: int, said: str) -> None:
+    pytest.importorskip("uvicorn")
+    command = [sys.executable, "-m", "contactwrench", "lab", "--live"]
+    with ExitStack() as ending:
+        program = ending.enter_context(subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True))
+        ending.callback(program.kill)
+        assert program.stdout is not None
+        assert program.stderr is not None
+        words = [program.stdout.readline().split() for _ in range(4)]
+        assert [each[0] for each in words] == ["Sensor", "Robot", "Control", "Open"]
+        ports = [int(each[1].rstrip("/").rsplit(":", 1)[1]) for each in words]
+        assert not any(map(_is_closed, ports))
+        program.send_signal(getattr(signal, number))  # to the lab alone: it hands it on
+        assert program.stdout.read() == ""  # ends when nobody holds the other end, the session included
+        assert program.stderr.read().splitlines()[-2:] == [f"contactwrench: {said}"] * 2
+        assert program.wait(timeout=20) == status
+        assert all(map(_is_closed, ports))
+
+
+def test_a_live_session_that_cannot_begin_ends_the_lab(tmp_path: Path) -> None:
+    arguments = [sys.executable, "-m", "contactwrench", "lab", "--live"]
+    blocked = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    (tmp_path / "uvicorn.py").write_text("raise ImportError('not here')\n")
+    done = subprocess.run(arguments, check=False, capture_output=True, text=True, env=blocked, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("contactwrench: ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from time import sleep
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -28,8 +29,11 @@ REST = 3.0
 
 
 def lab(
-    sensor: Annotated[Literal["sri"], typer.Option(help="The sensor's protocol.")] = "sri",
+    sensor: Annotated[Literal["sri", "netft", "ft300", "lines"], typer.Option(help="The sensor's protocol.")] = "sri",
     robot: Annotated[Literal["ur", "rsi", "lines"], typer.Option(help="The robot's protocol.")] = "ur",
+    live: Annotated[
+        bool, typer.Option("--live", help="Start `contactwrench live` on it too, and end with it.")
+    ] = False,
     auto: Annotated[bool, typer.Option("--auto", help="The arm visits poses of its own accord.")] = False,
     port_base: Annotated[
         int, options.number(PORTS, "N", "The first port; the others follow. [default: any that are free]")
@@ -46,6 +50,7 @@ def lab(
     from ..lab.control import Control
     from ..lab.rig import Lab
     from ..simulate.settings import Settings, changed
+    from .lab_live import beside
 
     virtual = Lab(changed(Settings(), settings or []), seed, BRISK)
     ports = [port_base and port_base + k for k in range(4)]
@@ -53,11 +58,16 @@ def lab(
         sensing = running.enter_context(_sensor(sensor, virtual, ports[:2]))
         arm = running.enter_context(_robot(robot, virtual.sensor(), ports[2]))
         control = running.enter_context(Control(virtual, ports[3]))
-        options.say(
-            f"Sensor   {sensing.uri}\nRobot    {arm.uri}\nControl  {control.uri}\n"
-            f"contactwrench live --robot {arm.uri} --sensor {sensing.uri}"
-        )
-        _run(virtual, auto, np.random.default_rng(seed))
+        options.say(f"Sensor   {sensing.uri}\nRobot    {arm.uri}\nControl  {control.uri}")
+        session = ("--robot", arm.uri, "--sensor", sensing.uri, "--lab", control.uri)
+        rng = np.random.default_rng(seed)
+        if not live:
+            options.say(f"contactwrench live {' '.join(session)}")
+            _run(virtual, rng if auto else None, sleep)
+            return
+        with beside(*session) as ended:
+            status = _run(virtual, rng if auto else None, ended)
+        raise typer.Exit(status)
 
 
 def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
@@ -95,10 +105,13 @@ def _robot(kind: str, signal: Signal, port: int) -> Fake:
     return Ur(signal, port=port)
 
 
-def _run(virtual: Lab, auto: bool, rng: np.random.Generator) -> None:
-    """Until Ctrl-C."""
+def _run(virtual: Lab, auto: np.random.Generator | None, ended: Callable[[float], int | None]) -> int:
+    """Until Ctrl-C, or until what is asked after so many s says that it has ended, with which status; `auto` says
+    where the arm goes of its own accord.
+    """
     from ..simulate.kinematics import HOME
 
     while True:
-        lasting = virtual.move_to(HOME + np.deg2rad(rng.uniform(LEAST_DEG, MOST_DEG))) if auto else 0.0
-        sleep(lasting + REST)
+        lasting = 0.0 if auto is None else virtual.move_to(HOME + np.deg2rad(auto.uniform(LEAST_DEG, MOST_DEG)))
+        if (status := ended(lasting + REST)) is not None:
+            return status

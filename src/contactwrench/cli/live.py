@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from threading import Event, Thread
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..live.snapshot import Event as Said
     from ..live.source import About, Source
     from ..live.wizard import Wish
+    from .live_lab import Hands
 
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-4
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
@@ -99,16 +100,20 @@ def live(
     from ..live.session import Session
     from ..live.sinks.recorder import Recorder
     from ..live.uri import sink_of
+    from .live_lab import Hands
 
     refuse(
         (not (page or wizard or calibration), "found --no-page and no calibration, expected -c CAL.json, or --wizard"),
-        ((sensor is None) == (recorded is None), "expected --sensor URI, or --from FILE for a recording"),
-        (recorded is not None and robot is not None, "found --from and --robot, expected one: a recording has both"),
+        (not (sensor or recorded), "found neither --sensor nor --from, expected --sensor URI, or --from FILE"),
+        (bool(recorded and sensor), "found --from and --sensor, expected one: a recording has both streams"),
+        (bool(recorded and robot), "found --from and --robot, expected one: a recording has both streams"),
     )
     host, port = _address(listen)
     known = None if calibration is None else Calibration.load(calibration)
     sources = _sources(sensor, robot, recorded, speed)
     wish = replace(_wish(wanted, poses, sign, gravity, sources["sensor"].uri), reach=_reach(arm))
+    hub = Hub()
+    hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
     with ExitStack() as stack:
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
@@ -129,12 +134,11 @@ def live(
         session.recording = None if record is None else True
         if known is None and find_spec("numba"):
             Thread(target=compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
-        hub = Hub()
         ways = Ways(hub.publish if page or wizard else None, _say_json if events else _say_line, hub.commands)
         pump = Pump(session, readers, ways=ways)
         pump.write_to(outlets, recorder)
         if page:
-            stack.callback(_served(hub, host, port, lab).close)
+            stack.callback(_served(hub, host, port, hands).close)
         _until_a_signal(pump, hub if wizard else None, page)
 
 
@@ -200,11 +204,10 @@ class _Save:
         return str(path)
 
 
-def _served(hub: Hub, host: str, port: int, lab: str | None) -> Server:
+def _served(hub: Hub, host: str, port: int, hands: Hands | None) -> Server:
     from ..live.page import serve
-    from .live_lab import Hands
 
-    server = serve(hub, host, port, lab=None if lab is None else Hands(lab, hub))
+    server = serve(hub, host, port, lab=hands)
     options.say(f"Open {server.url}")
     sys.stdout.flush()
     return server
@@ -214,17 +217,16 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
     from .live_terminal import Terminal
 
-    stop, came = Event(), list[int]()
-
-    def end(number: int, _: object) -> None:
-        came.append(number)
-        stop.set()
-
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     guide = None if terminal is None else Terminal(terminal)
     try:
         pump.start()
-        while not stop.wait(LOOK) and (page or not pump.wait(0.0)) and pump.failure is None:
+        while not came and (page or not pump.wait(0.0)) and pump.failure is None:
+            time.sleep(LOOK)
             if guide is not None:
                 guide.show()
     finally:
@@ -245,6 +247,6 @@ def _say_json(said: Said) -> None:
 
 
 def _say_line(said: Said) -> None:
-    where = f"{said.device}: " if said.device else ""
+    where = f"{said.device}: " if said.device and not said.text.startswith(said.device) else ""
     when = time.strftime("%H:%M:%S", time.localtime(said.t))
     options.say(f"{when}  {'' if said.severity == 'note' else said.severity + ': '}{where}{said.text}", err=True)

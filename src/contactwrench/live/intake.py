@@ -93,7 +93,7 @@ class Intake:
     def _count_rate(self, t: float) -> list[Event]:
         self.rate = self._count / (t - self._since)
         self._count, self._since = 0, t
-        asked = None if self.about is None else self.about.rate
+        asked = None if self.about is None or self.about.replay else self.about.rate
         off = asked is not None and abs(self.rate - asked) > OFF_RATE * asked
         said, self._off_rate = self._off_rate, off
         if off and not said:

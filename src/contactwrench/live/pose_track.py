@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from math import acos, inf, nan, sin, sqrt
+from operator import itemgetter
 
 from .source import Four, Three
 
-KEPT = 4_096
+KEPT = 8_192
+"""More than come in a turn of the worker, which adds them before it asks: three blocks of a recording (replay.py)."""
 LOOK_BACK = 0.01
 """s over which the turn is taken that a pose is carried on with: over less, the noise of the poses makes it."""
 PERIODS, LEAST_AGE, MOST_AGE = 5.0, 0.02, 0.25
@@ -58,14 +61,14 @@ class PoseTrack:
         if t >= newest:
             age = max(now - newest, 0.0)
             return (UNKNOWN if age > self.stale_after else self._carried_on(t - newest)), age
-        for k in range(len(poses) - 1, 0, -1):
-            before, after = poses[k - 1], poses[k]
-            if before[0] <= t:
-                gap = after[0] - before[0]
-                if gap > self.stale_after:
-                    return UNKNOWN, gap
-                return turned(before[1], after[1], (t - before[0]) / gap if gap > 0.0 else 1.0), 0.0
-        return UNKNOWN, inf
+        k = bisect_right(poses, t, key=itemgetter(0))
+        if k == 0:
+            return UNKNOWN, inf
+        before, after = poses[k - 1], poses[k]
+        gap = after[0] - before[0]
+        if gap > self.stale_after:
+            return UNKNOWN, gap
+        return turned(before[1], after[1], (t - before[0]) / gap if gap > 0.0 else 1.0), 0.0
 
     def _carried_on(self, onwards: float) -> Four:
         """The newest orientation, turned on for some s as it turned before."""

@@ -33,8 +33,8 @@ HALF_OPEN = 1.0
 """s of silence after which a connection is made anew."""
 AGAIN = 0.4
 """s from one attempt to the next."""
-AHEAD = 4
-"""Batches by which a recording may be ahead of the worker."""
+AHEAD = 1
+"""Batches by which a recording may be ahead of the worker; a turn with more would have more poses than are kept."""
 SNAPSHOTS = 1.0 / 30.0
 ENDS_IN = 4.0
 """s that a thread is given to end."""
@@ -207,7 +207,7 @@ class Pump:
         batches = {role: self._taken(role, reader, t) for role, reader in self._readers.items()}
         if self._replay:  # its clock is the recording's
             stamps = [batch.samples[-1].arrival for batch in batches.values() if batch is not None and batch.samples]
-            t = self._recorded = max([self._recorded or t, *stamps])
+            t = self._recorded = max([self._recorded, *stamps]) or t
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
         if len(turn.t) or len(turn.pose_t):
             for outlet in self._outlets:

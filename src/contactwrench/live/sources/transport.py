@@ -130,14 +130,14 @@ class Tcp(Link):
         try:
             addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError):
-            raise self.error(f"no host {host}", self._device, "check the name, or write its address") from None
+            raise self.error(f"no host {host}", f"the {self._device}", "check the name, or write its address") from None
         reason = "no answer"
         for family, kind, _, _, address in addresses:
             reason = self._connected(family, kind, address, deadline)
             if not reason:
                 return
         do = "check its power, its cable and the address; it must be in this computer's network"
-        raise self.error(f"{reason} at {at}", self._device, do)
+        raise self.error(f"{reason} at {at}", f"the {self._device}", do)
 
     def send(self, data: bytes) -> None:
         """Send; a few bytes, which always fit. Raises `DeviceError`."""
@@ -197,7 +197,7 @@ class Udp(Link):
         try:
             family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         except (OSError, UnicodeError):
-            raise self.error(f"no host {host}", self._device, "check the name, or write its address") from None
+            raise self.error(f"no host {host}", f"the {self._device}", "check the name, or write its address") from None
         with self._lock:
             made = self._use_socket(family, kind)
             self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
@@ -239,7 +239,7 @@ class Udp(Link):
             except ConnectionRefusedError:
                 if not taken:
                     do = f"check the address and that it is the {self._device}"
-                    raise self.error("nobody listening", self._device, do) from None
+                    raise self.error("nobody listening", f"the {self._device}", do) from None
         return taken
 
     def _try(self, what: Callable[[], Any], found: str, do: str) -> None:
@@ -247,7 +247,7 @@ class Udp(Link):
             what()
         except OSError as error:
             self._drop()
-            raise self.error(f"{found} ({(error.strerror or str(error)).lower()})", self._device, do) from None
+            raise self.error(f"{found} ({(error.strerror or str(error)).lower()})", f"the {self._device}", do) from None
 
 
 class StandardInput(Link):

@@ -1,0 +1,228 @@
+"""`contactwrench live` and `lab` with input that is wrong: one line, status 2, and no page; and a recording played."""
+
+from __future__ import annotations
+
+import csv
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contactwrench as cw
+from contactwrench.lab.lines import TcpLines
+from contactwrench.lab.signals import Plain
+from contactwrench.lab.sri import Sri
+from contactwrench.lab.ur import Ur
+from contactwrench.live.uri import SOURCES
+from tests.lab.clients import nothing_left
+from tests.support.devices import answering, free_port
+from tests.support.moving import smooth_rotations
+from tests.support.recordings import MATRIX, PANDA, WRENCH, csv_text, run, written
+from tests.support.rigs import example, noisy
+
+Capture = pytest.CaptureFixture[str]
+NEITHER = "found neither --sensor nor --from, expected --sensor URI, or --from FILE"
+
+
+@pytest.fixture(scope="module")
+def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("known") / "cal.json"
+    cw.calibrate(cw.read(PANDA), "mount").save(path)
+    return path
+
+
+@pytest.fixture
+def devices() -> Iterator[tuple[str, str]]:
+    """The URIs of a sensor and a robot that are there."""
+    with Sri(Plain()) as sri, Ur(Plain()) as ur:
+        yield sri.uri, ur.uri
+
+
+def complaint(capsys: Capture, verb: str, *arguments: str | Path) -> str:
+    """What the program says of input that is wrong, on one line, with no page before it and no thread left."""
+    with nothing_left():
+        done = run(capsys, verb, *arguments)
+    assert (done.status, done.out) == (2, "")
+    assert done.err.startswith("contactwrench: ")
+    assert done.err.count("\n") == 1
+    return done.err.removeprefix("contactwrench: ").rstrip("\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("--sensor foo://x", f"foo://x: found the scheme foo, expected one of {', '.join(sorted(SOURCES))}"),
+        ("--sensor 10.0.0.7", "10.0.0.7: found no scheme, expected a URI like sri://10.0.0.7"),
+        ("--sensor sri://no.invalid", "sri://no.invalid: found no host no.invalid, expected the SRI interface box: "
+         "check the name, or write its address"),
+        ("--sensor sri://x?rat=3", "sri://x?rat=3: found the option rat, expected one of rate, zero: correct the URI"),
+        ("", NEITHER),
+        ("--robot ur://10.0.0.5", NEITHER),
+        ("--from a.csv --sensor sri://x",
+         "found --from and --sensor, expected one: a recording has both streams"),
+        ("--from a.csv --robot ur://x",
+         "found --from and --robot, expected one: a recording has both streams"),
+        ("--from a.csv --no-page",
+         "found --no-page and no calibration, expected -c CAL.json, or --wizard"),
+        ("--from a.csv", "a.csv: there is no such file, expected a readable file: check the path"),
+        ("--from a.csv -c b.json", "b.json: there is no such file, expected a readable file: check the path"),
+        ("--from a.csv --listen here", "--listen is 'here', expected HOST:PORT, as in 127.0.0.1:8010"),
+        ("--from a.csv --listen 127.0.0.1:99999",
+         "--listen is '127.0.0.1:99999', expected HOST:PORT, as in 127.0.0.1:8010"),
+        ("--from a.csv --sign push", "--sign is 'push', expected pull or reaction"),
+        ("--from a.csv --lab here", "here: found no scheme, expected a URI like sri://here"),
+        ("--from a.csv --lab udp://:1",
+         "--lab is udp://:1, expected tcp://127.0.0.1:PORT, as `contactwrench lab` says"),
+        ("--from a.csv --speed -1", "Invalid value for '--speed': found -1, expected 0 or 0.001 to 1e+06: "
+         "try 'contactwrench live --help'"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture, arguments: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert complaint(capsys, "live", *arguments.split()) == said
+
+
+def test_an_output_that_is_there_is_kept(capsys: Capture, calibration: Path) -> None:
+    said = complaint(capsys, "live", "--from", PANDA, "-o", calibration)
+    assert (
+        said
+        == f"{calibration}: found a file there already, expected a new name: name another, or replace it with --force"
+    )
+
+
+@pytest.mark.parametrize(
+    ("scheme", "device"),
+    [
+        ("sri", "the SRI interface box"),
+        ("ur", "the robot's controller, RTDE switched on"),
+        ("tcp", "the server of lines"),
+    ],
+)
+def test_nobody_listens(capsys: Capture, scheme: str, device: str) -> None:
+    port = free_port()
+    uri = f"{scheme}://127.0.0.1:{port}"
+    assert complaint(capsys, "live", "--sensor", uri) == (
+        f"{uri}: found nobody listening at 127.0.0.1 port {port}, expected {device}: "
+        "check its power, its cable and the address; it must be in this computer's network"
+    )
+
+
+@pytest.mark.parametrize(
+    ("scheme", "expected"),
+    [
+        ("sri", "ACK+ and a value, as an SRI box answers: check that this is the SRI interface box"),
+        ("ur", "an RTDE server: check that this is the robot's controller, RTDE switched on"),
+    ],
+)
+def test_an_http_server_is_no_device(capsys: Capture, scheme: str, expected: str) -> None:
+    with answering(b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n") as port:
+        said = complaint(capsys, "live", "--sensor", f"{scheme}://127.0.0.1:{port}")
+    assert said == (
+        f"{scheme}://127.0.0.1:{port}: found an answer that begins 'HTTP/1.1 400 Bad Request', expected {expected}"
+    )
+
+
+def test_a_sensor_at_another_rate(capsys: Capture) -> None:
+    with TcpLines(Plain(), rate=250.0) as lines:
+        begin, rate, rest = complaint(capsys, "live", "--sensor", f"{lines.uri}?rate=1000").partition(
+            " samples a second"
+        )
+        found = float(begin.removeprefix(f"{lines.uri}?rate=1000: found "))
+    assert rate
+    assert abs(found - 250.0) < 50.0
+    assert rest == (f", expected 1000: set that rate in the device, or ask for it, as in {lines.uri}?rate={found:.0f}")
+
+
+def test_a_sensor_alone_turns_nothing(capsys: Capture, devices: tuple[str, str]) -> None:
+    assert complaint(capsys, "live", "--sensor", devices[0]) == (
+        f"{devices[0]}: found no orientation of the flange, expected one: name another device for that"
+    )
+
+
+@pytest.mark.parametrize(
+    ("role", "real"), [("sensor", "SRI M8128"), ("robot", "Universal Robots e-series, PolyScope 5.15.0")]
+)
+def test_the_calibration_of_another_device(
+    tmp_path: Path, capsys: Capture, calibration: Path, devices: tuple[str, str], role: str, real: str
+) -> None:
+    known = cw.Calibration.load(calibration)
+    replace(known, provenance={**known.provenance, role: "another"}).save(tmp_path / "other.json")
+    said = complaint(
+        capsys, "live", "--sensor", devices[0], "--robot", devices[1], "-c", tmp_path / "other.json", "--no-page"
+    )
+    assert said == f"{tmp_path / 'other.json'}: found the calibration of another, expected one of {real}: name its own"
+
+
+def test_the_calibration_of_a_larger_sensor() -> None:
+    from contactwrench.errors import InputError
+    from contactwrench.live.devices import require_devices
+    from contactwrench.live.source import About
+
+    known = cw.calibrate(cw.read(PANDA), "mount")
+    small = About("small", wrench=True, orientation=True, ranges=(1.0, 1.0, 1.0, 0.1, 0.1, 0.1))
+    free = abs(known.bias[0]) + np.linalg.norm(known.B[0, :3])
+    with pytest.raises(InputError) as refused:
+        require_devices(known, "cal.json", small, small)
+    assert str(refused.value) == (
+        f"cal.json: found fx of a free tool up to {free:.3g}, expected at most the sensor's range, 1: "
+        "it is of another sensor"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("--set x", "found 'x', expected NAME=VALUE, as in sensor.noise.force=0.05"),
+        ("--set tool.mas=1", "there is no setting tool.mas, expected tool with one of: mass, com, hook"),
+        ("--port-base 70000", "Invalid value for '--port-base': found 70000, expected 0 to 65000: "
+         "try 'contactwrench lab --help'"),
+        ("--seed -1", "Invalid value for '--seed': found -1, expected 0 to 1e+15: try 'contactwrench lab --help'"),
+    ],
+)  # fmt: skip
+def test_a_lab_that_cannot_be_meant(capsys: Capture, arguments: str, said: str) -> None:
+    assert complaint(capsys, "lab", *arguments.split()) == said
+
+
+def test_a_lab_whose_port_is_taken(capsys: Capture) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert complaint(capsys, "lab", "--port-base", str(port)).startswith(
+            f"port {port} of 127.0.0.1 cannot be listened on (address already in use"
+        )
+
+
+def table_of(path: Path) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    """The numbers of a CSV by column; what is no number is NaN."""
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in ("t", *WRENCH, "valid")}
+
+
+def test_a_recording_played_is_the_recording_compensated(tmp_path: Path, capsys: Capture) -> None:
+    """The same rows; live, the orientation of 4 ms before is between two that came, and at first there is none."""
+    rig, poses, rng = example(3)
+    known = replace(cw.calibrate(noisy(rig, poses, rng), "mount"), delay=0.004, delay_std=1e-5)
+    known.save(tmp_path / "cal.json")
+    t = np.arange(12_000) / 1000.0
+    arm = noisy(rig, smooth_rotations(t, rng), rng)
+    rows = np.column_stack([t, arm.wrench, arm.R_base_flange.reshape(-1, 9)])
+    recording = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv")
+    shared = ("-c", tmp_path / "cal.json")
+    played = run(capsys, "live", "--from", recording, "--speed", "0", "--no-page", *shared, "--out", tmp_path / "a.csv")
+    assert (played.status, played.out) == (0, "")
+    assert "silent" not in played.err
+    assert "samples a second" not in played.err
+    assert run(capsys, "compensate", recording, *shared, "-o", tmp_path / "b.csv").status == 0
+    a, b = table_of(tmp_path / "a.csv"), table_of(tmp_path / "b.csv")
+    assert len(a["t"]) == len(b["t"]) == len(t)
+    assert np.abs(a["t"] - a["t"][0] - b["t"]).max() < 1e-5  # played now
+    assert np.flatnonzero(a["valid"] != b["valid"]).tolist() in ([], [4])  # the filter of faults begins there
+    both = np.arange(5, len(t))
+    assert not np.isnan(a["fx"][both]).any()
+    for name in WRENCH:
+        assert np.abs(a[name] - b[name])[both].max() < 1e-3 * (known.weight or 0.0), name

@@ -1,0 +1,72 @@
+"""The examples that run on the lab, as processes, as a person starts them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+import contactwrench as cw
+from contactwrench.lab.control import Control
+from contactwrench.lab.rig import Lab
+from contactwrench.lab.sri import Sri
+from contactwrench.lab.ur import Ur
+from contactwrench.simulate.kinematics import paper_joints
+from contactwrench.simulate.recording import record_poses
+from contactwrench.simulate.rig import build
+from contactwrench.simulate.settings import Settings
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the rig that the lab is."""
+    path = tmp_path_factory.mktemp("rig") / "cal.json"
+    recorded = record_poses(Settings(), paper_joints(build(Settings())), rng=np.random.default_rng(1))
+    cw.calibrate(recorded.samples).save(path)
+    return path
+
+
+@pytest.fixture
+def lab() -> Iterator[tuple[Lab, list[str]]]:
+    """A lab, and the URIs of its sensor, its robot and its control port."""
+    virtual = Lab(Settings(), 1, 0.5)
+    with Sri(virtual) as sensor, Ur(virtual.sensor()) as robot, Control(virtual) as control:
+        yield virtual, [sensor.uri, robot.uri, control.uri]
+
+
+def _run(example: str, *arguments: str | Path) -> str:
+    command = [sys.executable, str(EXAMPLES / example), *map(str, arguments)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_loop_prints_the_contact_force(lab: tuple[Lab, list[str]], calibration: Path) -> None:
+    lines = _run("live_loop.py", *lab[1][:2], calibration, "2.5").splitlines()
+    judged = [line for line in lines if line.endswith("N, free")]
+    assert len(lines) >= 10
+    assert judged
+    assert all(float(line.split()[0]) < 0.5 for line in judged)
+
+
+@pytest.mark.slow
+def test_the_guarded_move_stops_at_contact(lab: tuple[Lab, list[str]], calibration: Path) -> None:
+    out = _run("live_guarded_move.py", *lab[1], calibration)
+    assert out.startswith("contact at ")
+    assert 0.1 < float(out.split()[-2]) < 30.0
+    assert not lab[0].moving
+
+
+@pytest.mark.parametrize("example", ["live_loop.py", "live_guarded_move.py"])
+def test_how_it_is_called_is_said(example: str) -> None:
+    done = subprocess.run([sys.executable, str(EXAMPLES / example)], check=False, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert f"python examples/{example} SENSOR" in done.stderr
