@@ -88,7 +88,7 @@ def test_errors_are_as_large_as_they_say() -> None:
 def test_the_told_fit_is_as_good_as_it_can_be(kind: str) -> None:
     rng, R, t = np.random.default_rng(7), random_rotations(12, np.random.default_rng(8)), times(12)
     gained = []
-    for _ in range(60):
+    for _ in range(30):
         rig = usual_rig(rng)
         change, covariance = Course(kind, 0.3).drawn(t, rng)
         wrench = readings(rig, R) + NOISE * rng.normal(size=(12, 6)) + change

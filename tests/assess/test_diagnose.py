@@ -85,7 +85,7 @@ def test_flags_that_mend_a_reading_are_found(mistake: str, tmp_path: Path, capsy
     verdict = done.out.splitlines()[0]
     assert verdict.startswith("as given: ")
     assert f"; with `{flags}`: 0." in verdict
-    calibration = json.loads(run(capsys, "calibrate", path, "--json", *shlex.split(flags)).out)
+    calibration = json.loads(run(capsys, "calibrate", path, "--model", "mount", "--json", *shlex.split(flags)).out)
     assert calibration["weight"] == pytest.approx(rig.weight, abs=0.1)
     left = float(verdict.rpartition(": ")[2].split()[0])
     assert np.linalg.norm(calibration["residual_rms"][:3]) <= 1.1 * left
@@ -157,7 +157,7 @@ def test_a_torque_that_is_not_in_nmm_as_stated(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=seeds)
 @hypothesis_example(seed=10930)
 def test_a_file_that_is_read_rightly_is_left_alone(seed: int, tmp_path: Path) -> None:
@@ -346,25 +346,28 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
 NO_ORIENTATION = "fx,fy,fz,tx,ty,tz\n1,2,3,4,5,6\n"
 
 
-def test_what_cannot_be_diagnosed_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = written(tmp_path, NO_ORIENTATION)
+def test_what_cannot_be_diagnosed_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # a long path would be shortened
+    path = written(Path(), NO_ORIENTATION)
     assert run(capsys, "diagnose", path).complaint == run(capsys, "calibrate", path).complaint
     rig, R, rng = example(17, poses=4)
-    path = written(tmp_path, RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
+    path = written(Path(), RIGHT.text(R, noisy_readings(rig, R, NOISE, rng)))
     assert run(capsys, "diagnose", path).complaint == (
         f"{path}: found 4 distinct orientations, expected 5 or more to tell one reading from another: record six or "
         "more that tilt the tool about two axes"
     )
-    path = written(tmp_path, Written(QUAT, lambda R: 0.5 * quat(R)).text(random_rotations(6, rng), np.ones((6, 6))))
+    path = written(Path(), Written(QUAT, lambda R: 0.5 * quat(R)).text(random_rotations(6, rng), np.ones((6, 6))))
     assert run(capsys, "diagnose", path).complaint == (
         f"{path}: row 2, columns qx,qy,qz,qw: found a quaternion of length 0.5, expected 1 within 1 %: check the order "
         "of its parts and that none is cut off; no other convention makes rotations of these columns either: check "
         "that they hold an orientation"
     )
-    path = written(tmp_path, csv_text((*WRENCH, *QUAT, "load_g"), [[1.0] * 6 + [0.0, 0.0, 0.0, 1.0, 5.0]]))
+    path = written(Path(), csv_text((*WRENCH, *QUAT, "load_g"), [[1.0] * 6 + [0.0, 0.0, 0.0, 1.0, 5.0]]))
     assert run(capsys, "diagnose", path).complaint == (
         f"{path}: found no contact-free samples, expected poses without a load"
     )
-    path = written(tmp_path, NO_ORIENTATION, "poses.xls")
+    path = written(Path(), NO_ORIENTATION, "poses.xls")
     assert run(capsys, "diagnose", path).complaint == run(capsys, "calibrate", path).complaint
     assert run(capsys, "diagnose", PANDA, "--sign", "push").complaint == "sign is 'push', expected pull or reaction"

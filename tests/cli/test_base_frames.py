@@ -215,15 +215,18 @@ def _two_topics(path: Path, *topics: str) -> Path:
     return write_bag(path, messages)
 
 
-def test_the_topic_of_the_wrench_is_the_calibrations(tmp_path: Path, capsys: Capture) -> None:
-    free = _bag(tmp_path / "free.mcap", "base", R, JOINTS, FREE_READINGS, topic="/ft")
-    tool, out = tmp_path / "tool.json", tmp_path / "out.csv"
+def test_the_topic_of_the_wrench_is_the_calibrations(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # a long path would be shortened
+    free = _bag(Path("free.mcap"), "base", R, JOINTS, FREE_READINGS, topic="/ft")
+    tool, out = Path("tool.json"), Path("out.csv")
     run(capsys, "calibrate", free, "-o", tool, "--model", "mount+base")
-    both = _two_topics(tmp_path / "both.mcap", "/ft", "/ft_scaled")
+    both = _two_topics(Path("both.mcap"), "/ft", "/ft_scaled")
     done = run(capsys, "compensate", both, "-c", tool, "-o", out)
     assert _notes(done) == ["Note: read as the calibration was: --wrench-topic /ft"]
     np.testing.assert_allclose(wrenches_written(out), PUSHED, atol=1e-6)
-    other = _two_topics(tmp_path / "other.mcap", "/wrench")
+    other = _two_topics(Path("other.mcap"), "/wrench")
     assert run(capsys, "compensate", other, "-c", tool, "--force", "-o", out).complaint == (
         f"{other}: found no topic /ft, expected one of /pose (geometry_msgs/PoseStamped), /wrench "
         "(geometry_msgs/WrenchStamped): --wrench-topic (as the calibration was read: --wrench-topic /ft "

@@ -45,7 +45,7 @@ def test_near_nominal_it_is_about_as_good_as_the_best_rung(
     rig, _, rng = example(11)
     rig = replace(rig, weight=weight)
     squares: dict[str, list[float]] = {}
-    for _ in range(4):
+    for _ in range(3):
         truth = _tilted(rig, mount_deg, base_deg, rng, flipped)
         calibration = cw.calibrate(noisy(truth, SPREAD, rng, 0.7 * NOISE))
         free = readings(truth, SPREAD)
@@ -110,7 +110,7 @@ def test_the_std_counts_tilts_within_their_priors() -> None:
     """Six poses near the vertical cannot tell a tilt: the prior does, and a wider one leaves a larger std, though never
     that of whoever knows nothing of it.
     """
-    for seed in range(15, 20):
+    for seed in range(15, 18):
         rig, _, rng = example(seed)
         samples = noisy(_tilted(replace(rig, weight=2.0), 0.0, 0.0, rng), POSE_SETS["paper's 6"], rng)
         narrow, usual, wide = (
@@ -146,7 +146,7 @@ def test_errors_are_those_that_the_std_states() -> None:
 @pytest.mark.slow
 def test_the_std_does_not_depend_on_how_the_base_is_turned() -> None:
     """Base axes turned about the vertical are other names for the same: the std of every contact wrench stays."""
-    for seed in range(12):
+    for seed in range(6):
         rig, _, rng = example(seed)
         rig = _tilted(replace(rig, weight=6.0), 0.5, 0.5, rng)
         samples = noisy(rig, POSE_SETS["paper's 6"], rng)
@@ -187,7 +187,7 @@ def test_rungs_that_the_poses_cannot_tell_are_left_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100, 112))
+@pytest.mark.parametrize("seed", range(100, 106))
 def test_three_poses_never_state_a_noise_of_nothing(seed: int) -> None:
     """With every tilt free three poses can fit all forces exactly: refused, or an honest std."""
     rig, R, rng = example(seed, poses=3)
@@ -224,7 +224,7 @@ def test_three_poses_at_any_mounting_are_refused_or_right_and_their_sign_is_not_
 
 @pytest.mark.slow
 def test_two_perfect_poses_are_refused_and_nothing_worse() -> None:
-    for seed in range(4):
+    for seed in range(2):
         rig, R, _ = example(seed, poses=2)
         with pytest.raises(cw.ContactWrenchError):
             cw.calibrate(noise_free(rig, R), noise=NOISE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +25,21 @@ def world(seed: int, **named: object) -> LiveWorld:
 
 
 @pytest.fixture(scope="module")
-def calibration() -> cw.Calibration:
+def at_poses() -> dict[int, Driver]:
+    """A session of the usual world that nobody touches, kept when 2, 5 and 8 poses are taken: for copies of it."""
+    drive, kept = Driver(world(6), wish=WISH), dict[int, Driver]()
+    drive.push_test()
+    for count in (2, 5, 8):
+        drive.poses(count)
+        kept[count] = deepcopy(drive)
+    return kept
+
+
+@pytest.fixture(scope="module")
+def calibration(at_poses: dict[int, Driver]) -> cw.Calibration:
     """Of the usual world, by a session."""
-    drive = Driver(world(3), wish=WISH)
-    drive.calibrated()
+    drive = deepcopy(at_poses[8])
+    drive.do(Command.NEXT)
     assert drive.session.calibration is not None
     return drive.session.calibration
 
@@ -90,10 +102,8 @@ def test_pushes_that_contradict_the_poses_are_said() -> None:
     assert Command.NEXT not in drive.session.commands()
 
 
-def test_a_pose_that_is_pushed_while_it_is_taken_is_refused_by_name() -> None:
-    drive = Driver(world(4), wish=WISH)
-    drive.push_test()
-    drive.poses(5)
+def test_a_pose_that_is_pushed_while_it_is_taken_is_refused_by_name(at_poses: dict[int, Driver]) -> None:
+    drive = deepcopy(at_poses[5])
     poses = drive.shown().poses
     assert poses is not None
     drive.play(drive.world.move(Rotation.from_quat(poses.targets[0]), 1.5))
@@ -107,11 +117,9 @@ def test_a_pose_that_is_pushed_while_it_is_taken_is_refused_by_name() -> None:
     assert len(drive.shown().poses.taken) == 6  # type: ignore[union-attr]
 
 
-def test_a_hand_that_lets_go_after_the_pose_voids_it() -> None:
+def test_a_hand_that_lets_go_after_the_pose_voids_it(at_poses: dict[int, Driver]) -> None:
     """Before the fifth pose nothing predicts the reading: the jump while the arm stands tells."""
-    drive = Driver(world(5), wish=WISH)
-    drive.push_test()
-    drive.poses(2)
+    drive = deepcopy(at_poses[2])
     drive.play(drive.world.move(Rotation.from_quat(drive.shown().poses.targets[0]), 1.5))  # type: ignore[union-attr]
     drive.play(drive.world.hold(2.2, np.array([1.0, 1.0, 0.0])))
     assert len(drive.shown().poses.taken) == 3  # type: ignore[union-attr]
@@ -120,10 +128,8 @@ def test_a_hand_that_lets_go_after_the_pose_voids_it() -> None:
     assert len(drive.shown().poses.taken) == 3  # type: ignore[union-attr]
 
 
-def test_no_pose_is_refused_where_nobody_touches() -> None:
-    drive = Driver(world(6), wish=WISH)
-    drive.push_test()
-    drive.poses(8)
+def test_no_pose_is_refused_where_nobody_touches(at_poses: dict[int, Driver]) -> None:
+    drive = at_poses[8]
     assert drive.said("pose_refused") == []
     assert len(drive.said("pose")) == 8
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -371,6 +372,11 @@ CANNOT = [
 ]
 
 
+@cache
+def _tool() -> cw.Calibration:
+    return cw.calibrate(cw.read(PANDA))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "message"), CANNOT)
 @pytest.mark.parametrize("verb", ["calibrate", "verify", "weigh", "compensate"])
@@ -385,7 +391,7 @@ def test_flags_that_do_not_go_together(
     monkeypatch.chdir(tmp_path)
     more: list[str | Path] = []
     if verb != "calibrate":
-        cw.calibrate(cw.read(PANDA)).save("tool.json")
+        _tool().save("tool.json")
         more = ["-c", "tool.json"]
     if verb == "compensate":
         more += ["-o", "out.csv"]

@@ -96,6 +96,7 @@ def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> Non
     assert page.tags.count("svg") == 4
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["paper", "yaw", "mount", "affine"])
 def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, model: str) -> None:
