@@ -221,7 +221,7 @@ function bindView(canvas) {
 // The std of the contact force after each pose, on a scale of decades, and the std that is wanted.
 export function drawConvergence(canvas, poses) {
   const { g, width, height, c } = start(canvas);
-  const [left, right, top, bottom] = [48, width - 12, 22, height - 26];
+  const [left, right, top, bottom] = [60, width - 12, 22, height - 26];
   const known = poses.history.map((std, i) => [i + 1, std]).filter(([, std]) => std > 0);
   const stds = [poses.wanted, ...known.map(([, std]) => std)];
   const low = Math.floor(Math.log10(Math.min(...stds) / 1.5));

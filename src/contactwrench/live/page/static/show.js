@@ -133,7 +133,10 @@ const INSTRUCTIONS = {
   },
   verify(now) {
     const poses = now.poses;
-    if (now.verified) return [now.verified, now.saved, now.checks.every((check) => check.passed) ? "ok" : "error"];
+    if (now.verified) {
+      const [verdict, reason] = now.verified.split(/: (.*)/s);
+      return [`The check ${verdict}.`, sentence(reason || ""), verdict === "passed" ? "ok" : "error"];
+    }
     if (poses && poses.progress > 0) return ["Hold still. A check is being taken.", `${Math.round(100 * poses.progress)} %`];
     return ["Move the arm to a new pose and let go.", `${now.checks.length} of ${CHECKS} checks done. ${poses ? sentence(poses.waiting) : ""}`];
   },
@@ -251,7 +254,7 @@ function showPoses(now, ask) {
   byId("ring").style.setProperty("--done", done.replace(" ", ""));
   byId("ring").setAttribute("aria-label", `pose ${done} taken`);
   set(byId("ring").firstElementChild, done);
-  set("capture-text", `${poses.taken.length} poses are taken. ${poses.progress > 0 ? "Hold still." : sentence(poses.waiting)}`);
+  set("capture-text", `${poses.taken.length} poses are taken. ${now.verified ? "Both checks are done." : poses.progress > 0 ? "Hold still." : sentence(poses.waiting)}`);
   drawConvergence(byId("convergence"), poses);
   const std = poses.std_force === null ? "Not known yet: more poses are needed."
     : `± ${short(poses.std_force)} N and ± ${short(poses.std_torque)} N m after ${poses.taken.length} poses.`;
