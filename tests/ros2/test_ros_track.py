@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from contactwrench.compensate.faults import Reason
+from contactwrench.geometry.quaternions import Quat
 from contactwrench_ros.chain import Chain, Transform
-from contactwrench_ros.track import Quat, Track, between, inverse, times
+from contactwrench_ros.track import Track
 
 
 def quat(rotation: Rotation) -> Quat:
@@ -23,14 +24,6 @@ def quat(rotation: Rotation) -> Quat:
 def angle(a: Quat | Reason, b: Rotation) -> float:
     assert not isinstance(a, Reason), a
     return float((Rotation.from_quat(a).inv() * b).magnitude())
-
-
-@given(st.integers(0, 10_000), st.floats(0.0, 1.0))
-def test_products_and_turns_are_scipys(seed: int, share: float) -> None:
-    a, b = Rotation.random(2, random_state=seed)
-    assert angle(times(quat(a), quat(b)), a * b) < 1e-7
-    assert angle(times(inverse(quat(a)), quat(a)), Rotation.identity()) < 1e-7
-    assert angle(between(quat(a), quat(b), share), Slerp([0.0, 1.0], Rotation.concatenate([a, b]))(share)) < 1e-6
 
 
 def test_what_does_not_turn_stays_to_the_last_bit() -> None:

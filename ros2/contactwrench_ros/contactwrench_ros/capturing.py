@@ -12,10 +12,9 @@ from contactwrench.calibration.text import parameter_rows, verdict_sentences
 from contactwrench.errors import InputError, refuse
 from contactwrench.geometry.arrays import Array
 from contactwrench.geometry.orientation import from_quat_xyzw
+from contactwrench.geometry.quaternions import Quat
 from contactwrench.geometry.rotations import rotation_angle
 from contactwrench.samples.still_segments import still_segments
-
-from .track import Quat
 
 SECONDS = 1.0
 FEWEST = 20

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from math import inf
 
 from contactwrench.compensate.faults import Reason
+from contactwrench.geometry.quaternions import Quat, inverse, product
 
-from .track import BEGUN_ANEW, Quat, Track, inverse, times
+from .track import BEGUN_ANEW, Track
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,6 @@ class Chain:
             turn = link.track.at(newest, stale_after) if link.fixed is None else link.fixed
             if isinstance(turn, Reason):
                 return None
-            R = times(R, inverse(turn) if upwards else turn)
+            R = product(R, inverse(turn) if upwards else turn)
         self.until = newest
         return newest, R

@@ -14,6 +14,7 @@ from contactwrench.compensate.faults import Reason
 from contactwrench.errors import ContactWrenchError, InputError, refuse
 from contactwrench.geometry.arrays import Array
 from contactwrench.geometry.orientation import from_quat_xyzw
+from contactwrench.geometry.quaternions import Quat
 from contactwrench.model import AXES
 from contactwrench.recording.base_frames import in_base_of_recording
 
@@ -21,7 +22,7 @@ from .capturing import Reading, calibrated, captured, described, require_still, 
 from .chain import Chain, Transform
 from .monitoring import Status, Tally
 from .parameters import POSE_SOURCES
-from .track import Quat, Track
+from .track import Track
 
 
 @dataclass(frozen=True)

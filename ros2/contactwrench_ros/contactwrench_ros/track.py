@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from math import acos, sin, sqrt
-from typing import TypeAlias
 
 from contactwrench.compensate.faults import Reason
-
-Quat: TypeAlias = tuple[float, float, float, float]
-"""x, y, z, w."""
+from contactwrench.geometry.quaternions import Quat, between, unit
 
 KEPT = 2000
 """Orientations: 2 s of the fastest arm's."""
@@ -17,7 +13,7 @@ LOOK_BACK = 0.02
 """s: over which the turn is taken that is carried on after the last orientation; over less, jitter of stamps counts."""
 BEGUN_ANEW = 10.0
 """s by which a stamp is earlier than the last when a clock began anew; tf2 keeps as much."""
-STALE, OFF_UNIT = "stale orientation", 0.01
+STALE = "stale orientation"
 
 
 class Track:
@@ -29,8 +25,7 @@ class Track:
 
     def hear(self, t: float, quat_xyzw: Quat) -> bool:
         """Keep an orientation; False, and it is passed over, where it is none, or no newer than the last."""
-        length = sqrt(sum(value * value for value in quat_xyzw))
-        if not abs(length - 1.0) <= OFF_UNIT:
+        if (orientation := unit(quat_xyzw)) is None:
             return False
         if self.times and t < self.times[-1] - BEGUN_ANEW:
             self.times.clear()
@@ -40,8 +35,7 @@ class Track:
         if len(self.times) >= 2 * KEPT:
             del self.times[:KEPT], self._quats[:KEPT]
         self.times.append(t)
-        x, y, z, w = quat_xyzw
-        self._quats.append((x / length, y / length, z / length, w / length))
+        self._quats.append(orientation)
         return True
 
     def at(self, t: float, stale_after: float) -> Quat | Reason:
@@ -67,37 +61,3 @@ class Track:
         if gap > stale_after:
             return Reason(f"orientation: none for {gap:.3f} s, expected one every {stale_after:g} s", STALE)
         return between(quats[after - 1], quats[after], (t - times[after - 1]) / gap)
-
-
-def between(a: Quat, b: Quat, share: float) -> Quat:
-    """The orientation at a share of the shortest turn from `a` to `b`, or beyond; exactly `a` where both are one."""
-    cosine = sum(p * q for p, q in zip(a, b, strict=True))
-    sign = 1.0 if cosine >= 0.0 else -1.0
-    if cosine * sign > 1.0 - 1e-9:
-        of_b = share * sign
-        of_a = 1.0 - share
-        if a == b:
-            return a
-    else:
-        half = acos(cosine * sign)
-        of_a, of_b = sin((1.0 - share) * half) / sin(half), sign * sin(share * half) / sin(half)
-    x, y, z, w = (of_a * p + of_b * q for p, q in zip(a, b, strict=True))
-    length = sqrt(x * x + y * y + z * z + w * w)
-    return x / length, y / length, z / length, w / length
-
-
-def times(a: Quat, b: Quat) -> Quat:
-    """The product of two rotations."""
-    ax, ay, az, aw = a
-    bx, by, bz, bw = b
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def inverse(a: Quat) -> Quat:
-    """The rotation back."""
-    return -a[0], -a[1], -a[2], a[3]

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array, Frozen
+from ..geometry.quaternions import angle_between
 from ..samples.samples import Samples
 from .history import History
-from .pose_track import angle_between
 from .source import Four
 from .standing import Stand
 

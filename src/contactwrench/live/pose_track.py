@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from math import acos, inf, nan, sin, sqrt
+from math import inf, nan
 from operator import itemgetter
 
+from ..geometry.quaternions import between, unit
 from .source import Four, Three
 
 KEPT = 8_192
@@ -29,16 +30,14 @@ class PoseTrack:
         self._period = 0.0
 
     def add(self, t: float, orientation: Four, position: Three | None) -> None:
-        """A pose at `t` s: the quaternion x, y, z, w of the flange in base axes, and its place, m."""
-        if self._poses:
-            last, before, _ = self._poses[-1]
-            step = t - last
-            if 0.0 < step < MOST_AGE:
-                self._period += FORGETS * (step - self._period) if self._period else step
-            if sum(a * b for a, b in zip(orientation, before, strict=True)) < 0.0:
-                x, y, z, w = orientation
-                orientation = (-x, -y, -z, -w)
-        self._poses.append((t, orientation, position or NO_PLACE))
+        """A pose at `t` s: the quaternion x, y, z, w of the flange in base axes, and its place, m. One that is no
+        orientation is passed over, so that the one before it grows old.
+        """
+        if (turn := unit(orientation)) is None:
+            return
+        if self._poses and 0.0 < (step := t - self._poses[-1][0]) < MOST_AGE:
+            self._period += FORGETS * (step - self._period) if self._period else step
+        self._poses.append((t, turn, position or NO_PLACE))
 
     @property
     def stale_after(self) -> float:
@@ -68,7 +67,7 @@ class PoseTrack:
         gap = after[0] - before[0]
         if gap > self.stale_after:
             return UNKNOWN, gap
-        return turned(before[1], after[1], (t - before[0]) / gap if gap > 0.0 else 1.0), 0.0
+        return between(before[1], after[1], (t - before[0]) / gap if gap > 0.0 else 1.0), 0.0
 
     def _carried_on(self, onwards: float) -> Four:
         """The newest orientation, turned on for some s as it turned before."""
@@ -78,24 +77,5 @@ class PoseTrack:
             if newest - t >= LOOK_BACK:
                 if newest - t > MOST_AGE:
                     break
-                return turned(earlier, orientation, 1.0 + onwards / (newest - t))
+                return between(earlier, orientation, 1.0 + onwards / (newest - t))
         return orientation
-
-
-def turned(a: Four, b: Four, part: float) -> Four:
-    """The orientation at `part` of the way from a to b, unit quaternions less than half a turn apart; beyond 1: on."""
-    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    if cosine > 0.999999:
-        of_a, of_b = 1.0 - part, part
-    else:
-        angle = acos(max(cosine, -1.0))
-        of_a, of_b = sin((1.0 - part) * angle) / sin(angle), sin(part * angle) / sin(angle)
-    x, y, z, w = (of_a * p + of_b * q for p, q in zip(a, b, strict=True))
-    length = sqrt(x * x + y * y + z * z + w * w)
-    return (x / length, y / length, z / length, w / length)
-
-
-def angle_between(a: Four, b: Four) -> float:
-    """The angle (rad) from one orientation to another."""
-    cosine = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
-    return 2.0 * acos(min(cosine, 1.0))

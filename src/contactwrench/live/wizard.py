@@ -16,11 +16,11 @@ from ..assess.verify import verify
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError
 from ..geometry.orientation import from_quat_xyzw
+from ..geometry.quaternions import angle_between
 from ..samples.samples import Streams
 from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_creep, with_delay
 from .history import History
 from .pose_taking import PoseTaking, samples_of
-from .pose_track import angle_between
 from .push_test import PushTest
 from .snapshot import Check, Command, Phase, Pose, Poses
 from .source import Four

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from contactwrench.geometry.orientation import CONVENTIONS
+from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
 from contactwrench.live.source import Batch, NoteKind
-from contactwrench.live.sources import ft300, netft, rsi, turns
+from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.uri import source_of
 from tests.live.sources.test_sri_decoder import pieces_of
 from tests.support.devices import KINDS, numbered, read, refusal
@@ -25,7 +26,7 @@ angle = st.floats(-360.0, 360.0)
 @given(angle, angle, angle)
 def test_kuka_angles_are_those_of_recordings(a: float, b: float, c: float) -> None:
     R = CONVENTIONS["kuka_abc"].to_matrices(np.radians([[a, b, c]]))[0]
-    assert np.allclose(Rotation.from_quat(np.array(turns.from_kuka_abc(a, b, c))).as_matrix(), R)
+    assert np.allclose(Rotation.from_quat(np.array(from_kuka_abc(a, b, c))).as_matrix(), R)
 
 
 @pytest.mark.parametrize(

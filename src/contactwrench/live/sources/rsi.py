@@ -7,12 +7,12 @@ from collections.abc import Callable
 from itertools import pairwise
 from math import radians
 
+from ...geometry.quaternions import from_kuka_abc
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
 from .reader import Reader
 from .transport import Deadline, Udp
-from .turns import from_kuka_abc
 
 PORT = 49_152
 SHORTEST = 4

@@ -9,6 +9,7 @@ from struct import Struct
 from typing import Any
 
 from ...errors import InputError
+from ...geometry.quaternions import from_rotation_vector, inverse, product, rotated
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
@@ -16,7 +17,6 @@ from . import rtde
 from .rate import asked_rate
 from .reader import Reader
 from .transport import Deadline, Tcp
-from .turns import from_rotation_vector, inverse, product, turned
 
 PORT = 30_004
 E_SERIES, CB3 = 500.0, 125.0
@@ -111,7 +111,7 @@ class UrDecoder:
         turn, position = from_rotation_vector(*vector), (x, y, z)
         if "tcp_offset" in places and any(offset := values[places["tcp_offset"]]):
             turn = product(turn, inverse(from_rotation_vector(*offset[3:])))
-            dx, dy, dz = turned(turn, offset[:3])
+            dx, dy, dz = rotated(turn, offset[:3])
             position = x - dx, y - dy, z - dz
         joints = values[places["actual_q"]] if "actual_q" in places else None
         wrench: Six | None = None
@@ -119,7 +119,7 @@ class UrDecoder:
             fx, fy, fz, tx, ty, tz = wrench = values[self._wrench]
             if self._to_flange:
                 back = inverse(turn)
-                wrench = *turned(back, (fx, fy, fz)), *turned(back, (tx, ty, tz))
+                wrench = *rotated(back, (fx, fy, fz)), *rotated(back, (tx, ty, tz))
         if (state := tuple(values[place] for place in self._states)) != self._state:
             self._change(state, batch)
         batch.samples.append(Sample(arrival, device, wrench, turn, position, joints, flaw=self._flaw))
