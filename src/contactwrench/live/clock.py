@@ -7,7 +7,8 @@ smallest delay itself, a fraction of a ms on a wire, cannot be seen, and is left
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import inf, isnan
 
 BIN, BINS = 0.5, 240
@@ -32,23 +33,38 @@ class Clock:
     def reset(self) -> None:
         """The device's clock began anew."""
         self._bins: list[tuple[float, float]] = []
-        self._bin = -inf
+        self._bin = self._device = -inf
         self._least = (0.0, inf)
         self._rate, self._line = 0.0, (0.0, inf)
         self.lateness = 0.0
 
     def times(self, stamps: Sequence[tuple[float, float]]) -> list[float]:
         """The times (s since 1970) of samples that came together, from their (arrival, device's time): what a device
-        had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there is nothing better.
+        had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there is nothing better. Where
+        the device's goes back it has begun anew, and what came before has nothing to do with it.
         """
-        for arrival, device in stamps:
-            if not isnan(device):
-                self._see(arrival, device)
-        return [self._time(arrival, device) for arrival, device in stamps]
+        times = list[float]()
+        for part in self._parts(stamps):
+            for arrival, device in part:
+                if not isnan(device):
+                    self._see(arrival, device)
+            times += [self._time(arrival, device) for arrival, device in part]
+        return times
+
+    def _parts(self, stamps: Sequence[tuple[float, float]]) -> Iterator[Sequence[tuple[float, float]]]:
+        """The stamps, parted where the device began anew."""
+        begin, latest = 0, self._device
+        for k, (_, device) in enumerate(stamps):
+            if device < latest:
+                yield stamps[begin:k]
+                self.reset()
+                begin = k
+            latest = latest if isnan(device) else device
+        yield stamps[begin:]
 
     def _see(self, arrival: float, device: float) -> None:
-        offset = arrival - device
-        if device >= self._bin + BIN or device < self._bin:
+        offset, self._device = arrival - device, device
+        if device >= self._bin + BIN:
             self._next_bin(device)
         if offset < self._least[1]:
             self._least = (device, offset)
@@ -76,21 +92,24 @@ class Clock:
 
 
 def line_under(points: list[tuple[float, float]]) -> tuple[float, tuple[float, float]]:
-    """Slope, and a point, of the highest line that has no point of (time, offset), in order of time, below it: the edge
-    of their lower hull over the mean time. Level, through the least offset, where they span too little.
+    """Slope, and a point, of the highest line, over the mean time, that has no point of (time, offset), in order of
+    time, below it. Level where they span too little; no steeper than `FASTEST`, as where a queue on the way fills.
     """
-    if points[-1][0] - points[0][0] < LEAST_SPAN:
-        return 0.0, min(points, key=lambda point: point[1])
+    slope = 0.0
+    if points[-1][0] - points[0][0] >= LEAST_SPAN:
+        middle = sum(time for time, _ in points) / len(points)
+        (a, offset_a), (b, offset_b) = next(edge for edge in pairwise(_lower_hull(points)) if edge[1][0] >= middle)
+        slope = max(-FASTEST, min(FASTEST, (offset_b - offset_a) / (b - a)))
+    return slope, min(points, key=lambda point: point[1] - slope * point[0])
+
+
+def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
     hull: list[tuple[float, float]] = []
     for point in points:
         while len(hull) > 1 and _turns_right(hull[-2], hull[-1], point):
             hull.pop()
         hull.append(point)
-    middle = sum(time for time, _ in points) / len(points)
-    k = next(k for k in range(1, len(hull)) if hull[k][0] >= middle)
-    (a, offset_a), (b, offset_b) = hull[k - 1], hull[k]
-    slope = (offset_b - offset_a) / (b - a)
-    return max(-FASTEST, min(FASTEST, slope)), hull[k]
+    return hull
 
 
 def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:

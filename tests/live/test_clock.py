@@ -1,0 +1,62 @@
+"""Times of samples from a device's clock and the times of their arrival, of networks that delay as they like."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactwrench.live.clock import FASTEST, Clock, line_under
+
+PERIOD = 0.01
+
+
+def timed(device: np.ndarray, arrival: np.ndarray) -> np.ndarray:
+    clock = Clock()
+    return np.array([clock.times([pair])[0] for pair in zip(arrival.tolist(), device.tolist(), strict=True)])
+
+
+@pytest.mark.parametrize("ppm", [0.0, 80.0, -300.0])
+def test_jitter_does_not_enter_the_times_and_a_clock_that_drifts_is_followed(ppm: float) -> None:
+    rng = np.random.default_rng(1)
+    true = 1.7e9 + PERIOD * np.arange(6_000)
+    device = (true - true[0]) * (1.0 + 1e-6 * ppm) + 5.0
+    found = timed(device, true + 2e-4 + rng.exponential(4e-3, len(true)))
+    assert np.abs(found - true - 2e-4)[1_000:].max() < 1e-3
+
+
+@given(st.integers(0, 10_000), st.integers(2, 60), st.floats(1e-6, 1.0))
+def test_no_offset_lies_below_the_line(seed: int, n: int, spread: float) -> None:
+    """Also where delays that grow or shrink ask for a rate that no quartz has."""
+    rng = np.random.default_rng(seed)
+    trend = rng.choice([0.0, 1e-2, -1e-2])
+    t = np.cumsum(rng.uniform(0.4, 0.6, n))
+    points = list(zip(t.tolist(), (trend * t + rng.exponential(spread, n)).tolist(), strict=True))
+    slope, (at, offset) = line_under(points)
+    assert abs(slope) <= FASTEST
+    assert min(y - offset - slope * (x - at) for x, y in points) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_delays_that_grow_are_no_time() -> None:
+    """A queue on the way that fills over 20 s makes the samples no later than the fastest quartz would."""
+    true = 1.7e9 + PERIOD * np.arange(3_000)
+    filling = np.clip((true - true[0] - 5.0) / 20.0, 0.0, 1.0) * 0.1
+    found = timed(true - 1.7e9, true + filling)
+    assert np.abs(found - true).max() < 30.0 * FASTEST
+
+
+def test_a_device_that_begins_anew_within_what_came_together_is_timed_at_once() -> None:
+    true = 1.7e9 + PERIOD * np.arange(200)
+    device = np.r_[1_000.0 + PERIOD * np.arange(100), PERIOD * np.arange(100)]
+    clock, found = Clock(), list[float]()
+    for k in range(0, 200, 8):
+        found += clock.times(list(zip(true[k : k + 8].tolist(), device[k : k + 8].tolist(), strict=True)))
+    assert np.abs(found - true).max() < 1e-4
+
+
+def test_time_goes_on_whatever_comes() -> None:
+    rng = np.random.default_rng(2)
+    device = np.where(rng.random(400) < 0.1, np.nan, np.cumsum(rng.normal(0.01, 0.3, 400)))
+    found = timed(device, 1.7e9 + np.cumsum(rng.exponential(0.01, 400)))
+    assert (np.diff(found) > 0.0).all()
