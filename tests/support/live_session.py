@@ -172,7 +172,7 @@ UGLY: dict[str, Snapshot] = {
     "forty poses": snapshot(Phase.POSES, poses=poses_step(40, 12, 0.4)),
     "first pose": snapshot(Phase.POSES, poses=poses_step(0), orientation=None),
     "check failed": snapshot(
-        Phase.VERIFY, checks=(Check(0.12, 0.004, True), Check(2.3, 0.1, False)), verified="It failed: 2.3 N are left.",
+        Phase.VERIFY, checks=(Check(0.12, 0.004, True), Check(2.3, 0.1, False)), verified="failed: 2.3 N are left",
         commands=(Command.BACK, Command.NEXT),
     ),
     "contact": snapshot(
@@ -231,7 +231,7 @@ class Played:
             changes["poses"] = poses_step(self.taken, 4, self.progress)
         if self.phase is Phase.VERIFY:
             changes["checks"] = (Check(0.1, 0.003, True),) * self.checks
-            changes["verified"] = "The calibration holds on new poses." if self.checks == 2 else ""
+            changes["verified"] = "passed: the residual is what the calibration explains" if self.checks == 2 else ""
         if self.phase is Phase.FIT and self.saved:
             changes["saved"] = "Saved as gripper.json."
         return msgspec.structs.replace(now, **changes)

@@ -52,9 +52,9 @@ def _require_rate(source: Source, about: About) -> None:
         )
 
 
-def with_devices(calibration: Calibration, sensor: About | None, robot: About | None) -> Calibration:
+def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:
     """The calibration with the names of its devices."""
-    names = {role: about.name for role, about in (("sensor", sensor), ("robot", robot)) if about is not None}
+    names = {"sensor": sensor.name, "robot": robot.name}
     return replace(calibration, provenance={**calibration.provenance, **names})
 
 

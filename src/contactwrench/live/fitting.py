@@ -36,11 +36,10 @@ class Fitted(Frozen):
 
 @dataclass(frozen=True)
 class Stated:
-    """What a person stated: `sign` pull or reaction, None: not known; `gravity` (3,) in base axes; the model."""
+    """What a person stated: `sign` pull or reaction, None: not known; `gravity` (3,) in base axes."""
 
     sign: str | None = None
     gravity: tuple[float, float, float] = DOWN
-    model: str = "auto"
 
 
 def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, source: str) -> Fitted:
@@ -55,7 +54,7 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
         for name in (stated.sign,) if stated.sign else SIGNS:
             sign = SIGNS[name]
             try:
-                calibration = calibrate(samples_of(poses, sign, source), stated.model, gravity=gravity)
+                calibration = calibrate(samples_of(poses, sign, source), gravity=gravity)
             except ContactWrenchError as error:
                 refusals.append(str(error))
                 continue

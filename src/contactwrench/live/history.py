@@ -31,10 +31,6 @@ class History:
         into[:, 0], into[:, 1:7], into[:, 7:] = turn.t[rows], turn.wrench[rows], turn.orientation[rows]
         self._end += n
 
-    def clear(self) -> None:
-        """What comes next has nothing to do with what was."""
-        self._end = 0
-
     def last(self, seconds: float) -> tuple[Array, Array, Array]:
         """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views."""
         if not self._end:

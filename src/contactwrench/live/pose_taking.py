@@ -12,6 +12,10 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array, Frozen
+<<<<<<< HEAD
+=======
+from ..geometry.orientation import from_quat_xyzw
+>>>>>>> lean
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Samples
 from .history import History
@@ -189,8 +193,6 @@ def _creeps(wrench: Array, quiet: Array | None) -> bool:
 
 def samples_of(poses: tuple[Taken, ...], sign: float, source: str) -> Samples:
     """All rows of poses, readings times `sign`."""
-    from ..geometry.orientation import from_quat_xyzw
-
     orientation = np.concatenate([pose.orientation for pose in poses])
     return Samples(
         sign * np.concatenate([pose.wrench for pose in poses]),

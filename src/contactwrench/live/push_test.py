@@ -18,7 +18,7 @@ from ..geometry.orientation import rotation_matrices
 from ..model import gravity_in_flange
 from .history import History
 from .snapshot import PushStep
-from .standing import Stand
+from .standing import EVERY, Stand
 
 NEEDED = 5.0
 """N: far above noise and creep, and light for a hand."""
@@ -101,7 +101,7 @@ class PushTest:
         strong = felt[strength >= OF_PEAK * strength.max()]
         mean = strong.mean(axis=0)
         straight = (strong @ mean) / (np.linalg.norm(strong, axis=1) * np.linalg.norm(mean))
-        if len(strong) < LONG_ENOUGH / 0.1:
+        if len(strong) < LONG_ENOUGH / EVERY:
             self._said = "that was too short: press for a second"
         elif straight.min() < STRAIGHT:
             self._said = "that push changed its direction: press again, the same way from beginning to end"
@@ -129,15 +129,13 @@ def _spoken(towards: str) -> str:
 
 def agreement(calibration: Calibration, push: Push, sign: float) -> float:
     """The cosine between a push as the calibration would feel it, whose readings are those of the device times `sign`,
-    and as it was felt.
+    and as it was felt. A push feels as the tool's weight along it does: so the calibration's `B` tells.
     """
-    if calibration.R_flange_sensor is None:
-        return 0.0
     along = np.array([1.0, 0.0, 0.0])
     if push.towards == "down":
         along = gravity_in_flange(rotation_matrices(push.orientation)[0], calibration.gravity_direction)[0]
-    felt = sign * push.force
-    return float(calibration.R_flange_sensor.T @ along @ felt / np.linalg.norm(felt))
+    felt, expected = sign * push.force, calibration.B[:3, :3] @ along
+    return float(expected @ felt / (np.linalg.norm(expected) * np.linalg.norm(felt)))
 
 
 def contradiction(calibration: Calibration, pushes: tuple[Push, ...], sign: float) -> str:

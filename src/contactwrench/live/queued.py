@@ -40,13 +40,6 @@ class OpenSink:
 
     def write(self, turn: Turn) -> None:
         """Give a turn to the sink."""
-        self._pass_on(turn)
-
-    def close(self) -> None:
-        """Write what is left, and close."""
-        self._close_sink()
-
-    def _pass_on(self, turn: Turn) -> None:
         if self.error:
             self._unwritten += len(turn.t)
             return
@@ -55,7 +48,8 @@ class OpenSink:
         except Exception as error:  # a sink may be anybody's
             self._end(error)
 
-    def _close_sink(self) -> None:
+    def close(self) -> None:
+        """Write what is left, and close."""
         try:
             self._sink.close()
         except Exception as error:
@@ -78,7 +72,7 @@ class _Queued(OpenSink):
         self._thread.start()
 
     def write(self, turn: Turn) -> None:
-        while (full := self._waiting > 0 and self._waiting + turn.rows > MOST_WAITING) and self._patient:
+        while (full := self._is_full(turn.rows)) and self._patient:
             sleep(0.001)
         if full:
             self._lost += len(turn.t)
@@ -100,15 +94,15 @@ class _Queued(OpenSink):
                 self._lost += 0 if turn is None else len(turn.t)
         self._queue.put(None)
 
-    @property
-    def _waiting(self) -> int:
-        return self._given - self._taken
+    def _is_full(self, rows: int) -> bool:
+        waiting = self._given - self._taken
+        return waiting > 0 and waiting + rows > MOST_WAITING
 
     def _drain(self) -> None:
         while (turn := self._next()) is not None:
-            self._pass_on(turn)
+            super().write(turn)
             self._taken += turn.rows
-        self._close_sink()
+        super().close()
 
     def _next(self) -> Turn | None:
         try:

@@ -92,7 +92,10 @@ class Session:
 
     def opened(self, role: str, about: About, t: float) -> None:
         """The `sensor`, or the `robot`, is there."""
+        unknown = self._sensor.about is None
         self._say(self._intake(role).opened(about, t))
+        if unknown and self._sensor.about is not None and self._runner is not None:  # now its ranges are known
+            self._run(self._runner.calibration, self._runner.sign)
 
     def down(self, role: str, text: str, t: float) -> None:
         """The `sensor`, or the `robot`, cannot be reached, or went away."""

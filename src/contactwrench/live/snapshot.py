@@ -189,7 +189,6 @@ class Snapshot(msgspec.Struct, frozen=True):
     events: tuple[Event, ...]
     contact: Contact | None = None
     push: tuple[PushStep, ...] = ()
-    push_verdict: str = ""
     poses: Poses | None = None
     fit: Fit | None = None
     checks: tuple[Check, ...] = ()

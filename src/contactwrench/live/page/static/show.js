@@ -114,7 +114,7 @@ const INSTRUCTIONS = {
   },
   push(now) {
     const step = now.push.find((each) => !each.seen);
-    if (!step) return ["The push test is done.", now.push_verdict];
+    if (!step) return ["The push test is done.", ""];
     if (step.force >= step.needed) return [step.ask, `${num(step.force, 1)} N: enough. Let go after a second.`];
     return [step.ask, `${num(step.force, 1)} N so far, ${num(step.needed, 0)} N are needed.`];
   },
@@ -243,7 +243,6 @@ function showPush(now) {
     bar.value = Math.min(push.force, push.needed);
     bar.setAttribute("aria-label", push.ask);
   });
-  set("push-verdict", sentence(now.push_verdict));
 }
 
 function showPoses(now, ask) {
