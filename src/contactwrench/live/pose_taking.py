@@ -12,10 +12,7 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array, Frozen
-<<<<<<< HEAD
-=======
 from ..geometry.orientation import from_quat_xyzw
->>>>>>> lean
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Samples
 from .history import History

@@ -67,11 +67,7 @@ class PoseTrack:
         gap = after[0] - before[0]
         if gap > self.stale_after:
             return UNKNOWN, gap
-<<<<<<< HEAD
-        return between(before[1], after[1], (t - before[0]) / gap if gap > 0.0 else 1.0), 0.0
-=======
         return between(before[1], after[1], (t - before[0]) / gap), 0.0
->>>>>>> lean
 
     def _carried_on(self, onwards: float) -> Four:
         """The newest orientation, turned on for some s as it turned before."""
