@@ -123,10 +123,12 @@ def beside_truth(cal: cw.Calibration, truth: dict[str, Any]) -> NDArray[np.float
     return np.array([error / std for error, std in pairs])
 
 
-def one_run(seed: int, folder: Path, touched: int | None = None) -> tuple[Errors, PageClient, cw.Calibration]:
+def one_run(
+    seed: int, folder: Path, touched: int | None = None, settings: tuple[str, ...] = ()
+) -> tuple[Errors, PageClient, cw.Calibration]:
     """A lab and a session, from connect to run: the errors in std, the page, the calibration."""
     file = folder / f"{seed}.json"
-    lab = started("lab", "--seed", str(seed))
+    lab = started("lab", "--seed", str(seed), *(part for each in settings for part in ("--set", each)))
     try:
         at = lines_until(lab, "contactwrench live")
         live = started(

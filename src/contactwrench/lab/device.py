@@ -176,7 +176,7 @@ class Fake(ABC):
             else:
                 with suppress(OSError):  # somebody has the port: try again
                     self._open()
-                    self._closed_until = 0.0
+                    self._closed_until, self.clock.running = 0.0, False
 
     def _turn_and_show(self) -> None:
         if not self._wanted():

@@ -17,10 +17,11 @@ LEAST_SPAN = 4.0
 """s: over less, jitter would make a rate."""
 FASTEST = 500e-6
 """Of one clock against another: quartz does not differ by more."""
-STEPPED = 0.25
-"""s: smallest delays that grow by more at once are a clock that was set, or a queue that nobody wants to trust."""
-LEAST_STEP = 1e-6
-"""s from one sample to the next: time goes on."""
+LATE = 0.05
+"""s by which a sample comes after it was taken beyond which it is not to be used: its time may be wrong. Where all come
+so late for a while the device's clock stood, or was set back, and times are told anew."""
+SOONER = 2e-3
+"""s: a smallest delay that falls by more at once is a clock that was set forward, or a queue that was in all before."""
 
 
 class Clock:
@@ -28,7 +29,6 @@ class Clock:
 
     def __init__(self) -> None:
         self.reset()
-        self._last = -inf
 
     def reset(self) -> None:
         """The device's clock began anew."""
@@ -64,31 +64,34 @@ class Clock:
 
     def _see(self, arrival: float, device: float) -> None:
         offset, self._device = arrival - device, device
-        if device >= self._bin + BIN:
-            self._next_bin(device)
+        if arrival >= self._bin + BIN:
+            self._next_bin(arrival)
         if offset < self._least[1]:
             self._least = (device, offset)
-            if offset < self._at(device):
+            if (sooner := self._at(device) - offset) > 0.0:
+                if sooner > SOONER:
+                    self._bins.clear()
+                    self._rate = 0.0
                 self._line = self._least
 
     def _time(self, arrival: float, device: float) -> float:
         t = arrival if isnan(device) else device + self._at(device)
         self.lateness += 0.01 * (arrival - t - self.lateness)
-        self._last = max(t, self._last + LEAST_STEP)
-        return self._last
+        return t
 
     def _at(self, device: float) -> float:
         return self._line[1] + self._rate * (device - self._line[0])
 
-    def _next_bin(self, device: float) -> None:
+    def _next_bin(self, arrival: float) -> None:
         if self._least[1] < inf:
-            if self._bins and self._least[1] - self._at(self._least[0]) > STEPPED:
+            if self._bins and self._least[1] - self._at(self._least[0]) > LATE:
                 self._bins.clear()
                 self._rate = 0.0
-            self._bins.append(self._least)
+            if not self._bins or self._least[0] > self._bins[-1][0]:  # else its clock stands
+                self._bins.append(self._least)
             del self._bins[:-BINS]
             self._rate, self._line = line_under(self._bins)
-        self._bin, self._least = device, (0.0, inf)
+        self._bin, self._least = arrival, (0.0, inf)
 
 
 def line_under(points: list[tuple[float, float]]) -> tuple[float, tuple[float, float]]:

@@ -42,7 +42,8 @@ class Counter:
             arrival: s, when it came.
 
         Returns:
-            s since the first sample; None where it is no new one. With `NoteKind.RESTARTED` it only goes on by a step.
+            s since the first sample; None where it is no new one. With `NoteKind.RESTARTED` it goes on by the time that
+            passed, a step at least.
         """
         if self._last is None:
             self._last, self._arrival = count, arrival
@@ -54,7 +55,8 @@ class Counter:
             return None, Note(NoteKind.REPEATED, f"number {count} came again")
         if self._began_anew(count, ahead, arrival):
             restarted = Note(NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
-            return self._forward(count, self._step or 1, arrival), restarted
+            passed = round((arrival - self._arrival) / self._period)
+            return self._forward(count, max(passed, self._step or 1), arrival), restarted
         if ahead < 0:
             return None, Note(NoteKind.DISORDERED, f"number {count} came after {self._last}")
         missing = self._missing(ahead)

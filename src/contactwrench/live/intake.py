@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, isfinite
 
-from .clock import Clock
+from ..samples.samples import LARGEST_READING
+from .clock import LATE, Clock
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 
@@ -14,8 +15,12 @@ BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
 RATE_OVER, OFF_RATE = 1.0, 0.1
 """s over which a rate is counted, and by which part it may differ from what was asked for."""
+MOMENT, FAR_OFF = 0.12, 0.3
+"""s, in two of which in a row a rate is not waited for longer that differs by this part to the same side."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
+LEAST_STEP = 1e-6
+"""s from one sample to the next: time goes on."""
 CONNECTING, STREAMING, QUIET, DOWN = "connecting", "streaming", "silent", "down"
 
 
@@ -29,7 +34,10 @@ class Intake:
         self.clock = Clock()
         self.rate: float | None = None
         self.samples = self.lost = self.repeated = self.wrong = 0
-        self._last, self._count, self._since = -inf, 0, -inf
+        self._newest, self._count, self._since = -inf, 0, -inf
+        needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
+        self._last = dict.fromkeys(needed, -inf)
+        self._moment, self._before, self._far_off = -inf, 0, 0
         self._notes: dict[str, tuple[int, str]] = {}
         self._noted = -inf
         self._off_rate = False
@@ -38,7 +46,9 @@ class Intake:
         """The device is there."""
         again = self.state == DOWN
         self.about, self.state, self.text = about, STREAMING, ""
-        self._last, self._count, self._since, self.rate = t, 0, t + BACKLOG, None
+        self._last = dict.fromkeys(self._last, t)
+        self._count, self._since, self.rate = 0, t + BACKLOG, None
+        self._moment, self._far_off = t + BACKLOG, 0
         self.clock.reset()
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected")
 
@@ -58,30 +68,38 @@ class Intake:
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
         times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples])
-        taken = list(zip(times, batch.samples, strict=True))
+        taken = []
+        for t, sample in zip(times, batch.samples, strict=True):
+            self._newest = max(t, self._newest + LEAST_STEP)
+            taken.append((self._newest, _judged(t, sample)))
         for _, sample in taken:
             if sample.flaw:
                 self.wrong += 1
                 self._note(sample.flaw.partition(":")[0], 1, sample.flaw)
-        if taken:
-            self._last = taken[-1][1].arrival
-            self.samples += len(taken)
-            self._count += len(taken) if self._last > self._since else 0
+            for what in self._last:
+                if sample.flaw or getattr(sample, what) is not None:
+                    self._last[what] = sample.arrival
+        self.samples += len(taken)
+        self._count += len(taken) if taken and taken[-1][1].arrival > self._since else 0
         return taken
 
     def look(self, t: float) -> list[Event]:
         """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
         events = []
         usual = SILENT if not self.rate else max(SILENT, PERIODS / self.rate)
-        if self.state == STREAMING and t - self._last > usual:
-            self.state, self.text = QUIET, "nothing comes: check power, cable and network"
-            events.append(self._event(t, "silent", "error", f"nothing for {t - self._last:.2f} s"))
-        elif self.state == QUIET and t - self._last < usual:
+        what, last = min(self._last.items(), key=lambda item: item[1])
+        if self.state == STREAMING and t - last > usual:
+            missing = "nothing" if last == max(self._last.values()) else f"no {what}"
+            self.state, self.text = QUIET, f"{missing} comes: check power, cable and network"
+            events.append(self._event(t, "silent", "error", f"{missing} for {t - last:.2f} s"))
+        elif self.state == QUIET and t - last < usual:
             self.state, self.text = STREAMING, ""
-            self._count, self._since = 0, t
+            self._count, self._since, self._moment = 0, t, t
             events.append(self._event(t, "back", "note", "samples come again"))
         if self.state == STREAMING and t - self._since >= RATE_OVER:
             events += self._count_rate(t)
+        if self.state == STREAMING and t - self._moment >= MOMENT:
+            events += self._glance(t)
         if self._notes and t - self._noted >= NOTES_EVERY:
             self._noted = t
             for kind, (number, text) in self._notes.items():
@@ -96,12 +114,24 @@ class Intake:
         asked = None if self.about is None or self.about.replay else self.about.rate
         off = asked is not None and abs(self.rate - asked) > OFF_RATE * asked
         said, self._off_rate = self._off_rate, off
-        if off and not said:
-            text = (
-                f"{self.rate:.4g} samples a second come, {asked:.4g} were asked for: check its settings and the network"
-            )
-            return [self._event(t, "rate", "warning", text)]
-        return []
+        return [self._other_rate(self.rate, t)] if off and not said else []
+
+    def _glance(self, t: float) -> list[Event]:
+        """A rate that is far off is said sooner; nothing at all is silence, and no rate."""
+        asked = None if self.about is None else self.about.rate
+        rate, before = (self.samples - self._before) / (t - self._moment), self._far_off
+        self._moment, self._before = t, self.samples
+        far = asked is not None and abs(rate - asked) > FAR_OFF * asked and rate > 0.0
+        self._far_off = 0 if not far else 1 if rate > (asked or 0.0) else -1
+        if self._off_rate or not far or self._far_off != before:
+            return []
+        self._off_rate = True
+        return [self._other_rate(rate, t)]
+
+    def _other_rate(self, rate: float, t: float) -> Event:
+        asked = None if self.about is None else self.about.rate
+        text = f"{rate:.4g} samples a second come, {asked:.4g} were asked for: check its settings and the network"
+        return self._event(t, "rate", "warning", text)
 
     def _note(self, kind: str, number: int, text: str) -> None:
         before, _ = self._notes.get(kind, (0, ""))
@@ -113,7 +143,8 @@ class Intake:
     def shown(self, t: float) -> Device:
         """For a person, at `t` s."""
         about = self.about
-        age = None if self._last == -inf else t - self._last
+        last = max(self._last.values())
+        age = None if last == -inf else t - last
         return Device(
             self.uri,
             self.role,
@@ -129,3 +160,15 @@ class Intake:
             age,
             max(self.clock.lateness, 0.0) if self.samples else None,
         )
+
+
+def _judged(t: float, sample: Sample) -> Sample:
+    """A sample, taken at `t` s, with its flaw: numbers that are none, or too late to believe its time."""
+    late = sample.arrival - t
+    if sample.flaw:
+        return sample
+    if sample.wrench is not None and not all(abs(each) <= LARGEST_READING for each in sample.wrench):
+        return sample._replace(flaw="broken: no number")
+    if sample.orientation is not None and not isfinite(sum(sample.orientation)):
+        return sample._replace(flaw="broken: no number")
+    return sample._replace(flaw=f"late: came {late:.2f} s after it was taken") if late > LATE else sample

@@ -7,7 +7,7 @@ from collections import deque
 from math import inf, nan
 from operator import itemgetter
 
-from ..geometry.quaternions import between, unit
+from ..geometry.quaternions import angle_between, between, unit
 from .source import Four, Three
 
 KEPT = 8_192
@@ -18,6 +18,8 @@ PERIODS, LEAST_AGE, MOST_AGE = 5.0, 0.02, 0.25
 """A pose is old after so many periods of its stream, within these s: on a fast stream a moment of the network's is
 waited for, on a slow one never longer than an arm stands still by chance."""
 FORGETS = 0.02
+BRAKING = 20.0
+"""rad/s^2: no arm stops a turn faster."""
 UNKNOWN: Four = (nan, nan, nan, nan)
 NO_PLACE: Three = (nan, nan, nan)
 
@@ -28,6 +30,7 @@ class PoseTrack:
     def __init__(self) -> None:
         self._poses: deque[tuple[float, Four, Three]] = deque(maxlen=KEPT)
         self._period = 0.0
+        self._changed, self._usual, self._speed, self._steady = -inf, 0.0, 0.0, False
 
     def add(self, t: float, orientation: Four, position: Three | None) -> None:
         """A pose at `t` s: the quaternion x, y, z, w of the flange in base axes, and its place, m. One that is no
@@ -35,9 +38,28 @@ class PoseTrack:
         """
         if (turn := unit(orientation)) is None:
             return
-        if self._poses and 0.0 < (step := t - self._poses[-1][0]) < MOST_AGE:
-            self._period += FORGETS * (step - self._period) if self._period else step
+        if self._poses:
+            last, before, _ = self._poses[-1]
+            if 0.0 < (step := t - last) < MOST_AGE:
+                self._period += FORGETS * (step - self._period) if self._period else step
+            self._watch(t, turn, before)
         self._poses.append((t, turn, position or NO_PLACE))
+
+    def _watch(self, t: float, orientation: Four, before: Four) -> None:
+        """Note how fast it turns, where it has turned at all, and whether too fast to stop before the next pose."""
+        if orientation == before or t <= self._changed:
+            return
+        if self.frozen(t):
+            self._poses.clear()
+        since = min(t - self._changed, MOST_AGE)
+        self._usual += 10.0 * FORGETS * (since - self._usual) if self._usual else since
+        speed, self._changed = angle_between(orientation, before) / since, t
+        self._steady = min(speed, self._speed) > BRAKING * max(since, self._usual)
+        self._speed = speed
+
+    def frozen(self, now: float) -> bool:
+        """Whether poses go on to come, all of them the same, although the arm turned too fast to stop so soon."""
+        return self._steady and now - self._changed > max(PERIODS * self._usual, LEAST_AGE)
 
     @property
     def stale_after(self) -> float:
@@ -57,6 +79,8 @@ class PoseTrack:
         if not poses:
             return UNKNOWN, inf
         newest = poses[-1][0]
+        if self.frozen(now):
+            return UNKNOWN, now - self._changed
         if t >= newest:
             age = max(now - newest, 0.0)
             return (UNKNOWN if age > self.stale_after else self._carried_on(t - newest)), age

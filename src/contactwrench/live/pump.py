@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .page.hub import Ask
 
 WAITING = 20_000
-"""Batches between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
+"""Samples between a reader and the worker: 20 s at 1 kHz, which is more than any fit takes."""
 READ, TURN = 0.1, 0.02
 """s that a reader, and the worker, wait before they look whether they are to end."""
 HALF_OPEN = 1.0
@@ -36,8 +36,8 @@ AGAIN = 0.4
 AHEAD = 1
 """Batches by which a recording may be ahead of the worker; a turn with more would have more poses than are kept."""
 SNAPSHOTS = 1.0 / 30.0
-ENDS_IN = 4.0
-"""s that a thread is given to end."""
+ENDS_IN, ASKED_EVERY = 4.0, 0.1
+"""s that a thread is given to end, and after which it is asked again: it may just have connected."""
 
 News: TypeAlias = Batch | About | str
 """What a reader says: what came, that the device is there, or why it is not."""
@@ -66,17 +66,18 @@ class Reader:
         self._stop = Event()
         self.wake: SimpleQueue[None] = SimpleQueue()
         """Gets something whenever something came."""
-        self._full = 0
+        self._given = self._taken = self._full = 0
         self.ended = False
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
 
         self._thread.start()
 
     def news(self) -> list[News]:
-        """What came since the last call."""
-        news = []
-        while self._news:
+        """What came since the last call, at most until the device went, or came back: its clock begins anew then."""
+        news: list[News] = []
+        while self._news and (isinstance(self._news[0], Batch) or not news or not isinstance(news[-1], Batch)):
             news.append(self._news.popleft())
+        self._taken += sum(len(each.samples) for each in news if isinstance(each, Batch))
         if self._full:
             news.append(Batch(notes=[Note(NoteKind.LOST, "more came than could be taken", self._full)]))
             self._full = 0
@@ -89,7 +90,10 @@ class Reader:
 
     def join(self) -> None:
         """Wait until it has."""
-        self._thread.join(ENDS_IN)
+        end = now() + ENDS_IN
+        while self._thread.is_alive() and now() < end:
+            self._source.close()
+            self._thread.join(ASKED_EVERY)
 
     def _run(self) -> None:
         about: About | None = self.about
@@ -97,20 +101,23 @@ class Reader:
             try:
                 about = about or self._source.open()
                 self._put(about)
-                self._read(about.replay)
+                self._read(about)
             except EndOfStreamError as error:
                 self.ended = True
                 self._put(str(error))
                 return
             except ContactWrenchError as error:
                 self._put(str(error))
+            except Exception as error:  # a source may be anybody's
+                said = " ".join(str(error).split())
+                self._put(f"{self._source.uri}: the source failed ({type(error).__name__}: {said})")
             finally:
                 about = None
                 self._source.close()
             self._stop.wait(AGAIN)
 
-    def _read(self, replay: bool) -> None:
-        last = now()
+    def _read(self, about: About) -> None:
+        last, replay = now(), about.replay
         while not self._stop.is_set():
             batch = self._source.read(READ)
             if batch.samples or batch.notes:
@@ -118,13 +125,15 @@ class Reader:
                 self._put(batch)
                 while replay and len(self._news) > AHEAD and not self._stop.is_set():
                     self._stop.wait(0.001)
-            elif now() - last > HALF_OPEN and not replay:
+            elif now() - last > HALF_OPEN and not replay and not about.listens:
                 raise DeviceError(f"{self._source.uri}: nothing for {HALF_OPEN:g} s, connecting again")
 
     def _put(self, news: News) -> None:
-        if len(self._news) >= WAITING and isinstance(news, Batch):
-            self._full += len(news.samples)
-            return
+        if isinstance(news, Batch):
+            if self._given - self._taken >= WAITING or len(self._news) >= WAITING:
+                self._full += len(news.samples)
+                return
+            self._given += len(news.samples)
         self._news.append(news)
         if self.wake.empty():
             self.wake.put(None)

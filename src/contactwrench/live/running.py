@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,10 @@ from .source import Six
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
 """s of readings that a new zero is taken from."""
+OF_SENSOR, OF_ROBOT = ("stuck", "overload"), ("stale", "frozen")
+"""Why contact wrenches are not valid, by the device whose fault it is, where that does not say so itself."""
+SAID_AGAIN = 1.0
+"""s without the fault before it is said again."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,7 @@ class Runner:
         self._compensator = Compensator(calibration, delay=0.0, **given)
         self._contacts: deque[tuple[float, float, float]] = deque(maxlen=CONTACTS_SHOWN)
         self._invalid, self._touching = 0, False
+        self._seen: dict[str, float] = {}
 
     @property
     def delay(self) -> float:
@@ -51,9 +57,11 @@ class Runner:
         applied = c.delay is not None and c.delay_std is not None and is_significant(c.delay, c.delay_std)
         return c.delay if applied and c.delay is not None else 0.0
 
-    def step(self, t: Array, wrench: Array, orientation: Array, why: list[str]) -> tuple[ContactWrenches, list[str]]:
+    def step(
+        self, t: Array, wrench: Array, orientation: Array, why: list[str]
+    ) -> tuple[ContactWrenches, list[tuple[str, str]]]:
         """Contact wrenches of readings (n, 6); `why` not, of each: its flaw, or that the orientation is old. And what
-        happened: contacts that began and ended, in words.
+        happened, as kinds of events and in words: faults, and contacts that began and ended.
         """
         result = self._compensator.run(self.sign * wrench, orientation, t)
         if any(why):
@@ -62,8 +70,20 @@ class Runner:
                 for text, before in zip(why, result.reason, strict=True)
             )
             result = replace(result, reason=reasons, valid=result.valid & np.array([not text for text in why]))
-        self._invalid += int(len(t) - np.count_nonzero(result.valid))
-        return result, self._events(result)
+        invalid = np.flatnonzero(~result.valid).tolist()
+        self._invalid += len(invalid)
+        faults = self._faults([(float(t[k]), result.reason[k]) for k in invalid])
+        return result, [*faults, *(("contact", text) for text in self._events(result))]
+
+    def _faults(self, reasons: list[tuple[float, Reason | None]]) -> list[tuple[str, str]]:
+        """Those that were not there a moment ago."""
+        said = []
+        for t, reason in reasons:
+            if reason is not None and reason.kind in (*OF_SENSOR, *OF_ROBOT):
+                if t - self._seen.get(reason.kind, -inf) > SAID_AGAIN:
+                    said.append((reason.kind, str(reason)))
+                self._seen[reason.kind] = t
+        return said
 
     def _events(self, result: ContactWrenches) -> list[str]:
         events = []

@@ -16,13 +16,12 @@ import numpy as np
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError
 from ..geometry.arrays import Array
-from ..geometry.orientation import from_quat_xyzw
-from ..samples.samples import OrientationStream, Streams, WrenchStream
 from .fitting import SIGNS, shown
 from .history import History
 from .intake import Intake
+from .motion import Motion
 from .pose_track import NO_PLACE, PoseTrack
-from .running import Options, Runner, last_contact_wrench
+from .running import OF_ROBOT, OF_SENSOR, Options, Runner, last_contact_wrench
 from .sink import Turn
 from .snapshot import Command, Event, Output, Phase, Snapshot
 from .source import About, Batch, Four, Sample
@@ -31,10 +30,8 @@ from .wizard import Wish, Wizard
 
 EVENTS_KEPT, NEW_EVENTS_KEPT = 50, 1_000
 TRACE_EVERY, TRACE_KEPT = 1.0 / 125.0, 250
-MOTION_SECONDS, MOTION_RATE = 180.0, 1_000.0
-"""s, and Hz at most, of both streams that are kept on the way to a calibration: their motion tells the delay."""
 NO_READING = (np.nan,) * 6
-WARNINGS = {"refusal": "warning", "pose_refused": "warning"}
+WARNINGS = dict.fromkeys(("refusal", "pose_refused", *OF_SENSOR, *OF_ROBOT), "warning")
 
 
 class Session:
@@ -66,8 +63,8 @@ class Session:
         self._robot = self._sensor if robot is None else Intake(robot, "robot")
         self._track, self._history, self._standing = PoseTrack(), History(), Standing()
         self._options, self._save, self.saved = options or Options(), save, ""
-        self._wizard = Wizard(wish or Wish(), self._motion)
-        self._turns: deque[Turn] = deque()
+        self._motion = Motion()
+        self._wizard = Wizard(wish or Wish(), lambda: self._motion.streams(self._wizard.sign))
         self._runner: Runner | None = None
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._new: deque[Event] = deque(maxlen=NEW_EVENTS_KEPT)
@@ -130,7 +127,8 @@ class Session:
             self._history.add(turn)
             self._last = turn
             self._trace_of(turn)
-        self._keep_motion(turn)
+        if self.phase not in (Phase.CONNECT, Phase.RUN) and turn.rows:
+            self._motion.add(turn, t)
         for intake in dict.fromkeys((self._sensor, self._robot)):
             for event in intake.look(t):
                 self._say(event)
@@ -149,14 +147,15 @@ class Session:
             used.append(orientation)
             flaws.append(sample.flaw)
             known = orientation[0] == orientation[0]
-            why.append(sample.flaw or ("" if known else f"stale: the orientation is {age:.2f} s old"))
+            word = "" if known else "frozen" if self._track.frozen(when) else "stale"
+            why.append(sample.flaw or (word and f"{word}: the orientation is {age:.2f} s old"))
         t = np.array([when for when, _ in readings])
         wrench = np.array([NO_READING if each.wrench is None else each.wrench for _, each in readings]).reshape(-1, 6)
         contact = None
         if self._runner is not None and len(t):
             usable = np.where([[not flaw] for flaw in flaws], wrench, np.nan) if any(flaws) else wrench
             contact, events = self._runner.step(t, usable, np.array(used), why)
-            self._happened([("contact", text) for text in events], float(t[-1]))
+            self._happened(events, float(t[-1]))
         return Turn(
             t=t,
             arrival=np.array([sample.arrival for _, sample in readings]),
@@ -205,7 +204,7 @@ class Session:
 
     def _run(self, calibration: Calibration, sign: float) -> None:
         about = self._sensor.about
-        self._turns.clear()
+        self._motion = Motion()
         self._trace.clear()
         self._runner = Runner(calibration, sign, self._options, None if about is None else about.ranges)
 
@@ -213,25 +212,6 @@ class Session:
         if self._save is not None and self.calibration is not None:
             self.saved = self._save(self.calibration)
             self._happened([("saved", f"calibration written to {self.saved}")], t)
-
-    def _keep_motion(self, turn: Turn) -> None:
-        if self.phase in (Phase.CONNECT, Phase.RUN) or not (len(turn.t) or len(turn.pose_t)):
-            return
-        self._turns.append(turn)
-        newest = turn.t[-1] if len(turn.t) else turn.pose_t[-1]
-        while self._turns and len(old := self._turns[0].pose_t) and old[0] < newest - MOTION_SECONDS:
-            self._turns.popleft()
-
-    def _motion(self) -> Streams | None:
-        """Both streams as they came on the way to the calibration, at most `MOTION_RATE`."""
-        if not self._turns:
-            return None
-        t, wrench = (np.concatenate([getattr(turn, name) for turn in self._turns]) for name in ("t", "wrench"))
-        pose_t, pose = (np.concatenate([getattr(turn, name) for turn in self._turns]) for name in ("pose_t", "pose"))
-        every = max(1, round(len(t) / (MOTION_RATE * max(t[-1] - t[0], 1.0)))) if len(t) else 1
-        good = np.flatnonzero(np.isfinite(wrench).all(axis=1))[::every]
-        sign = self._wizard.sign
-        return Streams(WrenchStream(t[good], sign * wrench[good]), OrientationStream(pose_t, from_quat_xyzw(pose)))
 
     def _trace_of(self, turn: Turn) -> None:
         rows = turn.wrench if turn.contact is None else turn.contact.wrench
@@ -244,7 +224,8 @@ class Session:
 
     def _happened(self, what: list[tuple[str, str]], t: float) -> None:
         for kind, text in what:
-            self._say(Event(t, kind, WARNINGS.get(kind, "note"), text))
+            intake = self._sensor if kind in OF_SENSOR else self._robot if kind in OF_ROBOT else None
+            self._say(Event(t, kind, WARNINGS.get(kind, "note"), text, "" if intake is None else intake.uri))
 
     def _say(self, event: Event) -> None:
         self._events.append(event)

@@ -99,6 +99,7 @@ class About:
         settings: what else is to be said of it, by name.
         replay: it is a recording: `Sample.arrival` goes on by the recording's own clock, whatever the speed, and says
             nothing about `now()`; silence is a read that gave nothing, never an age by `now()`.
+        listens: whoever wants may send, so that in silence there is nothing to connect to again.
     """
 
     name: str
@@ -110,6 +111,7 @@ class About:
     ranges: Six | None = None
     settings: dict[str, str] = field(default_factory=dict)
     replay: bool = False
+    listens: bool = False
 
 
 class Source(Protocol):

@@ -48,6 +48,7 @@ class NamedColumns:
                 raise
         roles = roles_beside(table, naming, wrench, self._convention, angles)
         self._roles, self._counter = roles, Counter(1e-6, step=round(1e6 / rate) if rate else None, learns=True)
+        self._first: float | None = None
 
     def samples(self, rows: list[Sequence[float]], arrival: float, batch: Batch) -> None:
         """Put the rows into the batch; what is NaN in them is not there."""
@@ -55,12 +56,16 @@ class NamedColumns:
         turns = self._turns(rows) if roles.orientation else [None] * len(rows)
         for row, turn in zip(rows, turns, strict=True):
             device = sum(_in_si(row, roles.t)) if roles.t else nan
-            if isfinite(device):
+            if isfinite(1e6 * device):
+                self._first = device if self._first is None else self._first
                 fresh, note = self._counter.take(round(1e6 * device), arrival)
                 if note is not None:
                     batch.notes.append(note)
                 if fresh is None:
                     continue
+                device = self._first + fresh  # kinds of lines that begin at different times have one clock
+            else:
+                device = nan
             wrench = cast(Six | None, _whole(_in_si(row, roles.wrench)))
             position = cast(Three | None, _whole(_in_si(row, roles.position)))
             flaw = "saturated: said by the sender" if any(row[each.place] > 0.0 for each in roles.saturated) else ""

@@ -10,7 +10,7 @@ from time import monotonic
 from ..source import About, Batch, Note, NoteKind, Sample
 from ..uri import Uri
 from .reader import Reader
-from .transport import Deadline, Link, Tcp
+from .transport import Link, Tcp
 
 PORT, UNIT = 502, 9
 RATE = 100.0
@@ -107,7 +107,7 @@ class Ft300(Reader[Tcp | Serial]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = Deadline()
+        deadline = self._link.deadline()
         if isinstance(self._link, Tcp):
             self._link.connect(*self._at, deadline)
         else:

@@ -11,7 +11,7 @@ import msgspec
 from ...errors import InputError
 from ...recording.tables.columns import Naming
 from ...recording.tables.layout import cells, layout_of
-from ..source import About, Batch, Note, NoteKind
+from ..source import About, Batch, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
 from .rate import asked_rate
@@ -149,17 +149,18 @@ class _Lines(Reader[AnyLink]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = Deadline()
+        deadline = self._link.deadline()
         self._connect(deadline)
         decoder = self._fresh()
         self._begin(decoder, self._rate)
         early = self._first(deadline, EXPECTED)
-        others = Deadline(OTHERS)
+        others = self._link.deadline(OTHERS)
         while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
             for data in self._link.receive(others.left):
-                decoder.feed(data, early.samples[-1].arrival, early)
+                decoder.feed(data, now(), early)
         wrench, orientation = _any(early, "wrench"), _any(early, "orientation")
-        return About(f"lines of {self.uri.partition('?')[0]}", wrench, orientation, self._rate)
+        name = f"lines of {self.uri.partition('?')[0]}"
+        return About(name, wrench, orientation, self._rate, listens=self.WHOLE)
 
     def _fresh(self) -> LinesDecoder:
         return LinesDecoder(self._naming, self._rate, self._columns, self.WHOLE)

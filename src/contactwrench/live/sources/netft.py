@@ -12,7 +12,7 @@ from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample
 from ..uri import Uri
 from .reader import Reader
-from .transport import Deadline, Udp
+from .transport import Udp
 
 PORT, HTTP_PORT = 49_152, 80
 PAGE = "/netftapi2.xml"
@@ -83,7 +83,7 @@ class NetFt(Reader[Udp]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = Deadline()
+        deadline = self._link.deadline()
         page = self._page()
         name = _text(page, "prodname") or "Net F/T"
         rate = float(_text(page, "cfgcomrdtrate") or "nan")

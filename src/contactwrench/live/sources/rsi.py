@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from itertools import pairwise
-from math import radians
+from math import isfinite, radians
 
 from ...geometry.quaternions import from_kuka_abc
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
 from .reader import Reader
-from .transport import Deadline, Udp
+from .transport import Udp
 
 PORT = 49_152
 SHORTEST = 4
@@ -42,11 +42,14 @@ class RsiDecoder:
         found, pose = _ipoc(data), _pose(data)
         self.ipoc = int(found[1]) if found else 0
         try:
-            x, y, z, a, b, c = _numbers(pose[1] if pose else b"", b"XYZABC")
-            if not found:
+            x, y, z, a, b, c = numbers = _numbers(pose[1] if pose else b"", b"XYZABC")
+            if not found or not isfinite(sum(numbers)):
                 raise ValueError
+            joints = _angles(data)
         except ValueError:
-            batch.notes.append(Note(NoteKind.GARBAGE, f"{len(data)} bytes without RIst and IPOC", len(data)))
+            batch.notes.append(
+                Note(NoteKind.GARBAGE, f"{len(data)} bytes without numbers in RIst, AIPos and IPOC", len(data))
+            )
             return
         device, note = self._counter.take(self.ipoc, arrival)
         if note is not None:
@@ -54,7 +57,7 @@ class RsiDecoder:
         self._note_late(data, batch)
         if device is not None:
             position = 1e-3 * x, 1e-3 * y, 1e-3 * z
-            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, _angles(data)))
+            batch.samples.append(Sample(arrival, device, None, from_kuka_abc(a, b, c), position, joints))
 
     def _note_late(self, data: bytes, batch: Batch) -> None:
         if found := _delay(data):
@@ -84,7 +87,7 @@ class Rsi(Reader[Udp]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = Deadline()
+        deadline = self._link.deadline()
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
         self._begin(self._rsi, None)
@@ -98,7 +101,8 @@ class Rsi(Reader[Udp]):
         step = min(b.device - a.device for a, b in pairwise(first.samples))
         self._early = first
         settings = {"pose": "of $TOOL in $BASE: with a turned $TOOL it is not the flange's"}
-        return About("KUKA RSI", wrench=False, orientation=True, rate=round(1.0 / step, 3), settings=settings)
+        rate = round(1.0 / step, 3)
+        return About("KUKA RSI", wrench=False, orientation=True, rate=rate, settings=settings, listens=True)
 
     def read(self, timeout: float) -> Batch:
         """As `Source`; each datagram is answered before this returns."""

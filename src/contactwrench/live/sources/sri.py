@@ -99,7 +99,7 @@ class Sri(Reader[Tcp]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = Deadline()
+        deadline = self._link.deadline()
         self._link.connect(*self._at, deadline)
         self._answers = b""
         self._link.send(b"AT+GSD=STOP\r\n")
@@ -107,7 +107,7 @@ class Sri(Reader[Tcp]):
         rate = self._set_rate()
         settings = {"address of the box": address or "not told"}
         for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if self._zero else [])):
-            settings[command] = "done" if self._ask(command, Deadline(OBEYS)) else "not confirmed by the box"
+            settings[command] = "done" if self._ask(command, self._link.deadline(OBEYS)) else "not confirmed by the box"
         self._begin(SriDecoder(rate or self._asked or USUAL_RATE), self._asked or rate)
         self._link.send(b"AT+GSD\r\n")
         return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
@@ -116,7 +116,7 @@ class Sri(Reader[Tcp]):
         """What the box says its rate is; older boxes call it by another name."""
         wanted = f"{self._asked:g}" if self._asked else "?"
         for name in ("SMPF", "SMPR"):
-            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", Deadline(OBEYS)))
+            found = re.match(r"\d+(\.\d+)?", self._ask(f"{name}={wanted}", self._link.deadline(OBEYS)))
             if found:
                 return float(found[0]) or None
         return None

@@ -17,8 +17,10 @@ from typing import Any
 from ...errors import visible
 from ..source import DeviceError
 
-PATIENCE = 2.5
-"""s that a device may take to connect and to answer, all of it together."""
+PATIENCE, TO_CONNECT = 2.5, 1.0
+"""s that a device may take to connect and to answer, all of it together; and to connect: a question that was lost is
+asked again sooner so than by the system.
+"""
 BUFFER = 1 << 22
 """Bytes asked of the kernel for datagrams; it gives what it allows, at least 40 ms of a Net F/T at 7 kHz."""
 MOST_BYTES = 1 << 16
@@ -28,15 +30,15 @@ REASONS = {errno.ECONNREFUSED: "nobody listening", errno.ETIMEDOUT: "no answer"}
 
 
 class Deadline:
-    """A moment that is `seconds` from now, `PATIENCE` where it is not said."""
+    """A moment that is `seconds` from now, `PATIENCE` where it is not said; it has passed where `ended` says so."""
 
-    def __init__(self, seconds: float | None = None) -> None:
-        self._end = monotonic() + (PATIENCE if seconds is None else seconds)
+    def __init__(self, seconds: float | None = None, ended: Callable[[], bool] = lambda: False) -> None:
+        self._end, self._ended = monotonic() + (PATIENCE if seconds is None else seconds), ended
 
     @property
     def left(self) -> float:
         """How many s until then, 0 once it has passed."""
-        return max(self._end - monotonic(), 0.0)
+        return 0.0 if self._ended() else max(self._end - monotonic(), 0.0)
 
 
 class Link(ABC):
@@ -47,7 +49,7 @@ class Link(ABC):
 
     def __init__(self, uri: str, device: str) -> None:
         self._uri, self._device = uri, device
-        self._lock = Lock()
+        self._lock, self._closings = Lock(), 0
         self._socket: Any = None
         self._waker: socket.socket | None = None
         self._woken: socket.socket | None = None
@@ -62,11 +64,17 @@ class Link(ABC):
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
+        self._closings += 1
         if (waker := self._waker) is not None:
             with suppress(OSError):
                 waker.send(b"\0")
         with self._lock:
             self._drop()
+
+    def deadline(self, seconds: float | None = None) -> Deadline:
+        """`PATIENCE` s from now, or `seconds`; it passes with `close`, so that whoever waits for answers ends too."""
+        closings = self._closings
+        return Deadline(seconds, lambda: self._closings != closings)
 
     def error(self, found: str, expected: str, do: str) -> DeviceError:
         """One line that names the device."""
@@ -168,7 +176,7 @@ class Tcp(Link):
             made = self._use_socket(family, kind)
             status = made.connect_ex(address)
             if status in (errno.EINPROGRESS, errno.EWOULDBLOCK):
-                ready = self._ready(selectors.EVENT_WRITE, deadline.left)
+                ready = self._ready(selectors.EVENT_WRITE, min(deadline.left, TO_CONNECT))
                 status = made.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) if ready else errno.ETIMEDOUT
             if status:
                 self._drop()

@@ -5,6 +5,7 @@ An own client: ur-rtde polls, so that it loses and doubles samples, and has no w
 
 from __future__ import annotations
 
+from math import isfinite
 from struct import Struct
 from typing import Any
 
@@ -102,6 +103,9 @@ class UrDecoder:
 
     def _sample(self, values: tuple[Any, ...], arrival: float, batch: Batch) -> None:
         places = self._recipe.places
+        if not isfinite(sum((values[0], *values[places["actual_TCP_pose"]]))):
+            batch.notes.append(Note(NoteKind.GARBAGE, "a package with a pose, or a time, that is no number"))
+            return
         device, note = self._counter.take(round(1e6 * values[0]), arrival)
         if note is not None:
             batch.notes.append(note)
@@ -161,7 +165,7 @@ class Ur(Reader[Tcp]):
 
     def open(self) -> About:
         """As `Source`."""
-        deadline = Deadline()
+        deadline = self._link.deadline()
         self._link.connect(self._host, self._port, deadline)
         self._answers = b""
         if self._ask(rtde.VERSION, b"\x00\x02", deadline) != b"\x01":
