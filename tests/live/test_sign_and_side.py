@@ -23,15 +23,17 @@ def found(true: LiveWorld, stated: Stated, pushed_at: Rotation, frame: str = "se
     rng = np.random.default_rng(true.seed)
 
     def read(R: Rotation, push: Array) -> Array:
-        reading = true.wrench(Rotation.concatenate([R]), push[None])[0]
+        reading: Array = true.wrench(Rotation.concatenate([R]), push[None])[0]
         if frame == "mirrored":
-            return np.asarray(MIRROR @ reading)
-        return reading if frame == "sensor" else (R * true.mounting).apply(reading.reshape(2, 3)).reshape(6)
+            reading = MIRROR @ reading
+        elif frame == "base":
+            reading = (R * true.mounting).apply(reading.reshape(2, 3)).reshape(6)
+        return reading
 
     poses = []
     for k, R in enumerate(Rotation.random(10, random_state=true.seed)):
         noise = rng.normal(size=(ROWS, 6)) * ([true.noise] * 3 + [0.02 * true.noise] * 3)
-        t = 5.0 * k + 0.01 * np.arange(ROWS)
+        t: Array = 5.0 * k + 0.01 * np.arange(ROWS, dtype=np.float64)
         poses.append(Taken(t, read(R, np.zeros(3)) + noise, np.tile(R.as_quat(), (ROWS, 1))))
     still, turn = read(pushed_at, np.zeros(3)), pushed_at.as_quat()
     pushes = {"down": np.array(true.down), "+x": pushed_at.apply([1.0, 0.0, 0.0])}
