@@ -26,7 +26,7 @@ def found(true: LiveWorld, stated: Stated, pushed_at: Rotation, frame: str = "se
         reading: Array = true.wrench(Rotation.concatenate([R]), push[None])[0]
         if frame == "mirrored":
             reading = MIRROR @ reading
-        elif frame != "sensor":
+        elif frame == "base":
             reading = (R * true.mounting).apply(reading.reshape(2, 3)).reshape(6)
         return reading
 

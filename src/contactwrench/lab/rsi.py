@@ -41,12 +41,8 @@ class Rsi(UdpFake):
         self, signal: Signal, target: tuple[str, int], *, cycle: float = 0.004, most_late: int = 100, **more: Any
     ) -> None:
         super().__init__(signal, 1.0 / cycle, **more)
-        self.target, self._port_there, self._milliseconds, self._most_late = (
-            target,
-            target[1],
-            round(1000.0 * cycle),
-            most_late,
-        )
+        self.target, self._port_there, self._most_late = target, target[1], most_late
+        self._milliseconds = round(1000.0 * cycle)
         self.delays, self.stopped, self.correction = 0, False, np.zeros(6)
         self._unanswered = b""
 

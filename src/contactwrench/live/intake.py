@@ -10,7 +10,7 @@ from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 
 SILENT, PERIODS = 0.25, 6.0
-"""s, and periods at the rate that was seen, without a sample: the longer of both is silence."""
+"""s, and periods at the rate that was seen or asked for, without a sample: the longer of both is silence."""
 BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
 RATE_OVER, OFF_RATE = 1.0, 0.1
@@ -86,11 +86,12 @@ class Intake:
     def look(self, t: float) -> list[Event]:
         """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
         events = []
-        usual = SILENT if not self.rate else max(SILENT, PERIODS / self.rate)
+        rate = self.rate or (self.about and self.about.rate)
+        usual = max(SILENT, PERIODS / rate) if rate else SILENT
         what, last = min(self._last.items(), key=lambda item: item[1])
         if self.state == STREAMING and t - last > usual:
             missing = "nothing" if last == max(self._last.values()) else f"no {what}"
-            self.state, self.text = QUIET, f"{missing} comes: check power, cable and network"
+            self.state, self.text = QUIET, f"{missing} comes"
             events.append(self._event(t, "silent", "error", f"{missing} for {t - last:.2f} s"))
         elif self.state == QUIET and t - last < usual:
             self.state, self.text = STREAMING, ""

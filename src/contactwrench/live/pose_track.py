@@ -18,6 +18,7 @@ PERIODS, LEAST_AGE, MOST_AGE = 5.0, 0.02, 0.25
 """A pose is old after so many periods of its stream, within these s: on a fast stream a moment of the network's is
 waited for, on a slow one never longer than an arm stands still by chance."""
 FORGETS = 0.02
+"""Of each step, into the mean period: fifty poses, over which bursts of a network even out."""
 BRAKING = 20.0
 """rad/s^2: no arm stops a turn faster."""
 UNKNOWN: Four = (nan, nan, nan, nan)

@@ -29,14 +29,16 @@ RELEASED = 0.25
 OF_PEAK = 0.7
 """Of the largest force: what counts for the direction."""
 STRAIGHT = np.cos(np.deg2rad(20.0))
-AGREES = 0.5
-"""Cosine between a push as it was asked for and as it was felt: hands are 60 deg off at worst."""
+AGREES = 60.0
+"""deg between a push as it was asked for and as it was felt: hands are not further off, and another axis is at 90."""
 MOMENT = 0.05
+"""s of readings that are the force of now: less is noise, more makes a short push shorter."""
 
 ASKS = {
     "down": "Press the tool straight down, towards the floor, with a hand; then let go.",
     "+x": "Press the tool towards the flange's +x, as the robot's pendant shows it; then let go.",
 }
+SPOKEN = {"down": "down", "+x": "towards the flange's +x"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,7 @@ class PushTest:
             self._said = "that push changed its direction: press again, the same way from beginning to end"
         else:
             self.pushes, self._said = (*self.pushes, Push(towards, mean, turn)), ""
-            return f"felt {np.linalg.norm(mean):.1f} N for the push {_spoken(towards)}"
+            return f"felt {np.linalg.norm(mean):.1f} N for the push {SPOKEN[towards]}"
         return self._said
 
     def steps(self) -> tuple[PushStep, ...]:
@@ -123,36 +125,30 @@ class PushTest:
         return (*done, *to_come)
 
 
-def _spoken(towards: str) -> str:
-    return {"down": "down", "+x": "towards the flange's +x"}[towards]
-
-
-def agreement(calibration: Calibration, push: Push, sign: float) -> float:
-    """The cosine between a push as the calibration would feel it, whose readings are those of the device times `sign`,
-    and as it was felt. A push feels as the tool's weight along it does: so the calibration's `B` tells.
+def _degrees_off(calibration: Calibration, push: Push, sign: float) -> float:
+    """Between a push as the calibration would feel it, whose readings are those of the device times `sign`, and as it
+    was felt. A push feels as the tool's weight along it does: so the calibration's `B` tells.
     """
     along = np.array([1.0, 0.0, 0.0])
     if push.towards == "down":
         along = gravity_in_flange(rotation_matrices(push.orientation)[0], calibration.gravity_direction)[0]
     felt, expected = sign * push.force, calibration.B[:3, :3] @ along
-    return float(expected @ felt / (np.linalg.norm(expected) * np.linalg.norm(felt)))
+    cosine = expected @ felt / (np.linalg.norm(expected) * np.linalg.norm(felt))
+    return float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def contradiction(calibration: Calibration, pushes: tuple[Push, ...], sign: float) -> str:
     """Which push the calibration contradicts, in words; empty: it agrees with all."""
     for push in pushes:
-        cosine = agreement(calibration, push, sign)
-        if cosine < AGREES:
-            angle = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
-            return f"the push {_spoken(push.towards)} reads {angle:.0f} deg away from where these poses put it"
+        if (off := _degrees_off(calibration, push, sign)) > AGREES:
+            return f"the push {SPOKEN[push.towards]} reads {off:.0f} deg away from where these poses put it"
     return ""
 
 
 def as_tested(calibration: Calibration, pushes: tuple[Push, ...], sign: float) -> Calibration:
     """The calibration, with what the pushes settled: that goes into its provenance, and ends the doubt of the sign."""
     said = "; ".join(
-        f"{push.newtons:.1f} N {_spoken(push.towards)}, felt "
-        f"{np.rad2deg(np.arccos(np.clip(agreement(calibration, push, sign), -1.0, 1.0))):.0f} deg off"
+        f"{push.newtons:.1f} N {SPOKEN[push.towards]}, felt {_degrees_off(calibration, push, sign):.0f} deg off"
         for push in pushes
     )
     return replace(

@@ -20,7 +20,7 @@ class Turn:
     Attributes:
         t: (n,) s since 1970, of the readings.
         arrival: (n,) s since 1970, when they came.
-        wrench: (n, 6) the readings, N and N m, pull sign, sensor axes.
+        wrench: (n, 6) the readings, N and N m, sign and axes as the device gives them.
         orientation: (n, 4) quaternions x, y, z, w of `R_base_flange` at those times; NaN where it is not known.
         flaw: (n) why a reading is not to be used, or an empty text.
         pose_t: (m,) s since 1970, of the orientations that came.
