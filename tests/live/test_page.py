@@ -114,7 +114,7 @@ def test_the_whole_wizard(browser: Any, hand: Clicks | Keys, size: str, scheme: 
         hand.press(page, "save")
         seen(page, "#saved", "Saved as gripper.json.")
         hand.press(page, "next")
-        seen(page, "#instruction", "The calibration holds on new poses.")
+        seen(page, "#instruction", "The check passed.")
         hand.press(page, "next")
         seen(page, "#instruction", "No contact.")
         hand.press(page, "zero")

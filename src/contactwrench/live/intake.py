@@ -15,8 +15,10 @@ BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
 RATE_OVER, OFF_RATE = 1.0, 0.1
 """s over which a rate is counted, and by which part it may differ from what was asked for."""
-MOMENT, FAR_OFF = 0.12, 0.3
-"""s, in two of which in a row a rate is not waited for longer that differs by this part to the same side."""
+MOMENT, FEWEST, FAR_OFF = 0.12, 10, 0.3
+"""s, in two of which in a row a rate of so many samples or more is not waited for longer that differs by this part to
+the same side.
+"""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 LEAST_STEP = 1e-6
@@ -122,7 +124,8 @@ class Intake:
         asked = None if self.about is None else self.about.rate
         rate, before = (self.samples - self._before) / (t - self._moment), self._far_off
         self._moment, self._before = t, self.samples
-        far = asked is not None and abs(rate - asked) > FAR_OFF * asked and rate > 0.0
+        enough = asked is not None and asked * MOMENT >= FEWEST
+        far = enough and asked is not None and abs(rate - asked) > FAR_OFF * asked and rate > 0.0
         self._far_off = 0 if not far else 1 if rate > (asked or 0.0) else -1
         if self._off_rate or not far or self._far_off != before:
             return []

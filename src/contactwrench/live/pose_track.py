@@ -60,7 +60,7 @@ class PoseTrack:
 
     def frozen(self, now: float) -> bool:
         """Whether poses go on to come, all of them the same, although the arm turned too fast to stop so soon."""
-        return self._steady and now - self._changed > max(PERIODS * self._usual, LEAST_AGE)
+        return self._steady and min(now, self._poses[-1][0]) - self._changed > max(PERIODS * self._usual, LEAST_AGE)
 
     @property
     def stale_after(self) -> float:
