@@ -145,7 +145,9 @@ class Lab:
     def _joints(self, target: Array, position: Sequence[float] | None) -> Array:
         if target.shape == (3, 3):
             R = rotation_matrices(target)[0][0]
-            return joints_for(self._rig, R, None if position is None else np.array(position), HOME)
+            if position is None:
+                return joints_for(self._rig, R, None, HOME)
+            return joints_for(self._rig, R, np.array(position), self.joints_now())
         return within_limits(known_arm("iiwa7"), target)
 
     @property
