@@ -50,8 +50,8 @@ def _target() -> tuple[str, int]:
 
 
 DEVICES = {
-    "sri": Device(Sri, "sensor", "?rate=200", numbers=True),
-    "netft": Device(lambda signal: NetFt(signal, 200.0), "sensor", datagrams=True, bad_status=SATURATED),
+    "sri": Device(Sri, "sensor", "?rate=100", numbers=True),
+    "netft": Device(lambda signal: NetFt(signal, 100.0), "sensor", datagrams=True, bad_status=SATURATED),
     "ur": Device(lambda signal: Ur(signal, cb3=True), "robot", stamps=True, bad_status=9, numbers=True),
     "rsi": Device(
         lambda signal: Rsi(signal, _target(), cycle=0.012, most_late=1_000), "robot", connects=False, datagrams=True
