@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -62,6 +63,7 @@ def test_the_guarded_move_stops_at_contact(lab: tuple[Lab, list[str]], calibrati
     out = _run("live_guarded_move.py", *lab[1], calibration)
     assert out.startswith("contact at ")
     assert 0.1 < float(out.split()[-2]) < 30.0
+    time.sleep(1.0)  # in which it brakes
     assert not lab[0].moving
 
 
