@@ -166,5 +166,5 @@ def test_an_unknown_benchmark_is_refused_by_name() -> None:
     command = [sys.executable, "-m", "benchmarks", "acuracy"]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    alone = "speed, tables, plan, rig, measured, bags, clock_delay, stillness, live, live_page"
+    alone = "speed, tables, plan, rig, measured, bags, clock_delay, stillness, live, live_devices, live_page"
     assert f"found acuracy, expected {alone}, accuracy, auto, dirty, inference, diagnose" in done.stderr
