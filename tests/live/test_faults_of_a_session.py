@@ -21,7 +21,7 @@ from contactwrench.lab.ur import Ur
 from contactwrench.live.snapshot import Device as Shown
 from contactwrench.live.snapshot import Snapshot
 from contactwrench.live.source import now
-from tests.support.chain import AT_ANOTHER_RATE, TOLERANCE, Chain, Swinging, running
+from tests.support.chain import Chain, Swinging, running
 from tests.support.devices import LOCALHOST, free_port
 
 NAMED, BACK = 0.5, 2.0
@@ -217,7 +217,7 @@ def suffered(chain: Chain, fake: Any, uri: str, fault: Fault) -> str:
     ended = now()
     back = chain.wait(lambda: chain.valid_since(ended))
     sleep(0.1)
-    if wrong := chain.wrong(turns, AT_ANOTHER_RATE if fault.kinds == ("rate",) else TOLERANCE):
+    if wrong := chain.wrong(turns):
         times, newtons = zip(*wrong, strict=True)
         problems.append(
             f"! {len(wrong)} valid by {max(newtons):.2g} N wrong, {times[0] - begun:.3f} to {times[-1] - begun:.3f} s"

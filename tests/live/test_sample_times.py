@@ -25,32 +25,31 @@ def arrivals(n: int, rate: float, rng: np.random.Generator) -> Array:
     return came
 
 
-def timed(clock: Clock, came: Array, device: Array) -> tuple[Array, Array]:
-    """The clock's times, of samples that are fed as they came, and by how much it calls them late."""
+def timed(clock: Clock, came: Array, device: Array) -> Array:
+    """The clock's times, of samples that are fed as they came."""
     borders = [0, *(np.flatnonzero(np.diff(came)) + 1).tolist(), len(came)]
     stamps = list(zip(came.tolist(), device.tolist(), strict=True))
-    parts = [(clock.times(stamps[a:b]), clock.late[:]) for a, b in pairwise(borders)]
-    times, late = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return times, late
+    parts = [clock.times(stamps[a:b]) for a, b in pairwise(borders)]
+    return np.concatenate(parts)
 
 
 @pytest.mark.parametrize("ppm", [50.0, -50.0])
 @pytest.mark.parametrize("rate", [1000.0, 500.0])
 def test_times_are_those_of_sampling_but_for_the_smallest_delay(ppm: float, rate: float) -> None:
     true: Array = np.arange(60.0 * rate) / rate
-    times, _ = timed(Clock(), arrivals(len(true), rate, np.random.default_rng(1)), true * (1.0 + 1e-6 * ppm))
+    times = timed(Clock(), arrivals(len(true), rate, np.random.default_rng(1)), true * (1.0 + 1e-6 * ppm))
     late = (times - true)[true > 30.0]
     assert np.abs(late - np.median(late)).max() < 2e-4
     assert 0.0 <= np.median(late) < 1e-3
 
 
-@pytest.mark.parametrize("step", [0.3, 3600.0, -0.3, -0.15])
+@pytest.mark.parametrize("step", [0.3, 3600.0, -0.3, -0.06])
 def test_a_clock_that_steps_makes_no_wrong_time_that_is_not_late(step: float) -> None:
     """Forward it is right at once, back within a second; it stays right for the two minutes that it remembers."""
     true = np.arange(0.0, 90.0, 0.01)
     came = true + 1e-4
-    times, late = timed(Clock(), came, true + np.where(true > 40.0, step, 0.0))
-    used = late < LATE
+    times = timed(Clock(), came, true + np.where(true > 40.0, step, 0.0))
+    used = came - times < LATE
     assert (np.abs(times - true)[used] < 5e-4).all()
     assert used[(true < 40.0) | (true > 41.1)].all()
 
@@ -59,7 +58,7 @@ def test_a_stall_moves_no_time() -> None:
     """What a network held up for a second comes at once, with its own times."""
     true = np.arange(0.0, 20.0, 0.002)
     came = np.where((true > 10.0) & (true < 11.0), 11.0, true) + 1e-4
-    assert np.abs(timed(Clock(), came, true)[0] - true).max() < 5e-4
+    assert np.abs(timed(Clock(), came, true) - true).max() < 5e-4
 
 
 def test_lines_of_two_kinds_have_one_clock() -> None:
@@ -81,8 +80,8 @@ def test_the_motion_that_is_kept_is_bounded(robot: bool) -> None:
     """Of a sensor at 10 kHz."""
     motion, step = Motion(), 0.1
     for k in range(round(1.5 * SECONDS / step)):
-        t = np.asarray(100.0 + step * k + np.arange(1000) * 1e-4, dtype=np.float64)
-        pose_t = t[:1] if robot else NO_TURN.pose_t
+        t: Array = 100.0 + step * k + np.arange(1000, dtype=np.float64) * 1e-4
+        pose_t: Array = t[:1] if robot else NO_TURN.pose_t
         pose = np.tile([0.0, 0.0, 0.0, 1.0], (len(pose_t), 1))
         place = np.zeros((len(pose_t), 3))
         motion.add(Turn(t, t, np.zeros((1000, 6)), np.zeros((1000, 4)), [""] * 1000, pose_t, pose, place, None), t[-1])

@@ -29,10 +29,8 @@ NOISE = np.array([0.02, 0.02, 0.02, 0.001, 0.001, 0.001])
 AXIS = np.array([0.6, -0.64, 0.48])
 SWING, SPEED = 0.5, 2.0
 """rad, and rad/s of the phase: at most 1 rad/s, so that an orientation 50 ms old is 0.45 N of the tool's 9."""
-TOLERANCE, AT_ANOTHER_RATE = 0.65, 1.1
-"""N of contact force, where there is none: 70 ms of the swing, by which a pose may be old; and 120 ms, while numbers
-that are taken for time go at half its pace: to 100 ms that may be a queue on the way.
-"""
+TOLERANCE = 0.65
+"""N of contact force, where there is none: the 70 ms of the swing by which a reading may be late, and a pose old."""
 TOO_LATE = 6.0
 
 
@@ -165,13 +163,13 @@ class Chain:
             return False
         return bool((last.contact.valid & (last.arrival > t)).any())
 
-    def wrong(self, begin: int, most: float = TOLERANCE) -> list[tuple[float, float]]:
+    def wrong(self, begin: int) -> list[tuple[float, float]]:
         """Times, and N, of valid contact wrenches since so many turns that nothing made."""
         found: list[tuple[float, float]] = []
         for turn in self.turns[begin:]:
             if turn.contact is not None:
                 force = np.linalg.norm(turn.contact.wrench[:, :3], axis=1)
-                bad = turn.contact.valid & ~(force < most)
+                bad = turn.contact.valid & ~(force < TOLERANCE)
                 found += zip(turn.t[bad].tolist(), force[bad].tolist(), strict=True)
         return found
 
