@@ -72,7 +72,8 @@ def test_the_wizard_finds_the_tool_the_sign_and_the_delay(named: dict[str, objec
     assert cal.gravity_direction @ true.down > np.cos(np.deg2rad(0.2))
     assert cal.provenance.get("sign", "pull") == ("pull" if true.sign > 0.0 else "reaction")
     assert "9.0 N towards the flange's +x" in str(cal.provenance["push_test"])
-    assert not [finding for finding in cal.findings if finding.kind == "sign_not_confirmed"]
+    hangs = [finding.text for finding in cal.findings if finding.kind == "sign_not_confirmed"]
+    assert len(hangs) == (true.down[2] > 0.0)  # which nobody stated
     assert abs(cal.delay - true.delay) < 2e-3
     assert (abs(cal.delay) > 3.0 * cal.delay_std) == (true.delay > 0.0)
     drive.verified()
@@ -152,6 +153,17 @@ def test_an_old_orientation_never_makes_a_valid_contact_wrench(calibration: cw.C
     drive.play(drive.world.stand(0.5))
     assert drive.shown().contact.valid  # type: ignore[union-attr]
     assert drive.said("back") == ["samples come again"]
+
+
+def test_a_sensor_that_says_nothing_shows_no_contact_wrench(calibration: cw.Calibration) -> None:
+    drive = Driver(world(12), calibration)
+    drive.play(drive.world.stand(1.0))
+    drive.play((None, robot) for _, robot in drive.world.stand(0.6))
+    contact = drive.shown().contact
+    assert contact is not None
+    assert not contact.valid
+    assert contact.wrench == (None,) * 6
+    assert contact.reason.startswith("silent: ")
 
 
 def test_a_flawed_reading_is_not_used_and_says_why(calibration: cw.Calibration) -> None:

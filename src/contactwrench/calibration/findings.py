@@ -38,6 +38,7 @@ class Kind(StrEnum):
     BIAS_WANDERED = "bias_wandered"
     TWO_LEVELS = "two_levels"
     CREEP = "creep"
+    FAILED_CHECK = "failed_check"
     GAIN = "gain"
     CABLE = "cable"
     ROBOT = "robot"

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import InputError, refuse
-from ..files import already_there
-from ..geometry.ranges import CUTOFF, NOISE, POSES, Range
+from ..files import already_there, entries, target_of
+from ..geometry.ranges import CAPACITY, CUTOFF, NOISE, POSES, Range
 from . import options
 from .outputs import Writes
 
@@ -66,6 +66,10 @@ def live(
     ] = None,
     lowpass: Annotated[float | None, options.number(CUTOFF, "HZ", "Low-pass of the contact wrench.")] = None,
     drift: Annotated[float | None, options.number(NOISE, "N", "Follow a bias that wanders so far in an hour.")] = None,
+    ranges: Annotated[
+        str | None,
+        typer.Option(metavar="FX,FY,FZ,TX,TY,TZ", help="The sensor's ranges, N and N m."),
+    ] = None,
     page: Annotated[bool, typer.Option("--page/--no-page", help="Show the session in a browser.")] = True,
     wizard: Annotated[bool, typer.Option("--wizard", help="Without a page: the wizard in this terminal.")] = False,
     listen: Annotated[
@@ -110,6 +114,9 @@ def live(
     )
     host, port = _address(listen)
     known = None if calibration is None else Calibration.load(calibration)
+    if output is not None:
+        target_of(output)
+        entries(output.absolute().parent)
     sources = _sources(sensor, robot, recorded, speed)
     wish = replace(_wish(wanted, poses, sign, gravity, sources["sensor"].uri), reach=_reach(arm))
     hub = Hub()
@@ -118,14 +125,14 @@ def live(
     with ExitStack() as stack:
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
-        if known is not None:
+        if known is not None and not at_sensor.replay:
             require_devices(known, str(calibration), at_sensor, at_arm)
         session = Session(
             known,
             sensor=sources["sensor"].uri,
             robot=sources["robot"].uri if "robot" in sources else None,
             wish=wish,
-            options=Options(lowpass, drift),
+            options=Options(lowpass, drift, _ranges(ranges)),
             save=_Save(output, at_sensor, at_arm, force),
         )
         patient = speed == 0.0
@@ -160,6 +167,13 @@ def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
     reader = Reader(source, probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
     stack.callback(reader.stop)
     return reader
+
+
+def _ranges(text: str | None) -> tuple[float, float, float, float, float, float] | None:
+    if text is None:
+        return None
+    fx, fy, fz, tx, ty, tz = options.numbers(text, "--ranges", "six numbers FX,FY,FZ,TX,TY,TZ", CAPACITY, 6).tolist()
+    return (fx, fy, fz, tx, ty, tz)
 
 
 def _reach(arm: str | None) -> Reach | None:
@@ -223,6 +237,8 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     guide = None if terminal is None else Terminal(terminal)
+    if not (page or terminal):
+        options.say("Running until Ctrl-C.", err=True)
     try:
         pump.start()
         while not came and (page or not pump.wait(0.0)) and pump.failure is None:

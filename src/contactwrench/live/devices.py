@@ -41,15 +41,23 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
 def _require_rate(source: Source, about: About) -> None:
     if about.rate is None or about.replay:  # of a recording what is read is gone
         return
-    samples, begin = 0, now()
-    while (passed := now() - begin) < PROBE:
-        samples += len(source.read(PROBE - passed).samples)
-    rate = samples / passed
-    if samples and abs(rate - about.rate) > OFF_RATE * about.rate:
+    rate = _rate_over_probe(source)
+    if _is_off(rate, about.rate) and _is_off(rate := _rate_over_probe(source), about.rate):  # once may be a stall
         raise InputError(
             f"{source.uri}: found {rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the device, "
             f"or ask for it, as in {source.uri.partition('?')[0]}?rate={rate:.0f}"
         )
+
+
+def _rate_over_probe(source: Source) -> float:
+    samples, begin = 0, now()
+    while (passed := now() - begin) < PROBE:
+        samples += len(source.read(PROBE - passed).samples)
+    return samples / passed
+
+
+def _is_off(rate: float, asked: float) -> bool:
+    return rate > 0.0 and abs(rate - asked) > OFF_RATE * asked
 
 
 def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:

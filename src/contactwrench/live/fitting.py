@@ -19,6 +19,14 @@ from .push_test import Push, as_tested, contradiction
 from .snapshot import Fit, Parameter
 
 FEWEST_POSES = 6
+NOT_TESTED = (
+    "the sign of the readings was not tested: without a push a sensor of the other sign on a robot that hangs reads "
+    "the same; do the push test, or state --sign"
+)
+OTHER_SIDE = (
+    "by the pushes the robot {base}, which is not what was stated or usual: if it is not so, a push went the other "
+    "way; push again, or state --gravity {towards}"
+)
 CREEP_IS_SURE = 4.0
 """Standard deviations."""
 SIGNS = {"pull": 1.0, "reaction": -1.0}
@@ -50,7 +58,8 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
     """
     refusals: list[str] = []
     against: list[str] = []
-    for gravity in (stated.gravity, tuple(-part + 0.0 for part in stated.gravity)):
+    other_side = tuple(-part + 0.0 for part in stated.gravity)
+    for gravity in (stated.gravity, other_side):
         for name in (stated.sign,) if stated.sign else SIGNS:
             sign = SIGNS[name]
             try:
@@ -59,17 +68,35 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
                 refusals.append(str(error))
                 continue
             if not pushes:
-                return Fitted(calibration, sign, settled=f"{name}, as assumed: no push was felt")
+                untested = calibration if stated.sign else _doubted(calibration, NOT_TESTED)
+                return Fitted(untested, sign, settled=f"{name}, as assumed: no push was felt")
             if wrong := contradiction(calibration, pushes, sign):
                 against.append(wrong)
                 continue
             upright = float(np.dot(calibration.gravity_direction, (0.0, 0.0, -1.0)))
             base = "stands" if upright > 0.7 else "hangs" if upright < -0.7 else "is on a wall"
             settled = f"settled by the pushes: the sensor reads the {name}, and the robot {base}"
-            return Fitted(as_tested(calibration, pushes, sign), sign, settled=settled)
+            tested = as_tested(calibration, pushes, sign)
+            if gravity == other_side:
+                towards = ",".join(f"{part:g}" for part in other_side)
+                tested = _doubted(tested, OTHER_SIDE.format(base=base, towards=towards))
+            return Fitted(tested, sign, settled=settled)
     if against:
         return Fitted(None, 1.0, f"{against[0]}: push again as asked, or check the robot's pose and frames")
     return Fitted(None, 1.0, refusals[0] if refusals else "there are no poses yet")
+
+
+def _doubted(calibration: Calibration, text: str) -> Calibration:
+    finding = Finding.doubtful(Kind.SIGN_NOT_CONFIRMED, text)
+    return replace(calibration, findings=(*calibration.findings, finding))
+
+
+def with_check(calibration: Calibration, passed: bool, reason: str) -> Calibration:
+    """The calibration, doubtful where it failed on new poses."""
+    if passed:
+        return calibration
+    finding = Finding.doubtful(Kind.FAILED_CHECK, f"the check on new poses failed: {reason}")
+    return replace(calibration, findings=(*calibration.findings, finding))
 
 
 def with_creep(calibration: Calibration, poses: tuple[Taken, ...]) -> Calibration:

@@ -56,7 +56,7 @@ class Intake:
 
     def down(self, text: str, t: float) -> Event | None:
         """The device is gone, or was never there; said once."""
-        said_before = self.state == DOWN and self.text == text
+        said_before = self.state == DOWN
         self.state, self.text, self.rate = DOWN, text, None
         return None if said_before else self._event(t, "down", "error", text)
 

@@ -16,7 +16,7 @@ SECONDS, RATE = 180, 1_000
 
 
 class Motion:
-    """The last seconds of both streams, a block of (t, wrench) and one of (t, quaternion) for each."""
+    """The last seconds of both streams, a block of (t, wrench) and one of (t, quaternion, position) for each."""
 
     def __init__(self) -> None:
         self._blocks: deque[tuple[Array, Array]] = deque(maxlen=SECONDS)
@@ -36,13 +36,14 @@ class Motion:
         if not blocks:
             return None
         readings, poses = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        place = poses[:, 5:]
         return Streams(
             WrenchStream(readings[:, 0], sign * readings[:, 1:]),
-            OrientationStream(poses[:, 0], from_quat_xyzw(poses[:, 1:])),
+            OrientationStream(poses[:, 0], from_quat_xyzw(poses[:, 1:5]), place if np.isfinite(place).all() else None),
         )
 
     def _joined(self) -> tuple[Array, Array]:
         readings = np.concatenate([np.column_stack([turn.t, turn.wrench]) for turn in self._fresh])
-        poses = np.concatenate([np.column_stack([turn.pose_t, turn.pose]) for turn in self._fresh])
+        poses = np.concatenate([np.column_stack([turn.pose_t, turn.pose, turn.position]) for turn in self._fresh])
         good = readings[np.isfinite(readings).all(axis=1)]
         return good[:: 1 + len(good) // (2 * RATE)], poses[:: 1 + len(poses) // (2 * RATE)]

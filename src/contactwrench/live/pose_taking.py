@@ -86,8 +86,8 @@ class PoseTaking:
         """
         times, wrench, orientation = history.last(HOLD)
         self.progress = 0.0
-        if not len(times) or not np.isfinite(orientation[-1]).all():
-            self.waiting = stand.moves
+        if not len(times) or not np.isfinite(orientation).all():
+            self.waiting = stand.moves or "the robot's orientation was missing for a moment"
             return "", ""
         x, y, z, w = orientation[-1].tolist()
         here: Four = (x, y, z, w)
@@ -145,8 +145,8 @@ class PoseTaking:
             self._refused = pose.turn
             self.waiting = f"pose {number} reads {by} more than the other poses predict: let go of the tool"
             return "pose_refused", (
-                f"pose {number}: reads {by} off what the other poses predict, expected a free tool: let go, or "
-                "take it all the same"
+                f"pose {number}: reads {by} off what the other poses predict, expected a free tool: let go, or, "
+                "if nobody touches it, take it all the same: the sensor may have drifted"
             )
         return self._add(pose)
 

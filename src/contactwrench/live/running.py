@@ -11,7 +11,7 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import Compensator
-from ..compensate.contact_wrenches import TOUCHING, ContactWrenches
+from ..compensate.contact_wrenches import NOT_JUDGED, TOUCHING, ContactWrenches
 from ..compensate.faults import Reason
 from ..errors import InputError
 from ..geometry.arrays import Array
@@ -33,10 +33,13 @@ SAID_AGAIN = 1.0
 
 @dataclass(frozen=True)
 class Options:
-    """Of the `Compensator`: low-pass cut-off, Hz; drift of the bias, N after an hour; None: none."""
+    """Of the `Compensator`: low-pass cut-off, Hz; drift of the bias, N after an hour; the sensor's ranges (6,), N and
+    N m, where it does not state them itself; None: none.
+    """
 
     lowpass: float | None = None
     drift: float | None = None
+    ranges: Six | None = None
 
 
 class Runner:
@@ -44,7 +47,7 @@ class Runner:
 
     def __init__(self, calibration: Calibration, sign: float, options: Options, ranges: Six | None) -> None:
         self.calibration, self.sign = calibration, sign
-        given: dict[str, Any] = {"lowpass": options.lowpass, "drift": options.drift, "ranges": ranges}
+        given: dict[str, Any] = {"lowpass": options.lowpass, "drift": options.drift, "ranges": ranges or options.ranges}
         self._compensator = Compensator(calibration, delay=0.0, **given)
         self._contacts: deque[tuple[float, float, float]] = deque(maxlen=CONTACTS_SHOWN)
         self._invalid, self._touching = 0, False
@@ -92,15 +95,18 @@ class Runner:
             largest = float(np.linalg.norm(contact.peak[:3]))
             self._contacts.append((contact.onset, release - contact.onset, largest))
             events.append(f"contact of {release - contact.onset:.2f} s ended, {largest:.1f} N at most")
-        touching = bool(len(result.contact)) and bool(result.contact[-1] == TOUCHING)
+        judged = result.contact[result.contact != NOT_JUDGED]
+        touching = bool(judged[-1] == TOUCHING) if len(judged) else self._touching
         if touching and not self._touching:
             events.append(f"contact: {np.linalg.norm(result.wrench[-1, :3]):.1f} N")
-        self._touching = touching if len(result.contact) else self._touching
+        self._touching = touching
         return events
 
     def zero(self, history: History) -> str:
         """Take the bias anew from what a free tool reads now; what it did, in words. Raises `InputError`."""
         t, wrench, orientation = history.last(ZERO_OVER)
+        if self._touching:
+            raise InputError("no new zero: the tool is in contact, expected a free one: let go of it")
         if not len(t) or not np.isfinite(orientation).all():
             raise InputError("no new zero: the robot's orientation is missing, expected both streams: wait for them")
         zero = self._compensator.zero(Samples(self.sign * wrench, from_quat_xyzw(orientation), t.copy()))

@@ -18,12 +18,12 @@ from ..errors import ContactWrenchError
 from ..geometry.arrays import Array
 from .fitting import SIGNS, shown
 from .history import History
-from .intake import Intake
+from .intake import STREAMING, Intake
 from .motion import Motion
 from .pose_track import NO_PLACE, PoseTrack
 from .running import OF_ROBOT, OF_SENSOR, Options, Runner, last_contact_wrench
 from .sink import Turn
-from .snapshot import Command, Event, Output, Phase, Snapshot
+from .snapshot import Command, Contact, Event, Output, Phase, Snapshot
 from .source import About, Batch, Four, Sample
 from .standing import Standing
 from .wizard import Wish, Wizard
@@ -148,7 +148,8 @@ class Session:
             flaws.append(sample.flaw)
             known = orientation[0] == orientation[0]
             word = "" if known else "frozen" if self._track.frozen(when) else "stale"
-            why.append(sample.flaw or (word and f"{word}: the orientation is {age:.2f} s old"))
+            old = f"the orientation is {age:.2f} s old" if age < inf else "no orientation has come"
+            why.append(sample.flaw or (word and f"{word}: {old}"))
         t = np.array([when for when, _ in readings])
         wrench = np.array([NO_READING if each.wrench is None else each.wrench for _, each in readings]).reshape(-1, 6)
         contact = None
@@ -179,7 +180,7 @@ class Session:
                 self._happened([("zero", self._runner.zero(self._history))], t)
             elif command is Command.RECORD:
                 self.recording = not self.recording
-                self._happened([("record", "on" if self.recording else "off")], t)
+                self._happened([("record", f"recording is {'on' if self.recording else 'off'}")], t)
             else:
                 self._happened(self._wizard.do(command, number, self._history), t)
                 self._after(command)
@@ -189,7 +190,8 @@ class Session:
     def commands(self) -> tuple[Command, ...]:
         """What can be asked for now."""
         running = (Command.ZERO,) if self._runner is not None else ()
-        save = (Command.SAVE,) if self._save is not None and self.calibration is not None and not self.saved else ()
+        done = self.phase in (Phase.FIT, Phase.VERIFY, Phase.RUN) and self.calibration is not None
+        save = (Command.SAVE,) if self._save is not None and done and not self.saved else ()
         record = () if self.recording is None else (Command.RECORD,)
         return (*self._wizard.commands(self._standing), *running, *save, *record)
 
@@ -237,6 +239,16 @@ class Session:
         self._new.clear()
         return new
 
+    def _contact(self) -> Contact | None:
+        """The last contact wrench; none that is valid while the sensor says nothing."""
+        if self._last is None or self._last.contact is None:
+            return None
+        newest, sensor = last_contact_wrench(self._last.contact), self._sensor
+        if sensor.state == STREAMING:
+            return newest
+        unknown = (None,) * 6
+        return Contact(unknown, unknown, valid=False, contact=None, reason=f"{sensor.state}: {sensor.text}")
+
     def snapshot(self, t: float, outputs: tuple[Output, ...] = (), recording: str = "") -> Snapshot:
         """What a person sees at `t` s; the trace begins anew."""
         last, wizard, stand = self._last, self._wizard, self._standing
@@ -260,7 +272,7 @@ class Session:
             trace=trace,
             commands=self.commands(),
             events=tuple(self._events),
-            contact=None if last is None or last.contact is None else last_contact_wrench(last.contact),
+            contact=self._contact(),
             push=wizard.push.steps() if self.phase is Phase.PUSH else (),
             poses=wizard.shown(here),
             fit=None if wizard.fit is None or self.phase not in (Phase.FIT, Phase.VERIFY) else shown(wizard.fit),

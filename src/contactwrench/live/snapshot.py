@@ -101,7 +101,7 @@ class Poses(msgspec.Struct, frozen=True):
     """The poses so far and to come. `targets`: orientations that are planned, the next one first; `turn` rad from here
     to it; `progress` 0 to 1 of the capture under way; `waiting`: in words why none is under way; `std_force` N and
     `std_torque` N m of the contact wrench from the poses so far, None while they cannot tell; `wanted` N; `enough`;
-    `history`: `std_force` after the first pose, the second, ... as they were taken.
+    `history`: `std_force` after the first pose, the second, ... as they were taken; `fewest` that are needed.
     """
 
     taken: tuple[Pose, ...]
@@ -114,6 +114,7 @@ class Poses(msgspec.Struct, frozen=True):
     wanted: float
     enough: bool
     history: tuple[float | None, ...] = ()
+    fewest: int = 0
 
 
 class Parameter(msgspec.Struct, frozen=True):

@@ -6,7 +6,7 @@ Nothing here knows a device: it looks at the readings of the last seconds, ten t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..errors import ContactWrenchError
 from ..geometry.orientation import from_quat_xyzw
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Streams
-from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_creep, with_delay
+from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_creep, with_delay
 from .history import History
 from .pose_taking import PoseTaking, samples_of
 from .push_test import PushTest
@@ -30,6 +30,14 @@ CHECKS = 2
 FEWEST_TO_PREDICT = 5
 FEWEST_TO_FIT = 4
 """Poses from which on a fit is tried for what it tells while poses are taken."""
+SPOKEN = {
+    Phase.CONNECT: "to the devices",
+    Phase.PUSH: "to the push test",
+    Phase.POSES: "to the poses",
+    Phase.FIT: "to the fit",
+    Phase.VERIFY: "to the check on new poses",
+    Phase.RUN: "running",
+}
 Happened = tuple[str, str]
 """The kind of an event, and what happened in words."""
 
@@ -96,7 +104,7 @@ class Wizard:
             return self._next(skip=command is Command.SKIP)
         if command is Command.BACK:
             return self._back()
-        if command is Command.RETAKE and self.phase is Phase.PUSH:
+        if command is Command.RETAKE and self.phase is Phase.PUSH and number is None:
             self.push.again()
             return [("push", "the push test begins anew")]
         if command is Command.RETAKE:
@@ -127,21 +135,21 @@ class Wizard:
                 self._plan()
             case Phase.POSES:
                 self.phase = Phase.FIT
-                return [("phase", "fit"), *self._fit(with_motion=True)]
+                return [("phase", SPOKEN[Phase.FIT]), *self._fit(with_motion=True)]
             case Phase.FIT:
                 self.phase, self._verifying = Phase.VERIFY, PoseTaking(self.poses.taken)
                 self.checks, self.verified = (), ""
                 self._targets = self._planned(CHECKS, [pose.turn for pose in self.poses.taken])
             case Phase.VERIFY:
                 self.phase = Phase.RUN
-        return [("phase", self.phase.value)]
+        return [("phase", SPOKEN[self.phase])]
 
     def _back(self) -> list[Happened]:
         before = {Phase.PUSH: Phase.CONNECT, Phase.POSES: Phase.PUSH, Phase.VERIFY: Phase.FIT}
         self.phase = before.get(self.phase, Phase.POSES)
         if self.phase is Phase.POSES:
             self._plan()
-        return [("phase", self.phase.value)]
+        return [("phase", SPOKEN[self.phase])]
 
     def _retake(self, number: int) -> list[Happened]:
         if not self.poses.drop(number):
@@ -191,6 +199,8 @@ class Wizard:
         if len(self.checks) < CHECKS:
             return []
         self.verified = f"{'passed' if result.passed else 'failed'}: {result.reason}"
+        checked = with_check(self.calibration, result.passed, result.reason)
+        self.fit = replace(self.fit, calibration=checked) if self.fit is not None else None
         return [("verified", self.verified)]
 
     def _plan(self) -> None:
@@ -225,4 +235,5 @@ class Wizard:
             self._wish.wanted,
             force is not None and force <= self._wish.wanted and len(self.poses.taken) >= FEWEST_POSES,
             tuple(self._std_forces.get(n) for n in range(1, len(self.poses.taken) + 1)),
+            FEWEST_POSES if self.phase is Phase.POSES else CHECKS,
         )

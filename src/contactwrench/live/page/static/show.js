@@ -253,7 +253,7 @@ function showPoses(now, ask) {
   byId("ring").style.setProperty("--done", done.replace(" ", ""));
   byId("ring").setAttribute("aria-label", `pose ${done} taken`);
   set(byId("ring").firstElementChild, done);
-  set("capture-text", `${poses.taken.length} poses are taken. ${now.verified ? "Both checks are done." : poses.progress > 0 ? "Hold still." : sentence(poses.waiting)}`);
+  set("capture-text", `${poses.taken.length === 1 ? "1 pose is" : `${poses.taken.length} poses are`} taken${poses.taken.length < poses.fewest ? ` of at least ${poses.fewest}` : ""}. ${now.verified ? "Both checks are done." : poses.progress > 0 ? "Hold still." : sentence(poses.waiting)}`);
   drawConvergence(byId("convergence"), poses);
   const std = poses.std_force === null ? "Not known yet: more poses are needed."
     : `± ${short(poses.std_force)} N and ± ${short(poses.std_torque)} N m after ${poses.taken.length} poses.`;
