@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import socket
 import subprocess
 import sys
@@ -49,9 +48,9 @@ def lines_until(process: subprocess.Popen[str], pattern: str) -> dict[str, str]:
 
 
 def ended(process: subprocess.Popen[str]) -> int:
-    """End a process as Ctrl-C does: its status."""
+    """End a process: its status. A job in the background may not hear Ctrl-C."""
     with suppress(ProcessLookupError):
-        process.send_signal(signal.SIGINT)
+        process.terminate()
     return process.wait(15.0)
 
 
