@@ -111,17 +111,22 @@ class Intake:
             self._notes.clear()
         return events
 
+    @property
+    def _asked(self) -> float | None:
+        """The rate that samples are to come at; a recording is played at any."""
+        return None if self.about is None or self.about.replay else self.about.rate
+
     def _count_rate(self, t: float) -> list[Event]:
         self.rate = self._count / (t - self._since)
         self._count, self._since = 0, t
-        asked = None if self.about is None or self.about.replay else self.about.rate
+        asked = self._asked
         off = asked is not None and abs(self.rate - asked) > OFF_RATE * asked
         said, self._off_rate = self._off_rate, off
         return [self._other_rate(self.rate, t)] if off and not said else []
 
     def _glance(self, t: float) -> list[Event]:
         """A rate that is far off is said sooner; nothing at all is silence, and no rate."""
-        asked = None if self.about is None else self.about.rate
+        asked = self._asked
         rate, before = (self.samples - self._before) / (t - self._moment), self._far_off
         self._moment, self._before = t, self.samples
         enough = asked is not None and asked * MOMENT >= FEWEST
@@ -133,7 +138,7 @@ class Intake:
         return [self._other_rate(rate, t)]
 
     def _other_rate(self, rate: float, t: float) -> Event:
-        asked = None if self.about is None else self.about.rate
+        asked = self._asked
         text = f"{rate:.4g} samples a second come, {asked:.4g} were asked for: check its settings and the network"
         return self._event(t, "rate", "warning", text)
 
