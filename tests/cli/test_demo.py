@@ -11,7 +11,10 @@ import pytest
 import contactwrench as cw
 from tests.support.recordings import run_quietly
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+EXAMPLES = [
+    path for path in sorted((Path(__file__).parents[2] / "examples").glob("*.py")) if not path.stem.startswith("live_")
+]
+"""Those that need no lab: the others run on one in tests/live/test_live_examples.py."""
 
 
 @pytest.fixture(scope="module")
