@@ -103,6 +103,18 @@ def test_pushes_that_contradict_the_poses_are_said() -> None:
     assert Command.NEXT not in drive.session.commands()
 
 
+def test_a_hand_that_was_there_before_the_push_test_makes_no_push_of_its_release() -> None:
+    drive = Driver(world(13), wish=WISH)
+    drive.play(drive.world.stand(1.6))
+    drive.do(Command.NEXT)
+    drive.play(drive.world.hold(1.5, np.array([0.0, 0.0, -9.0])))
+    drive.play(drive.world.hold(7.5, np.zeros(3)))
+    assert [text for text in drive.said("push") if text.startswith("felt ")] == []
+    assert drive.said("push")[-1].startswith("a hand was at the tool before, or is: ")
+    drive.play(drive.world.stand(2.5, (0.0, 0.0, -9.0)))
+    assert drive.said("push")[-1] == "felt 9.0 N for the push down"
+
+
 def test_a_pose_that_is_pushed_while_it_is_taken_is_refused_by_name(at_poses: dict[int, Driver]) -> None:
     drive = deepcopy(at_poses[5])
     poses = drive.shown().poses

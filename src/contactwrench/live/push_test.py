@@ -24,6 +24,8 @@ NEEDED = 5.0
 """N: far above noise and creep, and light for a hand."""
 LONG_ENOUGH = 0.4
 """s of a push at its strength."""
+LONGEST = 6.0
+"""s of a push: a reading that stays away for longer is at rest there."""
 RELEASED = 0.25
 """Of the push that is needed: below it the hand is off."""
 OF_PEAK = 0.7
@@ -62,7 +64,7 @@ class PushTest:
         self.pushes: tuple[Push, ...] = ()
         self._rest: tuple[Array, Array] | None = None
         self._felt: list[Array] = []
-        self._now = 0.0
+        self._begun = self._now = 0.0
         self._said = ""
 
     @property
@@ -76,13 +78,14 @@ class PushTest:
 
     def look(self, history: History, stand: Stand, t: float) -> str:
         """Look at the newest readings, at `t` s; what there is to say of a push that ended, else nothing."""
-        if self.done:
-            return ""
         _, wrench, _ = history.last(MOMENT)
         if not len(wrench) or (stand.arm and not stand.still):
             self._rest, self._felt = None, []
             return ""
         force = wrench[:, :3].mean(axis=0)
+        if self.done:
+            changed = self._rest is not None and float(np.linalg.norm(force - self._rest[0])) > NEEDED
+            return self._begin_anew() if changed and stand.still else ""
         if stand.still and (self._rest is None or not self._felt):
             _, rest, turned = history.last(0.5)
             self._rest = rest[:, :3].mean(axis=0), turned[-1].copy()
@@ -91,10 +94,17 @@ class PushTest:
         change = force - self._rest[0]
         self._now = float(np.linalg.norm(change))
         if self._now >= NEEDED:
+            self._begun = self._begun if self._felt else t
             self._felt.append(change)
         if self._felt and self._now < RELEASED * NEEDED:
             return self._ended()
-        return ""
+        return self._begin_anew() if self._felt and t - self._begun > LONGEST else ""
+
+    def _begin_anew(self) -> str:
+        """The reading at rest is another than before: a hand was at the tool then, and what was felt is its release."""
+        self.again()
+        self._said = "a hand was at the tool before, or is: take it away for a moment, then press from the start"
+        return self._said
 
     def _ended(self) -> str:
         felt, self._felt = np.array(self._felt), []
