@@ -12,8 +12,8 @@ from .source import About, Source, now
 
 PROBE = 0.7
 """s over which samples are counted before a session begins."""
-OFF_RATE = 0.2
-"""By which part the rate may differ from the one that was asked for."""
+OFF_RATE, STEADY = 0.2, 0.1
+"""By which part the rate may differ from the one that was asked for, and from itself a moment later."""
 
 
 def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
@@ -42,7 +42,10 @@ def _require_rate(source: Source, about: About) -> None:
     if about.rate is None or about.replay:  # of a recording what is read is gone
         return
     rate = _rate_over_probe(source)
-    if _is_off(rate, about.rate) and _is_off(rate := _rate_over_probe(source), about.rate):  # once may be a stall
+    if not _is_off(rate, about.rate, OFF_RATE):
+        return
+    again = _rate_over_probe(source)
+    if _is_off(again, about.rate, OFF_RATE) and not _is_off(again, rate, STEADY):  # else it is a stall, not a rate
         raise InputError(
             f"{source.uri}: found {rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the device, "
             f"or ask for it, as in {source.uri.partition('?')[0]}?rate={rate:.0f}"
@@ -56,8 +59,8 @@ def _rate_over_probe(source: Source) -> float:
     return samples / passed
 
 
-def _is_off(rate: float, asked: float) -> bool:
-    return rate > 0.0 and abs(rate - asked) > OFF_RATE * asked
+def _is_off(rate: float, asked: float, by: float) -> bool:
+    return rate > 0.0 and abs(rate - asked) > by * asked
 
 
 def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:
