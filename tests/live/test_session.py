@@ -224,3 +224,12 @@ def test_a_session_of_one_device_that_gives_both() -> None:
     assert snapshot.still
     assert [device.role for device in snapshot.devices] == ["sensor and robot"]
     assert drive.session.phase is Phase.CONNECT
+
+
+def test_a_calibration_that_changed_since_it_was_saved_can_be_saved_again(calibration: cw.Calibration) -> None:
+    drive = Driver(world(14), calibration, save=lambda _: "cal.json")
+    drive.do(Command.SAVE)
+    assert drive.session.saved == "cal.json"
+    assert Command.SAVE not in drive.session.commands()
+    drive.do(Command.BACK)
+    assert drive.session.saved == ""

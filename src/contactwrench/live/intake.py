@@ -58,7 +58,8 @@ class Intake:
         """The device is gone, or was never there; said once."""
         said_before = self.state == DOWN
         self.state, self.text, self.rate = DOWN, text, None
-        return None if said_before else self._event(t, "down", "error", text)
+        ended = self.about is not None and self.about.replay
+        return None if said_before else self._event(t, "down", "note" if ended else "error", text)
 
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
         """Samples with the times at which they were taken."""

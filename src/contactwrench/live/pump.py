@@ -69,7 +69,6 @@ class Reader:
         self._given = self._taken = self._full = 0
         self.ended = False
         self._thread = Thread(target=self._run, name=f"reads {source.uri}", daemon=True)
-
         self._thread.start()
 
     def news(self) -> list[News]:

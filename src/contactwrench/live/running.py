@@ -55,7 +55,7 @@ class Runner:
 
     @property
     def delay(self) -> float:
-        """S by which the wrench is stamped later than the orientation that goes with it."""
+        """Seconds by which the wrench is stamped later than the orientation that goes with it."""
         c = self.calibration
         applied = c.delay is not None and c.delay_std is not None and is_significant(c.delay, c.delay_std)
         return c.delay if applied and c.delay is not None else 0.0

@@ -62,7 +62,8 @@ class Session:
         self._sensor = Intake(sensor, "sensor" if robot is not None else "sensor and robot")
         self._robot = self._sensor if robot is None else Intake(robot, "robot")
         self._track, self._history, self._standing = PoseTrack(), History(), Standing()
-        self._options, self._save, self.saved = options or Options(), save, ""
+        self._options, self._save = options or Options(), save
+        self._saved: tuple[Calibration, str] | None = None
         self._motion = Motion()
         self._wizard = Wizard(wish or Wish(), lambda: self._motion.streams(self._wizard.sign))
         self._runner: Runner | None = None
@@ -86,6 +87,11 @@ class Session:
     def calibration(self) -> Calibration | None:
         """The one that runs, or the last that was fitted."""
         return self._wizard.calibration if self._runner is None else self._runner.calibration
+
+    @property
+    def saved(self) -> str:
+        """Where the calibration was written; empty: it has not been, or has changed since."""
+        return self._saved[1] if self._saved is not None and self._saved[0] is self.calibration else ""
 
     def opened(self, role: str, about: About, t: float) -> None:
         """The `sensor`, or the `robot`, is there."""
@@ -183,7 +189,7 @@ class Session:
                 self._happened([("record", f"recording is {'on' if self.recording else 'off'}")], t)
             else:
                 self._happened(self._wizard.do(command, number, self._history), t)
-                self._after(command)
+                self._run_or_stop()
         except ContactWrenchError as error:
             self._happened([("refusal", str(error))], t)
 
@@ -195,14 +201,12 @@ class Session:
         record = () if self.recording is None else (Command.RECORD,)
         return (*self._wizard.commands(self._standing), *running, *save, *record)
 
-    def _after(self, command: Command) -> None:
+    def _run_or_stop(self) -> None:
         """Begin to run where the wizard has come to that, and end it where a person went back."""
         if self.phase is Phase.RUN and self._runner is None and self._wizard.calibration is not None:
             self._run(self._wizard.calibration, self._wizard.sign)
         elif self.phase is not Phase.RUN and self._runner is not None:
-            self._runner, self.saved = None, ""
-        elif command in (Command.RETAKE, Command.CAPTURE):
-            self.saved = ""
+            self._runner = None
 
     def _run(self, calibration: Calibration, sign: float) -> None:
         about = self._sensor.about
@@ -212,7 +216,7 @@ class Session:
 
     def _save_calibration(self, t: float) -> None:
         if self._save is not None and self.calibration is not None:
-            self.saved = self._save(self.calibration)
+            self._saved = self.calibration, self._save(self.calibration)
             self._happened([("saved", f"calibration written to {self.saved}")], t)
 
     def _trace_of(self, turn: Turn) -> None:

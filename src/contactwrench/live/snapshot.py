@@ -34,7 +34,7 @@ class Command(StrEnum):
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened at `t` s since 1970. `kind`: `connected`, `silent`, `cut`, `refused`, `back`, a
+    """Something that happened at `t` s since 1970. `kind`: `connected`, `silent`, `down`, `back`, a
     kind of note of a source, `stale`, `contact`, `released`, `pose`, `pose_refused`, `push`, `fit`, `verified`,
     `saved`, `zero`, `record`, `phase`, `sink`, `refusal`; `severity`: `note`, `warning` or `error`; `device`: its URI,
     or empty.

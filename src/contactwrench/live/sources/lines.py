@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from math import nan
 from typing import Any
@@ -165,8 +166,9 @@ class _Lines(Reader[AnyLink]):
     def _fresh(self) -> LinesDecoder:
         return LinesDecoder(self._naming, self._rate, self._columns, self.WHOLE)
 
+    @abstractmethod
     def _connect(self, deadline: Deadline) -> None:
-        raise NotImplementedError
+        """To whoever sends."""
 
 
 def _any(batch: Batch, name: str) -> bool:
