@@ -14,7 +14,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 
 import contactwrench as cw
 from contactwrench.geometry.rotations import rotation_log
-from tests.support.page_client import PageClient
+from tests.support.page_client import PageClient, more_than, push, touch
 
 Errors = NDArray[np.float64]
 RUN = [sys.executable, "-m", "contactwrench"]
@@ -63,37 +62,19 @@ def ordered(control: str, order: dict[str, Any]) -> dict[str, Any]:
         return answer
 
 
-def felt(k: int) -> Callable[[dict[str, Any]], bool]:
-    """Whether push `k` was felt."""
-    return lambda s: bool(s["push"] and s["push"][k]["seen"])
-
-
-def more_than(k: int, what: Callable[[dict[str, Any]], Any]) -> Callable[[dict[str, Any]], bool]:
-    """Whether there are more than `k` of something."""
-    return lambda s: len(what(s)) > k
-
-
 def through_the_page(page: PageClient, poses: int = 12, touched: int | None = None) -> None:
     """Click through the wizard; pose number `touched` is pushed while it is being taken."""
     page.until(lambda s: "next" in s["commands"] and s["still"])
     page.ask("next")
-    for k, press in enumerate(("press_down", "press_x")):
-        page.until(lambda s: s["phase"] == "push" and s["still"])
-        time.sleep(0.6)
-        page.lab(press)
-        time.sleep(1.2)
-        page.lab("release")
-        page.until(felt(k))
+    for k, hand in enumerate(("press_down", "press_x")):
+        push(page, hand, k)
     page.ask("next")
     page.until(lambda s: s["poses"] and len(s["poses"]["taken"]) >= 1)
     for k in range(1, poses):
         page.until(lambda s: s["poses"]["targets"])
         page.lab("next_pose")
         if k == touched:
-            page.until(lambda s: s["poses"]["progress"] > 0.3)
-            page.lab("push_tool")
-            time.sleep(0.5)
-            page.lab("release")
+            touch(page)
         page.until(more_than(k, lambda s: s["poses"]["taken"]), 40.0)
     page.ask("next")
     page.until(lambda s: s["phase"] == "fit" and s["fit"])

@@ -19,8 +19,8 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from benchmarks.live_calibration import ended, felt, lines_until, more_than, started
-from tests.support.page_client import PageClient
+from benchmarks.live_calibration import ended, lines_until, started
+from tests.support.page_client import PageClient, more_than, push, touch
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images" / "live"
 WIDE, HIGH, COLOURS = 1280, 860, 64
@@ -82,25 +82,6 @@ def through(page: PageClient, take: Take) -> None:
     page.ask("next")
     page.until(lambda s: s["phase"] == "run" and s["contact"] and s["contact"]["contact"] is not None)
     run(page, take)
-
-
-def push(page: PageClient, hand: str, k: int, meanwhile: Callable[[], None] = lambda: None) -> None:
-    """A push of the push test."""
-    page.until(lambda s: s["phase"] == "push" and s["still"])
-    time.sleep(0.6)
-    page.lab(hand)
-    time.sleep(1.2)
-    meanwhile()
-    page.lab("release")
-    page.until(felt(k))
-
-
-def touch(page: PageClient) -> None:
-    """Touch the tool while a pose is being taken."""
-    page.until(lambda s: s["poses"]["progress"] > 0.3)
-    page.lab("push_tool")
-    time.sleep(0.5)
-    page.lab("release")
 
 
 def run(page: PageClient, take: Take) -> None:

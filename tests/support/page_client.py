@@ -52,3 +52,32 @@ class PageClient:
                 shown = {name: snapshot[name] for name in ("phase", "still", "moving", "push", "poses", "events")}
                 raise TimeoutError(f"not within {seconds:g} s: {shown}")
         return snapshot
+
+
+def felt(k: int) -> Callable[[dict[str, Any]], bool]:
+    """Whether push `k` was felt."""
+    return lambda s: bool(s["push"] and s["push"][k]["seen"])
+
+
+def more_than(k: int, what: Callable[[dict[str, Any]], Any]) -> Callable[[dict[str, Any]], bool]:
+    """Whether there are more than `k` of something."""
+    return lambda s: len(what(s)) > k
+
+
+def push(page: PageClient, hand: str, k: int, meanwhile: Callable[[], None] = lambda: None) -> None:
+    """A push of the push test."""
+    page.until(lambda s: s["phase"] == "push" and s["still"])
+    time.sleep(0.6)
+    page.lab(hand)
+    time.sleep(1.2)
+    meanwhile()
+    page.lab("release")
+    page.until(felt(k))
+
+
+def touch(page: PageClient) -> None:
+    """Touch the tool while a pose is being taken."""
+    page.until(lambda s: s["poses"]["progress"] > 0.3)
+    page.lab("push_tool")
+    time.sleep(0.5)
+    page.lab("release")
