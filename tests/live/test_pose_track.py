@@ -76,3 +76,14 @@ def test_what_does_not_turn_stays_to_the_last_bit() -> None:
     for k in range(10):
         heard.add(PERIOD * k, still, None)
     assert len({heard.at(t, t)[0] for t in np.linspace(0.0, 9 * PERIOD + 0.02, 50).tolist()}) == 1
+
+
+def test_a_turn_is_carried_on_to_a_late_pose_and_beyond_now_by_what_is_asked() -> None:
+    """A cycle of 12 ms: to now no further than 30 ms; a wrench that is stamped 30 ms early asks for 30 ms more."""
+    heard, period = PoseTrack(), 0.012
+    for k in range(50):
+        heard.add(period * k, quat(at(period * k)), None)
+    newest = 49 * period
+    for t, now, known in ((0.05, 0.05, 0.03), (0.02, 0.02, 0.02), (0.042, 0.012, 0.042), (0.08, 0.05, 0.06)):
+        found, _ = heard.at(newest + t, newest + now)
+        assert (Rotation.from_quat(found).inv() * at(newest + known)).magnitude() < 1e-7
