@@ -106,8 +106,6 @@ class PoseTrack:
             if newest - t >= LOOK_BACK:
                 if newest - t > MOST_AGE:
                     break
-                return between(
                 seen = newest - t
                 return between(earlier, orientation, 1.0 + min((onwards - beyond) / seen, CARRIED) + beyond / seen)
-                )
         return orientation
