@@ -1,4 +1,6 @@
-"""What free air cannot tell: a tool that no robot has is said, an honest one never, and dead channels are named."""
+"""What free air cannot tell: a tool that no robot has, and a base that leans as nobody said, is said, an honest one
+never, and dead channels are named.
+"""
 
 from __future__ import annotations
 
@@ -112,6 +114,54 @@ def test_a_mass_that_was_weighed_contradicts_forces_in_another_unit() -> None:
     calibration = cw.calibrate(cw.Samples(wrench_of() * scaled(1 / G, 1.0), R), known={"weight": (G, 0.05)})
     assert calibration.verdict == "weak"
     assert Kind.POOR_FIT in [finding.kind for finding in calibration.findings]
+
+
+def leaning(degrees: float, towards: float = 0.0, pull: Array | None = None) -> cw.Samples:
+    """Readings with gravity so far off -z of the base, and a steady `pull` (3,) N on the tool, in base axes."""
+    down = Rotation.from_euler("yz", [-degrees, towards], degrees=True).apply(DOWN)
+    mounting = Rotation.from_euler("zxy", [25.0, 1.0, -2.0], degrees=True).as_matrix()
+    total = G * down + (np.zeros(3) if pull is None else pull)
+    weight = float(np.linalg.norm(total))
+    rig = Rig(weight, np.array([0.004, -0.003, 0.06]), BIAS, mounting, total / weight)
+    noise = np.repeat([0.02, 0.001], 3)
+    return cw.Samples(noisy_readings(rig, R, noise, np.random.default_rng(0)), R)
+
+
+def of_the_base(samples: cw.Samples, model: str = "auto", **stated: object) -> list[str]:
+    calibration = cw.calibrate(samples, model, **stated)  # type: ignore[arg-type]
+    texts = [finding.text for finding in calibration.findings if finding.kind is Kind.LEANING_BASE]
+    assert not texts or calibration.verdict == "doubtful"
+    return texts
+
+
+@pytest.mark.parametrize("model", ["auto", "mount+base"])
+def test_a_base_that_leans_as_nobody_said_is_said(model: str) -> None:
+    (text,) = of_the_base(leaning(20.0), model)
+    assert text == (
+        "doubtful: gravity comes out 20.0 deg off the direction that was stated or is usual: if the base does not lean "
+        "so, something pulls steadily, a hose or a balancer, and the weight is wrong; if it does: --gravity "
+        "0.342,0,-0.94"
+    )
+    assert of_the_base(leaning(20.0), model, gravity=(0.342, 0.0, -0.94)) == []
+    assert len(of_the_base(leaning(0.0), model, gravity=(0.342, 0.0, -0.94))) == 1
+    assert of_the_base(leaning(4.5, 70.0), model) == []
+
+
+@pytest.mark.parametrize("side", [0.0, 110.0, 250.0])
+def test_a_steady_pull_is_no_base_that_leans(side: float) -> None:
+    """It weighs the tool wrongly, and nothing is left in the poses; a model that holds gravity finds no such pull."""
+    pull = Rotation.from_euler("z", side, degrees=True).apply([2.5, 0.0, 4.0])
+    samples = leaning(0.0, pull=pull)
+    assert cw.calibrate(samples).weight == pytest.approx(G - 4.0, abs=1.0)
+    assert len(of_the_base(samples)) == 1
+
+
+def test_a_direction_that_is_hardly_known_is_not_doubted() -> None:
+    """A tool of 30 g, whose weight is little more than the noise of a pose."""
+    heavy = leaning(0.0)
+    noise = np.random.default_rng(4).normal(size=(len(R), 6)) * np.repeat([0.1, 0.003], 3)
+    light = (heavy.wrench - BIAS) * 0.03 + BIAS + noise
+    assert of_the_base(cw.Samples(light, R), "mount+base") == []
 
 
 def tools(n: int = 400) -> Iterator[tuple[float, Array]]:

@@ -53,6 +53,7 @@ class Kind(StrEnum):
     POOR_FIT = "poor_fit"
     FAR_CENTRE_OF_MASS = "far_centre_of_mass"
     IMPLAUSIBLE_TOOL = "implausible_tool"
+    LEANING_BASE = "leaning_base"
     DEAD_CHANNEL = "dead_channel"
     CROSS_TALK = "cross_talk"
     CORRELATED_POSES = "correlated_poses"
@@ -83,6 +84,7 @@ DOUBT_OF_KIND = {
     Kind.ANGLES_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.IMPLAUSIBLE_TOOL: Doubt.ASSUMPTION,
+    Kind.LEANING_BASE: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,
     **dict.fromkeys((*BIAS_MOVED, Kind.CREEP, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }

@@ -1,7 +1,8 @@
-"""What no fit can tell, a tool can: units and signs that are mistaken alike in all poses, and channels that are dead.
+"""What no fit can tell, tool and base can: units and signs that are mistaken alike in all poses, a pull that never
+ends, and channels that are dead.
 
-Such readings leave nothing, yet the tool that explains them is absurd. The limits are those of things, not of the
-sets at hand; each is beyond what a robot carries, as whatever passes here is believed.
+Such readings leave nothing, yet the tool that explains them is absurd, or the base leans as nobody said. The limits are
+those of things, not of the sets at hand; each is beyond what a robot carries, as whatever passes here is believed.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import AXES
 from ..samples.samples import Samples
 from .estimate import Estimate, RigidEstimate
-from .priors import Question, rows_of
+from .priors import GRAVITY, Question, rows_of
 from .subtracted_payload import tilts_widely
 
 LIGHTEST, HEAVIEST = 0.005, 2300.0
@@ -48,6 +49,9 @@ UPRIGHT = float(np.cos(np.deg2rad(10.0)))
 
 SURE = 3.0
 """Standard deviations."""
+
+LEANS = float(np.deg2rad(5.0))
+"""So far a base leans off what is known of it only where somebody set it up so."""
 
 TOO_HEAVY, TOO_LIGHT, BEHIND = "too heavy", "too light", "com behind the sensor"
 TOO_FAR, TOO_NEAR = "com too far for the mass", "com too near for the mass"
@@ -116,6 +120,26 @@ def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
         decides = SURELY.format("mass=KG" if of_mass else "com_mm=X,Y,Z")
         text = TEXTS[odd].format(mass=mass, distance=distance, behind=-1e3 * along) + decides
         yield (Finding.weak if distance > FURTHEST_COM else Finding.doubtful)(Kind.IMPLAUSIBLE_TOOL, text)
+    if isinstance(estimate, RigidEstimate):
+        yield from _leaning(estimate, question.gravity_direction)
+
+
+def _leaning(estimate: RigidEstimate, usual: Array) -> Iterator[Finding]:
+    """That gravity is not where it is stated or usual: a steady pull in base axes is no different from a base that
+    leans, and then it is in the weight.
+    """
+    found = estimate.gravity_direction
+    tilts = [k for k, name in enumerate(estimate.names) if name in GRAVITY]
+    std = float(np.sqrt(np.diag(estimate.covariance)[tilts].max(initial=0.0)))
+    angle = float(np.arccos(np.clip(found @ usual, -1.0, 1.0)))
+    if angle - SURE * std > LEANS:
+        direction = ",".join(f"{part:.3g}" for part in found.round(3) + 0.0)
+        text = (
+            f"gravity comes out {np.rad2deg(angle):.1f} deg off the direction that was stated or is usual: if the base "
+            "does not lean so, something pulls steadily, a hose or a balancer, and the weight is wrong; if it does: "
+            f"--gravity {direction}"
+        )
+        yield Finding.doubtful(Kind.LEANING_BASE, text)
 
 
 def _com_of(B: Array) -> Array:
