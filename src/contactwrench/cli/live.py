@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -165,7 +166,8 @@ def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
 
     stack.callback(source.close)
     reader = Reader(source, probed(source, wrench=role == "sensor", orientation=alone or role == "robot"))
-    stack.callback(reader.stop)
+    stack.callback(reader.join)
+    stack.callback(reader.stop)  # the last goes first
     return reader
 
 
@@ -239,6 +241,8 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
     guide = None if terminal is None else Terminal(terminal)
     if not (page or terminal):
         options.say("Running until Ctrl-C.", err=True)
+    gc.collect()
+    gc.freeze()  # else what was imported is looked through now and then, and all threads stop for a tenth of a second
     try:
         pump.start()
         while not came and (page or not pump.wait(0.0)) and pump.failure is None:

@@ -105,8 +105,8 @@ class ContactWrenches(Rows):
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """All rows and contacts, part after part, without the covariances."""
         plain: dict[str, Any] = {"covariance_of": None, "covariance": None}
-        joined = super().concatenate([replace(part, **plain) for part in parts])
-        return replace(joined, contacts=tuple(contact for part in parts for contact in part.contacts))
+        contacts = tuple(contact for part in parts for contact in part.contacts)
+        return replace(super().concatenate(parts), contacts=contacts, **plain)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from ..calibration.findings import Finding, Kind
 from ..errors import refuse
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import STANDARD_GRAVITY
-from ..model import AXES
+from ..model import AXES, GRAVITY
 from ..samples.samples import Samples
 from .estimate import Estimate, RigidEstimate
-from .priors import GRAVITY, Question, rows_of
+from .priors import Question, rows_of
 from .subtracted_payload import tilts_widely
 
 LIGHTEST, HEAVIEST = 0.005, 2300.0

@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-BLOCK = 0.004
-"""s between two wake-ups of a fast device: the rows since then leave together, as from a network card that collects."""
+BLOCK = 0.001
+"""s between two wake-ups of a device that is faster: the rows since then leave together."""
 
 Jitter: TypeAlias = float | Callable[[], float]
 """s by which a wake-up is late: the largest, or a function that says."""

@@ -22,7 +22,7 @@ IDLE = 0.02
 
 Packets: TypeAlias = list[bytes]
 Fault: TypeAlias = Callable[[Packets], "Packets | None"]
-"""Changes the packets of a wake-up; None: it waits for more of them."""
+"""Changes the packets of a wake-up; None: it holds them until there are more."""
 
 
 class Fake(ABC):
@@ -65,6 +65,7 @@ class Fake(ABC):
         self._powered = monotonic()
         self._orders: deque[tuple[Callable[[], None], Event]] = deque()
         self._faults: deque[Fault] = deque()
+        self._held: Packets = []
         self._silent_until, self._closed_until, self._late = 0.0, 0.0, 0.0
         self._split, self._stopping = False, False
         self._thread = Thread(target=self._run, name=f"{type(self).__name__} of the lab", daemon=True)
@@ -206,12 +207,12 @@ class Fake(ABC):
         """A wake-up's packets after the faults that were asked for, one fault of each wake-up."""
         if not packets or not self._faults:
             return packets
-        fault = self._faults.popleft()
+        fault, packets, self._held = self._faults.popleft(), [*self._held, *packets], []
         changed = fault(packets)
         if changed is None:
             self._faults.appendleft(fault)
-            return packets
-        return changed
+            self._held = packets
+        return changed or []
 
     @abstractmethod
     def _open(self) -> None:

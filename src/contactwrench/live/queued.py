@@ -14,6 +14,8 @@ MOST_WAITING = 20_000
 """Readings and orientations: a disk that stalls for ten seconds at 1 kHz loses nothing; some 5 MB."""
 IDLE = 0.5
 """s of silence, after which a sink may write what it has kept."""
+GATHERED = 0.05
+"""s over which turns are left in the queue: a thread that woke for each would take as much as the worker."""
 DRAIN = 2.0
 """s for what waits when the session ends."""
 
@@ -102,6 +104,8 @@ class _Queued(OpenSink):
         while (turn := self._next()) is not None:
             super().write(turn)
             self._taken += turn.rows
+            if self._queue.empty() and not self._patient:
+                sleep(GATHERED)
         super().close()
 
     def _next(self) -> Turn | None:
