@@ -2,7 +2,7 @@
 
 `python -m benchmarks.live_calibration [RUNS] [FIRST_SEED]`: a lab and a live session in processes of their own; a
 client does what the page's buttons do: two pushes, 12 planned poses, fit, verify, save. Every parameter is held
-against the rig's truth, in its own standard deviations.
+against the rig's truth, in its own standard deviations, and the delay against what the run gave the sensor.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 import contactwrench as cw
 from contactwrench.geometry.rotations import rotation_log
+from contactwrench.samples.delay import is_significant
+from contactwrench.simulate.settings import Settings
 from tests.support.page_client import PageClient, more_than, push, touch
 
 Errors = NDArray[np.float64]
@@ -142,19 +144,25 @@ def one_run(
 def main() -> None:
     """Print a line a run, and how many were right."""
     runs, first = (int(each) for each in (*sys.argv[1:], "20", "1000")[:2])
-    right = 0
+    right = timed = 0
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + runs):
-            began = time.monotonic()
-            errors, page, cal = one_run(seed, Path(folder), touched=7 if seed % 4 == 0 else None)
+            began, delay = time.monotonic(), np.random.default_rng(seed).uniform(0.005, 0.04)
+            touched = 7 if seed % 4 == 0 else None
+            errors, page, cal = one_run(seed, Path(folder), touched, (f"sensor.delay={delay:.5f}",))
             right += bool(np.abs(errors).max() <= 3.0)
+            late = 1e3 * ((cal.delay or np.nan) - delay - 0.5 / np.pi / Settings().sensor.low_pass)
+            applied = cal.delay is not None and cal.delay_std is not None and is_significant(cal.delay, cal.delay_std)
+            timed += applied and abs(late) <= 2.0
             refused = [each["text"] for each in page.events if each["kind"] == "pose_refused"]
             print(
-                f"seed {seed}: largest error {np.abs(errors).max():.2f} std, verdict {cal.verdict}, "
+                f"seed {seed}: largest error {np.abs(errors).max():.2f} std, verdict {cal.verdict}, delay "
+                f"{1e3 * delay:.1f} ms off by {late:.2f}{'' if applied else ' and not applied'}, "
                 f"{time.monotonic() - began:.0f} s{'; ' + refused[0] if refused else ''}",
                 flush=True,
             )
     print(f"{right} of {runs} runs with every parameter within 3 std of the truth")
+    print(f"{timed} of {runs} with the delay within 2 ms, and applied")
 
 
 if __name__ == "__main__":

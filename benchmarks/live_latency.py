@@ -1,8 +1,10 @@
 """From the sensor's datagram to the contact wrench that goes out, beside a bare echo of the same datagrams.
 
-`python -m benchmarks.live_latency [SECONDS]`: a lab (SRI at 1 kHz, UR at 500 Hz), a live session with a page that is
-open at 30 Hz and a recording, and a plain Python loop that reads the same sensor and sends a line for each packet, each
-in a process of its own. Time is counted from when a sample could have arrived at best, by the device's own clock.
+`python -m benchmarks.live_latency [SECONDS] [attacked]`: a lab (SRI at 1 kHz, UR at 500 Hz), a live session with a page
+that is open at 30 Hz and a recording, and a plain Python loop that reads the same sensor and sends a line for each
+packet, each in a process of its own. Time is counted from when a sample could have arrived at best, by the device's own
+clock.
+`attacked`: while another process attacks the page (live_attack.py).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import msgspec
 import numpy as np
@@ -112,7 +115,7 @@ def shown(name: str, seconds: NDArray[np.float64]) -> None:
 
 def main() -> None:
     """Run for so many seconds, and print."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
+    seconds = float(next(iter(sys.argv[1:]), 600.0))
     folder = Path(tempfile.mkdtemp())
     rig_calibration().save(folder / "rig.json")
     lab = started("lab", "--auto")
@@ -123,7 +126,10 @@ def main() -> None:
         *("live", "--sensor", at["Sensor"], "--robot", at["Robot"], "-c", str(folder / "rig.json")),
         *("--out", f"udp://127.0.0.1:{ours.port}", "--record", str(folder / "run.mcap")),
     )
-    page = PageClient(lines_until(live, "Open")["Open"])
+    address = lines_until(live, "Open")["Open"]
+    page = PageClient(address)
+    attack = [sys.executable, "-m", "benchmarks.live_attack", str(urlsplit(address).port)]
+    others = [subprocess.Popen(attack)] if "attacked" in sys.argv else []
     echo = subprocess.Popen([sys.executable, "-c", ECHO, host, port, str(bare.port)])
     time.sleep(5.0)
     ours.lines.clear()
@@ -139,7 +145,8 @@ def main() -> None:
     cpu_used, memory_now = usage(live)
     device = page.next()["devices"]
     lines, echoed = list(ours.lines), list(bare.lines)
-    echo.kill()
+    for process in (echo, *others):
+        process.kill()
     page.close()
     ended(live)
     ended(lab)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from time import sleep
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import typer
 
+from ..geometry.arrays import Array
 from ..geometry.ranges import SEED, Range
 from . import options
 
@@ -63,10 +64,10 @@ def lab(
         rng = np.random.default_rng(seed)
         if not live:
             options.say(f"contactwrench live {' '.join(session)}")
-            _run(virtual, rng if auto else None, sleep)
+            _run(virtual, wandering(rng) if auto else None, sleep)
             return
         with beside(*session) as ended:
-            status = _run(virtual, rng if auto else None, ended)
+            status = _run(virtual, wandering(rng) if auto else None, ended)
         raise typer.Exit(status)
 
 
@@ -105,13 +106,19 @@ def _robot(kind: str, signal: Signal, port: int) -> Fake:
     return Ur(signal, port=port)
 
 
-def _run(virtual: Lab, auto: np.random.Generator | None, ended: Callable[[float], int | None]) -> int:
-    """Until Ctrl-C, or until what is asked after so many s says that it has ended, with which status; `auto` says
-    where the arm goes of its own accord.
-    """
+def wandering(rng: np.random.Generator) -> Iterator[Array]:
+    """Where the arm goes of its own accord, one after the other: joints (7,), rad."""
     from ..simulate.kinematics import HOME
 
     while True:
-        lasting = 0.0 if auto is None else virtual.move_to(HOME + np.deg2rad(auto.uniform(LEAST_DEG, MOST_DEG)))
+        yield HOME + np.deg2rad(rng.uniform(LEAST_DEG, MOST_DEG))
+
+
+def _run(virtual: Lab, goals: Iterator[Array] | None, ended: Callable[[float], int | None]) -> int:
+    """Until Ctrl-C, or until what is asked after so many s says that it has ended, with which status; the arm goes to
+    one of `goals` after the other, where there are some.
+    """
+    while True:
+        lasting = 0.0 if goals is None else virtual.move_to(next(goals))
         if (status := ended(lasting + REST)) is not None:
             return status
