@@ -14,7 +14,7 @@ import contactwrench as cw
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
 from contactwrench.calibration.findings import Kind, Severity
-from contactwrench.estimation.findings import of_recording
+from contactwrench.estimation.findings_of_recording import of_recording
 from contactwrench.report.html import write_calibration_report
 from contactwrench.report.signals import signals_over_time
 from contactwrench.samples.poses import Pose

@@ -30,8 +30,9 @@ from ..version import __version__
 from .affine import MIRRORED, fit_affine
 from .alternatives import alternatives_to
 from .estimate import Estimate, RigidEstimate
-from .findings import doubts, of_recording
+from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
+from .findings_of_recording import of_recording, with_creep
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels
@@ -254,7 +255,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
             alternatives = alternatives_to(tool, steady, question)
     many = len(poses) > MOST_POSES_KEPT
-    return Calibration(
+    calibration = Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),
         **of_tool,
@@ -288,6 +289,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         still_noise=recorded.found.still_noise,
         gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
     )
+    return with_creep(calibration, recorded.found.creep)
 
 
 def _marked(pose: Pose, reason: str | None) -> Pose:

@@ -17,7 +17,6 @@ from ..calibration.observability import advice_on_poses, natural_jacobian
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_rotations
 from ..model import AXES, affine_jacobian, gravity_in_flange, wrench_jacobian
-from ..samples.recorded_poses import RecordedPoses
 from .affine import force_matrix
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
@@ -43,10 +42,6 @@ FEWEST_IN_A_ROW = 12
 SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
 AFFINE_PARAMETERS, RIGID_PARAMETERS = 24.0, 13.0
-MOST_SEGMENTS_NAMED = 3
-MOST_MOVED = 1.0 / 3.0
-"""Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
-
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
@@ -61,7 +56,8 @@ NOTE, WARNING, REFUSED = (
 )
 
 
-def _those_that_hold(rows: Iterable[Row]) -> list[Finding]:
+def those_that_hold(rows: Iterable[Row]) -> list[Finding]:
+    """The findings of a table."""
     return [of_severity(kind, text) for holds, of_severity, kind, text in rows if holds]
 
 
@@ -82,7 +78,7 @@ def doubts(
     else:
         text = "no pose can be left out for a held-out error: record more poses"
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
-    found = [*_those_that_hold(rows), *(implausible(estimate, question) if question.earlier is None else ())]
+    found = [*those_that_hold(rows), *(implausible(estimate, question) if question.earlier is None else ())]
     if any(finding.severity is Severity.WEAK for finding in of_payload):
         too_little = estimate.force_left < LIGHTEST_TOOL
         return of_payload + [finding for finding in found if not (too_little and finding.kind in OF_READING)]
@@ -256,28 +252,3 @@ def _contradicts_prior(fit: RigidEstimate, question: Question) -> Row:
     )
     contradicts = fit.reduced_chi2 > STATED_NOISE_RATIO or by_chance <= SIGNIFICANCE
     return contradicts, WEAK, Kind.CONTRADICTS_PRIOR, text
-
-
-def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
-    """Still segments of a stream that are no pose, the longest with their reasons, times counted from `since` (s); and
-    that the arm stopped at too few orientations.
-    """
-    rejected, stood = recorded.rejected, len(recorded.rejected) + recorded.segments
-    longest = sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED]
-    starts = sorted((pose.t_start or 0.0, str(pose.rejected)) for pose in longest)
-    named = "; ".join(f"t = {start - since:.6g} s, {reason}" for start, reason in starts)
-    more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
-    left_out = f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}"
-    doubt = "do wrench and pose belong together in time, and was the tool let alone?"
-    slow = (
-        f"{recorded.on_the_way} of {len(recorded.poses)} poses are parts of a slow motion, "
-        f"{recorded.segments} still stretches were found: a stop of two seconds at each orientation tells more"
-    )
-    most_moved = recorded.moved > MOST_MOVED * stood
-    return _those_that_hold(
-        (
-            (bool(rejected) and most_moved, WEAK, Kind.STILL_SEGMENTS_LEFT_OUT, f"{left_out}; {doubt}"),
-            (bool(rejected) and not most_moved, REFUSED, Kind.STILL_SEGMENTS_LEFT_OUT, left_out),
-            (recorded.on_the_way > 0, WARNING, Kind.POSES_ON_THE_WAY, slow),
-        )
-    )

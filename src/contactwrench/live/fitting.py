@@ -12,9 +12,10 @@ from ..calibration.text import parameter_rows
 from ..errors import ContactWrenchError
 from ..estimation.calibrate import DOWN, calibrate
 from ..geometry.arrays import Frozen
+from ..samples.creep import Stop
 from ..samples.delay import estimate_delay, is_significant
 from ..samples.samples import Streams
-from .pose_taking import HOLD, Taken, change_within, samples_of
+from .pose_taking import HOLD, Taken, samples_of
 from .push_test import Push, as_tested, contradiction
 from .snapshot import Fit, Parameter
 
@@ -27,8 +28,6 @@ OTHER_SIDE = (
     "by the pushes the robot {base}, which is not what was stated or usual: if it is not so, a push went the other "
     "way; push again, or state --gravity {towards}"
 )
-CREEP_IS_SURE = 4.0
-"""Standard deviations."""
 SIGNS = {"pull": 1.0, "reaction": -1.0}
 
 
@@ -99,27 +98,9 @@ def with_check(calibration: Calibration, passed: bool, reason: str) -> Calibrati
     return replace(calibration, findings=(*calibration.findings, finding))
 
 
-def with_creep(calibration: Calibration, poses: tuple[Taken, ...]) -> Calibration:
-    """The calibration, doubtful where its readings still crept by more than its own error when the poses were taken.
-
-    A sensor that creeps follows each change of its load by a share that comes late. What the readings of all poses
-    change by, as a share of the change of load before each, tells it where no single pose does. Creep goes on with the
-    logarithm of time: what is to come is taken for what ten times as long would bring.
-    """
-    load = np.diff([pose.mean[:3] for pose in poses], axis=0)
-    change = np.array([change_within(pose.wrench)[:3] for pose in poses[1:]])
-    squares = float(np.sum(load**2))
-    share = float(np.sum(change * load)) / squares
-    std = float(np.sqrt(np.mean((change - share * load) ** 2) / squares))
-    to_come = np.log(10.0) * share * float(np.median([pose.stood for pose in poses])) / (0.5 * HOLD)
-    off = to_come * float(np.sqrt(np.mean(np.sum(load**2, axis=1))))
-    if abs(share) < CREEP_IS_SURE * std or abs(off) < calibration.expected_error[0]:
-        return calibration
-    text = (
-        f"the sensor creeps after each change of its load: {100.0 * to_come:.2g} % of it, perhaps, was still to come "
-        f"when the poses were taken, {abs(off):.2g} N: a pose that stood for longer would weigh the tool otherwise"
-    )
-    return replace(calibration, findings=(*calibration.findings, Finding.doubtful(Kind.CREEP, text)))
+def stops_of(poses: tuple[Taken, ...]) -> list[Stop]:
+    """The poses as stops, whose creep tells what they had still to show."""
+    return [Stop(pose.wrench[:, :3], end - pose.stood, end - HOLD, end) for pose in poses for end in pose.t[-1:]]
 
 
 def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
+from .creep import Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import Samples
 from .slow_motion import poses_on_the_way
@@ -89,7 +90,7 @@ class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
     none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, in how many of
     them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did); how many poses were
-    taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments.
+    taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments, and the `creep` that they show.
     """
 
     poses: tuple[Pose, ...]
@@ -99,6 +100,7 @@ class RecordedPoses:
     segments: int
     on_the_way: int = 0
     still_noise: StillNoise | None = None
+    creep: Creep | None = None
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
@@ -112,8 +114,14 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         poses, visit = averaged(samples, label), visits(label, most_visits)
         if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
             raise _too_many(samples, len(poses))
-        noise = None if samples.t is None else _noise_of_rows(samples.wrench, samples.t, label)
-        return RecordedPoses(poses, None if visit is None else averaged(samples, visit), (), 0, 0, still_noise=noise)
+        again = None if visit is None else averaged(samples, visit)
+        if samples.t is None:
+            return RecordedPoses(poses, again, (), 0, 0)
+        rows, period = _even_rows(samples.t, label)
+        noise = still_noise_of([samples.wrench[each] for each in rows], period)
+        at = [(samples.wrench[each, :3], samples.t[each[0]], samples.t[each[-1]] + period) for each in rows]
+        creep = creep_of([Stop(force, begin, begin, end) for force, begin, end in at])
+        return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=creep)
     still = still_segments(samples)
     stood = still.accepted + still.rejected
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
@@ -121,7 +129,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     moving = poses_on_the_way(samples, [segment.rows for segment in stood]) if count < FEW_STOPS else ()
     if not still.accepted and not moving:
         raise InputError(_never_still(samples, still))
-    visit = visits(label, most_visits)
+    visit, stops = visits(label, most_visits), _stops(samples, still.accepted)
     return RecordedPoses(
         _joined(samples, still.accepted, label) + moving,
         None if visit is None else _joined(samples, still.accepted, visit) + moving,
@@ -130,15 +138,16 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         len(still.accepted),
         len(moving),
         still.noise,
+        creep_of(_stops(samples, tuple(sorted(stood, key=lambda each: each.first)))) or creep_of(stops),
     )
 
 
-def _noise_of_rows(wrench: Array, t: Array, label: NDArray[np.intp]) -> StillNoise | None:
-    """The noise within the rows of a table that follow each other at one orientation, where they come evenly."""
+def _even_rows(t: Array, label: NDArray[np.intp]) -> tuple[list[NDArray[np.intp]], float]:
+    """The rows of a table that follow each other at one orientation, where they come evenly, and their period, s."""
     step = np.diff(t)
     usual = float(np.median(step[label[1:] == label[:-1]])) if (label[1:] == label[:-1]).any() else 0.0
     ends = np.flatnonzero((label[1:] != label[:-1]) | (np.abs(step - usual) > 0.5 * usual)) + 1
-    return still_noise_of(np.split(wrench, ends), usual)
+    return [rows for rows in np.split(np.arange(len(t)), ends) if len(rows)], usual
 
 
 def resting_poses(samples: Samples, stream: bool | None = None) -> tuple[Pose, ...]:
@@ -186,6 +195,19 @@ def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray
     row = np.arange(len(samples))
     of_pose = [np.flatnonzero(label == pose) for pose in range(int(label.max(initial=-1)) + 1)]
     return mean_poses(samples, [np.concatenate([row[segments[k].rows] for k in of]) for of in of_pose])
+
+
+def _stops(samples: Samples, segments: tuple[StillSegment, ...]) -> list[Stop]:
+    """Each segment, with the time at which the arm came there."""
+    t = np.arange(len(samples), dtype=np.float64) if samples.t is None else samples.t
+    stops, before = [], 0
+    for segment in segments:
+        on_the_way = samples.R_base_flange[before : segment.first] - segment.R_base_flange
+        far = np.flatnonzero(np.sum(on_the_way**2, axis=(1, 2)) > 2.0 * SAME_POSE_ANGLE**2)
+        came = float(t[before + far[-1]] if len(far) else t[segment.first])
+        stops.append(Stop(samples.wrench[segment.rows, :3], came, segment.t_start, segment.t_end))
+        before = segment.last + 1
+    return stops
 
 
 def _never_still(samples: Samples, still: StillSegments) -> str:

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from contactwrench.calibration.findings import Kind
-from contactwrench.live.fitting import Stated, fitted, with_creep
+from contactwrench.estimation.findings_of_recording import with_creep
+from contactwrench.live.fitting import Stated, fitted, stops_of
 from contactwrench.live.pose_taking import Taken
+from contactwrench.samples.creep import creep_of
 from tests.support.live_world import LiveWorld
 
 Array = NDArray[np.float64]
@@ -37,7 +39,7 @@ def taken(share: float, seconds: float, seed: int, walk: float = 0.0) -> tuple[T
 def doubted(poses: tuple[Taken, ...]) -> bool:
     found = fitted(poses, (), Stated(), "test")
     assert found.calibration is not None
-    return any(each.kind is Kind.CREEP for each in with_creep(found.calibration, poses).findings)
+    return any(each.kind is Kind.CREEP for each in with_creep(found.calibration, creep_of(stops_of(poses))).findings)
 
 
 @pytest.mark.parametrize(("share", "seconds"), [(0.05, 2.0), (0.02, 1.5)])

@@ -1,0 +1,59 @@
+"""What the recording itself says of a result: stretches left out, poses on the way, and creep of the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..calibration.findings import Finding, Kind
+from ..samples.creep import Creep
+from ..samples.recorded_poses import RecordedPoses
+from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
+
+MOST_SEGMENTS_NAMED = 3
+MOST_MOVED = 1.0 / 3.0
+"""Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
+ALLOWED = 3.0
+"""Standard deviations of the weight by which creep may make it wrong."""
+
+
+def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
+    """Still segments of a stream that are no pose, the longest with their reasons, times counted from `since` (s); and
+    that the arm stopped at too few orientations.
+    """
+    rejected, stood = recorded.rejected, len(recorded.rejected) + recorded.segments
+    longest = sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED]
+    starts = sorted((pose.t_start or 0.0, str(pose.rejected)) for pose in longest)
+    named = "; ".join(f"t = {start - since:.6g} s, {reason}" for start, reason in starts)
+    more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
+    left_out = f"{len(rejected)} of {stood} stretches in which the arm stood were left out: {named}{more}"
+    doubt = "do wrench and pose belong together in time, and was the tool let alone?"
+    slow = (
+        f"{recorded.on_the_way} of {len(recorded.poses)} poses are parts of a slow motion, "
+        f"{recorded.segments} still stretches were found: a stop of two seconds at each orientation tells more"
+    )
+    most_moved = recorded.moved > MOST_MOVED * stood
+    return those_that_hold(
+        (
+            (bool(rejected) and most_moved, WEAK, Kind.STILL_SEGMENTS_LEFT_OUT, f"{left_out}; {doubt}"),
+            (bool(rejected) and not most_moved, REFUSED, Kind.STILL_SEGMENTS_LEFT_OUT, left_out),
+            (recorded.on_the_way > 0, WARNING, Kind.POSES_ON_THE_WAY, slow),
+        )
+    )
+
+
+def with_creep(calibration: Calibration, creep: Creep | None) -> Calibration:
+    """The calibration, doubtful where its readings had still more to show than its own error."""
+    if creep is None or any(finding.kind is Kind.CREEP for finding in calibration.findings):
+        return calibration
+    weight, std = calibration.weight or 0.0, calibration.std.get("weight", np.inf)
+    if creep.force < calibration.expected_error[0] and abs(creep.share) * weight < ALLOWED * std:
+        return calibration
+    text = (
+        f"the sensor creeps after each change of its load: {100.0 * creep.share:.2g} % of it, perhaps, was still to "
+        f"come when the poses were taken, {creep.force:.2g} N: a pose that stood for longer would weigh the tool "
+        "otherwise"
+    )
+    return replace(calibration, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))

@@ -1,0 +1,99 @@
+"""Creep of a sensor is told from noise by what all stops have in common; it makes a calibration doubtful."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+import contactwrench as cw
+from contactwrench.calibration.findings import Kind
+from contactwrench.samples.creep import Stop, creep_of
+
+Array = NDArray[np.float64]
+WEIGHT, RATE = 9.0, 50.0
+LOADS = 9.0 * Rotation.random(14, rng=np.random.default_rng(5)).apply([0.0, 0.0, 1.0])
+TAUS = np.geomspace(0.05, 5e4, 60)
+"""s: so many exponentials in even steps of the logarithm are a logarithm."""
+
+
+def stops(per_e_fold: float, noise: float, seed: int, stop: float = 4.0, move: float = 2.0) -> list[Stop]:
+    """Stops of a sensor that shows so much of each change of load late with each factor e of time."""
+    rng = np.random.default_rng(seed)
+    came = (stop + move) * np.arange(len(LOADS)) + 1.79e9
+    found = []
+    for k, at in enumerate(came):
+        since = np.arange(0.3, stop, 1.0 / RATE)
+        force = np.tile(LOADS[k], (len(since), 1)).astype(float)
+        for j in range(1, k + 1):
+            force += per_e_fold * np.log(at + since - came[j])[:, None] * (LOADS[j] - LOADS[j - 1])
+        force += noise * rng.standard_normal(force.shape)
+        found.append(Stop(force, float(at), float(at + since[0]), float(at + since[-1])))
+    return found
+
+
+@pytest.mark.parametrize("per_e_fold", [0.001, 0.01, -0.004])
+@pytest.mark.parametrize("stop", [1.0, 4.0, 30.0])
+def test_creep_by_the_logarithm_of_time_is_found_whatever_the_stops(per_e_fold: float, stop: float) -> None:
+    """From the mean of a stop to ten times its length: ln 10, and ln of its end over the mean time."""
+    found = creep_of(stops(per_e_fold, 1e-4, 1, stop))
+    assert found is not None
+    assert found.share / per_e_fold == pytest.approx(np.log(10.0) + 0.87, rel=0.12)
+    changes = np.linalg.norm(np.diff(LOADS, axis=0), axis=1)
+    assert found.force == pytest.approx(abs(found.share) * np.sqrt(np.mean(changes**2)), rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_creep(seed: int) -> None:
+    assert creep_of(stops(0.0, 0.05, seed)) is None
+
+
+def test_too_few_stops_or_rows_tell_nothing() -> None:
+    some = stops(0.01, 1e-4, 0)
+    assert creep_of(some[:3]) is None
+    assert creep_of(some[:4]) is not None
+    assert creep_of([Stop(each.force[:9], each.came, each.begin, each.end) for each in some]) is None
+
+
+def recording(seed: int, share: float, tau: float, stop: float) -> cw.Samples:
+    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant."""
+    rng, R = np.random.default_rng(seed), Rotation.random(12, rng=np.random.default_rng(seed + 50))
+    edges = (np.arange(12)[:, None] * (stop + 2.0) + [0.0, stop]).ravel()
+    t = np.arange(0.0, edges[-1], 1.0 / RATE)
+    turn = Slerp(edges, R[np.repeat(np.arange(12), 2)])(t)
+    mounting = Rotation.from_euler("zxy", [20.0, 0.5, -0.3], degrees=True)
+    force = (turn * mounting).inv().apply([0.0, 0.0, -WEIGHT])
+    true = np.hstack([force, np.cross([0.01, -0.005, 0.06], force)])
+    late = np.empty_like(true)
+    late[0] = true[0]
+    for k in range(1, len(t)):
+        late[k] = late[k - 1] + (true[k] - late[k - 1]) / (RATE * tau)
+    noise = rng.standard_normal(true.shape) * np.repeat([0.02, 0.001], 3)
+    bias = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.1])
+    return cw.Samples((1.0 - share) * true + share * late + bias + noise, turn.as_matrix(), t)
+
+
+@pytest.mark.parametrize(("share", "tau", "stop"), [(0.02, 5.0, 3.0), (0.05, 15.0, 3.0), (0.02, 15.0, 8.0)])
+def test_a_recording_of_a_creeping_sensor_is_doubtful(share: float, tau: float, stop: float) -> None:
+    calibration = cw.calibrate(recording(2, share, tau, stop))
+    assert calibration.weight is not None
+    assert calibration.weight < WEIGHT - 3.0 * calibration.std["weight"]
+    assert calibration.verdict != "good"
+    (text,) = [each.text for each in calibration.findings if each.kind is Kind.CREEP]
+    assert text.startswith("doubtful: the sensor creeps after each change of its load: ")
+    assert len(text) < 300
+
+
+def test_one_that_does_not_is_not() -> None:
+    calibration = cw.calibrate(recording(2, 0.0, 1.0, 3.0))
+    assert (calibration.verdict, calibration.findings) == ("good", ())
+
+
+def test_rows_of_a_table_tell_creep_too() -> None:
+    """Rows of each stop alone, one after the other: when the arm came there is not known."""
+    whole = recording(3, 0.05, 5.0, 3.0)
+    assert whole.t is not None
+    at_rest = (whole.t % 5.0 > 0.4) & (whole.t % 5.0 < 2.9)
+    calibration = cw.calibrate(whole.select(at_rest))
+    assert Kind.CREEP in [finding.kind for finding in calibration.findings]
