@@ -64,7 +64,6 @@ class NoteKind(StrEnum):
     WRONG_SUM = "wrong_sum"
     RESTARTED = "restarted"
     STATUS = "status"
-    RATE = "rate"
     LATE = "late"
 
 

@@ -113,7 +113,7 @@ class Ft300(Reader[Tcp | Serial]):
         else:
             self._link.start(self._path)
         self._number, self._asked, self._due = 0, False, monotonic()
-        self._begin(Ft300Decoder(bool(self._path)), RATE)
+        self._begin(Ft300Decoder(bool(self._path)))
         first = Batch()
         while not first.samples:
             if not deadline.left:

@@ -15,7 +15,6 @@ from ...recording.tables.layout import cells, layout_of
 from ..source import About, Batch, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
-from .rate import asked_rate
 from .reader import AnyLink, Reader
 from .transport import Deadline, StandardInput, Tcp, Udp
 
@@ -142,7 +141,7 @@ class _Lines(Reader[AnyLink]):
     def __init__(self, uri: Uri, link: AnyLink) -> None:
         uri.only("rate", "columns", "orientation", "units")
         super().__init__(uri, link)
-        self._rate = asked_rate(uri)
+        self._rate = uri.rate()
         self._naming = Naming(orientation=uri.options.get("orientation", "auto"), units=uri.options.get("units"))
         self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
         self._at = uri.host, uri.port
@@ -153,7 +152,7 @@ class _Lines(Reader[AnyLink]):
         deadline = self._link.deadline()
         self._connect(deadline)
         decoder = self._fresh()
-        self._begin(decoder, self._rate)
+        self._begin(decoder)
         early = self._first(deadline, EXPECTED)
         others = self._link.deadline(OTHERS)
         while others.left and not (_any(early, "wrench") and _any(early, "orientation")):

@@ -95,7 +95,7 @@ class NetFt(Reader[Udp]):
             self._link.send(ZERO)
         self._link.send(STREAM)
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
-        self._begin(NetFtDecoder(counts, rate, saturated), rate)
+        self._begin(NetFtDecoder(counts, rate, saturated))
         self._first(deadline, "records")
         self._heard = monotonic()
         settings = {"zero": "the box was told to zero itself: its bias is not the sensor's"} if self._zero else {}

@@ -90,7 +90,7 @@ class Rsi(Reader[Udp]):
         deadline = self._link.deadline()
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
-        self._begin(self._rsi, None)
+        self._begin(self._rsi)
         first = Batch()
         while len(first.samples) < FIRST:
             if not deadline.left:
@@ -116,7 +116,6 @@ class Rsi(Reader[Udp]):
                 moved = self.corrections is not None and len(batch.samples) > known
                 correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
                 self._link.answer(answer(ipoc, correction), sender)
-        self._watch.take(batch, arrival)
         return batch
 
 

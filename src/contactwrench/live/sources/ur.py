@@ -15,7 +15,6 @@ from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
 from . import rtde
-from .rate import asked_rate
 from .reader import Reader
 from .transport import Deadline, Tcp
 
@@ -156,7 +155,7 @@ class Ur(Reader[Tcp]):
         uri.only("rate", "force")
         super().__init__(uri, Tcp(uri.text, "robot's controller, RTDE switched on"), rtde.package(rtde.PAUSE))
         self._host, self._port = uri.host, uri.port or PORT
-        self._rate = asked_rate(uri)
+        self._rate = uri.rate()
         self._force = RAW
         if "force" in uri.options:
             if uri.options["force"] != "compensated":
@@ -176,7 +175,7 @@ class Ur(Reader[Tcp]):
         wrench = self._force if self._force in recipe.places else ""
         if self._ask(rtde.START, b"", deadline) != b"\x01":
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
-        self._begin(decoder := UrDecoder(recipe, rate, wrench), rate)
+        self._begin(decoder := UrDecoder(recipe, rate, wrench))
         decoder.feed(self._answers, now(), self._early)
         seen = self._first(deadline, "data packages").samples[0].wrench
         if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
