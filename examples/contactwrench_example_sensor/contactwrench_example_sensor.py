@@ -48,8 +48,7 @@ class ExampleSensor:
             return batch
         while self._sent <= (monotonic() - self._start) * RATE:
             arrival = now()
-            device, note = self._counter.take(self._sent, arrival)
-            batch.notes += [note] if note is not None else []
+            device = self._counter.take(self._sent, arrival, batch)
             if device is not None:
                 wrench = (0.0, 0.0, self._amplitude * sin(tau * device), 0.0, 0.0, 0.0)
                 batch.samples.append(Sample(arrival, device, wrench))

@@ -56,13 +56,12 @@ class Intake:
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
         """Samples with the times at which they were taken."""
         for note in batch.notes:
-            if note.kind is NoteKind.RESTARTED:
-                self.clock.reset()
             self.lost += note.number if note.kind is NoteKind.LOST else 0
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
-        times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples])
+        anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED]
+        times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
         taken = []
         for t, sample in zip(times, batch.samples, strict=True):
             self._newest = max(t, self._newest + LEAST_STEP)

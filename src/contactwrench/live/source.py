@@ -68,11 +68,14 @@ class NoteKind(StrEnum):
 
 
 class Note(NamedTuple):
-    """`text` in words, short; `number`: of samples, packets or bytes."""
+    """`text` in words, short; `number`: of samples, packets or bytes; `before`: the place in the batch of the sample at
+    which a counter showed it.
+    """
 
     kind: NoteKind
     text: str
     number: int = 1
+    before: int = 0
 
 
 @dataclass
@@ -81,6 +84,11 @@ class Batch:
 
     samples: list[Sample] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
+
+    def add(self, later: Batch) -> None:
+        """Append what came later."""
+        self.notes += [note._replace(before=len(self.samples) + note.before) for note in later.notes]
+        self.samples += later.samples
 
 
 @dataclass(frozen=True)

@@ -83,9 +83,7 @@ class Bota:
         if frame.timestamp == self._last:
             return False
         self._last, arrival = frame.timestamp, now()
-        device, note = self._counter.take(int(frame.timestamp), arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(int(frame.timestamp), arrival, batch)
         if device is not None:
             wrench: Six = (*frame.force, *frame.torque)
             status = frame.status

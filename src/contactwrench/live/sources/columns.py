@@ -58,10 +58,7 @@ class NamedColumns:
             device = sum(_in_si(row, roles.t)) if roles.t else nan
             if isfinite(1e6 * device):
                 self._first = device if self._first is None else self._first
-                fresh, note = self._counter.take(round(1e6 * device), arrival)
-                if note is not None:
-                    batch.notes.append(note)
-                if fresh is None:
+                if (fresh := self._counter.take(round(1e6 * device), arrival, batch)) is None:
                     continue
                 device = self._first + fresh  # kinds of lines that begin at different times have one clock
             else:

@@ -51,9 +51,7 @@ class NetFtDecoder:
             return
         f, t = self._force, self._torque
         for number, _, status, fx, fy, fz, tx, ty, tz in _record.iter_unpack(data):
-            device, note = self._counter.take(number, arrival)
-            if note is not None:
-                batch.notes.append(note)
+            device = self._counter.take(number, arrival, batch)
             if status != self._status:
                 self._status = status
                 batch.notes.append(Note(NoteKind.STATUS, f"status 0x{status:08x}"))

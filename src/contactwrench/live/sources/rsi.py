@@ -51,9 +51,7 @@ class RsiDecoder:
                 Note(NoteKind.GARBAGE, f"{len(data)} bytes without numbers in RIst, AIPos and IPOC", len(data))
             )
             return
-        device, note = self._counter.take(self.ipoc, arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(self.ipoc, arrival, batch)
         self._note_late(data, batch)
         if device is not None:
             position = 1e-3 * x, 1e-3 * y, 1e-3 * z

@@ -66,9 +66,7 @@ class SriDecoder:
 
     def _sample(self, buffer: bytes, start: int, arrival: float, batch: Batch) -> None:
         self._streaming = True
-        device, note = self._counter.take(_number(buffer, start)[0], arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(_number(buffer, start)[0], arrival, batch)
         if device is not None:
             wrench: Six = _floats(buffer, start + 6)
             flaw = "" if isfinite(sum(wrench)) else "broken: no number"

@@ -105,9 +105,7 @@ class UrDecoder:
         if not isfinite(sum((values[0], *values[places["actual_TCP_pose"]]))):
             batch.notes.append(Note(NoteKind.GARBAGE, "a package with a pose, or a time, that is no number"))
             return
-        device, note = self._counter.take(round(1e6 * values[0]), arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(round(1e6 * values[0]), arrival, batch)
         if device is None:
             return
         x, y, z, *vector = values[places["actual_TCP_pose"]]
