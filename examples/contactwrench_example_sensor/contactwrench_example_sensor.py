@@ -38,7 +38,7 @@ class ExampleSensor:
         self._closed.clear()
         self._start, self._sent = monotonic(), 0
         self._counter = Counter(1.0 / RATE)  # turns the device's numbers into its time; sees what was lost
-        return About(f"Example {self._name}", wrench=True, orientation=False, rate=RATE, sign="pull")
+        return About(f"Example {self._name}", wrench=True, orientation=False, rate=RATE)
 
     def read(self, timeout: float) -> Batch:
         """All samples since the last call; waits for one at most so long, and not once `close` was called."""

@@ -143,8 +143,8 @@ class Ur(Reader[Tcp]):
 
     FORM = "ur://HOST[:30004][?rate=HZ][&force=compensated]"
     ABOUT = (
-        "Universal Robots CB3 and e-series: orientation, position, joints, and the raw wrench of an e-series (5.9 and "
-        "newer); force=compensated: the wrench with the payload subtracted by the robot"
+        "Universal Robots CB3 and e-series: orientation, position, joints, and in flange axes the raw wrench of an "
+        "e-series (5.9 and newer); force=compensated: the wrench with the payload subtracted by the robot"
     )
     RATE = "as asked for, else 500 Hz (CB3: 125 Hz)"
     TESTED = "its fake in the lab, written from the RTDE guide; no robot"
@@ -223,4 +223,4 @@ def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: rtde.Reci
     if wrench == COMPENSATED:
         settings["compensated"] = "the robot has subtracted its payload and its zero: not what the sensor reads"
     name = f"Universal Robots {series}, PolyScope {'.'.join(map(str, version[:3]))}"
-    return About(name, bool(wrench), True, rate, frame="flange", settings=settings)
+    return About(name, bool(wrench), True, rate, settings=settings)
