@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from math import isfinite, nan
 from typing import cast
@@ -32,18 +33,15 @@ class NamedColumns:
 
     def __init__(self, names: Iterable[str], naming: Naming, rate: float | None) -> None:
         table = OpenTable("the line", places_of(names, "the line"), partial(iter, ()))
-        self.width, self.lacks = len(table.places), ""
+        self.width = len(table.places)
         wrench: list[Column] = []
         angles: list[Column] = []
         self._convention = None
-        try:
+        with suppress(FileFormatError):
             wrench = wrench_columns(table, naming)
-        except FileFormatError as error:
-            self.lacks = str(error)
         try:
             self._convention, angles = orientation_columns(table, naming)
-        except FileFormatError as error:
-            self.lacks = str(error)
+        except FileFormatError:
             if not wrench:
                 raise
         roles = roles_beside(table, naming, wrench, self._convention, angles)

@@ -114,12 +114,7 @@ class Ft300(Reader[Tcp | Serial]):
             self._link.start(self._path)
         self._number, self._asked, self._due = 0, False, monotonic()
         self._begin(Ft300Decoder(bool(self._path)))
-        first = Batch()
-        while not first.samples:
-            if not deadline.left:
-                raise self._link.silent("six Modbus registers from 180 on")
-            first = self.read(min(AGAIN, deadline.left))
-        self._early = first
+        self._first(deadline, self._link.silent("six Modbus registers from 180 on"))
         how = self._path or "Modbus TCP"
         return About("Robotiq FT 300", wrench=True, orientation=False, rate=RATE, settings={"by": how})
 

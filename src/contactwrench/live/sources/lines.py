@@ -45,8 +45,6 @@ class LinesDecoder:
         self._kinds: dict[tuple[str, ...], NamedColumns] = {}
         self._csv: NamedColumns | None = self._kind(tuple(columns)) if columns else None
         self._separator = ""
-        self.problem = ""
-        """What was wrong with the last line that is no sample."""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
@@ -58,8 +56,7 @@ class LinesDecoder:
         for line in filter(None, map(bytes.strip, lines)):
             try:
                 of, row = self._row(line)
-            except (InputError, ValueError) as error:
-                self.problem = str(error)
+            except (InputError, ValueError):
                 batch.notes.append(Note(NoteKind.GARBAGE, f"a line of {len(line)} bytes that is no sample", len(line)))
                 continue
             if of is not kind and kind is not None:
@@ -153,7 +150,7 @@ class _Lines(Reader[AnyLink]):
         self._connect(deadline)
         decoder = self._fresh()
         self._begin(decoder)
-        early = self._first(deadline, EXPECTED)
+        early = self._first(deadline, self._link.silent(EXPECTED))
         others = self._link.deadline(OTHERS)
         while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
             for data in self._link.receive(others.left):

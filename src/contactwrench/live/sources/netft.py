@@ -94,8 +94,8 @@ class NetFt(Reader[Udp]):
         self._link.send(STREAM)
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
         self._begin(NetFtDecoder(counts, rate, saturated))
-        self._first(deadline, "records")
         self._heard = monotonic()
+        self._first(deadline, self._link.silent("records"))
         settings = {"zero": "the box was told to zero itself: its bias is not the sensor's"} if self._zero else {}
         return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
 

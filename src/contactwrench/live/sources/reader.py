@@ -9,6 +9,8 @@ from ..source import Batch, DeviceError, now
 from ..uri import Uri
 from .transport import Deadline, Link
 
+LOOK = 0.1
+"""s that a read waits for the first samples."""
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
 
@@ -61,12 +63,13 @@ class Reader(Generic[AnyLink]):
     def _begin(self, decoder: Decoder) -> None:
         self._decoder, self._early, self._unread = decoder, Batch(), 0
 
-    def _first(self, deadline: Deadline, expected: str) -> Batch:
-        """What came up to the first sample; `read` gives it again. Raises `DeviceError` where none comes."""
-        early = self._early
-        while not early.samples:
+    def _first(self, deadline: Deadline, missing: DeviceError, number: int = 1) -> Batch:
+        """What came up to the first samples, so many; `read` gives it again. Raises `missing` where none come."""
+        early = Batch()
+        while len(early.samples) < number:
             if not deadline.left:
-                raise self._link.silent(expected)
-            for each in self._link.receive(deadline.left):
-                self._decoder.feed(each, now(), early)
+                raise missing
+            early.add(self.read(min(deadline.left, LOOK)))
+            self._unread = 0  # the deadline says it better
+        self._early = early
         return early

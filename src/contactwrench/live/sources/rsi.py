@@ -89,15 +89,9 @@ class Rsi(Reader[Udp]):
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
         self._begin(self._rsi)
-        first = Batch()
-        while len(first.samples) < FIRST:
-            if not deadline.left:
-                raise self._link.error(
-                    "no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR"
-                )
-            first.samples += self.read(deadline.left).samples
+        missing = self._link.error("no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR")
+        first = self._first(deadline, missing, FIRST)
         step = min(b.device - a.device for a, b in pairwise(first.samples))
-        self._early = first
         settings = {"pose": "of $TOOL in $BASE: with a turned $TOOL it is not the flange's"}
         rate = round(1.0 / step, 3)
         return About("KUKA RSI", wrench=False, orientation=True, rate=rate, settings=settings, listens=True)

@@ -175,7 +175,7 @@ class Ur(Reader[Tcp]):
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
         self._begin(decoder := UrDecoder(recipe, rate, wrench))
         decoder.feed(self._answers, now(), self._early)
-        seen = self._first(deadline, "data packages").samples[0].wrench
+        seen = self._first(deadline, self._link.silent("data packages")).samples[0].wrench
         if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
             wrench = ""
             decoder.without_wrench()
