@@ -115,8 +115,8 @@ class Ft300(Reader[Tcp | Serial]):
         self._number, self._asked, self._due = 0, False, monotonic()
         self._begin(Ft300Decoder(bool(self._path)))
         self._first(deadline, self._link.silent("six Modbus registers from 180 on"))
-        how = self._path or "Modbus TCP"
-        return About("Robotiq FT 300", wrench=True, orientation=False, rate=RATE, settings={"by": how})
+        rate, how = (None, self._path) if self._path else (RATE, "Modbus TCP")  # what a serial line can is its own
+        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, settings={"by": how})
 
     def read(self, timeout: float) -> Batch:
         """As `Source`: it asks for a sample when that is due, and waits for the answer."""
