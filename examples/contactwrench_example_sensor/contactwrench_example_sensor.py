@@ -38,7 +38,7 @@ class ExampleSensor:
         self._closed.clear()
         self._start, self._sent = monotonic(), 0
         self._counter = Counter(1.0 / RATE)  # turns the device's numbers into its time; sees what was lost
-        return About(f"Example {self._name}", wrench=True, orientation=False, rate=RATE, sign="pull")
+        return About(f"Example {self._name}", wrench=True, orientation=False, rate=RATE)
 
     def read(self, timeout: float) -> Batch:
         """All samples since the last call; waits for one at most so long, and not once `close` was called."""
@@ -48,8 +48,7 @@ class ExampleSensor:
             return batch
         while self._sent <= (monotonic() - self._start) * RATE:
             arrival = now()
-            device, note = self._counter.take(self._sent, arrival)
-            batch.notes += [note] if note is not None else []
+            device = self._counter.take(self._sent, arrival, batch)
             if device is not None:
                 wrench = (0.0, 0.0, self._amplitude * sin(tau * device), 0.0, 0.0, 0.0)
                 batch.samples.append(Sample(arrival, device, wrench))

@@ -16,7 +16,7 @@ from contactwrench.lab.lines import TcpLines
 from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur
-from contactwrench.live.uri import SOURCES
+from contactwrench.live.uri import known_sources
 from tests.lab.clients import nothing_left
 from tests.support.devices import answering, free_port
 from tests.support.moving import smooth_rotations
@@ -54,7 +54,7 @@ def complaint(capsys: Capture, verb: str, *arguments: str | Path) -> str:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("--sensor foo://x", f"foo://x: found the scheme foo, expected one of {', '.join(sorted(SOURCES))}"),
+        ("--sensor foo://x", f"foo://x: found the scheme foo, expected one of {', '.join(each.scheme for each in known_sources())}"),
         ("--sensor 10.0.0.7", "10.0.0.7: found no scheme, expected a URI like sri://10.0.0.7"),
         ("--sensor sri://no.invalid", "sri://no.invalid: found no host no.invalid, expected the SRI interface box: "
          "check the name, or write its address"),

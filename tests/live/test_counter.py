@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactwrench.live.counter import Counter
-from contactwrench.live.source import NoteKind
+from contactwrench.live.source import Batch, NoteKind
 
 PERIOD = 1e-3
 
@@ -22,10 +22,9 @@ def taken(
     arrival, times, notes = 100.0, [], []
     for k, count in enumerate(counts):
         arrival += (gaps or {}).get(k, PERIOD * step)
-        time, note = counter.take(count, arrival)
-        times.append(time)
-        if note is not None:
-            notes.append((k, note.kind, note.number))
+        batch = Batch()
+        times.append(counter.take(count, arrival, batch))
+        notes += [(k, note.kind, note.number) for note in batch.notes]
     return times, notes
 
 
@@ -109,10 +108,10 @@ def test_time_never_runs_backwards(counts: list[int], modulus: int | None) -> No
 def test_steps_that_jitter_lose_nothing(jitter: list[int]) -> None:
     """A robot's stamps in microseconds, 2 ms apart give or take 0.4 ms."""
     counts = [2_000 * k + each for k, each in enumerate(jitter)]
-    counter = Counter(1e-6, step=2_000)
-    times = [counter.take(count, 2e-3 * k) for k, count in enumerate(counts)]
-    assert [note for _, note in times] == [None] * len(counts)
-    assert [time for time, _ in times] == pytest.approx([1e-6 * (count - counts[0]) for count in counts])
+    counter, batch = Counter(1e-6, step=2_000), Batch()
+    times = [counter.take(count, 2e-3 * k, batch) for k, count in enumerate(counts)]
+    assert batch.notes == []
+    assert times == pytest.approx([1e-6 * (count - counts[0]) for count in counts])
 
 
 def test_a_slower_device_than_it_says_loses_nothing() -> None:

@@ -8,7 +8,7 @@ import pytest
 from contactwrench.calibration.findings import Kind
 from contactwrench.live.fitting import Fitted, Stated, fitted, with_check
 from contactwrench.live.push_test import Push
-from tests.live.test_creep import taken
+from tests.live.test_creep_of_poses import taken
 from tests.support.live_world import LiveWorld
 
 UP = (0.0, 0.0, 1.0)

@@ -2,31 +2,71 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from itertools import pairwise
+
+import pytest
+
 from contactwrench.live.intake import Intake
 from contactwrench.live.snapshot import Event
 from contactwrench.live.source import About, Batch, Sample
 
 
-def said(rate: float, seconds: float, silence: float = 0.0) -> list[Event]:
-    """Of a device at a rate that it stated, and then of silence."""
+def said(asked: float, *spans: tuple[float, float], burst: float = 0.0) -> list[Event]:
+    """Of a device that stated the rate `asked`, and comes at other ones, each for so many s; 0 Hz is silence. What
+    comes within `burst` s comes together.
+    """
     intake, events = Intake("sri://sensor", "sensor"), list[Event]()
-    intake.opened(About("a sensor", wrench=True, orientation=False, rate=rate), 0.0)
-    due = 1.0 / rate
-    for look in range(1, round((seconds + silence) / 0.02) + 1):
-        t, batch = 0.02 * look, Batch()
-        while due <= min(t, seconds):
-            batch.samples.append(Sample(due, wrench=(0.0,) * 6))
-            due += 1.0 / rate
-        intake.take(batch)
+    intake.opened(About("a sensor", wrench=True, orientation=False, rate=asked), 0.0)
+    due, begin = list[float](), 0.0
+    for rate, seconds in spans:
+        due += [begin + (k + 1) / rate for k in range(round(rate * seconds))]
+        begin += seconds
+    came = [-(-each // burst) * burst if burst else each for each in due]
+    for before, t in pairwise(0.02 * look for look in range(round(begin / 0.02) + 1)):
+        new = came[bisect_right(came, before) : bisect_right(came, t)]
+        intake.take(Batch([Sample(each, wrench=(0.0,) * 6) for each in new]))
         events += intake.look(t)
     return events
 
 
 def test_a_slow_device_is_not_silent_between_two_samples() -> None:
-    assert said(3.0, 10.0) == []
+    assert said(3.0, (3.0, 60.0)) == []
 
 
 def test_silence_is_said_once_and_soon() -> None:
-    (event,) = said(500.0, 5.0, 3.0)
+    (event,) = said(500.0, (500.0, 5.0), (0.0, 3.0))
     assert event.kind == "silent"
     assert 5.2 < event.t < 5.4
+
+
+@pytest.mark.parametrize("asked", [83.3, 100.0, 1_000.0])
+@pytest.mark.parametrize("share", [0.5, 2.0, 4.0])
+def test_another_rate_is_said_soon_and_again_after_it_was_right(asked: float, share: float) -> None:
+    """However long it was right: the second time is no part of the first."""
+    for right in (0.5, 0.9, 3.0):
+        other = share * asked
+        events = said(asked, (asked, 2.3), (other, 1.0), (asked, right), (other, 1.0), (asked, 3.0))
+        assert [event.kind for event in events] == ["rate", "rate"]
+        assert 2.3 < events[0].t < 2.3 + 0.5
+        assert 3.3 + right < events[1].t < 3.3 + right + 0.5
+
+
+@pytest.mark.parametrize("rate", [85.0, 115.0])
+def test_a_rate_that_is_a_little_off_is_said_surely(rate: float) -> None:
+    (event,) = said(100.0, (100.0, 3.2), (rate, 10.0))
+    assert abs(float(event.text.partition(" ")[0]) - rate) < 3.0
+    assert 4.2 < event.t < 4.8
+
+
+@pytest.mark.parametrize("percent", [*range(3, 8), *range(26, 34), *range(46, 54)])
+def test_a_rate_at_the_limit_is_said_once_at_the_most(percent: int) -> None:
+    events = said(100.0, (100.0, 3.0), (100.0 - percent, 30.0), burst=0.01)
+    assert [event.kind for event in events] == ["rate"] * (percent > 10)
+
+
+@pytest.mark.parametrize("stall", [0.05, 0.1, 0.15, 0.2])
+def test_a_stall_is_no_rate(stall: float) -> None:
+    """Wherever it begins; what waited comes behind it, all at once."""
+    for begin in (3.0 + 0.01 * k for k in range(50)):
+        assert said(100.0, (100.0, begin), (0.0, stall), (1e4 * stall, 0.01), (100.0, 2.0)) == []

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from contactwrench.live.clock import LATE, Clock
+from contactwrench.live.counter import Counter
+from contactwrench.live.intake import Intake
 from contactwrench.live.motion import RATE, SECONDS, Motion
 from contactwrench.live.sink import NO_TURN, Turn
-from contactwrench.live.source import Batch
+from contactwrench.live.source import About, Batch, Sample
 from contactwrench.live.uri import source_of
 from tests.support.live_world import Array
 
@@ -59,6 +61,30 @@ def test_a_stall_moves_no_time() -> None:
     true = np.arange(0.0, 20.0, 0.002)
     came = np.where((true > 10.0) & (true < 11.0), 11.0, true) + 1e-4
     assert np.abs(timed(Clock(), came, true) - true).max() < 5e-4
+
+
+@pytest.mark.parametrize("joined", [1, 5, 15])
+def test_a_restart_within_a_batch_moves_no_time_before_it(joined: int) -> None:
+    """Of 300 samples in fifteen batches, some of them joined; the first after the restart is held up by 30 ms."""
+    true = 0.001 * np.arange(300)
+    came = np.maximum.accumulate(true + np.where(np.arange(300) == 102, 0.030, 0.0)) + 0.001
+    counter, intake, whole = Counter(0.001, 1 << 16), Intake("sri://x", "sensor"), Batch()
+    intake.opened(About("a sensor", wrench=True, orientation=False), 0.0)
+    late = dict[int, float]()
+    for number, rows in enumerate(np.arange(300).reshape(15, 20).tolist(), 1):
+        batch = Batch()
+        for k in rows:
+            device = counter.take(k if k < 100 else k - 100, came[k], batch)
+            if device is not None:
+                batch.samples.append(Sample(came[k], device, wrench=(k, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        whole.add(batch)
+        if number % joined == 0:
+            taken = intake.take(whole)
+            late |= {int(each.wrench[0]): t - true[int(each.wrench[0])] for t, each in taken if each.wrench}
+            whole = Batch()
+    assert late.keys() == {*range(300)} - {100, 101}  # two that seem to be late ones tell a restart
+    assert [late[k] for k in range(100)] == pytest.approx([0.001] * 100, abs=1e-5)
+    assert [late[k] for k in range(140, 300)] == pytest.approx([0.001] * 160, abs=1e-5)
 
 
 def test_lines_of_two_kinds_have_one_clock() -> None:

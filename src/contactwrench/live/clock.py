@@ -7,7 +7,7 @@ smallest delay itself, a fraction of a ms on a wire, cannot be seen, and is left
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 from math import inf, isnan
 
@@ -38,24 +38,26 @@ class Clock:
         self._rate, self._line = 0.0, (0.0, inf)
         self.lateness = 0.0
 
-    def times(self, stamps: Sequence[tuple[float, float]]) -> list[float]:
+    def times(self, stamps: Sequence[tuple[float, float]], anew: Collection[int] = ()) -> list[float]:
         """The times (s since 1970) of samples that came together, from their (arrival, device's time): what a device
         had kept, and sent at once, is told apart so. NaN for the device's: the arrival, there is nothing better. Where
-        the device's goes back it has begun anew, and what came before has nothing to do with it.
+        the device's goes back, and at the places `anew`, it has begun anew: what came before has nothing to do with it.
         """
         times = list[float]()
-        for part in self._parts(stamps):
+        for part in self._parts(stamps, anew):
             for arrival, device in part:
                 if not isnan(device):
                     self._see(arrival, device)
             times += [self._time(arrival, device) for arrival, device in part]
         return times
 
-    def _parts(self, stamps: Sequence[tuple[float, float]]) -> Iterator[Sequence[tuple[float, float]]]:
+    def _parts(
+        self, stamps: Sequence[tuple[float, float]], anew: Collection[int]
+    ) -> Iterator[Sequence[tuple[float, float]]]:
         """The stamps, parted where the device began anew."""
         begin, latest = 0, self._device
         for k, (_, device) in enumerate(stamps):
-            if device < latest:
+            if device < latest or k in anew:
                 yield stamps[begin:k]
                 self.reset()
                 begin = k

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .source import Note, NoteKind
+from .source import Batch, Note, NoteKind
 
 BEHIND = 1_000
 """Samples: a late packet of a network comes no further behind; what does is of a device that began anew."""
@@ -34,12 +34,13 @@ class Counter:
         self._behind, self._in_a_row = 0, 0
         self._learning: list[int] | None = [] if learns and step else None
 
-    def take(self, count: int, arrival: float) -> tuple[float | None, Note | None]:
-        """A sample's time by the device and what is to be noted.
+    def take(self, count: int, arrival: float, batch: Batch) -> float | None:
+        """A sample's time by the device.
 
         Args:
             count: its counter.
             arrival: s, when it came.
+            batch: where it is to go, and what its counter shows is noted.
 
         Returns:
             s since the first sample; None where it is no new one. With `NoteKind.RESTARTED` it goes on by the time that
@@ -47,21 +48,23 @@ class Counter:
         """
         if self._last is None:
             self._last, self._arrival = count, arrival
-            return 0.0, None
+            return 0.0
         ahead = self._ahead(count, arrival)
         if ahead == self._step and not self._in_a_row and self._learning is None:
-            return self._forward(count, ahead, arrival), None
+            return self._forward(count, ahead, arrival)
         if ahead == 0:
-            return None, Note(NoteKind.REPEATED, f"number {count} came again")
+            _note(batch, NoteKind.REPEATED, f"number {count} came again")
+            return None
         if self._began_anew(count, ahead, arrival):
-            restarted = Note(NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
+            _note(batch, NoteKind.RESTARTED, f"the counter began anew at {count} after {self._last}")
             passed = round((arrival - self._arrival) / self._period)
-            return self._forward(count, max(passed, self._step or 1), arrival), restarted
+            return self._forward(count, max(passed, self._step or 1), arrival)
         if ahead < 0:
-            return None, Note(NoteKind.DISORDERED, f"number {count} came after {self._last}")
-        missing = self._missing(ahead)
-        note = Note(NoteKind.LOST, f"{missing} missing before number {count}", missing) if missing > 0 else None
-        return self._forward(count, ahead, arrival), note
+            _note(batch, NoteKind.DISORDERED, f"number {count} came after {self._last}")
+            return None
+        if (missing := self._missing(ahead)) > 0:
+            _note(batch, NoteKind.LOST, f"{missing} missing before number {count}", missing)
+        return self._forward(count, ahead, arrival)
 
     def _missing(self, ahead: int) -> int:
         """Samples that are lost within an advance, or within those by which the step was learnt."""
@@ -98,3 +101,7 @@ class Counter:
         self._late = min(late, self._latest) if late > 0.0 else 0.0
         self._last, self._arrival, self._total, self._in_a_row = count, arrival, self._total + ahead, 0
         return self._total * self._period
+
+
+def _note(batch: Batch, kind: NoteKind, text: str, number: int = 1) -> None:
+    batch.notes.append(Note(kind, text, number, len(batch.samples)))

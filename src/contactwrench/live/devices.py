@@ -8,12 +8,13 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
+from .rate import Windows
 from .source import About, Source, now
 
-PROBE = 0.7
-"""s over which samples are counted before a session begins."""
-OFF_RATE, STEADY = 0.2, 0.1
-"""By which part the rate may differ from the one that was asked for, and from itself a moment later."""
+PROBE = 0.7, 0.2
+"""s of a window, and the part by which two of them are to be off; what is less, the session says when it runs."""
+LOOK = 0.1
+"""s that a read waits."""
 
 
 def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
@@ -41,26 +42,15 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
 def _require_rate(source: Source, about: About) -> None:
     if about.rate is None or about.replay:  # of a recording what is read is gone
         return
-    rate = _rate_over_probe(source)
-    if not _is_off(rate, about.rate, OFF_RATE):
-        return
-    again = _rate_over_probe(source)
-    if _is_off(again, about.rate, OFF_RATE) and not _is_off(again, rate, STEADY):  # else it is a stall, not a rate
+    windows, samples = Windows(about.rate, *PROBE), len(source.read(0.0).samples)
+    while not windows.right and windows.counted < 2:
+        windows.look(samples, now())
+        samples += len(source.read(LOOK).samples)
+    if windows.off:
         raise InputError(
-            f"{source.uri}: found {rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the device, "
-            f"or ask for it, as in {source.uri.partition('?')[0]}?rate={rate:.0f}"
+            f"{source.uri}: found {windows.rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the "
+            f"device, or ask for it, as in {source.uri.partition('?')[0]}?rate={windows.rate:.0f}"
         )
-
-
-def _rate_over_probe(source: Source) -> float:
-    samples, begin = 0, now()
-    while (passed := now() - begin) < PROBE:
-        samples += len(source.read(PROBE - passed).samples)
-    return samples / passed
-
-
-def _is_off(rate: float, asked: float, by: float) -> bool:
-    return rate > 0.0 and abs(rate - asked) > by * asked
 
 
 def with_devices(calibration: Calibration, sensor: About, robot: About) -> Calibration:

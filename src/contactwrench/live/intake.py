@@ -6,6 +6,7 @@ from math import inf, isfinite
 
 from ..samples.samples import LARGEST_READING
 from .clock import LATE, Clock
+from .rate import Rate
 from .snapshot import Device, Event
 from .source import About, Batch, NoteKind, Sample
 
@@ -13,12 +14,6 @@ SILENT, PERIODS = 0.25, 6.0
 """s, and periods at the rate that was seen or asked for, without a sample: the longer of both is silence."""
 BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
-RATE_OVER, OFF_RATE = 1.0, 0.1
-"""s over which a rate is counted, and by which part it may differ from what was asked for."""
-MOMENT, FEWEST, FAR_OFF = 0.12, 10, 0.3
-"""s, in two of which in a row a rate of so many samples or more is not waited for longer that differs by this part to
-the same side.
-"""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
 LEAST_STEP = 1e-6
@@ -34,43 +29,39 @@ class Intake:
         self.about: About | None = None
         self.state, self.text = CONNECTING, ""
         self.clock = Clock()
-        self.rate: float | None = None
+        self._rate = Rate(None, -inf)
         self.samples = self.lost = self.repeated = self.wrong = 0
-        self._newest, self._count, self._since = -inf, 0, -inf
+        self._newest = -inf
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
-        self._moment, self._before, self._far_off = -inf, 0, 0
         self._notes: dict[str, tuple[int, str]] = {}
         self._noted = -inf
-        self._off_rate = False
 
     def opened(self, about: About, t: float) -> Event:
         """The device is there."""
         again = self.state == DOWN
         self.about, self.state, self.text = about, STREAMING, ""
         self._last = dict.fromkeys(self._last, t)
-        self._count, self._since, self.rate = 0, t + BACKLOG, None
-        self._moment, self._far_off = t + BACKLOG, 0
+        self._rate = Rate(None if about.replay else about.rate, t + BACKLOG)  # a recording is played at any
         self.clock.reset()
         return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected")
 
     def down(self, text: str, t: float) -> Event | None:
         """The device is gone, or was never there; said once."""
         said_before = self.state == DOWN
-        self.state, self.text, self.rate = DOWN, text, None
+        self.state, self.text, self._rate = DOWN, text, Rate(None, t)
         ended = self.about is not None and self.about.replay
         return None if said_before else self._event(t, "down", "note" if ended else "error", text)
 
     def take(self, batch: Batch) -> list[tuple[float, Sample]]:
         """Samples with the times at which they were taken."""
         for note in batch.notes:
-            if note.kind is NoteKind.RESTARTED:
-                self.clock.reset()
             self.lost += note.number if note.kind is NoteKind.LOST else 0
             self.repeated += note.number if note.kind in (NoteKind.REPEATED, NoteKind.DISORDERED) else 0
             self.wrong += note.number if note.kind in (NoteKind.GARBAGE, NoteKind.WRONG_SUM) else 0
             self._note(note.kind, note.number, note.text)
-        times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples])
+        anew = [note.before for note in batch.notes if note.kind is NoteKind.RESTARTED]
+        times = self.clock.times([(sample.arrival, sample.device) for sample in batch.samples], anew)
         taken = []
         for t, sample in zip(times, batch.samples, strict=True):
             self._newest = max(t, self._newest + LEAST_STEP)
@@ -83,13 +74,12 @@ class Intake:
                 if sample.flaw or getattr(sample, what) is not None:
                     self._last[what] = sample.arrival
         self.samples += len(taken)
-        self._count += len(taken) if taken and taken[-1][1].arrival > self._since else 0
         return taken
 
     def look(self, t: float) -> list[Event]:
         """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
         events = []
-        rate = self.rate or (self.about and self.about.rate)
+        rate = self._rate.hz or (self.about and self.about.rate)
         usual = max(SILENT, PERIODS / rate) if rate else SILENT
         what, last = min(self._last.items(), key=lambda item: item[1])
         if self.state == STREAMING and t - last > usual:
@@ -98,12 +88,11 @@ class Intake:
             events.append(self._event(t, "silent", "error", f"{missing} for {t - last:.2f} s"))
         elif self.state == QUIET and t - last < usual:
             self.state, self.text = STREAMING, ""
-            self._count, self._since, self._moment = 0, t, t
+            self._rate.begin(t)
             events.append(self._event(t, "back", "note", "samples come again"))
-        if self.state == STREAMING and t - self._since >= RATE_OVER:
-            events += self._count_rate(t)
-        if self.state == STREAMING and t - self._moment >= MOMENT:
-            events += self._glance(t)
+        if self.state == STREAMING and (found := self._rate.look(self.samples, t)) is not None:
+            come = f"{found:.4g} samples a second come, {self._rate.asked:.4g} were asked for"
+            events.append(self._event(t, "rate", "warning", f"{come}: check its settings and the network"))
         if self._notes and t - self._noted >= NOTES_EVERY:
             self._noted = t
             for kind, (number, text) in self._notes.items():
@@ -111,37 +100,6 @@ class Intake:
                 events.append(self._event(t, kind, "warning", many))
             self._notes.clear()
         return events
-
-    @property
-    def _asked(self) -> float | None:
-        """The rate that samples are to come at; a recording is played at any."""
-        return None if self.about is None or self.about.replay else self.about.rate
-
-    def _count_rate(self, t: float) -> list[Event]:
-        self.rate = self._count / (t - self._since)
-        self._count, self._since = 0, t
-        asked = self._asked
-        off = asked is not None and abs(self.rate - asked) > OFF_RATE * asked
-        said, self._off_rate = self._off_rate, off
-        return [self._other_rate(self.rate, t)] if off and not said else []
-
-    def _glance(self, t: float) -> list[Event]:
-        """A rate that is far off is said sooner; nothing at all is silence, and no rate."""
-        asked = self._asked
-        rate, before = (self.samples - self._before) / (t - self._moment), self._far_off
-        self._moment, self._before = t, self.samples
-        enough = asked is not None and asked * MOMENT >= FEWEST
-        far = enough and asked is not None and abs(rate - asked) > FAR_OFF * asked and rate > 0.0
-        self._far_off = 0 if not far else 1 if rate > (asked or 0.0) else -1
-        if self._off_rate or not far or self._far_off != before:
-            return []
-        self._off_rate = True
-        return [self._other_rate(rate, t)]
-
-    def _other_rate(self, rate: float, t: float) -> Event:
-        asked = self._asked
-        text = f"{rate:.4g} samples a second come, {asked:.4g} were asked for: check its settings and the network"
-        return self._event(t, "rate", "warning", text)
 
     def _note(self, kind: str, number: int, text: str) -> None:
         before, _ = self._notes.get(kind, (0, ""))
@@ -161,7 +119,7 @@ class Intake:
             "" if about is None else about.name,
             self.state,
             self.text,
-            self.rate,
+            self._rate.hz,
             None if about is None else about.rate,
             self.samples,
             self.lost,

@@ -250,8 +250,7 @@ class Pump:
             elif whole is None:
                 whole = news
             else:
-                whole.samples += news.samples
-                whole.notes += news.notes
+                whole.add(news)
         return whole
 
     def _obey(self, t: float) -> None:

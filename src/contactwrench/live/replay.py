@@ -68,9 +68,8 @@ class Replay:
         self._begun = monotonic()
         gaps = np.diff(first.wrench.t)
         gap = float(np.median(gaps)) if len(gaps) else 0.0
-        frame = "flange" if self._options.wrench_frame == "base" else "sensor"
         rate = 1.0 / gap if gap > 0.0 else None
-        return About(f"recording {Path(self.uri).name}", True, True, rate, "pull", frame, replay=True)
+        return About(f"recording {Path(self.uri).name}", True, True, rate, replay=True)
 
     def read(self, timeout: float) -> Batch:
         """The samples that are due. Raises `EndOfStreamError` behind the last one, and as `read_streams`."""

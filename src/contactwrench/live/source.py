@@ -36,7 +36,7 @@ class Sample(NamedTuple):
     Attributes:
         arrival: s, by `now()`, when it came.
         device: s, by the device's own clock, wraps undone (counter.py); NaN where it has none.
-        wrench: (6,) N and N m, as `About.sign` says, in `About.frame` axes.
+        wrench: (6,) N and N m, as the device reads it: a push tells the sign, the fit the axes.
         orientation: of the flange in base axes, quaternion x, y, z, w.
         position: of the flange in base axes, m.
         joints: rad.
@@ -64,16 +64,18 @@ class NoteKind(StrEnum):
     WRONG_SUM = "wrong_sum"
     RESTARTED = "restarted"
     STATUS = "status"
-    RATE = "rate"
     LATE = "late"
 
 
 class Note(NamedTuple):
-    """`text` in words, short; `number`: of samples, packets or bytes."""
+    """`text` in words, short; `number`: of samples, packets or bytes; `before`: the place in the batch of the sample at
+    which a counter showed it.
+    """
 
     kind: NoteKind
     text: str
     number: int = 1
+    before: int = 0
 
 
 @dataclass
@@ -82,6 +84,11 @@ class Batch:
 
     samples: list[Sample] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
+
+    def add(self, later: Batch) -> None:
+        """Append what came later."""
+        self.notes += [note._replace(before=len(self.samples) + note.before) for note in later.notes]
+        self.samples += later.samples
 
 
 @dataclass(frozen=True)
@@ -93,8 +100,6 @@ class About:
         wrench: whether samples have one.
         orientation: whether samples have one, from which position and joints may come along.
         rate: Hz at which samples are to come, asked for or stated; None: not known.
-        sign: `pull` or `reaction` where the protocol fixes it; None: a push tells.
-        frame: of the wrench: `sensor` or `flange`.
         ranges: (6,) of the sensor, N and N m, where it states them.
         settings: what else is to be said of it, by name.
         replay: it is a recording: `Sample.arrival` goes on by the recording's own clock, whatever the speed, and says
@@ -106,8 +111,6 @@ class About:
     wrench: bool
     orientation: bool
     rate: float | None = None
-    sign: str | None = None
-    frame: str = "sensor"
     ranges: Six | None = None
     settings: dict[str, str] = field(default_factory=dict)
     replay: bool = False

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
+from math import inf, nan
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
@@ -62,6 +63,18 @@ class Uri:
         if not text.isascii() or not text.isdigit():
             raise InputError(f"{self.text}: found {name}={text}, expected a whole number: correct the URI")
         return int(text)
+
+    def rate(self) -> float | None:
+        """The option `rate`, Hz; None where there is none. Raises `InputError`."""
+        if (text := self.options.get("rate")) is None:
+            return None
+        try:
+            rate = float(text)
+        except ValueError:
+            rate = nan
+        if not 0.0 < rate < inf:
+            raise InputError(f"{self.text}: found the rate {text}, expected Hz, as in rate=500: correct it")
+        return rate
 
 
 def parsed(text: str) -> Uri:

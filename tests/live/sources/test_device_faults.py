@@ -8,7 +8,7 @@ from time import monotonic
 import pytest
 
 from contactwrench.live.source import DeviceError, NoteKind
-from contactwrench.live.sources import rate, transport
+from contactwrench.live.sources import transport
 from contactwrench.live.uri import source_of
 from tests.support.devices import KINDS, Kind, answering, consecutive, free_port, kinds, read, reading, refusal
 
@@ -24,7 +24,6 @@ def some(holds: str) -> pytest.MarkDecorator:
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, "PATIENCE", 0.8)
-    monkeypatch.setattr(rate, "WINDOW", 0.4)
 
 
 @ALL
@@ -210,11 +209,9 @@ def test_a_status_is_a_flaw_until_it_is_well_again(kind: Kind) -> None:
 
 
 @some("counts")
-def test_another_rate_is_noted_and_no_loss(kind: Kind) -> None:
-    """An RSI robot says its cycle by itself: nobody asks it."""
+def test_another_rate_is_no_loss(kind: Kind) -> None:
     with reading(kind, true_rate=0.5 * kind.rate) as (_, source):
-        notes = read(source, 1.0).notes
-    assert kinds(notes) == ([NoteKind.RATE] if "rsi" not in source.uri else [])
+        assert kinds(read(source, 1.0).notes) == []
 
 
 def test_sri_wraps_and_has_wrong_sums_and_old_names() -> None:

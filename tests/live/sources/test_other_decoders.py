@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import struct
+import sys
+import threading
+from contextlib import suppress
+from importlib import import_module
+from time import sleep
 
 import numpy as np
 import pytest
@@ -14,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from contactwrench.geometry.orientation import CONVENTIONS
 from contactwrench.geometry.quaternions import from_kuka_abc
 from contactwrench.lab.netft import NetFt
+from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind
 from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.uri import source_of
@@ -98,6 +105,33 @@ def test_a_serial_answer_has_a_sum_that_pymodbus_makes_too(cuts: list[int], valu
     assert [note.kind for note in batch.notes] == [NoteKind.WRONG_SUM] * spoiled
     scaled = tuple(each * scale for each, scale in zip(values, [0.01] * 3 + [0.001] * 3, strict=True))
     assert [sample.wrench for sample in batch.samples] == [pytest.approx(scaled)] * (3 - spoiled)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no serial lines of this kind")
+def test_a_serial_line_gives_what_it_can() -> None:
+    """It is asked 100 times a second, answers 50 times, and that is not another rate than it says."""
+    pty, tty = import_module("pty"), import_module("tty")
+    master, line = pty.openpty()
+    tty.setraw(line)
+    body = ft300.ANSWER + struct.pack(">6h", 100, 0, 0, 0, 0, 0)
+
+    def answers() -> None:
+        with suppress(OSError):
+            while os.read(master, 64):
+                sleep(0.02)
+                os.write(master, body + ft300.crc(body))
+
+    thread = threading.Thread(target=answers)
+    thread.start()
+    source = source_of(f"ft300://{os.ttyname(line)}")
+    try:
+        assert probed(source, wrench=True, orientation=False).rate is None
+        assert source.read(0.5).samples[0].wrench == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    finally:
+        source.close()
+        os.close(line)
+        thread.join()
+        os.close(master)
 
 
 @given(st.binary(max_size=300))

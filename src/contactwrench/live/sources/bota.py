@@ -12,7 +12,6 @@ from ...errors import MissingExtraError
 from ..counter import Counter
 from ..source import About, Batch, DeviceError, Sample, Six, now
 from ..uri import Uri
-from .rate import RateWatch
 
 MODULUS = 1 << 32
 """Of the sensor's clock, microseconds."""
@@ -52,7 +51,7 @@ class Bota:
             except RuntimeError as error:
                 raise self._error(str(error) or "a refusal of the driver", "check the file and the cable") from None
         self._pause = 0.5e-6 * step
-        self._counter, self._watch, self._last = Counter(1e-6, MODULUS, step), RateWatch(1e6 / step), -1
+        self._counter, self._last = Counter(1e-6, MODULUS, step), -1
         return About("Bota", wrench=True, orientation=False, rate=1e6 / step, settings={"file": self._path})
 
     def read(self, timeout: float) -> Batch:
@@ -61,7 +60,6 @@ class Bota:
         while not self._take(batch) and monotonic() < end:
             if self._closed.wait(self._pause):
                 break
-        self._watch.take(batch, now())
         return batch
 
     def close(self) -> None:
@@ -85,9 +83,7 @@ class Bota:
         if frame.timestamp == self._last:
             return False
         self._last, arrival = frame.timestamp, now()
-        device, note = self._counter.take(int(frame.timestamp), arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(int(frame.timestamp), arrival, batch)
         if device is not None:
             wrench: Six = (*frame.force, *frame.torque)
             status = frame.status

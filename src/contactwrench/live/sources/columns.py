@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from math import isfinite, nan
 from typing import cast
@@ -32,18 +33,15 @@ class NamedColumns:
 
     def __init__(self, names: Iterable[str], naming: Naming, rate: float | None) -> None:
         table = OpenTable("the line", places_of(names, "the line"), partial(iter, ()))
-        self.width, self.lacks = len(table.places), ""
+        self.width = len(table.places)
         wrench: list[Column] = []
         angles: list[Column] = []
         self._convention = None
-        try:
+        with suppress(FileFormatError):
             wrench = wrench_columns(table, naming)
-        except FileFormatError as error:
-            self.lacks = str(error)
         try:
             self._convention, angles = orientation_columns(table, naming)
-        except FileFormatError as error:
-            self.lacks = str(error)
+        except FileFormatError:
             if not wrench:
                 raise
         roles = roles_beside(table, naming, wrench, self._convention, angles)
@@ -58,10 +56,7 @@ class NamedColumns:
             device = sum(_in_si(row, roles.t)) if roles.t else nan
             if isfinite(1e6 * device):
                 self._first = device if self._first is None else self._first
-                fresh, note = self._counter.take(round(1e6 * device), arrival)
-                if note is not None:
-                    batch.notes.append(note)
-                if fresh is None:
+                if (fresh := self._counter.take(round(1e6 * device), arrival, batch)) is None:
                     continue
                 device = self._first + fresh  # kinds of lines that begin at different times have one clock
             else:

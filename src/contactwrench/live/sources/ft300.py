@@ -113,15 +113,10 @@ class Ft300(Reader[Tcp | Serial]):
         else:
             self._link.start(self._path)
         self._number, self._asked, self._due = 0, False, monotonic()
-        self._begin(Ft300Decoder(bool(self._path)), RATE)
-        first = Batch()
-        while not first.samples:
-            if not deadline.left:
-                raise self._link.silent("six Modbus registers from 180 on")
-            first = self.read(min(AGAIN, deadline.left))
-        self._early = first
-        how = self._path or "Modbus TCP"
-        return About("Robotiq FT 300", wrench=True, orientation=False, rate=RATE, settings={"by": how})
+        self._begin(Ft300Decoder(bool(self._path)))
+        self._first(deadline, self._link.silent("six Modbus registers from 180 on"))
+        rate, how = (None, self._path) if self._path else (RATE, "Modbus TCP")  # what a serial line can is its own
+        return About("Robotiq FT 300", wrench=True, orientation=False, rate=rate, settings={"by": how})
 
     def read(self, timeout: float) -> Batch:
         """As `Source`: it asks for a sample when that is due, and waits for the answer."""

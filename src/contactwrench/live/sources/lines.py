@@ -15,7 +15,6 @@ from ...recording.tables.layout import cells, layout_of
 from ..source import About, Batch, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
-from .rate import asked_rate
 from .reader import AnyLink, Reader
 from .transport import Deadline, StandardInput, Tcp, Udp
 
@@ -46,8 +45,6 @@ class LinesDecoder:
         self._kinds: dict[tuple[str, ...], NamedColumns] = {}
         self._csv: NamedColumns | None = self._kind(tuple(columns)) if columns else None
         self._separator = ""
-        self.problem = ""
-        """What was wrong with the last line that is no sample."""
 
     def feed(self, data: bytes, arrival: float, batch: Batch) -> None:
         """Put what is whole into the batch, and keep the rest."""
@@ -59,8 +56,7 @@ class LinesDecoder:
         for line in filter(None, map(bytes.strip, lines)):
             try:
                 of, row = self._row(line)
-            except (InputError, ValueError) as error:
-                self.problem = str(error)
+            except (InputError, ValueError):
                 batch.notes.append(Note(NoteKind.GARBAGE, f"a line of {len(line)} bytes that is no sample", len(line)))
                 continue
             if of is not kind and kind is not None:
@@ -142,7 +138,7 @@ class _Lines(Reader[AnyLink]):
     def __init__(self, uri: Uri, link: AnyLink) -> None:
         uri.only("rate", "columns", "orientation", "units")
         super().__init__(uri, link)
-        self._rate = asked_rate(uri)
+        self._rate = uri.rate()
         self._naming = Naming(orientation=uri.options.get("orientation", "auto"), units=uri.options.get("units"))
         self._columns = [name.strip() for name in uri.options.get("columns", "").split(",") if name.strip()]
         self._at = uri.host, uri.port
@@ -153,8 +149,8 @@ class _Lines(Reader[AnyLink]):
         deadline = self._link.deadline()
         self._connect(deadline)
         decoder = self._fresh()
-        self._begin(decoder, self._rate)
-        early = self._first(deadline, EXPECTED)
+        self._begin(decoder)
+        early = self._first(deadline, self._link.silent(EXPECTED))
         others = self._link.deadline(OTHERS)
         while others.left and not (_any(early, "wrench") and _any(early, "orientation")):
             for data in self._link.receive(others.left):

@@ -51,9 +51,7 @@ class NetFtDecoder:
             return
         f, t = self._force, self._torque
         for number, _, status, fx, fy, fz, tx, ty, tz in _record.iter_unpack(data):
-            device, note = self._counter.take(number, arrival)
-            if note is not None:
-                batch.notes.append(note)
+            device = self._counter.take(number, arrival, batch)
             if status != self._status:
                 self._status = status
                 batch.notes.append(Note(NoteKind.STATUS, f"status 0x{status:08x}"))
@@ -95,9 +93,9 @@ class NetFt(Reader[Udp]):
             self._link.send(ZERO)
         self._link.send(STREAM)
         saturated = SATURATED["axia" if "axia" in name.lower() else "net"]
-        self._begin(NetFtDecoder(counts, rate, saturated), rate)
-        self._first(deadline, "records")
+        self._begin(NetFtDecoder(counts, rate, saturated))
         self._heard = monotonic()
+        self._first(deadline, self._link.silent("records"))
         settings = {"zero": "the box was told to zero itself: its bias is not the sensor's"} if self._zero else {}
         return About(f"ATI {name}", wrench=True, orientation=False, rate=rate, settings=settings)
 

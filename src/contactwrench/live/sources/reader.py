@@ -1,4 +1,4 @@
-"""What all sources of bytes do: read, decode, watch the rate, and close."""
+"""What all sources of bytes do: read, decode, and close."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import Generic, Protocol, TypeVar
 
 from ..source import Batch, DeviceError, now
 from ..uri import Uri
-from .rate import RateWatch
 from .transport import Deadline, Link
 
+LOOK = 0.1
+"""s that a read waits for the first samples."""
 NOT_A_STREAM = 100_000
 """Bytes without a sample after which what comes is no stream of the device."""
 
@@ -50,7 +51,6 @@ class Reader(Generic[AnyLink]):
             self._unread = 0
         elif self._unread > NOT_A_STREAM:
             raise self._link.error(f"{self._unread} bytes without a sample", "samples", "check what sends them")
-        self._watch.take(batch, arrival)
         return batch
 
     def close(self) -> None:
@@ -60,15 +60,16 @@ class Reader(Generic[AnyLink]):
                 self._link.send(self._farewell)
         self._link.close()
 
-    def _begin(self, decoder: Decoder, rate: float | None) -> None:
-        self._decoder, self._watch, self._early, self._unread = decoder, RateWatch(rate), Batch(), 0
+    def _begin(self, decoder: Decoder) -> None:
+        self._decoder, self._early, self._unread = decoder, Batch(), 0
 
-    def _first(self, deadline: Deadline, expected: str) -> Batch:
-        """What came up to the first sample; `read` gives it again. Raises `DeviceError` where none comes."""
-        early = self._early
-        while not early.samples:
+    def _first(self, deadline: Deadline, missing: DeviceError, number: int = 1) -> Batch:
+        """What came up to the first samples, so many; `read` gives it again. Raises `missing` where none come."""
+        early = Batch()
+        while len(early.samples) < number:
             if not deadline.left:
-                raise self._link.silent(expected)
-            for each in self._link.receive(deadline.left):
-                self._decoder.feed(each, now(), early)
+                raise missing
+            early.add(self.read(min(deadline.left, LOOK)))
+            self._unread = 0  # the deadline says it better
+        self._early = early
         return early

@@ -94,10 +94,8 @@ class Ros2:
         device = nan
         if (header := getattr(message, "header", None)) is not None and (header.stamp.sec or header.stamp.nanosec):
             device = header.stamp.sec + 1e-9 * header.stamp.nanosec
-            fresh, note = self._counter.take(header.stamp.sec * 1_000_000 + header.stamp.nanosec // 1_000, arrival)
-            if note is not None:
-                batch.notes.append(note)
-            if fresh is None:
+            count = header.stamp.sec * 1_000_000 + header.stamp.nanosec // 1_000
+            if self._counter.take(count, arrival, batch) is None:
                 return
         inner = getattr(message, "wrench", None) or getattr(message, "pose", message)
         if hasattr(inner, "force"):

@@ -51,9 +51,7 @@ class RsiDecoder:
                 Note(NoteKind.GARBAGE, f"{len(data)} bytes without numbers in RIst, AIPos and IPOC", len(data))
             )
             return
-        device, note = self._counter.take(self.ipoc, arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(self.ipoc, arrival, batch)
         self._note_late(data, batch)
         if device is not None:
             position = 1e-3 * x, 1e-3 * y, 1e-3 * z
@@ -90,16 +88,10 @@ class Rsi(Reader[Udp]):
         deadline = self._link.deadline()
         self.port = self._link.bind(*self._at)
         self._rsi = RsiDecoder()
-        self._begin(self._rsi, None)
-        first = Batch()
-        while len(first.samples) < FIRST:
-            if not deadline.left:
-                raise self._link.error(
-                    "no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR"
-                )
-            first.samples += self.read(deadline.left).samples
+        self._begin(self._rsi)
+        missing = self._link.error("no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR")
+        first = self._first(deadline, missing, FIRST)
         step = min(b.device - a.device for a, b in pairwise(first.samples))
-        self._early = first
         settings = {"pose": "of $TOOL in $BASE: with a turned $TOOL it is not the flange's"}
         rate = round(1.0 / step, 3)
         return About("KUKA RSI", wrench=False, orientation=True, rate=rate, settings=settings, listens=True)
@@ -116,7 +108,6 @@ class Rsi(Reader[Udp]):
                 moved = self.corrections is not None and len(batch.samples) > known
                 correction = self.corrections(batch.samples[-1]) if self.corrections and moved else NO_CORRECTION
                 self._link.answer(answer(ipoc, correction), sender)
-        self._watch.take(batch, arrival)
         return batch
 
 

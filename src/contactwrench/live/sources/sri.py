@@ -9,7 +9,6 @@ from struct import Struct
 from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six
 from ..uri import Uri
-from .rate import asked_rate
 from .reader import Reader
 from .transport import Deadline, Tcp
 
@@ -67,9 +66,7 @@ class SriDecoder:
 
     def _sample(self, buffer: bytes, start: int, arrival: float, batch: Batch) -> None:
         self._streaming = True
-        device, note = self._counter.take(_number(buffer, start)[0], arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(_number(buffer, start)[0], arrival, batch)
         if device is not None:
             wrench: Six = _floats(buffer, start + 6)
             flaw = "" if isfinite(sum(wrench)) else "broken: no number"
@@ -94,7 +91,7 @@ class Sri(Reader[Tcp]):
         uri.only("rate", "zero")
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
         self._at = uri.host, uri.port or PORT
-        self._asked = asked_rate(uri)
+        self._asked = uri.rate()
         self._zero = uri.options.get("zero") == "1"
 
     def open(self) -> About:
@@ -108,7 +105,7 @@ class Sri(Reader[Tcp]):
         settings = {"address of the box": address or "not told"}
         for command in (CHANNELS, "DCKMD=SUM", *(["ADJZF=1;1;1;1;1;1"] if self._zero else [])):
             settings[command] = "done" if self._ask(command, self._link.deadline(OBEYS)) else "not confirmed by the box"
-        self._begin(SriDecoder(rate or self._asked or USUAL_RATE), self._asked or rate)
+        self._begin(SriDecoder(rate or self._asked or USUAL_RATE))
         self._link.send(b"AT+GSD\r\n")
         return About("SRI M8128", wrench=True, orientation=False, rate=self._asked or rate, settings=settings)
 

@@ -59,8 +59,11 @@ class Link(ABC):
     def receive(self, timeout: float) -> list[bytes]:
         """What has come; nothing in silence, and after `close`. Raises `DeviceError`."""
 
-    def send(self, data: bytes) -> None:  # noqa: B027
-        """To the device, if it listens. Raises `DeviceError`."""
+    def send(self, data: bytes) -> None:
+        """To the device that it is connected to; what is lost is lost. Raises `DeviceError` where that can be known."""
+        if self._socket is not None:
+            with suppress(OSError):
+                self._socket.send(data)
 
     def close(self) -> None:
         """Close; nothing is left. Also twice, and before it was open."""
@@ -217,12 +220,6 @@ class Udp(Link):
             self._try(lambda: made.bind((host, port)), f"port {port} taken", "end the other program, or choose another")
             bound: int = made.getsockname()[1]
             return bound
-
-    def send(self, data: bytes) -> None:
-        """To the address it is connected to; one that is lost is lost."""
-        if self._socket is not None:
-            with suppress(OSError):
-                self._socket.send(data)
 
     def answer(self, data: bytes, sender: Any) -> None:
         """To who sent a datagram."""

@@ -15,7 +15,6 @@ from ..counter import Counter
 from ..source import About, Batch, Note, NoteKind, Sample, Six, now
 from ..uri import Uri
 from . import rtde
-from .rate import asked_rate
 from .reader import Reader
 from .transport import Deadline, Tcp
 
@@ -106,9 +105,7 @@ class UrDecoder:
         if not isfinite(sum((values[0], *values[places["actual_TCP_pose"]]))):
             batch.notes.append(Note(NoteKind.GARBAGE, "a package with a pose, or a time, that is no number"))
             return
-        device, note = self._counter.take(round(1e6 * values[0]), arrival)
-        if note is not None:
-            batch.notes.append(note)
+        device = self._counter.take(round(1e6 * values[0]), arrival, batch)
         if device is None:
             return
         x, y, z, *vector = values[places["actual_TCP_pose"]]
@@ -146,8 +143,8 @@ class Ur(Reader[Tcp]):
 
     FORM = "ur://HOST[:30004][?rate=HZ][&force=compensated]"
     ABOUT = (
-        "Universal Robots CB3 and e-series: orientation, position, joints, and the raw wrench of an e-series (5.9 and "
-        "newer); force=compensated: the wrench with the payload subtracted by the robot"
+        "Universal Robots CB3 and e-series: orientation, position, joints, and in flange axes the raw wrench of an "
+        "e-series (5.9 and newer); force=compensated: the wrench with the payload subtracted by the robot"
     )
     RATE = "as asked for, else 500 Hz (CB3: 125 Hz)"
     TESTED = "its fake in the lab, written from the RTDE guide; no robot"
@@ -156,7 +153,7 @@ class Ur(Reader[Tcp]):
         uri.only("rate", "force")
         super().__init__(uri, Tcp(uri.text, "robot's controller, RTDE switched on"), rtde.package(rtde.PAUSE))
         self._host, self._port = uri.host, uri.port or PORT
-        self._rate = asked_rate(uri)
+        self._rate = uri.rate()
         self._force = RAW
         if "force" in uri.options:
             if uri.options["force"] != "compensated":
@@ -176,9 +173,9 @@ class Ur(Reader[Tcp]):
         wrench = self._force if self._force in recipe.places else ""
         if self._ask(rtde.START, b"", deadline) != b"\x01":
             raise self._link.error("a refusal to start", "data", "end another program that uses RTDE's outputs")
-        self._begin(decoder := UrDecoder(recipe, rate, wrench), rate)
+        self._begin(decoder := UrDecoder(recipe, rate, wrench))
         decoder.feed(self._answers, now(), self._early)
-        seen = self._first(deadline, "data packages").samples[0].wrench
+        seen = self._first(deadline, self._link.silent("data packages")).samples[0].wrench
         if wrench == RAW and seen is not None and max(map(abs, seen[:3])) > NO_SENSOR:
             wrench = ""
             decoder.without_wrench()
@@ -226,4 +223,4 @@ def _about(version: tuple[int, ...], rate: float, wrench: str, recipe: rtde.Reci
     if wrench == COMPENSATED:
         settings["compensated"] = "the robot has subtracted its payload and its zero: not what the sensor reads"
     name = f"Universal Robots {series}, PolyScope {'.'.join(map(str, version[:3]))}"
-    return About(name, bool(wrench), True, rate, frame="flange", settings=settings)
+    return About(name, bool(wrench), True, rate, settings=settings)

@@ -1,0 +1,69 @@
+"""Whether a device sends as fast as it was asked to, before a session begins: by a source with a time of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from contactwrench.errors import InputError
+from contactwrench.live import devices
+from contactwrench.live.source import About, Batch, Sample
+
+
+class Sends:
+    """Samples that come at these times, s; those before 0 were kept while it was opened."""
+
+    uri = "sri://x?rate=100"
+
+    def __init__(self, times: Iterable[float]) -> None:
+        self.t, self._left = 0.0, list(times)
+
+    def open(self) -> About:
+        """Asked for 100 Hz."""
+        return About("a sensor", wrench=True, orientation=False, rate=100.0)
+
+    def read(self, timeout: float) -> Batch:
+        """What has come, or comes next."""
+        due = min([self.t + timeout, *(max(each, self.t) for each in self._left[:1])])
+        self.t = max(due, self.t)
+        came = [each for each in self._left if each <= self.t]
+        del self._left[: len(came)]
+        return Batch([Sample(each, wrench=(0.0,) * 6) for each in came])
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def at(rate: float, begin: float = 0.0, end: float = 5.0) -> list[float]:
+    return [begin + (k + 1) / rate for k in range(round((end - begin) * rate))]
+
+
+def after(source: Sends, monkeypatch: pytest.MonkeyPatch) -> float:
+    """s until it is taken."""
+    monkeypatch.setattr(devices, "now", lambda: source.t)
+    devices.probed(source, wrench=True, orientation=False)
+    return source.t
+
+
+@pytest.mark.parametrize("rate", [95.0, 100.0, 105.0])
+def test_the_right_rate_is_taken_at_once(rate: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert after(Sends(at(rate)), monkeypatch) < 0.75
+
+
+@pytest.mark.parametrize("stalled", [[], at(2_000.0, 0.8, 0.82)], ids=["lost", "late"])
+def test_a_stall_and_silence_are_no_rate(stalled: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert after(Sends([*at(100.0, 0.0, 0.4), *stalled, *at(100.0, 0.82)]), monkeypatch) < 1.6
+    assert after(Sends([]), monkeypatch) < 1.7
+
+
+@pytest.mark.parametrize("kept", [0, 20])
+@pytest.mark.parametrize("rate", [50.0, 75.0, 125.0, 1_000.0])
+def test_another_rate_is_refused(rate: float, kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where what it had kept makes it look right at first."""
+    with pytest.raises(InputError) as refused:
+        after(Sends([*[-0.01] * kept, *at(rate)]), monkeypatch)
+    begin, _, end = str(refused.value).partition(" samples a second, expected 100: set that rate in the device, or ")
+    found = float(begin.removeprefix("sri://x?rate=100: found "))
+    assert abs(found - rate) < 0.03 * rate
+    assert end == f"ask for it, as in sri://x?rate={found:.0f}"
