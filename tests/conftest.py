@@ -1,19 +1,24 @@
 """One thread for linear algebra, as a test has a core to itself; property tests draw the same examples at every run.
 
 `make explore` draws new examples. What is collected stays to the end: the garbage collector need not go through the
-quarter of a million objects of libraries and tests again and again.
+quarter of a million objects of libraries and tests again and again. Nor need each worker, each run and each program
+that a test starts compile the same files anew where PYTHONDONTWRITEBYTECODE is set: what Python makes of them is kept.
 """
 
 from __future__ import annotations
 
 import gc
 import os
+import sys
 from typing import Any
 
 import pytest
 from hypothesis import settings
 
 gc.disable()
+
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")

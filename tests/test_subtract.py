@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 from contextlib import nullcontext
+from functools import cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -18,7 +19,7 @@ import contactwrench as cw
 from contactwrench.errors import InputError
 from contactwrench.geometry.orientation import nearest_rotations
 from tests.support.rigs import example, noise_free, seeds
-from tests.support.world import Array, random_rotations, readings
+from tests.support.world import Array, Rig, random_rotations, readings
 
 kernel = importlib.import_module("contactwrench.subtract")
 
@@ -38,10 +39,16 @@ both_kernels = pytest.mark.parametrize("force_kernel", KERNELS, indirect=True)
 
 def _case(seed: int, n: int) -> tuple[cw.Calibration, Array, Array, Array]:
     """A calibration, orientations, a contact wrench, and what the sensor reads of it."""
-    rig, R, rng = example(seed)
-    calibration = cw.calibrate(noise_free(rig, R), "mount")
+    calibration, rig = _calibrated(seed)
+    rng = np.random.default_rng((seed, 1))
     orientations, contact = random_rotations(n, rng), rng.normal(size=(n, 6))
     return calibration, orientations, contact, readings(rig, orientations) + contact
+
+
+@cache
+def _calibrated(seed: int) -> tuple[cw.Calibration, Rig]:
+    rig, R, _ = example(seed)
+    return cw.calibrate(noise_free(rig, R), "mount"), rig
 
 
 @both_kernels

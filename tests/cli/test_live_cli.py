@@ -41,9 +41,16 @@ def devices() -> Iterator[tuple[str, str]]:
         yield sri.uri, ur.uri
 
 
+def _begun(*_: object) -> None:
+    raise AssertionError("the session began")
+
+
 def complaint(capsys: Capture, verb: str, *arguments: str | Path) -> str:
-    """What the program says of input that is wrong, on one line, with no page before it and no thread left."""
-    with nothing_left():
+    """What the program says of input that is wrong, on one line, with no page before it and no thread left. A session
+    that begins nevertheless would have no end.
+    """
+    with nothing_left(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("contactwrench.cli.live._until_a_signal", _begun)
         done = run(capsys, verb, *arguments)
     assert (done.status, done.out) == (2, "")
     assert done.err.startswith("contactwrench: ")

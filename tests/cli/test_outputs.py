@@ -407,6 +407,11 @@ def test_a_name_with_a_slash_at_its_end_is_no_file(tmp_path: Path, capsys: Captu
     done = run(capsys, "calibrate", PANDA, *option.format(name).split())
     assert done.complaint == f"{name}: found a folder's name, expected a file's: leave out its last /"
     assert not list(tmp_path.iterdir())
-    assert run(capsys, "calibrate", PANDA, *option.format(name.rstrip("/")).split()).status == 0
-    assert run(capsys, "demo", "--out", name + "/demo/").status != 0  # no folder in a file
+    assert run(capsys, "calibrate", PANDA, *option.format(name.rstrip("/")).split(), "--model", "mount").status == 0
+
+
+def test_a_folder_s_name_may_end_with_a_slash(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactwrench.report.figures.svg_text", lambda _: "<svg></svg>")
+    file = written(tmp_path, "1", "file")
+    assert run(capsys, "demo", "--out", f"{file}//demo/").status != 0  # no folder in a file
     assert run(capsys, "demo", "--out", f"{tmp_path}/demo/").status == 0

@@ -5,6 +5,7 @@ strong push leaves; and contacts that do not change.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -16,7 +17,7 @@ from contactwrench.errors import InputError
 from contactwrench.samples.still_noise import still_noise_of
 from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE
-from tests.support.world import Array, Rig, random_rotations, readings
+from tests.support.world import Array, random_rotations, readings
 
 LEARNS = "noise unknown: learned from the first second of free samples, until then no contact is judged"
 
@@ -110,15 +111,19 @@ def _one_over_f(rng: np.random.Generator, n: int) -> Array:
     return noise
 
 
-def _from_stops(rng: np.random.Generator, rig: Rig, slow: float, live: int) -> tuple[cw.Calibration, Array]:
-    """A calibration from 24 stops of 2 s with white noise and `slow` times as much 1/f noise, and the noise (live, 6)
-    that follows.
+@cache
+def _from_stops(seed: int, slow: float) -> tuple[cw.Calibration, Array, Array]:
+    """A calibration from 24 stops of 2 s with white noise and `slow` times as much 1/f noise; orientations and readings
+    of the minute that follows.
     """
+    rig, rng, live = calibrated(seed)[1], np.random.default_rng((seed, 5)), 60_000
     n, R = 2000, random_rotations(24, rng)
     noise = NOISE * (rng.normal(size=(24 * n + live, 6)) + slow * _one_over_f(rng, 24 * n + live))
     rows = readings(rig, R)[:, None] + noise[: 24 * n].reshape(24, n, 6)
     calibration = cw.calibrate(cw.Samples(rows.reshape(-1, 6), R.repeat(n, axis=0)), "mount")
-    return replace(calibration, still_noise=still_noise_of(list(rows), 1.0 / RATE)), noise[24 * n :]
+    swung = swinging(rng, live)
+    learned = replace(calibration, still_noise=still_noise_of(list(rows), 1.0 / RATE))
+    return learned, swung, readings(rig, swung) + noise[24 * n :]
 
 
 @pytest.mark.slow
@@ -128,13 +133,10 @@ def test_one_over_f_noise_behind_a_low_pass_is_no_contact(slow: float, drift: fl
     """With the calibration's own noise; taken for white, the second makes 4e-3, and the third 0.5 of the samples."""
     fired, total = 0, 0
     for seed in range(4):
-        _, rig, _ = calibrated(seed)
-        rng = np.random.default_rng((seed, 5))
-        calibration, noise = _from_stops(rng, rig, slow, 60_000)
-        R = swinging(rng, len(noise))
+        calibration, R, wrench = _from_stops(seed, slow)
         compensator = cw.Compensator(calibration, rate=RATE, lowpass=20.0, drift=drift)
-        batch = compensator.run(readings(rig, R) + noise, R, times(len(noise)))
-        fired, total = fired + int(np.sum(batch.statistic > batch.threshold)), total + len(noise)
+        batch = compensator.run(wrench, R, times(len(R)))
+        fired, total = fired + int(np.sum(batch.statistic > batch.threshold)), total + len(R)
         assert not batch.contacts
         assert 0.6 < np.sqrt(np.mean((batch.wrench / batch.std) ** 2)) < 1.3
     assert fired < 1e-3 * total

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 import contactwrench as cw
 from contactwrench.estimation.priors import (
@@ -46,6 +46,7 @@ def _pieces(tool: RigidTool, rng: np.random.Generator) -> dict[str, Knowledge]:
 
 
 @pytest.mark.slow
+@settings(deadline=None, max_examples=25)
 @given(seed=seeds)
 def test_derivatives_are_those_of_the_rows(seed: int) -> None:
     rng = np.random.default_rng(seed)

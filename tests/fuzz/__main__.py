@@ -9,7 +9,9 @@ that is believed is counted too, and is no fault: only a checksum could tell.
 from __future__ import annotations
 
 import argparse
+import gc
 import importlib
+import io
 import os
 import pkgutil
 import secrets
@@ -19,6 +21,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,6 +29,7 @@ import msgspec
 import numpy as np
 
 import contactwrench as cw
+from tests.support.recordings import run_quietly
 
 from .hostile import hostile
 from .mutations import mutated
@@ -263,10 +267,13 @@ def _print_table(tallies: dict[str, Tally], seed: int, seconds: float) -> None:
 
 
 def _import_all() -> None:
-    """Import what the runs will, so that each begins at once."""
+    """Import what the runs will, also to understand their arguments, so that each begins at once."""
     ours = [module.name for module in pkgutil.walk_packages(cw.__path__, "contactwrench.")]
     for name in (*LIBRARIES, *(name for name in ours if not name.endswith("__main__"))):
         importlib.import_module(name)
+    with redirect_stderr(io.StringIO()):
+        run_quietly(["show", "no such file"])
+    gc.freeze()
 
 
 def _cores() -> int:

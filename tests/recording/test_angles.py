@@ -56,7 +56,7 @@ def test_radians_that_are_read_in_degrees_are_said(convention: str, seed: int, t
         assert calibration.verdict != "good"
         (finding,) = (finding for finding in calibration.findings if finding.kind is Kind.ANGLES_IN_DOUBT)
         assert (finding.severity, finding.text) == (Severity.DOUBTFUL, f"doubtful: {said}")
-    mended = cw.calibrate(cw.read(path, orientation=convention, units="angle=rad"))
+    mended = cw.calibrate(cw.read(path, orientation=convention, units="angle=rad"), "mount")
     assert mended.weight == pytest.approx(rig.weight, abs=4.0 * mended.std["weight"])
     assert mended.verdict == "good"
     assert cw.read(path, orientation=convention, units="angle=deg").doubt == ""

@@ -43,6 +43,11 @@ def recorded(pushed: bool = False) -> Run:
     return run(stops=14, seed=8, settings=("sensor.low_pass=10",), disturb=push if pushed else None)
 
 
+@cache
+def calibrated(pushed: bool = False) -> cw.Calibration:
+    return cw.calibrate(recorded(pushed).samples, "mount")
+
+
 def true_poses(made: Run) -> cw.Samples:
     middle = np.searchsorted(made.samples.t, made.stops.mean(axis=1))  # type: ignore[arg-type]
     return cw.Samples(made.wrench, made.samples.R_base_flange[middle])
@@ -111,7 +116,7 @@ def test_the_program_calibrates_a_run(tmp_path: Path, capsys: pytest.CaptureFixt
     table = np.column_stack([s.t, s.wrench, s.R_base_flange.reshape(-1, 9)])  # type: ignore[list-item]
     names = "t,fx,fy,fz,tx,ty,tz,r11,r12,r13,r21,r22,r23,r31,r32,r33"
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=names, comments="")
-    done = run_program(capsys, "calibrate", tmp_path / "run.csv", "--report", tmp_path / "run.html")
+    done = run_program(capsys, "calibrate", tmp_path / "run.csv", "--model", "mount", "--report", tmp_path / "run.html")
     assert done.status == 0
     assert "13 of 14 poses from 4750 rows" in done.out
     said = " ".join(done.out.split())
@@ -127,7 +132,7 @@ def test_a_stretch_that_was_left_out_is_hatched_where_a_channel_was_saturated_to
     samples = recorded(pushed=True).samples
     assert samples.t is not None
     saturated = replace(samples, saturated=(samples.t > 18.3) & (samples.t < 18.4))
-    write_calibration_report(tmp_path / "run.html", cw.calibrate(saturated), saturated)
+    write_calibration_report(tmp_path / "run.html", cw.calibrate(saturated, "mount"), saturated)
     page = (tmp_path / "run.html").read_text(encoding="utf-8")
     assert "Green: the 13 stretches" in page
     assert "Hatched: stretches that were left out" in page
@@ -150,7 +155,7 @@ def test_visits_follow_a_bias_that_steps_half_way() -> None:
 
 @pytest.mark.slow
 def test_a_rejected_stretch_is_kept_with_its_reason_and_not_fitted(tmp_path: Path) -> None:
-    found = cw.calibrate(recorded(pushed=True).samples, "mount")
+    found = calibrated(pushed=True)
     out = [pose for pose in found.poses if pose.rejected is not None]
     assert len(out) == 1
     assert out[0].rejected is not None
@@ -164,7 +169,7 @@ def test_a_rejected_stretch_is_kept_with_its_reason_and_not_fitted(tmp_path: Pat
 
 @pytest.mark.slow
 def test_verify_and_weigh_take_the_still_stretches_of_a_run() -> None:
-    calibration = cw.calibrate(recorded().samples, "mount")
+    calibration = calibrated()
     second = run(stops=5, seed=9, settings=("sensor.low_pass=10",)).samples
     verified = verify(calibration, second)
     assert verified.passed
@@ -222,7 +227,7 @@ def test_rows_taken_on_the_way_are_not_called_good() -> None:
     rig = changed(Settings(), ["recording.rate=10", "tool.mass=1", "sensor.low_pass=3", "sensor.delay=0.1",
                                "sensor.ranges=[700,700,700,30,30,30]"])  # fmt: skip
     made = record_motion(rig, exciting(60.0, 10.0, np.random.default_rng(5)), rng=np.random.default_rng(0))
-    found = cw.calibrate(in_seconds(made.samples, None))
+    found = cw.calibrate(in_seconds(made.samples, None), "mount")
     assert found.verdict.startswith("weak")
     assert any("what is left in one pose is left in the next too" in warning for warning in found.warnings)
 
@@ -253,7 +258,7 @@ def test_the_picture_of_a_long_recording_stays_small() -> None:
         np.tile(s.wrench, (6, 1)), np.tile(s.R_base_flange, (6, 1, 1)),
         np.concatenate([s.t + 60.0 * k for k in range(6)]),
     )  # fmt: skip
-    calibration, still = cw.calibrate(s, "mount"), still_segments(long)
+    calibration, still = calibrated(), still_segments(long)
     svg = signals_over_time(calibration, long, still)
     assert len(svg) < 300_000
     assert svg == signals_over_time(calibration, long, still)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import typer.main
 from numpy.typing import ArrayLike, NDArray
 
 import contactwrench as cw
-from contactwrench.cli.main import exit_status
+from contactwrench.cli.main import app, exit_status
 
 Array = NDArray[np.float64]
 
@@ -105,4 +107,10 @@ def run_quietly(arguments: Sequence[str | Path]) -> int:
     """Run `contactwrench` with these arguments in this process: its exit status."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["contactwrench", *map(str, arguments)])
-        return exit_status()
+        return exit_status(_program())
+
+
+@cache
+def _program() -> Any:
+    """Its verbs and options, which take longer to make than most runs last."""
+    return typer.main.get_command(app)
