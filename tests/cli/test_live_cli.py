@@ -58,10 +58,13 @@ def complaint(capsys: Capture, verb: str, *arguments: str | Path) -> str:
     return done.err.removeprefix("contactwrench: ").rstrip("\n")
 
 
+SCHEMES = ", ".join(each.scheme for each in known_sources())
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("--sensor foo://x", f"foo://x: found the scheme foo, expected one of {', '.join(each.scheme for each in known_sources())}"),
+        ("--sensor foo://x", f"foo://x: found the scheme foo, expected one of {SCHEMES}"),
         ("--sensor 10.0.0.7", "10.0.0.7: found no scheme, expected a URI like sri://10.0.0.7"),
         ("--sensor sri://no.invalid", "sri://no.invalid: found no host no.invalid, expected the SRI interface box: "
          "check the name, or write its address"),
