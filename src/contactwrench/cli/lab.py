@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from time import sleep
@@ -62,6 +63,7 @@ def lab(
         options.say(f"Sensor   {sensing.uri}\nRobot    {arm.uri}\nControl  {control.uri}")
         session = ("--robot", arm.uri, "--sensor", sensing.uri, "--lab", control.uri)
         rng = np.random.default_rng(seed)
+        gc.freeze()  # else the devices stand still now and then while what was imported is looked through
         if not live:
             options.say(f"contactwrench live {' '.join(session)}")
             _run(virtual, wandering(rng) if auto else None, sleep)
