@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -27,6 +27,12 @@ NOT_GIVEN: Any = None
 """Of a column: left out, or filled in."""
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 """Of the column `contact`."""
+BLANK: dict[str, Callable[[int], Any]] = {
+    "valid": lambda n: np.ones(n, np.bool_),
+    "reason": lambda n: (None,) * n,
+    "contact": lambda n: np.full(n, NOT_JUDGED, np.int8),
+}
+"""What a column of so many rows is filled in with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +100,9 @@ class ContactWrenches(Rows):
     covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        n = len(self.wrench)
-        blank = {"valid": np.ones(n, np.bool_), "reason": (None,) * n, "contact": np.full(n, NOT_JUDGED, np.int8)}
-        for name, values in blank.items():
+        for name, blank in BLANK.items():
             if getattr(self, name) is None:
-                object.__setattr__(self, name, values)
+                object.__setattr__(self, name, blank(len(self.wrench)))
         super().__post_init__()
 
     @classmethod

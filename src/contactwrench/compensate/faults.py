@@ -76,7 +76,8 @@ def reason_of(fault: int, detail: float, channel: int) -> Reason | None:
 def reasons_of(samples: NDArray[np.void]) -> tuple[Reason | None, ...]:
     """The faults of samples (n,)."""
     reasons: list[Reason | None] = [None] * len(samples)
-    for row in np.flatnonzero(samples["fault"]).tolist():
+    faults = samples["fault"]
+    for row in np.flatnonzero(faults).tolist() if faults.any() else ():
         reasons[row] = reason_of(*samples[["fault", "detail", "channel"]][row].item())
     return tuple(reasons)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields, replace
-from typing import Any, NoReturn, Self, TypeAlias
+from functools import cache
+from typing import Any, NoReturn, Self, TypeAlias, cast
 
 import numpy as np
 from numpy.ma import MaskedArray, is_masked
@@ -124,25 +125,24 @@ class Rows(Frozen):
     """
 
     def __post_init__(self) -> None:
-        first, n = "", 0
-        for each in fields(self):
-            values = getattr(self, each.name)
-            if "row" not in each.metadata:
-                object.__setattr__(self, each.name, frozen(values))
+        first, n, table = "", 0, cast(Any, type(self))
+        for name, row, kind in _layout(table):
+            values = getattr(self, name)
+            if kind is None:
+                object.__setattr__(self, name, frozen(values))
                 continue
             if values is None:
                 continue
-            row, kind = each.metadata["row"], each.metadata["kind"]
-            owned = tuple(values) if kind.hasobject else _frozen(_column(values, kind, each.name), kind)
+            owned = tuple(values) if kind.hasobject else _frozen(_column(values, kind, name), kind)
             shape = (len(owned),) if isinstance(owned, tuple) else owned.shape
             if not first:
                 n = shape[0] if shape else 0
             if shape != (n, *row):
                 expected = f"({', '.join(['n', *map(str, row)])}{'' if row else ','})"
                 pairs = f" with n = {n} as in {first}" if first else ""
-                raise InputError(f"{each.name} has shape {shape}, expected {expected}{pairs}")
-            first = first or each.name
-            object.__setattr__(self, each.name, owned)
+                raise InputError(f"{name} has shape {shape}, expected {expected}{pairs}")
+            first = first or name
+            object.__setattr__(self, name, owned)
 
     def __len__(self) -> int:
         return next((len(values) for each in _columns(self) if (values := getattr(self, each.name)) is not None), 0)
@@ -178,7 +178,15 @@ class Rows(Frozen):
         return replace(parts[0], **columns)
 
 
+@cache
+def _layout(table: type[Rows]) -> tuple[tuple[str, tuple[int, ...], np.dtype[Any] | None], ...]:
+    """Name, shape of a row, and type of each field; None: it is no column."""
+    return tuple((each.name, each.metadata.get("row", ()), each.metadata.get("kind")) for each in fields(table))
+
+
 def _column(values: Any, kind: np.dtype[Any], name: str) -> NDArray[Any]:
+    if type(values) is np.ndarray and values.dtype is kind:
+        return values
     if kind.kind == "f":
         return seconds(values, name) if name == "t" else numbers(values, name)
     array = _unmasked(values, name)

@@ -73,7 +73,7 @@ class Runner:
                 for text, before in zip(why, result.reason, strict=True)
             )
             result = replace(result, reason=reasons, valid=result.valid & np.array([not text for text in why]))
-        invalid = np.flatnonzero(~result.valid).tolist()
+        invalid = [] if result.valid.all() else np.flatnonzero(~result.valid).tolist()
         self._invalid += len(invalid)
         faults = self._faults([(float(t[k]), result.reason[k]) for k in invalid])
         return result, [*faults, *(("contact", text) for text in self._events(result))]
