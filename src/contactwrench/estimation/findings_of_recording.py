@@ -15,8 +15,10 @@ from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
 MOST_SEGMENTS_NAMED = 3
 MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
-ALLOWED = 3.0
-"""Standard deviations of the weight by which creep may make it wrong."""
+ALLOWED, NEGLIGIBLE = 3.0, 0.002
+"""Standard deviations of the weight, and part of it, by which creep may make it wrong; a better gain no data sheet
+promises.
+"""
 
 
 def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
@@ -49,7 +51,8 @@ def with_creep(calibration: Calibration, creep: Creep | None) -> Calibration:
     if creep is None or any(finding.kind is Kind.CREEP for finding in calibration.findings):
         return calibration
     weight, std = calibration.weight or 0.0, calibration.std.get("weight", np.inf)
-    if creep.force < calibration.expected_error[0] and abs(creep.share) * weight < ALLOWED * std:
+    allowed = max(ALLOWED * std, NEGLIGIBLE * weight)
+    if creep.force < calibration.expected_error[0] and abs(creep.share) * weight < allowed:
         return calibration
     text = (
         f"the sensor creeps after each change of its load: {100.0 * creep.share:.2g} % of it, perhaps, was still to "
