@@ -139,12 +139,29 @@ def test_a_base_that_leans_as_nobody_said_is_said(model: str) -> None:
     (text,) = of_the_base(leaning(20.0), model)
     assert text == (
         "doubtful: gravity comes out 20.0 deg off the direction that was stated or is usual: if the base does not lean "
-        "so, something pulls steadily, a hose or a balancer, and the weight is wrong; if it does: --gravity "
+        "so, something pulls steadily, a hose or a balancer, and the weight is wrong; if it does, state gravity as "
         "0.342,0,-0.94"
     )
     assert of_the_base(leaning(20.0), model, gravity=(0.342, 0.0, -0.94)) == []
     assert len(of_the_base(leaning(0.0), model, gravity=(0.342, 0.0, -0.94))) == 1
     assert of_the_base(leaning(4.5, 70.0), model) == []
+
+
+def test_a_base_may_lean_as_far_as_was_stated() -> None:
+    samples = leaning(8.0)
+    assert len(of_the_base(samples)) == 1
+    assert of_the_base(samples, base_tilt_sd=np.deg2rad(10.0)) == []
+    assert of_the_base(samples, known={"gravity": (DOWN, np.deg2rad(10.0))}) == []
+    assert len(of_the_base(samples, known={"gravity": (DOWN, np.deg2rad(1.0))})) == 1
+
+
+def test_a_calibration_with_an_odd_prior_is_as_odd() -> None:
+    """What the earlier one doubted is taken as known, and is no better for that."""
+    samples = leaning(20.0)
+    earlier = cw.calibrate(samples)
+    assert len(of_the_base(samples, prior=earlier)) == 1
+    plain = leaning(0.0)
+    assert of_the_base(plain, prior=cw.calibrate(plain)) == []
 
 
 @pytest.mark.parametrize("side", [0.0, 110.0, 250.0])

@@ -70,3 +70,9 @@ def test_a_stall_is_no_rate(stall: float) -> None:
     """Wherever it begins; what waited comes behind it, all at once."""
     for begin in (3.0 + 0.01 * k for k in range(50)):
         assert said(100.0, (100.0, begin), (0.0, stall), (1e4 * stall, 0.01), (100.0, 2.0)) == []
+
+
+@pytest.mark.parametrize("burst", [0.05, 0.1, 0.13, 0.16, 0.2, 0.24])
+def test_bursts_at_the_right_rate_are_no_rate(burst: float) -> None:
+    """As a TCP stack makes them that acknowledges late."""
+    assert [event for event in said(1_000.0, (1_000.0, 20.0), burst=burst) if event.kind == "rate"] == []

@@ -50,6 +50,22 @@ class Written:
         self.closed = True
 
 
+def test_a_sink_that_others_listen_to_gets_each_turn_at_once() -> None:
+    """A file may be written twenty times a second; who controls by a topic may not wait for that."""
+    sink = Written()
+    at_work = open_sink(sink)
+    late = []
+    for k in range(30):
+        at_work.write(turn(k, k + 1, judged=False))
+        begun = monotonic()
+        while len(sink.got) <= k:
+            sleep(1e-4)
+        late.append(monotonic() - begun)
+        sleep(0.002)
+    at_work.close()
+    assert float(np.median(late)) < 0.01
+
+
 def test_a_slow_disk_slows_nobody_and_what_it_dropped_is_counted() -> None:
     sink = Written(pause=0.1)
     at_work = open_sink(sink)

@@ -63,6 +63,7 @@ def lab(
         options.say(f"Sensor   {sensing.uri}\nRobot    {arm.uri}\nControl  {control.uri}")
         session = ("--robot", arm.uri, "--sensor", sensing.uri, "--lab", control.uri)
         rng = np.random.default_rng(seed)
+        gc.collect()
         gc.freeze()  # else the devices stand still now and then while what was imported is looked through
         if not live:
             options.say(f"contactwrench live {' '.join(session)}")

@@ -96,7 +96,6 @@ def live(
 ) -> None:
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""
     from ..calibration.calibration import Calibration
-    from ..compensate.runner import compiled
     from ..live.devices import require_devices
     from ..live.page.hub import Hub
     from ..live.pump import Pump, Ways
@@ -141,7 +140,7 @@ def live(
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
         if known is None and find_spec("numba"):
-            Thread(target=compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
+            Thread(target=_compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
         ways = Ways(hub.publish if page or wizard else None, _say_json if events else _say_line, hub.commands)
         pump = Pump(session, readers, ways=ways)
         pump.write_to(outlets, recorder)
@@ -241,8 +240,7 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
     guide = None if terminal is None else Terminal(terminal)
     if not (page or terminal):
         options.say("Running until Ctrl-C.", err=True)
-    gc.collect()
-    gc.freeze()  # else what was imported is looked through now and then, and all threads stop for a tenth of a second
+    _settle()
     try:
         pump.start()
         while not came and (page or not pump.wait(0.0)) and pump.failure is None:
@@ -257,6 +255,19 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
         raise pump.failure
     if came:
         os.kill(os.getpid(), came[0])
+
+
+def _compiled() -> None:
+    from ..compensate.runner import compiled
+
+    compiled()
+    _settle()
+
+
+def _settle() -> None:
+    """Leave what was imported alone: looking it through for garbage stops all threads for a tenth of a second."""
+    gc.collect()
+    gc.freeze()
 
 
 def _say_json(said: Said) -> None:

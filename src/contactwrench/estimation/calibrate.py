@@ -35,7 +35,7 @@ from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_
 from .findings_of_recording import of_recording, with_creep
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
-from .plausibility import dead_channels
+from .plausibility import dead_channels, inherited
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
@@ -95,7 +95,8 @@ def calibrate(
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
     try:
-        return assembled(recorded, question, origin)
+        calibration = assembled(recorded, question, origin)
+        return replace(calibration, findings=(*calibration.findings, *inherited(prior)))
     except (UnobservableError, AmbiguityError) as error:
         if samples.doubt:
             raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {samples.doubt}") from None

@@ -16,8 +16,8 @@ MOST_SEGMENTS_NAMED = 3
 MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
 ALLOWED, NEGLIGIBLE = 3.0, 0.002
-"""Standard deviations of the weight, and part of it, by which creep may make it wrong; a better gain no data sheet
-promises.
+"""Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
+sheet promises a better gain.
 """
 
 
@@ -48,15 +48,17 @@ def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
 
 def with_creep(calibration: Calibration, creep: Creep | None) -> Calibration:
     """The calibration, doubtful where its readings had still more to show than its own error."""
-    if creep is None or any(finding.kind is Kind.CREEP for finding in calibration.findings):
-        return calibration
+    others = tuple(finding for finding in calibration.findings if finding.kind is not Kind.CREEP)
+    unaffected = replace(calibration, findings=others)
+    if creep is None:
+        return unaffected
     weight, std = calibration.weight or 0.0, calibration.std.get("weight", np.inf)
     allowed = max(ALLOWED * std, NEGLIGIBLE * weight)
     if creep.force < calibration.expected_error[0] and abs(creep.share) * weight < allowed:
-        return calibration
+        return unaffected
     text = (
-        f"the sensor creeps after each change of its load: {100.0 * creep.share:.2g} % of it, perhaps, was still to "
-        f"come when the poses were taken, {creep.force:.2g} N: a pose that stood for longer would weigh the tool "
+        f"the sensor creeps after each change of its load: {100.0 * abs(creep.share):.2g} % of it or more was perhaps "
+        f"still to come when the poses were taken, {creep.force:.2g} N: stops that last longer would weigh the tool "
         "otherwise"
     )
-    return replace(calibration, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))
+    return replace(calibration, findings=(*others, DOUBTFUL(Kind.CREEP, text)))

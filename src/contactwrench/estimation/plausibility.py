@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
 from ..errors import refuse
 from ..geometry.arrays import Array, Frozen, read_only
@@ -51,7 +52,7 @@ SURE = 3.0
 """Standard deviations."""
 
 LEANS = float(np.deg2rad(5.0))
-"""So far a base leans off what is known of it only where somebody set it up so."""
+"""A floor or a table that leans further shows to the eye; a steady pull below it is a twelfth of the weight."""
 
 TOO_HEAVY, TOO_LIGHT, BEHIND = "too heavy", "too light", "com behind the sensor"
 TOO_FAR, TOO_NEAR = "com too far for the mass", "com too near for the mass"
@@ -121,23 +122,33 @@ def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
         text = TEXTS[odd].format(mass=mass, distance=distance, behind=-1e3 * along) + decides
         yield (Finding.weak if distance > FURTHEST_COM else Finding.doubtful)(Kind.IMPLAUSIBLE_TOOL, text)
     if isinstance(estimate, RigidEstimate):
-        yield from _leaning(estimate, question.gravity_direction)
+        yield from _leaning(estimate, question)
 
 
-def _leaning(estimate: RigidEstimate, usual: Array) -> Iterator[Finding]:
+def inherited(prior: Calibration | None) -> tuple[Finding, ...]:
+    """What is odd of an earlier calibration, and so of one that takes its tool and base as known."""
+    of_tool_and_base = (Kind.IMPLAUSIBLE_TOOL, Kind.LEANING_BASE)
+    return () if prior is None else tuple(each for each in prior.findings if each.kind in of_tool_and_base)
+
+
+def _leaning(estimate: RigidEstimate, question: Question) -> Iterator[Finding]:
     """That gravity is not where it is stated or usual: a steady pull in base axes is no different from a base that
     leans, and then it is in the weight.
     """
     found = estimate.gravity_direction
     tilts = [k for k, name in enumerate(estimate.names) if name in GRAVITY]
-    std = float(np.sqrt(np.diag(estimate.covariance)[tilts].max(initial=0.0)))
-    angle = float(np.arccos(np.clip(found @ usual, -1.0, 1.0)))
-    if angle - SURE * std > LEANS:
+    if not tilts:
+        return
+    std, stated = float(np.sqrt(np.diag(estimate.covariance)[tilts].max())), question.priors.base
+    if stated is None and (known := rows_of(question.knowledge, estimate.tool, estimate.names)) is not None:
+        stated = 1.0 / max(float(np.linalg.norm(known.jacobian[:, tilts], 2)), 1e-300)
+    angle = float(np.arccos(np.clip(found @ question.gravity_direction, -1.0, 1.0)))
+    if angle - SURE * std > max(LEANS, SURE * (stated or 0.0)):
         direction = ",".join(f"{part:.3g}" for part in found.round(3) + 0.0)
         text = (
             f"gravity comes out {np.rad2deg(angle):.1f} deg off the direction that was stated or is usual: if the base "
-            "does not lean so, something pulls steadily, a hose or a balancer, and the weight is wrong; if it does: "
-            f"--gravity {direction}"
+            "does not lean so, something pulls steadily, a hose or a balancer, and the weight is wrong; if it does, "
+            f"state gravity as {direction}"
         )
         yield Finding.doubtful(Kind.LEANING_BASE, text)
 

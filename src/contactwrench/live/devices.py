@@ -13,6 +13,8 @@ from .source import About, Source, now
 
 PROBE = 0.7, 0.2
 """s of a window, and the part by which two of them are to be off; what is less, the session says when it runs."""
+LEAST_RATE, SILENCE = 10.0, 1.5
+"""Hz: what comes more rarely takes too long to count before a session; and s without a sample, which is no rate."""
 LOOK = 0.1
 """s that a read waits."""
 
@@ -40,12 +42,13 @@ def probed(source: Source, *, wrench: bool, orientation: bool) -> About:
 
 
 def _require_rate(source: Source, about: About) -> None:
-    if about.rate is None or about.replay:  # of a recording what is read is gone
+    if about.rate is None or about.rate < LEAST_RATE or about.replay:  # of a recording what is read is gone
         return
-    windows, samples = Windows(about.rate, *PROBE), len(source.read(0.0).samples)
-    while not windows.right and windows.counted < 2:
-        windows.look(samples, now())
-        samples += len(source.read(LOOK).samples)
+    windows, samples, heard = Windows(about.rate, *PROBE), 0, now()
+    while not windows.right and windows.counted < 2 and now() - heard < SILENCE:
+        if batch := source.read(LOOK).samples:
+            heard, samples = batch[-1].arrival, samples + len(batch)
+            windows.look(samples, heard)
     if windows.off:
         raise InputError(
             f"{source.uri}: found {windows.rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the "

@@ -12,6 +12,7 @@ from ..calibration.text import parameter_rows
 from ..errors import ContactWrenchError
 from ..estimation.calibrate import DOWN, calibrate
 from ..geometry.arrays import Frozen
+from ..geometry.quaternions import angle_between
 from ..samples.creep import Stop
 from ..samples.delay import estimate_delay, is_significant
 from ..samples.samples import Streams
@@ -100,7 +101,16 @@ def with_check(calibration: Calibration, passed: bool, reason: str) -> Calibrati
 
 def stops_of(poses: tuple[Taken, ...]) -> list[Stop]:
     """The poses as stops, whose creep tells what they had still to show."""
-    return [Stop(pose.wrench[:, :3], end - pose.stood, end - HOLD, end) for pose in poses for end in pose.t[-1:]]
+    return [
+        Stop(
+            pose.wrench[:, :3],
+            pose.t[-1] - pose.stood,
+            pose.t[-1] - HOLD,
+            pose.t[-1],
+            angle_between(tuple(pose.orientation[0]), pose.turn),
+        )
+        for pose in poses
+    ]
 
 
 def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration:

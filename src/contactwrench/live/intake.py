@@ -31,7 +31,7 @@ class Intake:
         self.clock = Clock()
         self._rate = Rate(None, -inf)
         self.samples = self.lost = self.repeated = self.wrong = 0
-        self._newest = -inf
+        self._newest = self._arrived = -inf
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
@@ -73,6 +73,7 @@ class Intake:
             for what in self._last:
                 if sample.flaw or getattr(sample, what) is not None:
                     self._last[what] = sample.arrival
+            self._arrived = sample.arrival
         self.samples += len(taken)
         return taken
 
@@ -90,7 +91,7 @@ class Intake:
             self.state, self.text = STREAMING, ""
             self._rate.begin(t)
             events.append(self._event(t, "back", "note", "samples come again"))
-        if self.state == STREAMING and (found := self._rate.look(self.samples, t)) is not None:
+        if self.state == STREAMING and (found := self._rate.look(self.samples, self._arrived)) is not None:
             come = f"{found:.4g} samples a second come, {self._rate.asked:.4g} were asked for"
             events.append(self._event(t, "rate", "warning", f"{come}: check its settings and the network"))
         if self._notes and t - self._noted >= NOTES_EVERY:

@@ -9,13 +9,14 @@ from time import sleep
 
 from ..errors import ContactWrenchError
 from .sink import NO_TURN, Sink, Turn
+from .sinks.file import GrowingFile
 
 MOST_WAITING = 20_000
 """Readings and orientations: a disk that stalls for ten seconds at 1 kHz loses nothing; some 5 MB."""
 IDLE = 0.5
 """s of silence, after which a sink may write what it has kept."""
 GATHERED = 0.05
-"""s over which turns are left in the queue: a thread that woke for each would take as much as the worker."""
+"""s over which turns for a file are left in the queue: a thread that woke for each would take as much as the worker."""
 DRAIN = 2.0
 """s for what waits when the session ends."""
 
@@ -69,6 +70,7 @@ class _Queued(OpenSink):
     def __init__(self, sink: Sink, patient: bool) -> None:
         super().__init__(sink)
         self._patient, self._given, self._taken = patient, 0, 0
+        self._gathers = isinstance(sink, GrowingFile) and not patient
         self._queue: SimpleQueue[Turn | None] = SimpleQueue()
         self._thread = Thread(target=self._drain, name=f"sink {self.uri}", daemon=True)
         self._thread.start()
@@ -104,7 +106,7 @@ class _Queued(OpenSink):
         while (turn := self._next()) is not None:
             super().write(turn)
             self._taken += turn.rows
-            if self._queue.empty() and not self._patient:
+            if self._queue.empty() and self._gathers:
                 sleep(GATHERED)
         super().close()
 

@@ -15,7 +15,8 @@ RIGHT = 0.5
 
 
 class Windows:
-    """Samples counted in windows of at least `over` s. Their rate is `off` where two in a row differ from `asked`, Hz,
+    """Samples counted in windows of at least `over` s, from one arrival to another, so that bursts count as what they
+    are. Their rate is `off` where two in a row differ from `asked`, Hz,
     by more than the part `by`, and less from each other: a stall, the burst behind it and silence are no rate.
 
     Attributes:
@@ -37,8 +38,8 @@ class Windows:
         self.rate: float | None = None
 
     def look(self, samples: int, t: float) -> None:
-        """Count on; at `t` s so many `samples` have come in all."""
-        if t < self._due:
+        """Count on; so many `samples` have come in all, the last of them at `t` s."""
+        if t < self._due or (self._marks and samples == self._marks[-1][1]):
             return
         self._due = t + self._over
         self._marks.append((t, samples))
@@ -73,8 +74,8 @@ class Rate:
         self._soon.begin(t)
 
     def look(self, samples: int, t: float) -> float | None:
-        """Count on, as `Windows` do. What comes, Hz, where that has become another rate than was asked for: said once,
-        until it is right again.
+        """Count on, as `Windows` does. What comes, Hz, where that has become another rate than was asked for: said
+        once, until it is right again.
         """
         self._surely.look(samples, t)
         self._soon.look(samples, t)

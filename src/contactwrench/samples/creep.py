@@ -1,8 +1,9 @@
 """Creep: the share of each change of its load that a sensor shows late.
 
 Strain gauges and their glue follow a new load by most of it at once, and go on by the logarithm of time; what earlier
-changes left adds up (Boltzmann's superposition). Within one stop that is no different from a bias that wanders; that
-the readings of all stops go on as their own changes of load have it is.
+changes left adds up (Boltzmann's superposition): the reading is F(t) + c sum_j dF_j log(t - t_j), with dF_j the change
+of load at t_j. Within one stop that is no different from a bias that wanders; that the readings of all stops go on as
+their own changes of load have it is. Of the logarithm only differences enter, so its unit of time does not.
 """
 
 from __future__ import annotations
@@ -14,55 +15,61 @@ import numpy as np
 
 from ..geometry.arrays import Array, Frozen
 
-SURE = 3.0
-"""Standard deviations."""
-FEWEST_STOPS, FEWEST_ROWS = 4, 10
+CHANCE = 0.001
+"""Of noise that looks like creep, by Student's t."""
+FEWEST_STOPS, FEWEST_ROWS, MOST_STOPS = 4, 10, 500
 TIMES_AS_LONG = 10.0
 """As each stop: until then creep is taken to go on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stop(Frozen):
-    """Evenly spaced readings of a force (n, 3), N, from `begin` to `end`, s, of an arm that `came` to rest before."""
+    """Evenly spaced readings of a force (n, 3), N, from `begin` to `end`, s, of an arm that `came` to rest before, and
+    goes on turning by so many rad from the earlier half to the later one, `turn`.
+    """
 
     force: Array
     came: float
     begin: float
     end: float
+    turn: float
 
 
 @dataclass(frozen=True)
 class Creep:
-    """The `share` of a change of load that stops had still to show, and what that is in N, `force`, of the changes that
-    there were.
-    """
+    """The `share` of a change of load that stops had still to show; of the rms change of load that is `force` N."""
 
     share: float
     force: float
 
 
 def creep_of(stops: Sequence[Stop]) -> Creep | None:
-    """Creep, where stops in the order of time surely show some."""
-    known = [stop for stop in stops if len(stop.force) >= FEWEST_ROWS and stop.end > stop.begin]
+    """Creep, where stops in the order of time surely show some, more than an arm that settles explains."""
+    from scipy.special import stdtrit
+
+    known = [stop for stop in stops if len(stop.force) >= FEWEST_ROWS and stop.end > stop.begin][:MOST_STOPS]
     if len(known) < FEWEST_STOPS:
         return None
     came, begin, end = np.array([(stop.came, stop.begin, stop.end) for stop in known[1:]]).T
-    load = np.diff([stop.force.mean(axis=0) for stop in known], axis=0)
-    went_on = np.array([_went_on(stop.force) for stop in known[1:]])
+    level = np.array([stop.force.mean(axis=0) for stop in known])
+    change = np.diff(level, axis=0)
+    drift = np.array([_drift(stop.force) for stop in known[1:]])
     middle = 0.5 * (begin + end)
-    of_load = _mean_logarithms(came, middle, end) - _mean_logarithms(came, begin, middle)
-    towards = of_load @ load
-    squares = max(float(np.sum(towards**2)), 1e-300)
-    per_e_fold = float(np.sum(went_on * towards)) / squares
-    std = float(np.sqrt(np.mean((went_on - per_e_fold * towards) ** 2) / squares))
-    if abs(per_e_fold) <= SURE * std:
+    predicted = (_mean_logarithms(came, middle, end) - _mean_logarithms(came, begin, middle)) @ change
+    squares = max(float(np.sum(predicted**2)), 1e-300)
+    per_e_fold = float(np.sum(drift * predicted)) / squares
+    dof = predicted.size - 1.0
+    std = float(np.sqrt(np.sum((drift - per_e_fold * predicted) ** 2) / dof / squares))
+    turned = np.array([stop.turn for stop in known[1:]])[:, None] * (level - level.mean(axis=0))[1:]
+    by_the_arm = float(np.sqrt(np.sum(turned**2) / squares))
+    if not abs(per_e_fold) > max(float(stdtrit(dof, 1.0 - 0.5 * CHANCE)) * std, by_the_arm):
         return None
-    to_come = np.log(TIMES_AS_LONG * (end - came)) - np.diag(_mean_logarithms(came, begin, end))
-    share = per_e_fold * float(np.median(to_come))
-    return Creep(share, abs(share) * float(np.sqrt(np.mean(np.sum(load**2, axis=1)))))
+    remaining = np.log(TIMES_AS_LONG * (end - came)) - np.diag(_mean_logarithms(came, begin, end))
+    share = per_e_fold * float(np.median(remaining))
+    return Creep(share, abs(share) * float(np.sqrt(np.mean(np.sum(change**2, axis=1)))))
 
 
-def _went_on(force: Array) -> Array:
+def _drift(force: Array) -> Array:
     """By how much (3,) the later half differs from the earlier one."""
     half = len(force) // 2
     change: Array = force[half:].mean(axis=0) - force[:half].mean(axis=0)

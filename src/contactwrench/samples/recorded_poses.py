@@ -119,8 +119,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
             return RecordedPoses(poses, again, (), 0, 0)
         rows, period = _even_rows(samples.t, label)
         noise = still_noise_of([samples.wrench[each] for each in rows], period)
-        at = [(samples.wrench[each, :3], samples.t[each[0]], samples.t[each[-1]] + period) for each in rows]
-        creep = creep_of([Stop(force, begin, begin, end) for force, begin, end in at])
+        creep = creep_of([_stop(samples, each, int(each[0])) for each in rows if len(each) > 1])
         return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=creep)
     still = still_segments(samples)
     stood = still.accepted + still.rejected
@@ -129,7 +128,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     moving = poses_on_the_way(samples, [segment.rows for segment in stood]) if count < FEW_STOPS else ()
     if not still.accepted and not moving:
         raise InputError(_never_still(samples, still))
-    visit, stops = visits(label, most_visits), _stops(samples, still.accepted)
+    visit = visits(label, most_visits)
     return RecordedPoses(
         _joined(samples, still.accepted, label) + moving,
         None if visit is None else _joined(samples, still.accepted, visit) + moving,
@@ -138,7 +137,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         len(still.accepted),
         len(moving),
         still.noise,
-        creep_of(_stops(samples, tuple(sorted(stood, key=lambda each: each.first)))) or creep_of(stops),
+        _creep_of(samples, stood) or _creep_of(samples, still.accepted),
     )
 
 
@@ -197,17 +196,26 @@ def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray
     return mean_poses(samples, [np.concatenate([row[segments[k].rows] for k in of]) for of in of_pose])
 
 
-def _stops(samples: Samples, segments: tuple[StillSegment, ...]) -> list[Stop]:
-    """Each segment, with the time at which the arm came there."""
-    t = np.arange(len(samples), dtype=np.float64) if samples.t is None else samples.t
+def _creep_of(samples: Samples, segments: tuple[StillSegment, ...]) -> Creep | None:
+    """What segments show of it. Among all in which the arm stood are those that creep too much to be poses, but also
+    those that somebody touched, which may hide it.
+    """
     stops, before = [], 0
-    for segment in segments:
+    for segment in sorted(segments, key=lambda each: each.first):
         on_the_way = samples.R_base_flange[before : segment.first] - segment.R_base_flange
         far = np.flatnonzero(np.sum(on_the_way**2, axis=(1, 2)) > 2.0 * SAME_POSE_ANGLE**2)
-        came = float(t[before + far[-1]] if len(far) else t[segment.first])
-        stops.append(Stop(samples.wrench[segment.rows, :3], came, segment.t_start, segment.t_end))
+        came = before + int(far[-1]) + 1 if len(far) else segment.first
         before = segment.last + 1
-    return stops
+        stops.append(_stop(samples, np.arange(segment.first, before), came))
+    return creep_of(stops)
+
+
+def _stop(samples: Samples, rows: NDArray[np.intp], came: int) -> Stop:
+    """Rows at one orientation, to which the arm came with a row before them, or the first."""
+    t = np.arange(len(samples), dtype=np.float64) if samples.t is None else samples.t
+    earlier, later = (samples.R_base_flange[half].mean(axis=0) for half in np.array_split(rows, 2))
+    turn = float(np.linalg.norm(later - earlier) / np.sqrt(2.0))
+    return Stop(samples.wrench[rows, :3], float(t[came]), float(t[rows[0]]), float(t[rows[-1]]), turn)
 
 
 def _never_still(samples: Samples, still: StillSegments) -> str:
