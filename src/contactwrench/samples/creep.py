@@ -15,8 +15,8 @@ import numpy as np
 
 from ..geometry.arrays import Array, Frozen
 
-CHANCE = 0.001
-"""Of noise that looks like creep, by Student's t."""
+CHANCE = 0.01
+"""Of noise that looks like creep, by Student's t: doubt without cause is better than creep hidden in 1/f noise."""
 FEWEST_STOPS, FEWEST_ROWS, MOST_STOPS = 4, 10, 500
 TIMES_AS_LONG = 10.0
 """As each stop: until then creep is taken to go on."""
