@@ -97,6 +97,19 @@ def test_a_recording_of_a_creeping_sensor_is_doubtful(share: float, tau: float, 
     assert len(text) < 300
 
 
+@pytest.mark.parametrize("model", ["paper", "yaw", "mount+base"])
+def test_creep_is_said_of_every_model(model: str) -> None:
+    calibration = cw.calibrate(recording(2, 0.05, 5.0, 3.0), model)
+    assert Kind.CREEP in [finding.kind for finding in calibration.findings]
+
+
+def test_a_model_without_a_weight_is_held_against_its_own_error_alone() -> None:
+    calibration = cw.calibrate(recording(2, 0.05, 5.0, 3.0), "affine")
+    assert calibration.weight is None
+    assert calibration.findings == ()
+    assert calibration.expected_error[0] > 0.3  # more than creep makes here
+
+
 def test_one_that_does_not_is_not() -> None:
     calibration = cw.calibrate(recording(2, 0.0, 1.0, 3.0))
     assert (calibration.verdict, calibration.findings) == ("good", ())

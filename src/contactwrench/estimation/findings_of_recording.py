@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
 from ..samples.creep import Creep
@@ -52,9 +50,11 @@ def with_creep(calibration: Calibration, creep: Creep | None) -> Calibration:
     unaffected = replace(calibration, findings=others)
     if creep is None:
         return unaffected
-    weight, std = calibration.weight or 0.0, calibration.std.get("weight", np.inf)
-    allowed = max(ALLOWED * std, NEGLIGIBLE * weight)
-    if creep.force < calibration.expected_error[0] and abs(creep.share) * weight < allowed:
+    wrong_weight = False
+    if calibration.weight is not None:
+        allowed = max(ALLOWED * calibration.std["weight"], NEGLIGIBLE * calibration.weight)
+        wrong_weight = abs(creep.share) * calibration.weight >= allowed
+    if creep.force < calibration.expected_error[0] and not wrong_weight:
         return unaffected
     text = (
         f"the sensor creeps after each change of its load: {100.0 * abs(creep.share):.2g} % of it or more was perhaps "

@@ -14,6 +14,7 @@ from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array, Frozen
 from ..geometry.orientation import from_quat_xyzw
 from ..geometry.quaternions import angle_between
+from ..samples.creep import change_within
 from ..samples.samples import Samples
 from .history import History
 from .source import Four
@@ -174,13 +175,6 @@ class PoseTaking:
     def doubt(self, reasons: dict[int, str]) -> None:
         """What the fit has against poses, by their number from 0."""
         self.taken = tuple(replace(pose, doubt=reasons.get(k, "")) for k, pose in enumerate(self.taken))
-
-
-def change_within(wrench: Array) -> Array:
-    """By how much (6,) the second half of readings (n, 6) differs from the first."""
-    half = len(wrench) // 2
-    change: Array = wrench[half:].mean(axis=0) - wrench[:half].mean(axis=0)
-    return change
 
 
 def _creeps(wrench: Array, quiet: Array | None) -> bool:

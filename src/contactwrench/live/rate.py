@@ -16,8 +16,8 @@ RIGHT = 0.5
 
 class Windows:
     """Samples counted in windows of at least `over` s, from one arrival to another, so that bursts count as what they
-    are. Their rate is `off` where two in a row differ from `asked`, Hz,
-    by more than the part `by`, and less from each other: a stall, the burst behind it and silence are no rate.
+    are. Their rate is `off` where two in a row differ from `asked`, Hz, by more than the part `by`, and less from each
+    other: a stall, the burst behind it and silence are no rate.
 
     Attributes:
         counted: how many of the last two have ended.

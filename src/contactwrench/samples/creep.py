@@ -53,7 +53,7 @@ def creep_of(stops: Sequence[Stop]) -> Creep | None:
     came, begin, end = np.array([(stop.came, stop.begin, stop.end) for stop in known[1:]]).T
     level = np.array([stop.force.mean(axis=0) for stop in known])
     change = np.diff(level, axis=0)
-    drift = np.array([_drift(stop.force) for stop in known[1:]])
+    drift = np.array([change_within(stop.force) for stop in known[1:]])
     middle = 0.5 * (begin + end)
     predicted = (_mean_logarithms(came, middle, end) - _mean_logarithms(came, begin, middle)) @ change
     squares = max(float(np.sum(predicted**2)), 1e-300)
@@ -69,10 +69,10 @@ def creep_of(stops: Sequence[Stop]) -> Creep | None:
     return Creep(share, abs(share) * float(np.sqrt(np.mean(np.sum(change**2, axis=1)))))
 
 
-def _drift(force: Array) -> Array:
-    """By how much (3,) the later half differs from the earlier one."""
-    half = len(force) // 2
-    change: Array = force[half:].mean(axis=0) - force[:half].mean(axis=0)
+def change_within(readings: Array) -> Array:
+    """By how much (k,) the later half of readings (n, k) differs from the earlier one."""
+    half = len(readings) // 2
+    change: Array = readings[half:].mean(axis=0) - readings[:half].mean(axis=0)
     return change
 
 
