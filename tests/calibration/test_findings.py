@@ -61,6 +61,7 @@ def test_the_severities_decide_and_no_sentence(severities: tuple[str, ...], verd
         (["cross_talk"], [Doubt.MODEL]),
         (["sign_not_confirmed"], [Doubt.ASSUMPTION]),
         (["pose_left_out", "bias_stepped", "cross_talk"], [Doubt.MOVED, Doubt.MODEL]),
+        (["creep"], [Doubt.CREEP]),
         (["found_in_2030"], [Doubt.MODEL]),
     ],
 )

@@ -64,3 +64,6 @@ def test_its_options_are_checked() -> None:
         source_of("rig://?seed=x")
     with pytest.raises(InputError, match="speed"):
         source_of("rig://?speed=2")
+    message = r"^rig://here:1: found an address, expected none as the rig is in this program: rig://\[\?seed=N\]$"
+    with pytest.raises(InputError, match=message):
+        source_of("rig://here:1")

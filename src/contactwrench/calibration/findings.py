@@ -76,6 +76,7 @@ class Doubt(StrEnum):
     MODEL = "the model does not explain the readings: compare the other models, look for a cable, a contact, a gain"
     ASSUMPTION = "an assumption decides the answer: confirm it, or record poses that tell"
     MOVED = "a moving bias or poses left out took much of what the poses tell: record more, warmed up, free of contact"
+    CREEP = "the reading was still on its way to each new load: stop for longer, let the sensor warm up, load it less"
 
 
 BIAS_MOVED = frozenset({Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED})
@@ -86,7 +87,8 @@ DOUBT_OF_KIND = {
     Kind.IMPLAUSIBLE_TOOL: Doubt.ASSUMPTION,
     Kind.LEANING_BASE: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,
-    **dict.fromkeys((*BIAS_MOVED, Kind.CREEP, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
+    Kind.CREEP: Doubt.CREEP,
+    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import InputError
 from ..live.source import About, Batch, Sample, now
 from ..live.uri import Uri
 from .lab import BRISK, REST, wandering
@@ -36,6 +37,8 @@ class RigSource:
 
     def __init__(self, uri: Uri) -> None:
         uri.only("seed")
+        if uri.host or uri.port is not None or uri.path:
+            raise InputError(f"{uri.text}: found an address, expected none as the rig is in this program: {self.FORM}")
         self.uri, self._seed = uri.text, uri.whole("seed", 0)
         self._closed = Event()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
 from ..samples.creep import Creep
@@ -45,20 +47,28 @@ def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
 
 
 def with_creep(calibration: Calibration, creep: Creep | None) -> Calibration:
-    """The calibration, doubtful where its readings had still more to show than its own error."""
-    others = tuple(finding for finding in calibration.findings if finding.kind is not Kind.CREEP)
-    unaffected = replace(calibration, findings=others)
+    """The calibration with a weight as uncertain as creep leaves it; doubtful where that is sure, and more than its own
+    error. Gravity's force and torque creep alike, so the centre of mass stays.
+    """
     if creep is None:
-        return unaffected
-    wrong_weight = False
-    if calibration.weight is not None:
-        allowed = max(ALLOWED * calibration.std["weight"], NEGLIGIBLE * calibration.weight)
-        wrong_weight = abs(creep.share) * calibration.weight >= allowed
-    if creep.force < calibration.expected_error[0] and not wrong_weight:
-        return unaffected
-    text = (
-        f"the sensor creeps after each change of its load: {100.0 * abs(creep.share):.2g} % of it or more was perhaps "
-        f"still to come when the poses were taken, {creep.force:.2g} N: stops that last longer would weigh the tool "
-        "otherwise"
+        return calibration
+    of_load = np.column_stack([calibration.B[:, :3], np.zeros(6)]).ravel()
+    names, weight = calibration.parameter_names, calibration.weight
+    direction = of_load if weight is None else weight * (np.array(names) == "weight")
+    variance = creep.not_excluded**2
+    honest = replace(
+        calibration,
+        covariance=calibration.covariance + variance * np.outer(direction, direction),
+        B_covariance=calibration.B_covariance + variance * np.outer(of_load, of_load),
     )
-    return replace(calibration, findings=(*others, DOUBTFUL(Kind.CREEP, text)))
+    share, force = abs(creep.share), abs(creep.share) * creep.change
+    beyond_weight = False
+    if weight is not None:
+        beyond_weight = share * weight >= max(ALLOWED * calibration.std["weight"], NEGLIGIBLE * weight)
+    if not creep.sure or (force < calibration.expected_error[0] and not beyond_weight):
+        return honest
+    text = (
+        f"the sensor creeps after each change of its load: {100.0 * share:.2g} % of it or more was perhaps still to "
+        f"come when the poses were taken, {force:.2g} N: stops that last longer would weigh the tool otherwise"
+    )
+    return replace(honest, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))

@@ -12,11 +12,9 @@ from ..calibration.text import parameter_rows
 from ..errors import ContactWrenchError
 from ..estimation.calibrate import DOWN, calibrate
 from ..geometry.arrays import Frozen
-from ..geometry.quaternions import angle_between
-from ..samples.creep import Stop
 from ..samples.delay import estimate_delay, is_significant
 from ..samples.samples import Streams
-from .pose_taking import HOLD, Taken, samples_of
+from .pose_taking import Taken, samples_of
 from .push_test import Push, as_tested, contradiction
 from .snapshot import Fit, Parameter
 
@@ -97,20 +95,6 @@ def with_check(calibration: Calibration, passed: bool, reason: str) -> Calibrati
         return calibration
     finding = Finding.doubtful(Kind.FAILED_CHECK, f"the check on new poses failed: {reason}")
     return replace(calibration, findings=(*calibration.findings, finding))
-
-
-def stops_of(poses: tuple[Taken, ...]) -> list[Stop]:
-    """The poses as stops, whose creep tells what they had still to show."""
-    return [
-        Stop(
-            pose.wrench[:, :3],
-            pose.t[-1] - pose.stood,
-            pose.t[-1] - HOLD,
-            pose.t[-1],
-            angle_between(tuple(pose.orientation[0]), pose.turn),
-        )
-        for pose in poses
-    ]
 
 
 def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration:

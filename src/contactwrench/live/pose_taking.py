@@ -191,6 +191,7 @@ def samples_of(poses: tuple[Taken, ...], sign: float, source: str) -> Samples:
         np.concatenate([pose.t for pose in poses]),
         source=source,
         read_as={} if sign > 0.0 else {"sign": "reaction"},
+        came=np.concatenate([np.full(len(pose.t), pose.t[-1] - pose.stood) for pose in poses]),
     )
 
 

@@ -15,12 +15,10 @@ from ..assess.robot_arms import Reach
 from ..assess.verify import verify
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError
-from ..estimation.findings_of_recording import with_creep
 from ..geometry.orientation import from_quat_xyzw
 from ..geometry.quaternions import angle_between
-from ..samples.creep import creep_of
 from ..samples.samples import Streams
-from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, stops_of, with_check, with_delay
+from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_delay
 from .history import History
 from .pose_taking import PoseTaking, samples_of
 from .push_test import PushTest
@@ -183,7 +181,7 @@ class Wizard:
             return [("refusal", self.fit.refusal)] if with_motion else []
         self.poses.doubt(doubts_of(self.calibration, taken))
         if with_motion:
-            whole = with_creep(with_delay(self.calibration, self._streams()), creep_of(stops_of(taken)))
+            whole = with_delay(self.calibration, self._streams())
             self.fit = Fitted(whole, self.sign, "", self.fit.settled)
         return [("fit", f"{len(taken)} poses: verdict {self.calibration.verdict}")]
 

@@ -17,9 +17,11 @@ from ..geometry.arrays import Array, Frozen
 
 CHANCE = 0.01
 """Of noise that looks like creep, by Student's t: doubt without cause is better than creep hidden in 1/f noise."""
+USUAL = 0.01
+"""Of the share, the standard deviation among sensors: none is without."""
 FEWEST_STOPS, FEWEST_ROWS, MOST_STOPS = 4, 10, 500
-TIMES_AS_LONG = 10.0
-"""As each stop: until then creep is taken to go on."""
+TIMES_AS_LONG = 100.0
+"""As each stop: until then creep is taken to go on, minutes after stops of seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +39,24 @@ class Stop(Frozen):
 
 @dataclass(frozen=True)
 class Creep:
-    """The `share` of a change of load that stops had still to show; of the rms change of load that is `force` N."""
+    """The `share` of a change of load that stops had still to show, and its standard deviation; `sure`: that it is
+    neither noise nor an arm that settles; the rms `change` of the load from stop to stop, N.
+    """
 
     share: float
-    force: float
+    std: float
+    sure: bool
+    change: float
+
+    @property
+    def not_excluded(self) -> float:
+        """The rms share, by the stops and by what is usual."""
+        of_data = USUAL**2 / (USUAL**2 + self.std**2)
+        return float(np.hypot(of_data * self.share, np.sqrt(of_data) * self.std))
 
 
 def creep_of(stops: Sequence[Stop]) -> Creep | None:
-    """Creep, where stops in the order of time surely show some, more than an arm that settles explains."""
+    """What stops in the order of time tell of creep; None: they are too few."""
     from scipy.special import stdtrit
 
     known = [stop for stop in stops if len(stop.force) >= FEWEST_ROWS and stop.end > stop.begin][:MOST_STOPS]
@@ -62,11 +74,11 @@ def creep_of(stops: Sequence[Stop]) -> Creep | None:
     std = float(np.sqrt(np.sum((drift - per_e_fold * predicted) ** 2) / dof / squares))
     turned = np.array([stop.turn for stop in known[1:]])[:, None] * (level - level.mean(axis=0))[1:]
     by_the_arm = float(np.sqrt(np.sum(turned**2) / squares))
-    if not abs(per_e_fold) > max(float(stdtrit(dof, 1.0 - 0.5 * CHANCE)) * std, by_the_arm):
-        return None
+    surely = abs(per_e_fold) > max(float(stdtrit(dof, 1.0 - 0.5 * CHANCE)) * std, by_the_arm)
     remaining = np.log(TIMES_AS_LONG * (end - came)) - np.diag(_mean_logarithms(came, begin, end))
-    share = per_e_fold * float(np.median(remaining))
-    return Creep(share, abs(share) * float(np.sqrt(np.mean(np.sum(change**2, axis=1)))))
+    to_share = float(np.median(remaining))
+    rms_change = float(np.sqrt(np.mean(np.sum(change**2, axis=1))))
+    return Creep(to_share * per_e_fold, to_share * float(np.hypot(std, by_the_arm)), surely, rms_change)
 
 
 def change_within(readings: Array) -> Array:

@@ -119,8 +119,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
             return RecordedPoses(poses, again, (), 0, 0)
         rows, period = _even_rows(samples.t, label)
         noise = still_noise_of([samples.wrench[each] for each in rows], period)
-        creep = creep_of([_stop(samples, each, int(each[0])) for each in rows if len(each) > 1])
-        return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=creep)
+        return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=_creep_of_rows(samples, samples.t, label))
     still = still_segments(samples)
     stood = still.accepted + still.rejected
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
@@ -137,7 +136,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         len(still.accepted),
         len(moving),
         still.noise,
-        _creep_of(samples, stood) or _creep_of(samples, still.accepted),
+        _creep_of(samples, still),
     )
 
 
@@ -196,26 +195,40 @@ def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray
     return mean_poses(samples, [np.concatenate([row[segments[k].rows] for k in of]) for of in of_pose])
 
 
-def _creep_of(samples: Samples, segments: tuple[StillSegment, ...]) -> Creep | None:
+def _creep_of(samples: Samples, still: StillSegments) -> Creep | None:
     """What segments show of it. Among all in which the arm stood are those that creep too much to be poses, but also
-    those that somebody touched, which may hide it.
+    those that somebody touched, which hide it.
     """
+    of_all = creep_of(_stops(samples, still.accepted + still.rejected))
+    return of_all if of_all is not None and of_all.sure else creep_of(_stops(samples, still.accepted))
+
+
+def _stops(samples: Samples, segments: tuple[StillSegment, ...]) -> list[Stop]:
+    t = np.arange(len(samples), dtype=np.float64) if samples.t is None else samples.t
     stops, before = [], 0
     for segment in sorted(segments, key=lambda each: each.first):
         on_the_way = samples.R_base_flange[before : segment.first] - segment.R_base_flange
         far = np.flatnonzero(np.sum(on_the_way**2, axis=(1, 2)) > 2.0 * SAME_POSE_ANGLE**2)
         came = before + int(far[-1]) + 1 if len(far) else segment.first
         before = segment.last + 1
-        stops.append(_stop(samples, np.arange(segment.first, before), came))
-    return creep_of(stops)
+        stops.append(_stop(samples, t, np.arange(segment.first, before), float(t[came])))
+    return stops
 
 
-def _stop(samples: Samples, rows: NDArray[np.intp], came: int) -> Stop:
-    """Rows at one orientation, to which the arm came with a row before them, or the first."""
-    t = np.arange(len(samples), dtype=np.float64) if samples.t is None else samples.t
+def _creep_of_rows(samples: Samples, t: Array, label: NDArray[np.intp]) -> Creep | None:
+    """What rows of a table show of it, those that follow each other at one orientation, to which the arm came when the
+    samples say so, or with the first of them.
+    """
+    came = t if samples.came is None else samples.came
+    stops = np.split(np.arange(len(t)), np.flatnonzero(label[1:] != label[:-1]) + 1)
+    return creep_of([_stop(samples, t, rows, float(came[rows[0]])) for rows in stops if len(rows) > 1])
+
+
+def _stop(samples: Samples, t: Array, rows: NDArray[np.intp], came: float) -> Stop:
+    """Rows at one orientation, to which the arm `came` then."""
     earlier, later = (samples.R_base_flange[half].mean(axis=0) for half in np.array_split(rows, 2))
     turn = float(np.linalg.norm(later - earlier) / np.sqrt(2.0))
-    return Stop(samples.wrench[rows, :3], float(t[came]), float(t[rows[0]]), float(t[rows[-1]]), turn)
+    return Stop(samples.wrench[rows, :3], came, float(t[rows[0]]), float(t[rows[-1]]), turn)
 
 
 def _never_still(samples: Samples, still: StillSegments) -> str:

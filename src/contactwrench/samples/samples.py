@@ -35,6 +35,7 @@ class Samples(Rows):
         t: times (n,), s.
         position: of the flange (n, 3), m, base axes; what is no place, as a NaN, is not known.
         load_mass: hung on the tool (n,), kg; 0 is none.
+        came: when the arm had come to rest at the orientation (n,), s, where that is known.
         source: where they come from, in words.
         delay: of wrench behind orientation, s, where it was estimated when the two were paired.
         delay_std: of `delay`, s.
@@ -61,10 +62,12 @@ class Samples(Rows):
     read_as: ReadAs = field(default_factory=dict)
     doubt: str = ""
     damage: str = ""
+    came: Array | None = field(default=None, metadata=column())
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, within in {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG}.items():
+        ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
+        for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
         object.__setattr__(self, "position", _known(self.position))
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
