@@ -141,8 +141,8 @@ def test_a_sensor_alone_is_recorded_as_readings(tmp_path: Path, kind: str) -> No
 def test_a_pose_that_is_no_orientation_is_set_aside(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     one = turn(0, 80)
-    one.pose[3] = 0.0
-    _given(Recorder(path), [one])
+    none = one.poses[3]._replace(orientation=(0.0,) * 4)
+    _given(Recorder(path), [replace(one, poses=[*one.poses[:3], none, *one.poses[4:]])])
     assert len(bag_streams(path).orientation) == len(one.pose_t) - 1
     assert _texts(path, "/flaw")[0].startswith("pose: no orientation [")
 
@@ -221,11 +221,3 @@ def test_a_recording_that_was_not_closed_is_read_with_a_note(tmp_path: Path) -> 
     path.write_bytes(content[: len(content) // 2])
     with pytest.raises(FileFormatError, match="found no index at its end, expected a recording that was closed"):
         cw.read(path)
-
-
-def test_a_turn_may_give_contact_wrenches_without_times(tmp_path: Path) -> None:
-    one = turn(0, 5)
-    assert one.contact is not None
-    sink = _given(sink_of(str(tmp_path / "a.csv")), [replace(one, contact=replace(one.contact, t=None))])
-    assert [float(t) for t in _column(tmp_path / "a.csv", "t")] == one.t.tolist()
-    assert sink.written == 5

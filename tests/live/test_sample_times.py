@@ -11,7 +11,7 @@ from contactwrench.live.clock import LATE, Clock
 from contactwrench.live.counter import Counter
 from contactwrench.live.intake import Intake
 from contactwrench.live.motion import RATE, SECONDS, Motion
-from contactwrench.live.sink import NO_TURN, Turn
+from contactwrench.live.sink import Pose, Reading, Turn
 from contactwrench.live.source import About, Batch, Sample
 from contactwrench.live.uri import source_of
 from tests.support.live_world import Array
@@ -106,11 +106,10 @@ def test_the_motion_that_is_kept_is_bounded(robot: bool) -> None:
     """Of a sensor at 10 kHz."""
     motion, step = Motion(), 0.1
     for k in range(round(1.5 * SECONDS / step)):
-        t: Array = 100.0 + step * k + np.arange(1000, dtype=np.float64) * 1e-4
-        pose_t: Array = t[:1] if robot else NO_TURN.pose_t
-        pose = np.tile([0.0, 0.0, 0.0, 1.0], (len(pose_t), 1))
-        place = np.zeros((len(pose_t), 3))
-        motion.add(Turn(t, t, np.zeros((1000, 6)), np.zeros((1000, 4)), [""] * 1000, pose_t, pose, place, None), t[-1])
+        t = [100.0 + step * k + 1e-4 * i for i in range(1000)]
+        readings = [Reading(each, each, (0.0,) * 6, (0.0,) * 4, "") for each in t]
+        poses = [Pose(t[0], (0.0, 0.0, 0.0, 1.0), (0.0,) * 3)] if robot else []
+        motion.add(Turn(readings, poses), t[-1])
     streams = motion.streams(-1.0)
     assert streams is not None
     assert SECONDS * RATE <= len(streams.wrench) < 2.1 * SECONDS * RATE

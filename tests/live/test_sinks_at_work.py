@@ -158,7 +158,7 @@ def test_a_line_a_sample() -> None:
     with listener:
         at_work = open_sink(sink_of(uri))
         one = turn(0, 50)
-        at_work.write(replace(one, contact=None))
+        at_work.write(replace(one, judged=[]))
         at_work.write(one)
         lines = [json.loads(listener.recv(65536)) for _ in range(50)]
         at_work.close()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contactwrench.compensate.contact_wrenches import ContactWrenches
+from contactwrench.compensate.contact_wrenches import ContactWrench
 from contactwrench.compensate.faults import Reason
-from contactwrench.live.sink import Turn
+from contactwrench.live.sink import Pose, Reading, Turn
 from tests.support.world import Array
 
 START = 1.7e9
@@ -33,26 +35,29 @@ def turn(first: int, count: int, seed: int = 0, flawed: float = 0.0, judged: boo
     ratio = round(RATE / ROBOT_RATE)
     pose_t = START + np.arange(-(-first // ratio), -(-(first + count) // ratio)) / ROBOT_RATE
     is_flawed = rng.random(count) < flawed
+    rows = zip(t, t + LATENCY, rng.normal(size=(count, 6)), orientations(t), is_flawed.tolist(), strict=True)
+    places = zip(pose_t, orientations(pose_t), strict=True)
     return Turn(
-        t=t,
-        arrival=t + LATENCY,
-        wrench=rng.normal(size=(count, 6)),
-        orientation=orientations(t),
-        flaw=[FLAW if each else "" for each in is_flawed.tolist()],
-        pose_t=pose_t,
-        pose=orientations(pose_t),
-        position=np.column_stack([pose_t - START, np.ones((len(pose_t), 2))]),
-        contact=contact_wrenches(t, rng) if judged else None,
+        [Reading._make([*plain(*row), FLAW if bad else ""]) for *row, bad in rows],
+        [Pose._make(plain(when, quaternion, [when - START, 1.0, 1.0])) for when, quaternion in places],
+        judged_at(t, rng) if judged else [],
     )
 
 
-def contact_wrenches(t: Array, rng: np.random.Generator) -> ContactWrenches:
-    """Judged ones of which some are not valid, or not known."""
+def plain(*values: Any) -> list[Any]:
+    """Plain numbers and tuples of them."""
+    return [tuple(map(float, each)) if np.ndim(each) else float(each) for each in values]
+
+
+def judged_at(t: Array, rng: np.random.Generator) -> list[ContactWrench]:
+    """Contact wrenches of which some are not valid, or not known."""
     valid = rng.random(len(t)) < 0.7
     wrench = np.where(rng.random((len(t), 1)) < 0.8, rng.normal(size=(len(t), 6)), np.nan)
-    reasons = tuple(None if good else Reason('stale: no "pose", 0.2 s', "stale") for good in valid.tolist())
-    contact = rng.integers(-1, 2, len(t)).astype(np.int8)
-    return ContactWrenches(wrench, np.abs(wrench) / 10.0, t, True, valid, reasons, contact)
+    stale, contact = Reason('stale: no "pose", 0.2 s', "stale"), rng.choice(np.array([None, False, True]), len(t))
+    return [
+        ContactWrench(row, np.abs(row) / 10.0, float(when), good, None if good else stale, touching)
+        for row, when, good, touching in zip(wrench, t, valid.tolist(), contact.tolist(), strict=True)
+    ]
 
 
 def turns(sizes: list[int], seed: int = 0, flawed: float = 0.0, judged: bool = True) -> list[Turn]:
@@ -63,11 +68,4 @@ def turns(sizes: list[int], seed: int = 0, flawed: float = 0.0, judged: bool = T
 
 def without_orientation(one: Turn) -> Turn:
     """The same without a robot."""
-    nothing = np.empty((0, 4))
-    return replace(
-        one,
-        orientation=np.full((len(one.t), 4), np.nan),
-        pose_t=np.empty(0),
-        pose=nothing,
-        position=nothing[:, :3],
-    )
+    return replace(one, readings=[each._replace(orientation=(math.nan,) * 4) for each in one.readings], poses=[])

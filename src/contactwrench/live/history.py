@@ -20,16 +20,14 @@ class History:
 
     def add(self, turn: Turn) -> None:
         """The readings of a turn that may be used."""
-        good = [k for k, flaw in enumerate(turn.flaw) if not flaw]
-        n = min(len(good), ROOM)
-        if self._end + n > 2 * ROOM:
+        good = [(t, *wrench, *orientation) for t, _, wrench, orientation, flaw in turn.readings if not flaw][-ROOM:]
+        if self._end + len(good) > 2 * ROOM:
             kept = self._rows[self._end - ROOM : self._end]
             self._rows[: len(kept)] = kept
             self._end = len(kept)
-        into = self._rows[self._end : self._end + n]
-        rows = good[-n:] if n < len(turn.t) else slice(None)
-        into[:, 0], into[:, 1:7], into[:, 7:] = turn.t[rows], turn.wrench[rows], turn.orientation[rows]
-        self._end += n
+        if good:
+            self._rows[self._end : self._end + len(good)] = good
+            self._end += len(good)
 
     def last(self, seconds: float) -> tuple[Array, Array, Array]:
         """Times (n,), readings (n, 6) and orientations (n, 4) of the last seconds, as views."""

@@ -43,7 +43,8 @@ class Motion:
         )
 
     def _joined(self) -> tuple[Array, Array]:
-        readings = np.concatenate([np.column_stack([turn.t, turn.wrench]) for turn in self._fresh])
-        poses = np.concatenate([np.column_stack([turn.pose_t, turn.pose, turn.position]) for turn in self._fresh])
+        fresh = Turn.joined(self._fresh)
+        readings = np.column_stack([fresh.t, fresh.wrench])
+        poses = np.column_stack([fresh.pose_t, fresh.pose, fresh.position])
         good = readings[np.isfinite(readings).all(axis=1)]
         return good[:: 1 + len(good) // (2 * RATE)], poses[:: 1 + len(poses) // (2 * RATE)]

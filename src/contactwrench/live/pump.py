@@ -217,7 +217,7 @@ class Pump:
             stamps = [batch.samples[-1].arrival for batch in batches.values() if batch is not None and batch.samples]
             t = self._recorded = max([self._recorded, *stamps]) or t
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
-        if len(turn.t) or len(turn.pose_t):
+        if turn.rows:
             for outlet in self._outlets:
                 outlet.write(turn)
             if self._recorder is not None and self.session.recording:

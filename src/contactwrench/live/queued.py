@@ -44,7 +44,7 @@ class OpenSink:
     def write(self, turn: Turn) -> None:
         """Give a turn to the sink."""
         if self.error:
-            self._unwritten += len(turn.t)
+            self._unwritten += len(turn.readings)
             return
         try:
             self._sink.write(turn)
@@ -79,7 +79,7 @@ class _Queued(OpenSink):
         while (full := self._is_full(turn.rows)) and self._patient:
             sleep(0.001)
         if full:
-            self._lost += len(turn.t)
+            self._lost += len(turn.readings)
             return
         self._given += turn.rows
         self._queue.put(turn)
@@ -95,7 +95,7 @@ class _Queued(OpenSink):
         with suppress(Empty):
             while True:
                 turn = self._queue.get_nowait()
-                self._lost += 0 if turn is None else len(turn.t)
+                self._lost += 0 if turn is None else len(turn.readings)
         self._queue.put(None)
 
     def _is_full(self, rows: int) -> bool:

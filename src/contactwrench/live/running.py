@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..compensate.compensator import Compensator
-from ..compensate.contact_wrenches import NOT_JUDGED, TOUCHING, ContactWrenches
+from ..compensate.contact_wrenches import Contact as ContactEnded
+from ..compensate.contact_wrenches import ContactWrench
 from ..compensate.faults import Reason
 from ..errors import InputError
-from ..geometry.arrays import Array
 from ..geometry.orientation import from_quat_xyzw
 from ..samples.delay import is_significant
 from ..samples.samples import Samples
 from .history import History
+from .sink import Reading
 from .snapshot import Contact, Running
-from .source import Six
+from .source import Four, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
@@ -52,6 +53,8 @@ class Runner:
         self._contacts: deque[tuple[float, float, float]] = deque(maxlen=CONTACTS_SHOWN)
         self._invalid, self._touching = 0, False
         self._seen: dict[str, float] = {}
+        self._said: list[tuple[str, str]] = []
+        self._ended: list[ContactEnded] = []
 
     @property
     def delay(self) -> float:
@@ -60,47 +63,47 @@ class Runner:
         applied = c.delay is not None and c.delay_std is not None and is_significant(c.delay, c.delay_std)
         return c.delay if applied and c.delay is not None else 0.0
 
-    def step(
-        self, t: Array, wrench: Array, orientation: Array, why: list[str]
-    ) -> tuple[ContactWrenches, list[tuple[str, str]]]:
-        """Contact wrenches of readings (n, 6); `why` not, of each: its flaw, or that the orientation is old. And what
-        happened, as kinds of events and in words: faults, and contacts that began and ended.
+    def step(self, reading: Reading, orientation: Four, why: str) -> ContactWrench:
+        """The contact wrench of a reading; `why` there is no valid one: its flaw, or that the orientation is old."""
+        wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
+        made = self._compensator(wrench, np.array(orientation), reading.t)
+        if why:
+            made = replace(made, valid=False, reason=Reason(why, why.partition(":")[0]))
+        if not made.valid:
+            self._invalid += 1
+            self._fault(made)
+        if made.contact is not None or self._touching:
+            self._follow(made)
+        return made
+
+    def _fault(self, made: ContactWrench) -> None:
+        """Say a fault that was not there a moment ago."""
+        kind = "" if made.reason is None else made.reason.kind
+        if kind in (*OF_SENSOR, *OF_ROBOT):
+            if made.t - self._seen.get(kind, -inf) > SAID_AGAIN:
+                self._said.append((kind, str(made.reason)))
+            self._seen[kind] = made.t
+
+    def _follow(self, made: ContactWrench) -> None:
+        """Say that a contact began, or ended."""
+        if made.contact:
+            if not self._touching:
+                self._said.append(("contact", f"contact: {np.linalg.norm(made.wrench[:3]):.1f} N"))
+            self._touching = True
+        elif self._touching and (last := self._compensator.last_contact) is not None and last.release is not None:
+            self._touching = False
+            self._ended.append(last)
+            lasted, largest = last.release - last.onset, float(np.linalg.norm(last.peak[:3]))
+            self._contacts.append((last.onset, lasted, largest))
+            self._said.append(("contact", f"contact of {lasted:.2f} s ended, {largest:.1f} N at most"))
+
+    def happened(self) -> tuple[list[tuple[str, str]], tuple[ContactEnded, ...]]:
+        """Since it was last asked: faults, and contacts that began and ended, as kinds of events and in words; and the
+        contacts that ended.
         """
-        result = self._compensator.run(self.sign * wrench, orientation, t)
-        if any(why):
-            reasons = tuple(
-                Reason(text, text.partition(":")[0]) if text else before
-                for text, before in zip(why, result.reason, strict=True)
-            )
-            result = replace(result, reason=reasons, valid=result.valid & np.array([not text for text in why]))
-        invalid = [] if result.valid.all() else np.flatnonzero(~result.valid).tolist()
-        self._invalid += len(invalid)
-        faults = self._faults([(float(t[k]), result.reason[k]) for k in invalid])
-        return result, [*faults, *(("contact", text) for text in self._events(result))]
-
-    def _faults(self, reasons: list[tuple[float, Reason | None]]) -> list[tuple[str, str]]:
-        """Those that were not there a moment ago."""
-        said = []
-        for t, reason in reasons:
-            if reason is not None and reason.kind in (*OF_SENSOR, *OF_ROBOT):
-                if t - self._seen.get(reason.kind, -inf) > SAID_AGAIN:
-                    said.append((reason.kind, str(reason)))
-                self._seen[reason.kind] = t
-        return said
-
-    def _events(self, result: ContactWrenches) -> list[str]:
-        events = []
-        for contact in result.contacts:
-            release = contact.onset if contact.release is None else contact.release
-            largest = float(np.linalg.norm(contact.peak[:3]))
-            self._contacts.append((contact.onset, release - contact.onset, largest))
-            events.append(f"contact of {release - contact.onset:.2f} s ended, {largest:.1f} N at most")
-        judged = result.contact[result.contact != NOT_JUDGED]
-        touching = bool(judged[-1] == TOUCHING) if len(judged) else self._touching
-        if touching and not self._touching:
-            events.append(f"contact: {np.linalg.norm(result.wrench[-1, :3]):.1f} N")
-        self._touching = touching
-        return events
+        said, ended = self._said, tuple(self._ended)
+        self._said, self._ended = [], []
+        return said, ended
 
     def zero(self, history: History) -> str:
         """Take the bias anew from what a free tool reads now; what it did, in words. Raises `InputError`."""
@@ -120,13 +123,9 @@ class Runner:
         return Running(tuple(self._contacts), drift, self._invalid, source)
 
 
-def last_contact_wrench(result: ContactWrenches) -> Contact:
-    """The newest row, for a person: what is no number is None."""
-    flag = int(result.contact[-1])
-    return Contact(
-        tuple(value if np.isfinite(value) else None for value in result.wrench[-1].tolist()),
-        tuple(value if np.isfinite(value) else None for value in result.std[-1].tolist()),
-        bool(result.valid[-1]),
-        None if flag < 0 else bool(flag),
-        str(result.reason[-1] or ""),
+def shown_contact_wrench(made: ContactWrench) -> Contact:
+    """For a person: what is no number is None."""
+    wrench, std = (
+        tuple(value if isfinite(value) else None for value in each.tolist()) for each in (made.wrench, made.std)
     )
+    return Contact(wrench, std, made.valid, made.contact, str(made.reason or ""))

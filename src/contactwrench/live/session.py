@@ -8,29 +8,28 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any
 
-import numpy as np
-
 from ..calibration.calibration import Calibration
+from ..compensate.contact_wrenches import ContactWrench
 from ..errors import ContactWrenchError
-from ..geometry.arrays import Array
 from .fitting import SIGNS, shown
 from .history import History
 from .intake import STREAMING, Intake
 from .motion import Motion
 from .pose_track import NO_PLACE, PoseTrack
-from .running import OF_ROBOT, OF_SENSOR, Options, Runner, last_contact_wrench
-from .sink import Turn
+from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench
+from .sink import Pose, Reading, Turn
 from .snapshot import Command, Contact, Event, Output, Phase, Snapshot
-from .source import About, Batch, Four, Sample
+from .source import About, Batch, Four, Sample, Six
 from .standing import Standing
 from .wizard import Wish, Wizard
 
 EVENTS_KEPT, NEW_EVENTS_KEPT = 50, 1_000
 TRACE_EVERY, TRACE_KEPT = 1.0 / 125.0, 250
-NO_READING = (np.nan,) * 6
+NO_READING: Six = (nan,) * 6
+NOT_TURNED: Four = (0.0, 0.0, 0.0, 1.0)
 WARNINGS = dict.fromkeys(("refusal", "pose_refused", *OF_SENSOR, *OF_ROBOT), "warning")
 
 
@@ -127,9 +126,9 @@ class Session:
             poses = readings
         turns = [(when, pose) for when, pose in poses if pose.orientation is not None and not pose.flaw]
         for when, pose in turns:
-            self._track.add(when, pose.orientation or (0.0, 0.0, 0.0, 1.0), pose.position)
+            self._track.add(when, pose.orientation or NOT_TURNED, pose.position)
         turn = self._turn([(when, each) for when, each in readings if each.wrench is not None or each.flaw], turns)
-        if len(turn.t):
+        if turn.readings:
             self._history.add(turn)
             self._last = turn
             self._trace_of(turn)
@@ -142,38 +141,27 @@ class Session:
             self._happened(self._wizard.look(self._history, self._standing, t), t)
         return turn
 
-    def _turn(self, readings: list[tuple[float, Sample]], poses: list[tuple[float, Sample]]) -> Turn:
-        delay = 0.0 if self._runner is None else self._runner.delay
-        flaws, at, used, why = [], [], [], []
-        for when, sample in readings:
+    def _turn(self, samples: list[tuple[float, Sample]], poses: list[tuple[float, Sample]]) -> Turn:
+        runner, readings, judged = self._runner, list[Reading](), list[ContactWrench]()
+        delay = 0.0 if runner is None else runner.delay
+        for when, sample in samples:
             orientation, age = self._track.at(when, when)
-            at.append(orientation)
+            reading = Reading(when, sample.arrival, sample.wrench or NO_READING, orientation, sample.flaw)
+            readings.append(reading)
+            if runner is None:
+                continue
             if delay:
                 orientation, age = self._track.at(when - delay, when)
-            used.append(orientation)
-            flaws.append(sample.flaw)
-            known = orientation[0] == orientation[0]
-            word = "" if known else "frozen" if self._track.frozen(when) else "stale"
-            old = f"the orientation is {age:.2f} s old" if age < inf else "no orientation has come"
-            why.append(sample.flaw or (word and f"{word}: {old}"))
-        t = np.array([when for when, _ in readings])
-        wrench = np.array([NO_READING if each.wrench is None else each.wrench for _, each in readings]).reshape(-1, 6)
-        contact = None
-        if self._runner is not None and len(t):
-            usable = np.where([[not flaw] for flaw in flaws], wrench, np.nan) if any(flaws) else wrench
-            contact, events = self._runner.step(t, usable, np.array(used), why)
-            self._happened(events, float(t[-1]))
-        return Turn(
-            t=t,
-            arrival=np.array([sample.arrival for _, sample in readings]),
-            wrench=wrench,
-            orientation=np.array(at).reshape(-1, 4),
-            flaw=flaws,
-            pose_t=np.array([when for when, _ in poses]),
-            pose=np.array([sample.orientation for _, sample in poses], dtype=np.float64).reshape(-1, 4),
-            position=np.array([sample.position or NO_PLACE for _, sample in poses], dtype=np.float64).reshape(-1, 3),
-            contact=contact,
-        )
+            why = sample.flaw
+            if not why and orientation[0] != orientation[0]:
+                word = "frozen" if self._track.frozen(when) else "stale"
+                why = f"{word}: the orientation is {age:.2f} s old" if age < inf else f"{word}: no orientation has come"
+            judged.append(runner.step(reading, orientation, why))
+        said, ended = ([], ()) if runner is None else runner.happened()
+        if readings:
+            self._happened(said, readings[-1].t)
+        came = [Pose(when, pose.orientation or NOT_TURNED, pose.position or NO_PLACE) for when, pose in poses]
+        return Turn(readings, came, judged, ended)
 
     def do(self, command: Command, t: float, number: int | None = None) -> None:
         """Do what a person asks for at `t` s; what cannot be done now is an event. `number`: of a pose, from 1."""
@@ -220,13 +208,14 @@ class Session:
             self._happened([("saved", f"calibration written to {self.saved}")], t)
 
     def _trace_of(self, turn: Turn) -> None:
-        rows = turn.wrench if turn.contact is None else turn.contact.wrench
-        for k, t in enumerate(turn.t.tolist()):
-            if t - self._traced >= TRACE_EVERY:
-                self._traced = t
-                valid = not turn.flaw[k] if turn.contact is None else bool(turn.contact.valid[k])
-                touching = -1 if turn.contact is None else int(turn.contact.contact[k])
-                self._trace.append((t, *_plain(rows[k]), float(valid), float(touching)))
+        for k, reading in enumerate(turn.readings):
+            if reading.t - self._traced >= TRACE_EVERY:
+                self._traced = reading.t
+                made = turn.judged[k] if turn.judged else None
+                wrench = reading.wrench if made is None else made.wrench.tolist()
+                valid = not reading.flaw if made is None else made.valid
+                touching = -1.0 if made is None or made.contact is None else float(made.contact)
+                self._trace.append((reading.t, *map(_plain, wrench), float(valid), touching))
 
     def _happened(self, what: list[tuple[str, str]], t: float) -> None:
         for kind, text in what:
@@ -245,9 +234,9 @@ class Session:
 
     def _contact(self) -> Contact | None:
         """The last contact wrench; none that is valid while the sensor says nothing."""
-        if self._last is None or self._last.contact is None:
+        if self._last is None or not self._last.judged:
             return None
-        newest, sensor = last_contact_wrench(self._last.contact), self._sensor
+        newest, sensor = shown_contact_wrench(self._last.judged[-1]), self._sensor
         if sensor.state == STREAMING:
             return newest
         unknown = (None,) * 6
@@ -259,7 +248,7 @@ class Session:
         newest = self._track.newest
         here: Four | None = None if newest is None else newest[1]
         place: Any = None if newest is None or newest[2][0] != newest[2][0] else newest[2]
-        reading: Any = None if last is None or last.flaw[-1] else tuple(last.wrench[-1].tolist())
+        reading = None if last is None or last.readings[-1].flaw else last.readings[-1].wrench
         noise: Any = None if stand.noise is None else tuple(stand.noise.tolist())
         trace = tuple(self._trace)
         self._trace.clear()
@@ -289,5 +278,5 @@ class Session:
         )
 
 
-def _plain(values: Array) -> list[float | None]:
-    return [value if isfinite(value) else None for value in values.tolist()]
+def _plain(value: float) -> float | None:
+    return value if isfinite(value) else None

@@ -3,76 +3,128 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..compensate.contact_wrenches import ContactWrenches
+from ..compensate.contact_wrenches import NOT_JUDGED, Contact, ContactWrench, ContactWrenches
 from ..geometry.arrays import Array
+from .source import Four, Six, Three
+
+
+class Reading(NamedTuple):
+    """A reading as it is handed on: units and axes as of `Turn.wrench` and its neighbours."""
+
+    t: float
+    arrival: float
+    wrench: Six
+    orientation: Four
+    flaw: str
+
+
+class Pose(NamedTuple):
+    """An orientation that came, likewise."""
+
+    t: float
+    orientation: Four
+    position: Three
 
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """What one turn of the session took and made: light, as there may be a thousand in a second.
+    """What one turn of the session took and made: plain numbers, as there may be a thousand in a second; arrays of them
+    are made where they are asked for.
 
     Attributes:
-        t: (n,) s since 1970, of the readings.
-        arrival: (n,) s since 1970, when they came.
-        wrench: (n, 6) the readings, N and N m, sign and axes as the device gives them.
-        orientation: (n, 4) quaternions x, y, z, w of `R_base_flange` at those times; NaN where it is not known.
-        flaw: (n) why a reading is not to be used, or an empty text.
-        pose_t: (m,) s since 1970, of the orientations that came.
-        pose: (m, 4) quaternions x, y, z, w of `R_base_flange`.
-        position: (m, 3) m of the flange, base axes; NaN where it is not known.
-        contact: of the n readings, while a calibration runs; None: there is none yet.
+        readings: n of them.
+        poses: m orientations.
+        judged: the contact wrenches of the readings; empty while no calibration runs.
+        ended: contacts that ended in this turn.
     """
 
-    t: Array
-    arrival: Array
-    wrench: Array
-    orientation: Array
-    flaw: list[str]
-    pose_t: Array
-    pose: Array
-    position: Array
-    contact: ContactWrenches | None
+    readings: list[Reading]
+    poses: list[Pose]
+    judged: list[ContactWrench] = field(default_factory=list)
+    ended: tuple[Contact, ...] = ()
 
     @property
     def rows(self) -> int:
         """How many readings and orientations came."""
-        return len(self.t) + len(self.pose_t)
+        return len(self.readings) + len(self.poses)
 
-    def in_contact(self) -> ContactWrenches | None:
-        """The contact wrenches with their times; None: there are none."""
-        if self.contact is None or self.contact.t is not None:
-            return self.contact
-        return replace(self.contact, t=self.t)
+    @cached_property
+    def t(self) -> Array:
+        """Of the readings (n,), s since 1970."""
+        return np.array([each.t for each in self.readings])
+
+    @cached_property
+    def arrival(self) -> Array:
+        """When they came (n,), s since 1970."""
+        return np.array([each.arrival for each in self.readings])
+
+    @cached_property
+    def wrench(self) -> Array:
+        """The readings (n, 6), N and N m, sign and axes as the device gives them."""
+        return np.array([each.wrench for each in self.readings]).reshape(-1, 6)
+
+    @cached_property
+    def orientation(self) -> Array:
+        """Quaternions x, y, z, w of `R_base_flange` at those times (n, 4); NaN where it is not known."""
+        return np.array([each.orientation for each in self.readings]).reshape(-1, 4)
+
+    @cached_property
+    def flaw(self) -> list[str]:
+        """Why each reading (n) is not to be used, or an empty text."""
+        return [each.flaw for each in self.readings]
+
+    @cached_property
+    def pose_t(self) -> Array:
+        """Of the orientations that came (m,), s since 1970."""
+        return np.array([each.t for each in self.poses])
+
+    @cached_property
+    def pose(self) -> Array:
+        """Quaternions x, y, z, w of `R_base_flange` (m, 4)."""
+        return np.array([each.orientation for each in self.poses]).reshape(-1, 4)
+
+    @cached_property
+    def position(self) -> Array:
+        """Of the flange (m, 3), m, base axes; NaN where it is not known."""
+        return np.array([each.position for each in self.poses]).reshape(-1, 3)
+
+    @cached_property
+    def contact(self) -> ContactWrenches | None:
+        """`judged` and `ended`, without statistics and covariances; None: there are none."""
+        if not self.judged:
+            return None
+        of = self.judged
+        return ContactWrenches(
+            wrench=np.array([each.wrench for each in of]),
+            std=np.array([each.std for each in of]),
+            t=np.array([each.t for each in of]),
+            judged=True,
+            valid=np.array([each.valid for each in of]),
+            reason=tuple(each.reason for each in of),
+            contact=np.array([NOT_JUDGED if each.contact is None else each.contact for each in of], np.int8),
+            contacts=self.ended,
+        )
 
     @classmethod
     def joined(cls, turns: Sequence[Turn]) -> Turn:
         """Turns one after the other as one; `contact` is of the readings that have one."""
-        parts = [contact for turn in turns if (contact := turn.in_contact()) is not None]
+        every = chain.from_iterable
         return cls(
-            **{name: np.concatenate([getattr(turn, name) for turn in turns]) for name in ARRAYS},
-            flaw=list(chain.from_iterable(turn.flaw for turn in turns)),
-            contact=ContactWrenches.concatenate(parts) if parts else None,
+            [*every(turn.readings for turn in turns)],
+            [*every(turn.poses for turn in turns)],
+            [*every(turn.judged for turn in turns)],
+            tuple(every(turn.ended for turn in turns)),
         )
 
 
-ARRAYS = ("t", "arrival", "wrench", "orientation", "pose_t", "pose", "position")
-NO_TURN = Turn(
-    np.empty(0),
-    np.empty(0),
-    np.empty((0, 6)),
-    np.empty((0, 4)),
-    [],
-    np.empty(0),
-    np.empty((0, 4)),
-    np.empty((0, 3)),
-    None,
-)
+NO_TURN = Turn([], [])
 """In which nothing came."""
 
 

@@ -13,8 +13,6 @@ from ..source import DeviceError
 from ..uri import Uri
 
 NAMES = ("t", *WRENCH_COLUMNS, "std", "valid", "contact", "reason")
-CONTACT = (False, True, None)
-"""By the code of `ContactWrenches.contact`, of which -1 is the last place."""
 
 
 class UdpLines:
@@ -50,15 +48,13 @@ class UdpLines:
 
     def write(self, turn: Turn) -> None:
         """Send the contact wrenches, none where there is no calibration yet."""
-        contact = turn.in_contact()
-        if contact is None or contact.t is None or self._socket is None:
+        if self._socket is None:
             return
         send, encode = self._socket.send, self._encode
-        numbers = (column.tolist() for column in (contact.t, contact.wrench, contact.std, contact.valid))
-        touches = [CONTACT[code] for code in contact.contact.tolist()]
-        for t, wrench, std, *judged in zip(*numbers, touches, contact.reason, strict=True):
+        for each in turn.judged:
+            columns = (each.t, *each.wrench.tolist(), each.std.tolist(), each.valid, each.contact, each.reason)
             try:
-                send(encode(dict(zip(NAMES, (t, *wrench, std, *judged), strict=True))) + b"\n")
+                send(encode(dict(zip(NAMES, columns, strict=True))) + b"\n")
                 self.written += 1
             except OSError:
                 self.dropped += 1

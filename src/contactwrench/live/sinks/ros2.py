@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
-
-import numpy as np
 
 from ...errors import InputError, MissingExtraError
 from ..sink import Turn
 from ..uri import Uri
 
+NO_WRENCH = [nan] * 6
 FORCE_TORQUE = (("force", slice(0, 3)), ("torque", slice(3, 6)))
 
 
@@ -52,12 +52,8 @@ class Ros2:
 
     def write(self, turn: Turn) -> None:
         """Publish the contact wrenches, none where there is no calibration yet."""
-        contact = turn.in_contact()
-        if contact is None or contact.t is None:
-            return
-        wrench = np.where(contact.valid[:, None], contact.wrench, np.nan)
-        for t, row in zip(contact.t.tolist(), wrench.tolist(), strict=True):
-            self._publisher.publish(self._stamped(t, row))
+        for each in turn.judged:
+            self._publisher.publish(self._stamped(each.t, each.wrench.tolist() if each.valid else NO_WRENCH))
             self.written += 1
 
     def close(self) -> None:
