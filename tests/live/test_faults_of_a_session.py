@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from math import inf, nan
@@ -67,6 +69,9 @@ DEVICES = {
     ),
     "tcp": Device(lambda signal: TcpLines(signal, 125.0, form="csv"), "both", "?rate=125", stamps=True, numbers=True),
 }
+
+
+AT_ONCE = (("sri", "ur", "ft300"), ("netft", "udp"), ("rsi", "tcp"))
 
 
 @dataclass(frozen=True)
@@ -240,12 +245,15 @@ def told(name: str) -> tuple[list[str], Chain]:
     return lines, chain
 
 
-@pytest.mark.parametrize("name", DEVICES)
-def test_every_fault_is_named_harmless_and_over(name: str) -> None:
-    lines, chain = told(name)
-    assert [line for line in lines if "!" in line] == []
-    assert chain.left == set()
-    assert chain.closed_in < 1.0
+@pytest.mark.parametrize("names", AT_ONCE, ids=" ".join)
+def test_every_fault_is_named_harmless_and_over(names: tuple[str, ...]) -> None:
+    """Sessions beside each other: what takes long is to wait."""
+    before = set(threading.enumerate())
+    with ThreadPoolExecutor(len(names)) as pool:
+        results = dict(zip(names, pool.map(told, names), strict=True))
+    assert [(name, line) for name, (lines, _) in results.items() for line in lines if "!" in line] == []
+    assert set(threading.enumerate()) == before
+    assert max(chain.closed_in for _, chain in results.values()) < 1.0
 
 
 def test_it_is_closed_while_a_device_is_half_open() -> None:
