@@ -24,11 +24,13 @@ FEW_COLUMNS, MOST_OF_MANY = 3, 50.0
 noise, and would count several times.
 """
 
-ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.13, Kind.BIAS_STEPPED: 0.09}
+ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
 
 TIME_CONSTANTS = (np.inf, 1.0, 1.0 / 3.0, 0.1)
 """Of a warming sensor, in lengths of the recording; without end: a steady drift."""
+BETWEEN = float(np.log(3.0) / np.sqrt(12.0))
+"""Standard deviation of the logarithm of a time constant that lies anywhere half-way to its neighbours."""
 
 MOST_POSES = 400
 """With more, a bias that moves is not looked for in each pose, but in so many groups of neighbours."""
@@ -83,7 +85,7 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
     if time is None or n <= FEWEST_POSES:
         return [], []
     before = (time[-1] - time) / max(float(time[-1] - time[0]), 1e-300)
-    drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)[:, None]) for tau in TIME_CONSTANTS]
+    drifts = [Drift(Kind.BIAS_DRIFTED, _warming(before, tau)) for tau in TIME_CONSTANTS]
     each = [float(np.log(ODDS[Kind.BIAS_DRIFTED] / len(drifts)))] * len(drifts)
     places = _places(n)
     drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
@@ -112,11 +114,15 @@ def _places(n: int) -> Array:
 
 
 def _warming(before: Array, time_constant: float) -> Array:
-    """The change (n,) still to come, 1 at the first pose; `before` (n,) the end, in lengths of the recording."""
+    """The change still to come, 1 at the first pose, and what another time constant makes of it, to first order (n, 2);
+    of a steady drift the change alone (n, 1). `before` (n,) the end, in lengths of the recording.
+    """
     if not np.isfinite(time_constant):
-        return before
-    change: Array = np.expm1(before / time_constant) / np.expm1(1.0 / time_constant)
-    return change
+        return before[:, None]
+    rate = 1.0 / time_constant
+    change = np.expm1(before * rate) / np.expm1(rate)
+    of_rate = (before * np.exp(before * rate) - change * np.exp(rate)) / np.expm1(rate)
+    return np.column_stack([change, -BETWEEN * rate * of_rate])
 
 
 def _wandering(before: Array) -> Array:
