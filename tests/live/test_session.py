@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.live.snapshot import Command, Phase
-from contactwrench.live.source import Batch
+from contactwrench.live.source import About, Batch
 from contactwrench.live.wizard import Wish
 from tests.support.live_drive import Driver
 from tests.support.live_world import LiveWorld
@@ -233,3 +233,11 @@ def test_a_calibration_that_changed_since_it_was_saved_can_be_saved_again(calibr
     assert Command.SAVE not in drive.session.commands()
     drive.do(Command.BACK)
     assert drive.session.saved == ""
+
+
+def test_what_a_device_says_of_itself_is_told() -> None:
+    """As that its readings are not the sensor's own."""
+    session = cw.live.Session(sensor="netft://box")
+    session.opened("sensor", About("ATI Gamma", True, False, settings={"zero": "the box zeroed itself"}), 1.0)
+    (event,) = session.events()
+    assert event.text == "ATI Gamma: connected; zero: the box zeroed itself"

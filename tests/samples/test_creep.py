@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import contactwrench as cw
 from contactwrench.calibration.findings import Kind
+from contactwrench.errors import InputError
 from contactwrench.samples.creep import Creep, Stop, creep_of
+from contactwrench.samples.recorded_poses import recorded_poses
 
 Array = NDArray[np.float64]
 WEIGHT, RATE = 9.0, 50.0
@@ -79,6 +82,10 @@ def test_an_arm_that_settles_is_no_creep() -> None:
     assert sure([replace(each, turn=1e-5) for each in some])
 
 
+def test_one_load_tells_nothing() -> None:
+    assert creep_of([replace(each, force=each.force - each.force.mean(axis=0)) for each in stops(0.01, 0.0, 0)]) is None
+
+
 def test_too_few_stops_or_rows_tell_nothing() -> None:
     some = stops(0.01, 1e-4, 0)
     assert creep_of(some[:3]) is None
@@ -86,9 +93,13 @@ def test_too_few_stops_or_rows_tell_nothing() -> None:
     assert creep_of([replace(each, force=each.force[:9]) for each in some]) is None
 
 
-def recording(seed: int, share: float, tau: float, stop: float) -> cw.Samples:
-    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant."""
+def recording(seed: int, share: float, tau: float, stop: float, cone: float = 180.0) -> cw.Samples:
+    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant; `cone`: deg that the
+    flange leans at most.
+    """
     rng, R = np.random.default_rng(seed), Rotation.random(12, rng=np.random.default_rng(seed + 50))
+    if cone < 180.0:
+        R = Rotation.from_rotvec(np.deg2rad(cone) / np.pi * R.as_rotvec())
     edges = (np.arange(12)[:, None] * (stop + 2.0) + [0.0, stop]).ravel()
     t = np.arange(0.0, edges[-1], 1.0 / RATE)
     turn = Slerp(edges, R[np.repeat(np.arange(12), 2)])(t)
@@ -131,6 +142,45 @@ def test_creep_that_hides_in_noise_is_in_the_standard_deviations() -> None:
     assert abs(calibration.weight - WEIGHT) < 3.0 * calibration.std["weight"]
     of_B = np.sqrt(np.diag(calibration.B_covariance)).reshape(6, 4)
     assert np.linalg.norm(of_B[:3, :3]) > calibration.std["weight"]
+
+
+@pytest.mark.parametrize("cone", [40.0, 180.0])
+@pytest.mark.parametrize("model", ["auto", "affine"])
+def test_creep_is_in_the_bias_too(model: str, cone: float, tmp_path: Path) -> None:
+    """What poses have in common is shown in full: near it weight and bias are wrong against each other."""
+    calibration = cw.calibrate(recording(4, 0.02, 5.0, 3.0, cone), model)
+    std = np.sqrt(np.diag(calibration.B_covariance)).reshape(6, 4)[:3, 3]
+    assert (np.abs(calibration.bias[:3] - [3.0, -2.0, 5.0]) < 4.0 * std).all()
+    calibration.save(tmp_path / "tool.json")
+    again = cw.Calibration.load(tmp_path / "tool.json")
+    np.testing.assert_array_equal(again.covariance, calibration.covariance)
+
+
+def test_a_table_with_bursts_of_rows_is_no_creep() -> None:
+    """Two at each orientation, a minute apart, of a sensor whose noise is small."""
+    rng, R = np.random.default_rng(0), Rotation.random(12, rng=np.random.default_rng(50)).as_matrix()
+    since = np.r_[np.arange(0.3, 2.3, 0.02), np.arange(60.0, 62.0, 0.02)]
+    t = (70.0 * np.arange(12)[:, None] + since).ravel()
+    turn = np.repeat(R, len(since), axis=0)
+    force = np.einsum("nji,j->ni", turn, [0.0, 0.0, -WEIGHT])
+    late = np.zeros_like(force)
+    for k in range(1, 12):
+        change = force[k * len(since)] - force[(k - 1) * len(since)]
+        rows = slice(k * len(since), None)
+        late[rows] += 0.002 * np.log(t[rows] - 70.0 * k)[:, None] * change
+    wrench = np.hstack([force + late, np.zeros_like(force)]) + 1e-4 * rng.standard_normal((len(t), 6))
+    creep = recorded_poses(cw.Samples(wrench, turn, t, came=70.0 * ((t / 70.0) // 1.0)), 0, stream=False).creep
+    assert creep is not None
+    assert 4.0 < creep.share / 0.002 < 9.0
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_an_arm_comes_before_it_is_there(timed: bool) -> None:
+    some = recording(2, 0.0, 1.0, 3.0)
+    assert some.t is not None
+    message = "^came is later than t, or there is no t, expected when the arm had come to rest: before t$"
+    with pytest.raises(InputError, match=message):
+        replace(some, came=some.t + 1.0, t=some.t if timed else None)
 
 
 def test_one_that_does_not_is_not() -> None:

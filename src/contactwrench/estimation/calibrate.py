@@ -290,7 +290,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         still_noise=recorded.found.still_noise,
         gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
     )
-    return with_creep(calibration, recorded.found.creep)
+    return with_creep(calibration, recorded.found.creep, R)
 
 
 def _marked(pose: Pose, reason: str | None) -> Pose:

@@ -8,6 +8,8 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind
+from ..geometry.arrays import Array
+from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
 from ..samples.recorded_poses import RecordedPoses
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
@@ -15,6 +17,7 @@ from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
 MOST_SEGMENTS_NAMED = 3
 MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
+WEIGHT_AND_BIAS = (LINEAR_PARAMETERS[0], *LINEAR_PARAMETERS[4:])
 ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
 sheet promises a better gain.
@@ -46,20 +49,26 @@ def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
     )
 
 
-def with_creep(calibration: Calibration, creep: Creep | None) -> Calibration:
-    """The calibration with a weight as uncertain as creep leaves it; doubtful where that is sure, and more than its own
-    error. Gravity's force and torque creep alike, so the centre of mass stays.
+def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Array) -> Calibration:
+    """The calibration of poses (n, 3, 3) with tool and bias as uncertain as creep leaves them; doubtful where that is
+    sure, and more than the error without it. A sensor that creeps shows less of how each load differs from the mean of
+    them: force and torque alike, so the centre of mass stays.
     """
     if creep is None:
         return calibration
-    of_load = np.column_stack([calibration.B[:, :3], np.zeros(6)]).ravel()
+    load = calibration.B[:, :3]
+    mean_load = load @ gravity_in_flange(R_base_flange, calibration.gravity_direction).mean(axis=0)
+    of_B = np.column_stack([load, -mean_load]).ravel()
     names, weight = calibration.parameter_names, calibration.weight
-    direction = of_load if weight is None else weight * (np.array(names) == "weight")
+    direction = of_B
+    if weight is not None:
+        direction = np.zeros(len(names))
+        direction[[names.index(name) for name in WEIGHT_AND_BIAS]] = np.r_[weight, -mean_load]
     variance = creep.not_excluded**2
     honest = replace(
         calibration,
         covariance=calibration.covariance + variance * np.outer(direction, direction),
-        B_covariance=calibration.B_covariance + variance * np.outer(of_load, of_load),
+        B_covariance=calibration.B_covariance + variance * np.outer(of_B, of_B),
     )
     share, force = abs(creep.share), abs(creep.share) * creep.change
     beyond_weight = False

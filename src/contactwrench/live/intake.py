@@ -44,7 +44,8 @@ class Intake:
         self._last = dict.fromkeys(self._last, t)
         self._rate = Rate(None if about.replay else about.rate, t + BACKLOG)  # a recording is played at any
         self.clock.reset()
-        return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected")
+        settings = "".join(f"; {name}: {value}" for name, value in about.settings.items())
+        return self._event(t, "back" if again else "connected", "note", f"{about.name}: connected{settings}")
 
     def down(self, text: str, t: float) -> Event | None:
         """The device is gone, or was never there; said once."""

@@ -12,7 +12,7 @@ from .sink import NO_TURN, Sink, Turn
 from .sinks.file import GrowingFile
 
 MOST_WAITING = 20_000
-"""Readings and orientations: a disk that stalls for ten seconds at 1 kHz loses nothing; some 5 MB."""
+"""Readings and orientations: a disk that stalls for ten seconds at 1 kHz loses nothing; some 15 MB."""
 IDLE = 0.5
 """s of silence, after which a sink may write what it has kept."""
 GATHERED = 0.05

@@ -146,7 +146,8 @@ class Session:
         delay = 0.0 if runner is None else runner.delay
         for when, sample in samples:
             orientation, age = self._track.at(when, when)
-            reading = Reading(when, sample.arrival, sample.wrench or NO_READING, orientation, sample.flaw)
+            wrench = NO_READING if sample.wrench is None else sample.wrench
+            reading = Reading(when, sample.arrival, wrench, orientation, sample.flaw)
             readings.append(reading)
             if runner is None:
                 continue

@@ -20,6 +20,8 @@ CHANCE = 0.01
 USUAL = 0.01
 """Of the share, the standard deviation among sensors: none is without."""
 FEWEST_STOPS, FEWEST_ROWS, MOST_STOPS = 4, 10, 500
+LEAST = 1e-6
+"""N: a load that changes so little tells nothing of creep."""
 TIMES_AS_LONG = 100.0
 """As each stop: until then creep is taken to go on, minutes after stops of seconds."""
 
@@ -56,7 +58,7 @@ class Creep:
 
 
 def creep_of(stops: Sequence[Stop]) -> Creep | None:
-    """What stops in the order of time tell of creep; None: they are too few."""
+    """What stops in the order of time tell of creep; None: they are too few, or of one load."""
     from scipy.special import stdtrit
 
     known = [stop for stop in stops if len(stop.force) >= FEWEST_ROWS and stop.end > stop.begin][:MOST_STOPS]
@@ -68,7 +70,9 @@ def creep_of(stops: Sequence[Stop]) -> Creep | None:
     drift = np.array([change_within(stop.force) for stop in known[1:]])
     middle = 0.5 * (begin + end)
     predicted = (_mean_logarithms(came, middle, end) - _mean_logarithms(came, begin, middle)) @ change
-    squares = max(float(np.sum(predicted**2)), 1e-300)
+    squares = float(np.sum(predicted**2))
+    if squares < LEAST**2:
+        return None
     per_e_fold = float(np.sum(drift * predicted)) / squares
     dof = predicted.size - 1.0
     std = float(np.sqrt(np.sum((drift - per_e_fold * predicted) ** 2) / dof / squares))

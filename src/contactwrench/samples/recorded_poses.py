@@ -40,6 +40,8 @@ MOST_CELLS = 50_000
 """Orientations of a table, counted in cells of that size of the matrices' elements."""
 
 MOST_POSES, MOST_ON_THE_WAY = 12_000, 2_000
+GAP = 0.25
+"""Of a visit to an orientation: rows with such a gap are two stretches of it."""
 CLOSE = np.deg2rad(3.0)
 """Poses of a table; fewer of those that lie this close to the one before: fitting them would take minutes."""
 
@@ -219,9 +221,11 @@ def _creep_of_rows(samples: Samples, t: Array, label: NDArray[np.intp]) -> Creep
     """What rows of a table show of it, those that follow each other at one orientation, to which the arm came when the
     samples say so, or with the first of them.
     """
-    came = t if samples.came is None else samples.came
-    stops = np.split(np.arange(len(t)), np.flatnonzero(label[1:] != label[:-1]) + 1)
-    return creep_of([_stop(samples, t, rows, float(came[rows[0]])) for rows in stops if len(rows) > 1])
+    came, stops = (t if samples.came is None else samples.came), []
+    for visit in filter(len, np.split(np.arange(len(t)), np.flatnonzero(label[1:] != label[:-1]) + 1)):
+        gaps = np.flatnonzero(np.diff(t[visit]) > GAP * (t[visit[-1]] - t[visit[0]])) + 1
+        stops += [_stop(samples, t, rows, float(came[visit[0]])) for rows in np.split(visit, gaps) if len(rows) > 1]
+    return creep_of(stops)
 
 
 def _stop(samples: Samples, t: Array, rows: NDArray[np.intp], came: float) -> Stop:

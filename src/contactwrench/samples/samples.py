@@ -35,7 +35,7 @@ class Samples(Rows):
         t: times (n,), s.
         position: of the flange (n, 3), m, base axes; what is no place, as a NaN, is not known.
         load_mass: hung on the tool (n,), kg; 0 is none.
-        came: when the arm had come to rest at the orientation (n,), s, where that is known.
+        came: when the arm had come to rest at the orientation (n,), s, at `t` or before; None: not known.
         source: where they come from, in words.
         delay: of wrench behind orientation, s, where it was estimated when the two were paired.
         delay_std: of `delay`, s.
@@ -69,6 +69,8 @@ class Samples(Rows):
         ranges = {"wrench": READING, "R_base_flange": ENTRY, "t": TIME, "load_mass": LOAD_KG, "came": TIME}
         for name, within in ranges.items():
             _require_within(name, getattr(self, name), within)
+        if self.came is not None and (self.t is None or (self.came > self.t).any()):
+            raise InputError("came is later than t, or there is no t, expected when the arm had come to rest: before t")
         object.__setattr__(self, "position", _known(self.position))
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
 
