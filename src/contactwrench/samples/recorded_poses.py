@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
-from .creep import Creep, Stop, creep_of
+from .creep import MOST_STOPS, Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import Samples
 from .slow_motion import poses_on_the_way
@@ -222,7 +222,9 @@ def _creep_of_rows(samples: Samples, t: Array, label: NDArray[np.intp]) -> Creep
     samples say so, or with the first of them.
     """
     came, stops = (t if samples.came is None else samples.came), []
-    for visit in filter(len, np.split(np.arange(len(t)), np.flatnonzero(label[1:] != label[:-1]) + 1)):
+    edges = np.r_[0, np.flatnonzero(label[1:] != label[:-1]) + 1, len(t)]
+    of_use = np.flatnonzero(np.diff(edges) >= FEWEST_ROWS)[:MOST_STOPS]
+    for visit in (np.arange(edges[k], edges[k + 1]) for k in of_use):
         gaps = np.flatnonzero(np.diff(t[visit]) > GAP * (t[visit[-1]] - t[visit[0]])) + 1
         stops += [_stop(samples, t, rows, float(came[visit[0]])) for rows in np.split(visit, gaps) if len(rows) > 1]
     return creep_of(stops)
