@@ -132,6 +132,15 @@ def test_creep_is_said_of_every_model(model: str) -> None:
     assert Kind.CREEP in [finding.kind for finding in calibration.findings]
 
 
+@pytest.mark.parametrize("share", [0.0, 0.05])
+def test_a_tool_from_a_creeping_sensor_is_no_better_known_later(share: float) -> None:
+    prior = cw.calibrate(recording(2, share, 5.0, 3.0))
+    assert prior.fitted_poses
+    one = prior.fitted_poses[0]
+    later = cw.calibrate(cw.Samples(one.wrench[None], one.R_base_flange[None]), prior=prior)
+    assert (Kind.CREEP in [finding.kind for finding in later.findings]) == (share > 0.0)
+
+
 def test_creep_that_hides_in_noise_is_in_the_standard_deviations() -> None:
     """Of weight, of the force at any orientation, and in what is saved."""
     noisy = recording(2, 0.01, 5.0, 3.0)
