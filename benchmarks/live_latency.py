@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import resource
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -63,12 +64,18 @@ def rig_calibration() -> cw.Calibration:
     return cw.calibrate(cw.Samples(recorded.wrench, recorded.R_base_flange, recorded.t))
 
 
+STAMPED = getattr(socket, "SO_TIMESTAMPNS", 35)  # asm-generic/socket.h; Python names it from 3.14 on
+
+
 class Lines:
-    """What comes on a UDP port, with the time at which it came."""
+    """What comes on a UDP port, with the time at which the kernel took it, so that this process' own threads do not
+    count.
+    """
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        self._socket.setsockopt(socket.SOL_SOCKET, STAMPED, 1)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.2)
         self.port = self._socket.getsockname()[1]
@@ -80,10 +87,11 @@ class Lines:
     def _run(self) -> None:
         while not self._stop:
             try:
-                line = self._socket.recv(4096)
+                line, ((_, _, stamp), *_), _, _ = self._socket.recvmsg(4096, 64)
             except TimeoutError:
                 continue
-            self.lines.append((time.time(), line))
+            whole, nanoseconds = struct.unpack("qq", stamp)
+            self.lines.append((whole + 1e-9 * nanoseconds, line))
 
     def close(self) -> None:
         """Stop listening."""

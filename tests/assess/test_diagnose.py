@@ -291,9 +291,9 @@ def test_the_verdict_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
     ]
     assert "Free air cannot tell these from the first:" not in right.out
     for flags, verdict in {
-        "--sign reaction": "as given: 9.6 N left; without `--sign reaction`: 0.26 N left",
-        "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.1 N left; with `--orientation quat_xyzw`: 0.26 N left",
-        "--gravity 0,0,1": "as given: 9.6 N left; with `--sign reaction --gravity 0,0,1`: 0.26 N left",
+        "--sign reaction": "as given: 9.9 N left; without `--sign reaction`: 0.26 N left",
+        "--orientation quat_wxyz:qx,qy,qz,qw": "as given: 7.8 N left; with `--orientation quat_xyzw`: 0.26 N left",
+        "--gravity 0,0,1": "as given: 9.9 N left; with `--sign reaction --gravity 0,0,1`: 0.26 N left",
     }.items():
         assert run(capsys, "diagnose", PANDA, *flags.split()).out.splitlines()[0] == verdict
 
@@ -334,7 +334,7 @@ def test_columns_that_auto_does_not_know_are_diagnosed(tmp_path: Path, capsys: p
 
 def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(run(capsys, "diagnose", PANDA, "--inverse-orientation", "--json").out)
-    assert found["verdict"] == "as given: 7.5 N left; without `--inverse-orientation`: 0.26 N left"
+    assert found["verdict"] == "as given: 8.8 N left; without `--inverse-orientation`: 0.26 N left"
     assert found["given"]["flags"] == ["--inverse-orientation"]
     assert found["best"]["flags"] == []
     assert found["best"]["weight"] == pytest.approx(7.73, abs=0.01)

@@ -8,7 +8,7 @@ import pytest
 import contactwrench as cw
 from contactwrench.calibration.findings import Kind, Severity
 from contactwrench.estimation import outliers, rigid
-from contactwrench.estimation.bias_drift import STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
+from contactwrench.estimation.bias_drift import ONLY_THE_LAST, STRENGTHS, Drift, Kernels, kernels_of, possible_drifts
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, derivatives, noisy_readings
 
@@ -42,7 +42,8 @@ def test_a_step_may_have_been_before_any_pose_and_a_steady_bias_is_likelier() ->
     kernels = kernels_of(12, drifts, log_prior)
     places = {drift.first_after: p for drift, p in zip(drifts, log_prior, strict=True) if drift.first_after}
     assert sorted(places) == list(range(1, 12))
-    assert len(set(places.values())) == 1
+    assert len(set(places.values())) == 2
+    assert np.exp(places[11] - places[10]) == pytest.approx(ONLY_THE_LAST)
     assert kernels.drifts[kernels.drift[0]].kind is None
     assert np.exp(kernels.log_prior[1:]).sum() == pytest.approx(np.exp(log_prior).sum())
     assert np.exp(log_prior).sum() < np.exp(kernels.log_prior[0])

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.estimation.hypotheses import ANY_BASE, ANY_MOUNTING, hypotheses_of
+from contactwrench.estimation.noise import ALIKE, APART, AXES, stated_noise
 from contactwrench.estimation.priors import Question
 from tests.support.poses import POSE_SETS
 from tests.support.rigs import NOISE, example
@@ -38,9 +39,14 @@ def test_all_that_mounting_and_base_may_be_has_probability_one() -> None:
     assert sum(np.exp(h.log_prior) * _volume(h.mount, h.base) for h in exact) < 0.5
 
 
-def test_a_model_that_is_asked_for_has_no_hypotheses() -> None:
-    (only,) = hypotheses_of(replace(QUESTION, model="mount"), False, False)
-    assert (only.mount, only.base, only.log_prior) == (None, None, 0.0)
+def test_a_model_that_is_asked_for_has_those_of_the_noise_alone_and_stated_noise_has_none() -> None:
+    asked = replace(QUESTION, model="mount")
+    apart, alike = hypotheses_of(asked, False, False)
+    assert (alike.mount, alike.base, apart.mount, apart.base) == (None, None, None, None)
+    assert (apart.apart, alike.apart) == (APART, ALIKE)
+    assert np.exp([apart.log_prior, alike.log_prior]) == pytest.approx([AXES[APART], AXES[ALIKE]])
+    (only,) = hypotheses_of(replace(asked, noise=stated_noise(np.ones(6))), False, False)
+    assert only.log_prior == 0.0
 
 
 def _errors_in_std(mount_deg: float, base_deg: float, poses: Array, runs: int, seed: int) -> tuple[Array, Array]:

@@ -75,7 +75,8 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
     tool = _tool(rig)
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), _noise())
     moments = moments_of(np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), np.ones(n), kernels)
-    nothing = Priors(np.zeros((1, p, p)), np.zeros((1, p)), np.zeros(1), np.zeros((1, p, p)), np.zeros(1))
+    none, of_one = np.zeros((1, p, p)), np.zeros(1)
+    nothing = Priors(none, np.zeros((1, p)), of_one, none, of_one, np.ones(1))
     pairs = np.arange(len(kernels.drift)), np.zeros(len(kernels.drift), dtype=int)
     return solved(gram(tool, NAMES, moments.S), moments, kernels.log_prior, nothing, pairs, _noise())
 

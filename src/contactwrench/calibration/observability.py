@@ -57,29 +57,16 @@ def require_full_rank(
     """Raise `UnobservableError`, naming the parameters, unless the poses (n, 3, 3), with what is `known` beforehand,
     separate all of `names`; `known` (q, p): derivatives of what is known, each as good as seen.
     """
-    J = _jacobian_with_known(tool, R_base_flange, names, known)
-    require_separable(J, names, R_base_flange, tool.gravity_direction)
-
-
-def is_separable(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None = None) -> bool:
-    """Whether `require_full_rank` would pass."""
-    J = _jacobian_with_known(tool, R_base_flange, names, known)
-    s = np.linalg.svd(J, compute_uv=False)
-    return len(J) >= len(names) and bool(s[-1] >= LEAST_SINGULAR_VALUE * s[0])
-
-
-def _jacobian_with_known(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None) -> Array:
-    """The natural Jacobian with a row of unit length for each thing that is known."""
     J = natural_jacobian(tool, R_base_flange, names)
-    if known is None:
-        return J
-    unit = np.ones(len(names))
-    unit[[0, *range(4, 7)]] = tool.weight
-    unit[1:4] = LEVER
-    unit[7:10] = tool.weight * LEVER
-    rows = known * unit
-    length = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.vstack([J, rows / np.where(length > 0.0, length, 1.0)])
+    if known is not None:
+        unit = np.ones(len(names))
+        unit[[0, *range(4, 7)]] = tool.weight
+        unit[1:4] = LEVER
+        unit[7:10] = tool.weight * LEVER
+        rows = known * unit
+        length = np.linalg.norm(rows, axis=1, keepdims=True)
+        J = np.vstack([J, rows / np.where(length > 0.0, length, 1.0)])
+    require_separable(J, names, R_base_flange, tool.gravity_direction)
 
 
 def natural_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...]) -> Array:

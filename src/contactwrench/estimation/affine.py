@@ -12,10 +12,10 @@ from ..calibration.observability import require_separable
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, free_wrench, gravity_in_flange
 from .estimate import Estimate
-from .noise import NoiseModel, PoseReadings, relative_variances
+from .noise import APART, NoiseModel, PoseReadings, relative_variances
 from .priors import Question
 
-PASSES = 20
+PASSES = 8
 COLUMNS = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
 MIRRORED = Finding(
     Kind.MIRRORED_AXIS,
@@ -35,9 +35,9 @@ def fit_affine(readings: PoseReadings, question: Question) -> Estimate:
     residuals = readings.wrench - free_wrench(B, r)
     left = np.full((1, 6), n - 4.0)
     noise = NoiseModel(readings.least_variance, question.noise, relative_variances(question.noise))
-    log_variance = np.log(noise.start)[None]
+    log_variance, squares = np.log(noise.start)[None], np.sum(residuals**2, axis=0)[None]
     for k in range(PASSES):
-        log_variance = noise.improved(log_variance, np.sum(residuals**2, axis=0)[None], left, first=k == 0)
+        log_variance = noise.improved(log_variance, squares, left, np.array([APART]), first=k == 0)
     variance = np.exp(log_variance[0])
     covariance = np.kron(np.diag(variance), (Vt.T / s**2) @ Vt)
     leverage = 1.0 - np.sum(U**2, axis=1)

@@ -27,6 +27,11 @@ noise, and would count several times.
 ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
 
+ONLY_THE_LAST = 0.05
+"""Of the odds of a step elsewhere, those of one before the last pose: what one pose alone shows is a contact, in nearly
+all cases, and reads the same.
+"""
+
 TIME_CONSTANTS = (np.inf, 1.0, 1.0 / 3.0, 0.1)
 """Of a warming sensor, in lengths of the recording; without end: a steady drift."""
 BETWEEN = float(np.log(3.0) / np.sqrt(12.0))
@@ -91,7 +96,8 @@ def possible_drifts(time: Array | None, n: int) -> tuple[list[Drift], list[float
     drifts.append(Drift(Kind.BIAS_WANDERED, _wandering(before)))
     drifts += [Drift(Kind.BIAS_STEPPED, (np.arange(n) < k)[:, None].astype(np.float64), int(k)) for k in places]
     each.append(float(np.log(ODDS[Kind.BIAS_WANDERED])))
-    each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * len(places)
+    each += [float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places)))] * (len(places) - 1)
+    each.append(float(np.log(ODDS[Kind.BIAS_STEPPED] / len(places) * ONLY_THE_LAST)))
     return drifts, each
 
 

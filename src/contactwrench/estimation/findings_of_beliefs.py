@@ -13,6 +13,7 @@ from ..statistics import counted, two_digits
 from .bias_drift import in_words
 from .estimate import Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING
+from .outliers import odds_of_a_level_alone
 from .priors import Question
 
 IN_DOUBT = 1.0 / 20.0
@@ -114,7 +115,9 @@ def _alike(errors: Array) -> bool:
 
 
 def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> list[Finding]:
-    """Poses that nearly were left out, or nearly were not, and a last one whose error may be a step of the bias."""
+    """Poses that nearly were left out, or nearly were not, a last one whose error may be a step of the bias, and one of
+    few that may be backlash.
+    """
     texts = [
         f"{name} may be in contact, with a probability of {_percent(float(probability))}: the result counts both "
         "cases; record that orientation again"
@@ -125,6 +128,15 @@ def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> l
         texts.append(
             f"{names[-1]}, the last one, was left out: if the bias stepped there instead, it is off by that; record "
             "one more pose"
+        )
+    out = np.flatnonzero(~estimate.kept)
+    if (
+        len(out) == 1
+        and odds_of_a_level_alone(len(names), 0.5 * estimate.errors[out[0]], estimate.weight_scale) > IN_DOUBT
+    ):
+        texts.append(
+            f"{names[out[0]]} was left out of {len(names)}: if it is off by backlash, the bias is off by half of that; "
+            "record more poses"
         )
     return [DOUBTFUL(Kind.POSE_IN_DOUBT, text) for text in texts]
 

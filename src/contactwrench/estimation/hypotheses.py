@@ -7,7 +7,7 @@ mounting and the base may point anywhere. Nothing is chosen: the answer is the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from ..geometry.arrays import Array
 from ..model import RigidTool
 from .least_squares import Priors
+from .noise import ALIKE, AXES
 from .priors import EXACT_TILT_SD, Knowledge, Question, known_com, known_gravity, nominal_mounting
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
@@ -33,26 +34,33 @@ COM_SD = 0.15
 @dataclass(frozen=True)
 class Hypothesis:
     """`mount` and `base`: standard deviation (rad, an axis) of the tilt about nominal, None where it is free; `exact`
-    whether each is exactly nominal; `log_prior` its probability, with the density of the tilts.
+    whether each is exactly nominal; `log_prior` its probability, with the density of the tilts; how far `apart` the
+    noises of axes are (noise.py).
     """
 
     mount: float | None
     base: float | None
     exact: tuple[bool, bool]
     log_prior: float
+    apart: float = ALIKE
 
 
 def hypotheses_of(question: Question, any_mounting: bool, any_base: bool) -> tuple[Hypothesis, ...]:
     """Those to which a fit belongs whose mounting, or base, was looked for anywhere, the widest last."""
-    if question.model != "auto" or question.earlier is not None:
-        return (Hypothesis(None, None, (False, False), 0.0),)
-    of_mount = _options(question.priors.mount, any_mounting, ANY_MOUNTING, np.log(4.0 * np.pi), np.log(4.0 * np.pi))
-    of_base = _options(question.priors.base, any_base, ANY_BASE, np.log(2.0 * np.pi), np.log(2.0 * np.pi))
-    found = []
-    for (mount, log_m, mount_exact), (base, log_b, base_exact) in product(of_mount, of_base):
-        joint = np.log(PROBABILITY[mount_exact, base_exact])
-        found.append(Hypothesis(mount, base, (mount_exact, base_exact), float(joint + log_m + log_b)))
-    return tuple(found)
+    tilts = [Hypothesis(None, None, (False, False), 0.0)]
+    if question.model == "auto" and question.earlier is None:
+        area, sides = np.log(4.0 * np.pi), np.log(2.0 * np.pi)
+        of_mount = _options(question.priors.mount, any_mounting, ANY_MOUNTING, area, area)
+        of_base = _options(question.priors.base, any_base, ANY_BASE, sides, sides)
+        tilts = [
+            Hypothesis(mount, base, (exact, level), float(np.log(PROBABILITY[exact, level]) + log_m + log_b))
+            for (mount, log_m, exact), (base, log_b, level) in product(of_mount, of_base)
+        ]
+    return tuple(
+        replace(tilt, apart=apart, log_prior=tilt.log_prior + float(np.log(share)))
+        for tilt in tilts
+        for apart, share in (AXES if question.noise is None else {ALIKE: 1.0}).items()
+    )
 
 
 def _options(
@@ -94,6 +102,7 @@ def priors_at(
         np.full(h, misfit),
         np.zeros((h, p, p)),
         np.array([hypothesis.log_prior for hypothesis in hypotheses]),
+        np.array([hypothesis.apart for hypothesis in hypotheses]),
     )
     if not auto:
         return result

@@ -20,7 +20,7 @@ from .moments import Moments
 from .noise import NoiseModel
 
 MOST_PASSES = 12
-SETTLED = 5e-3
+SETTLED = 1e-2
 """Relative change of a variance; an estimate changes by far less than a hundredth of its std."""
 
 RIDGE = 1e-13
@@ -31,8 +31,8 @@ Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 @dataclass(frozen=True, eq=False)
 class Priors:
     """Of each of h hypotheses: information (h, p, p) and pull (h, p) of what is known beforehand, linearised, its
-    misfit (h,), what joins the information in the evidence's determinant only, (h, p, p), and the logarithm (h,) of
-    its normalised probability.
+    misfit (h,), what joins the information in the evidence's determinant only, (h, p, p), the logarithm (h,) of its
+    normalised probability, and how far `apart` (h,) the noises of axes are (noise.py).
     """
 
     information: Array
@@ -40,6 +40,7 @@ class Priors:
     misfit: Array
     of_volume: Array
     log_prior: Array
+    apart: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,32 +83,46 @@ def solved(
     pairs: Pairs,
     noise: NoiseModel,
     passes: int = MOST_PASSES,
+    start: Array | None = None,
 ) -> Members:
     """The solutions under `pairs` of a kernel, whose `log_prior` (k,) counts, and a hypothesis; noise and parameters at
-    their joint optimum, or after so many `passes` close to it.
+    their joint optimum, or after so many `passes` close to it. `start`: variances (6,) from near here.
     """
     kernel, hypothesis = pairs
-    own, p = G[kernel], G.shape[-1] - 1
+    own, m, p = G[kernel], len(kernel), G.shape[-1] - 1
+    at_tool = own[:, :, p, p].copy()
     information, pull = priors.information[hypothesis], priors.pull[hypothesis]
-    flat = own.reshape(len(own), 6, -1)
-    of_axis = own[..., :p, :p].reshape(len(own), 6, -1)
-    log_variance = noise.first(own[:, :, -1, -1] / max(moments.n - 1.0, 1.0))
+    apart = priors.apart[hypothesis]
+    log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0))
+    if start is not None:
+        log_variance = np.broadcast_to(np.log(start), log_variance.shape)
+    unit = np.ones((m, p + 1))  # of the parameters, which differ widely, each its std
+    unit[:, :p] = np.einsum("ma,mapp->mp", np.exp(-log_variance), own[..., :p, :p]) + np.einsum("mpp->mp", information)
+    unit = 1.0 / np.sqrt(np.maximum(unit, 1e-60))
+    own *= (unit[:, :, None] * unit[:, None, :])[:, None]
+    scale = unit[:, :p, None] * unit[:, None, :p]
+    scaled_information, scaled_pull = information * scale, pull * unit[:, :p]
+    flat = own.reshape(m, 6, -1)
+    after, of_products = np.ones((m, p + 1)), np.zeros((m, 2, p + 1, p + 1))
     for k in range(passes):
-        variance = np.exp(log_variance)
-        weighted = ((1.0 / variance)[:, None, :] @ flat).reshape(-1, p + 1, p + 1)
-        covariance, log_det = _inverse(weighted[:, :p, :p] + information)
-        step = (covariance @ (weighted[:, :p, p] + pull)[..., None])[..., 0]
-        z = np.concatenate([-step, np.ones((len(step), 1))], axis=1)
-        squares = (flat @ (z[:, :, None] * z[:, None, :]).reshape(len(z), -1, 1))[..., 0]
-        squares = np.maximum(squares, 1e-12 * own[:, :, -1, -1])
-        dof = moments.n - 1.0 - (of_axis @ covariance.reshape(len(z), -1, 1))[..., 0] / variance
-        dof = np.maximum(dof, 0.0)
-        before, log_variance = log_variance, noise.improved(log_variance, squares, dof, first=k == 0)
-        if float(np.max(np.abs(log_variance - before), initial=0.0)) <= SETTLED:
+        weighted = (np.exp(-log_variance)[:, None, :] @ flat).reshape(m, p + 1, p + 1)
+        normal = _regular(weighted[:, :p, :p] + scaled_information)
+        covariance = np.linalg.inv(normal)
+        np.negative((covariance @ (weighted[:, :p, p] + scaled_pull)[..., None])[..., 0], out=after[:, :p])
+        np.multiply(after[:, :, None], after[:, None, :], out=of_products[:, 0])
+        of_products[:, 1, :p, :p] = covariance
+        sums = flat @ of_products.reshape(m, 2, -1).transpose(0, 2, 1)
+        squares = np.maximum(sums[:, :, 0], 1e-12 * at_tool)
+        dof = np.maximum(moments.n - 1.0 - sums[:, :, 1] * np.exp(-log_variance), 0.0)
+        before = log_variance
+        log_variance = noise.improved(before, squares, dof, apart, first=k == 0 and start is None)
+        if float(np.abs(log_variance - before).max(initial=0.0)) <= SETTLED:
             break
-    misfit = squares / np.exp(log_variance)
     of_volume = priors.of_volume[hypothesis]
-    log_det = _inverse(weighted[:, :p, :p] + information + of_volume)[1] if of_volume.any() else log_det
+    if of_volume.any():
+        normal = _regular(normal + of_volume * scale)
+    log_det = np.linalg.slogdet(normal)[1] - 2.0 * np.log(unit).sum(axis=1)
+    step, misfit = -after[:, :p] * unit[:, :p], squares * np.exp(-log_variance)
     off = np.einsum("mi,mij,mj->m", step, information, step) - 2.0 * np.einsum("mi,mi->m", step, pull)
     evidence = -0.5 * (
         (moments.n - 1.0) * log_variance.sum(axis=1)
@@ -116,16 +131,14 @@ def solved(
         + priors.misfit[hypothesis]
         + off
         + log_det
-        + noise.log_volume(log_variance, dof)
+        + noise.log_volume(log_variance, dof, apart)
     )
     evidence = evidence + log_prior[kernel] + priors.log_prior[hypothesis]
-    return Members(kernel, hypothesis, step, covariance, np.exp(log_variance), dof, evidence, misfit)
+    return Members(kernel, hypothesis, step, covariance * scale, np.exp(log_variance), dof, evidence, misfit)
 
 
-def _inverse(information: Array) -> tuple[Array, Array]:
-    """Inverses (m, p, p) of symmetric positive matrices whose units differ widely, and log determinants (m,)."""
-    unit = np.sqrt(np.maximum(np.einsum("mpp->mp", information), 1e-60))
-    scaled = information / (unit[:, :, None] * unit[:, None, :])
-    scaled += RIDGE * np.eye(unit.shape[1])
-    inverse = np.linalg.inv(scaled) / (unit[:, :, None] * unit[:, None, :])
-    return inverse, np.linalg.slogdet(scaled)[1] + 2.0 * np.log(unit).sum(axis=1)
+def _regular(information: Array) -> Array:
+    """The same (m, p, p), its diagonal raised so little that nothing but a singular one shows it."""
+    diagonal = np.einsum("mpp->mp", information)
+    diagonal += RIDGE * diagonal + 1e-60
+    return information

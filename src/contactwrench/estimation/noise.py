@@ -3,9 +3,9 @@
 Robot pose error, hysteresis, cross-talk and cables move a pose's mean far more than the scatter of its samples does, so
 the variance of a pose is estimated from what a fit leaves (least_squares.py), by restricted maximum likelihood; what
 its still segment shows is the least that it can be, and tells poses that rest on few samples from those that rest on
-many. Where the noise is stated, it is known up to one scale. Else forces share a level, and torques another; an axis
-differs from its group as much as it must: the prior of the logarithms of the axes' variances is a narrow Student's t,
-so that a few poses share one variance, with tails that let a plain difference be.
+many. Where the noise is stated, it is known up to one scale. Else forces share a level, and torques another, about
+which the logarithms of the axes' variances have a Gaussian prior, so that there is one optimum, wherever a search
+begins. That the axes are alike, and that they are apart, are two hypotheses (hypotheses.py), and evidence decides.
 """
 
 from __future__ import annotations
@@ -26,8 +26,14 @@ from ..samples.samples import Samples
 ROUNDING = 1e-10
 """Of the largest reading: what noise-free data carry."""
 
-AXIS_SCALE = 0.2
-"""Of the logarithm of an axis' variance about that of its group: up to there chance is believed, not the axis."""
+ALIKE, APART = 0.12, 2.0
+"""Standard deviation of the logarithm of an axis' variance about that of its group: of axes of one make, and where one
+is plainly worse or better.
+"""
+AXES = {APART: 0.001, ALIKE: 0.999}
+"""With probabilities. What is left of few poses is more systematic error and chance than noise, and an axis that comes
+out exact by either would take over the fit: only what is plain counts.
+"""
 
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
@@ -188,9 +194,9 @@ class NoiseModel:
         level = np.minimum((at_tool / self.start).mean(axis=1, keepdims=True), 1.0)
         return np.asarray(np.log(np.maximum(level * self.start, self.least)))
 
-    def improved(self, log_variance: Array, squares: Array, dof: Array, first: bool) -> Array:
+    def improved(self, log_variance: Array, squares: Array, dof: Array, apart: Array, first: bool) -> Array:
         """The logarithms of the variances (m, 6) after a step towards their optimum, given the sums of squares and the
-        dof (m, 6) of the axes; the `first` step begins with one level for each group.
+        dof (m, 6) of the axes, how far `apart` (m,) these are; the `first` step begins with one level for each group.
         """
         if self.stated is not None:
             given = self.stated.std**2
@@ -202,40 +208,39 @@ class NoiseModel:
         if first:
             level = np.log(np.maximum(grouped.sum(axis=2), 1e-300) / left.sum(axis=2))
             return np.asarray(np.maximum(np.repeat(level, 3, axis=1), least))
-        own = log_variance.reshape(-1, 2, 3)
-        off, pull = _off_group(own)
+        own, pull = log_variance.reshape(-1, 2, 3), apart[:, None, None] ** -2.0
         chi2 = grouped * np.exp(-own)
-        slope = 0.5 * (left - chi2) + pull[:, :, None] * off
-        stiff = 0.5 * np.maximum(left, chi2) + pull[:, :, None]
-        step = slope / stiff  # of diag(stiff) less a third of the pull everywhere (Sherman and Morrison, 1950)
-        third = pull / 3.0
-        step += (third * step.sum(axis=2) / (1.0 - third * (1.0 / stiff).sum(axis=2)))[:, :, None] / stiff
-        moved = log_variance - np.clip(step, -LARGEST_STEP, LARGEST_STEP).reshape(-1, 6)
-        return np.maximum(moved, least)
+        slope = 0.5 * (left - chi2) + pull * _off_group(own)
+        inverse = 1.0 / (0.5 * np.maximum(chi2, 0.5 * left) + pull)
+        inverse[((own <= least.reshape(2, 3)) | (left <= LEAST_DOF)) & (slope > 0.0)] = 0.0  # no lower
+        step = inverse * slope  # of diag(1 / inverse) less a third of the pull everywhere (Sherman and Morrison, 1950)
+        share = step.sum(axis=2, keepdims=True) / (3.0 / pull - inverse.sum(axis=2, keepdims=True))
+        step += inverse * share
+        moved = log_variance - np.minimum(np.maximum(step, -LARGEST_STEP), LARGEST_STEP).reshape(-1, 6)
+        return np.asarray(np.maximum(moved, least))
 
-    def log_volume(self, log_variance: Array, dof: Array) -> Array:
+    def log_volume(self, log_variance: Array, dof: Array, apart: Array) -> Array:
         """-2 log of the volume that Laplace's method gives the variances, less that of their prior (m,)."""
         if self.stated is not None:
             return np.asarray(np.log(np.maximum(dof.sum(axis=1) + self.stated.dof, LEAST_DOF)))
-        off, pull = _off_group(log_variance.reshape(-1, 2, 3))
+        pull = apart[:, None] ** -2.0
         stiff = 0.5 * np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3) + pull[:, :, None]
         volume = np.log(stiff).sum(axis=2) + np.log1p(-pull / 3.0 * (1.0 / stiff).sum(axis=2))
-        tail = 3.0 * np.log1p(np.sum(off**2, axis=2) / AXIS_SCALE**2)
-        total: Array = (volume + tail).sum(axis=1)
+        prior = pull * np.sum(_off_group(log_variance.reshape(-1, 2, 3)) ** 2, axis=2) - 2.0 * np.log(pull)
+        total: Array = (volume + prior).sum(axis=1)
         return total
 
-    def log_spread(self, log_variance: Array, dof: Array) -> Array:
-        """Covariance (6, 6) of the logarithms (6,) of the axes' variances, from the `dof` (6,) of each."""
+    def log_spread(self, dof: Array, apart: float) -> Array:
+        """Covariance (6, 6) of the logarithms of the axes' variances, from the `dof` (6,) of each."""
         if self.stated is not None:
             return np.full((6, 6), 2.0 / max(float(dof.sum()) + self.stated.dof, LEAST_DOF))
-        pull = _off_group(log_variance.reshape(1, 2, 3))[1][0]
         precision = np.diag(0.5 * np.maximum(dof, LEAST_DOF))
-        for group, strength in zip((slice(0, 3), slice(3, 6)), pull, strict=True):
-            precision[group, group] += strength * (np.eye(3) - 1.0 / 3.0)
+        for group in (slice(0, 3), slice(3, 6)):
+            precision[group, group] += (np.eye(3) - 1.0 / 3.0) / apart**2
         return np.asarray(np.linalg.inv(precision))
 
 
-def _off_group(log_variance: Array) -> tuple[Array, Array]:
-    """What axes (m, 2, 3) are off the mean of their group, and the precision (m, 2) with which they are drawn to it."""
-    off = log_variance - log_variance.sum(axis=2, keepdims=True) / 3.0
-    return off, 3.0 / (AXIS_SCALE**2 + (off * off).sum(axis=2))
+def _off_group(log_variance: Array) -> Array:
+    """What axes (m, 2, 3) are off the mean of their group."""
+    off: Array = log_variance - log_variance.sum(axis=2, keepdims=True) / 3.0
+    return off

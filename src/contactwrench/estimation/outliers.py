@@ -22,11 +22,14 @@ PROBABILITY = 0.4
 
 MOST_SHARE = 0.34
 ON_A_LEVEL = 0.3
-"""Of the poses: more than so many that are all off by the same are on a level of their own, as backlash makes it; so
-may be a single one, which is alike to none."""
+"""Of the poses: more than so many that are all off by the same are on a level of their own, as backlash makes it. A
+single one may be, too, which nothing shows."""
 
 TWO_LEVELS = 0.4
 """Odds that there are two levels, before the readings; each pose is on either alike."""
+
+LEVEL_SHARE = 0.02
+"""Of the weight: how far a level is off, the scale of a half-normal prior."""
 
 WIDTHS = np.geomspace(3.5, 3500.0, 7)
 """Of the wide distribution, times the noise: one for all such poses, or one for each."""
@@ -54,9 +57,18 @@ def log_prior_outlying(n: int, k: int) -> float:
 
 def log_prior_two_levels(n: int, k: int) -> float:
     """Logarithm of the odds that of n poses a given set of k, the smaller one, is on a level of its own."""
-    if k < 1 or 1 < k <= ON_A_LEVEL * n:
+    if k <= max(1.0, ON_A_LEVEL * n):
         return -np.inf
     return float(np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0))
+
+
+def odds_of_a_level_alone(n: int, halfway: Array, weight: float) -> float:
+    """That one of n poses, which is off by twice the wrench `halfway` (6,), is on a level by itself, against that it is
+    in contact: a tool of that `weight` (N) has only so much backlash.
+    """
+    share = float(np.linalg.norm(halfway[:3])) / (LEVEL_SHARE * max(weight, 1e-12))
+    before = TWO_LEVELS * 0.5 ** (n - 1.0) / np.exp(log_prior_outlying(n, 1))
+    return float(before * np.exp(-0.5 * share**2))
 
 
 def log_density_outlying(errors: Array) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Iterator, Set
 
 import numpy as np
 
@@ -22,12 +22,16 @@ from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
 from .orientation_errors import of_orientation
+from .outliers import odds_of_a_level_alone
 from .posterior import deleted_errors
 from .priors import rows_of
 from .tables import Problem, Table, explained
 
 FEWEST_DOF = 2.0
 """With fewer an axis alone says next to nothing."""
+
+STEP_NOT_EXCLUDED = 0.2
+"""Of the squared error of a last pose that was left out, in the variance of the bias."""
 
 DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
 """Errors that a new orientation has anew."""
@@ -41,12 +45,9 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     log_all = np.concatenate([table.members.log_evidence for table in tables])
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
     steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
-    offset = 0
-    for table in tables:
-        m = table.members
+    for table, here in _members(tables):
+        m, share = table.members, weight[here]
         mean, own = _last_bias(problem, table)
-        here = slice(offset, offset + len(m.kernel))
-        share = weight[here]
         steps[here, columns] = m.step
         of_mean = np.einsum("paj,kj->kap", J, mean[:, :9])
         steps[here, bias] = mean[:, 9:] - np.einsum("kap,kp->ka", of_mean, m.step)
@@ -57,7 +58,6 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         C[:, columns, bias] = to_bias.transpose(0, 2, 1)
         C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + (own[:, None] * m.variance)[:, :, None] * np.eye(6)
         within += np.einsum("k,kpq->pq", share, C)
-        offset += len(share)
     step = weight @ steps
     moved = stepped(tool, step, names)
     axes = small_change_about(tool, moved, names)
@@ -73,6 +73,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     best = first.best
     left_by, known_of_bias = explained(problem, first, best)
     errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in BIAS_MOVED else left_by
+    covariance[bias, bias] += _of_other_causes(problem, tables, weight, errors)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
     known = rows_of(problem.question.knowledge, moved, names)
     whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
@@ -97,6 +98,28 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
         beliefs=_beliefs(problem, tables, weight, errors),
     )
+
+
+def _of_other_causes(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Array:
+    """What joins the covariance (6, 6) of the bias where one pose was left out, or the last, as likely in contact, by
+    the `errors` (n, 6) of all: a step before the last pose reads the same, and so does, in few poses, a second level
+    that one of them is on. What no reading excludes is in the std.
+    """
+    out, added = ~tables[0].kept, np.zeros((6, 6))
+    contact = sum(float(weight[here].sum()) for table, here in _members(tables) if not table.kept[-1])
+    if any(drift.kind is Kind.BIAS_STEPPED for drift in problem.kernels.drifts):
+        added += contact * STEP_NOT_EXCLUDED * np.outer(errors[-1], errors[-1])
+    if out.sum() == 1:
+        halfway = 0.5 * errors[out][0]
+        added += odds_of_a_level_alone(len(out), halfway, tables[0].tool.weight) * np.outer(halfway, halfway)
+    return added
+
+
+def _members(tables: list[Table]) -> Iterator[tuple[Table, slice]]:
+    """Each table with the place of its members among those of all."""
+    offset = 0
+    for table in tables:
+        yield table, slice(offset, offset := offset + len(table.members.kernel))
 
 
 def _nearest_positive(covariance: Array, added: Array) -> Array:
@@ -184,7 +207,7 @@ def _dof(problem: Problem, table: Table, of_axes: Array, covariance: Array) -> A
     the axes, of which it is a weighted sum, are uncertain together.
     """
     m, best = table.members, table.best
-    spread = problem.noise.log_spread(np.log(m.variance[best]), m.dof[best])
+    spread = problem.noise.log_spread(m.dof[best], table.hypotheses[m.hypothesis[best]].apart)
     alone = _noisier_alone(problem, table)
     for axis in np.flatnonzero(alone > 1.0):
         spread[axis, :] = spread[:, axis] = 0.0

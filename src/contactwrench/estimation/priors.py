@@ -52,7 +52,6 @@ class PriorRows:
     jacobian: Array
 
 
-Shape: TypeAlias = tuple[int, ...]
 Knowledge: TypeAlias = Callable[[RigidTool, tuple[str, ...]], PriorRows]
 
 

@@ -27,7 +27,7 @@ from .hypotheses import Hypothesis, priors_at
 from .least_squares import Members, gram, solved
 from .moments import moments_of, precision_times
 from .noise import NoiseModel
-from .outliers import log_density_outlying, log_prior_outlying
+from .outliers import LEVEL_SHARE, log_density_outlying, log_prior_outlying
 from .priors import Question
 
 FAR = 10.0
@@ -36,7 +36,7 @@ FAR = 10.0
 NEAR = 12.0
 """The same after a rough look, kernels and hypotheses apart."""
 
-LOOK = 4
+LOOK = 2
 """Passes of a rough look."""
 
 LONG_WAY = 3.0
@@ -51,7 +51,12 @@ BEYOND_WALL = 0.2
 """Cosine of the angle to the stated direction, up to which a negative weight is a positive one, gravity turned."""
 
 
-SHARE_OF_WEIGHT: dict[Kind | None, float] = {Kind.GAIN: 0.01, Kind.ROBOT: 0.01, Kind.CABLE: 0.05, Kind.TWO_LEVELS: 0.02}
+SHARE_OF_WEIGHT: dict[Kind | None, float] = {
+    Kind.GAIN: 0.01,
+    Kind.ROBOT: 0.01,
+    Kind.CABLE: 0.05,
+    Kind.TWO_LEVELS: LEVEL_SHARE,
+}
 """Scale of the error, of a half-normal prior: sensors have gains and cross-talk of a percent or two, robots
 orientations good to half a degree, cables and backlash move a reading by some percent of the weight."""
 
@@ -124,9 +129,11 @@ def table_at(
     kept: NDArray[np.bool_],
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp] | None = None,
+    start: Array | None = None,
 ) -> Table:
     """All members that count, linearised at `tool`: every kernel, or those `among` which to look, under the widest
     hypothesis, every hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
+    `start`: variances (6,) from near here.
     """
     n = len(problem.wrench)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
@@ -139,16 +146,16 @@ def table_at(
     rough = np.zeros(len(among))
     if len(among) > 1:
         pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
-        looked_at = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK)
+        looked_at = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK, start)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
     likeliest = int(np.argmax(rough))
     of_hypotheses = np.zeros(len(hypotheses))
     if len(hypotheses) > 1:
         pairs = np.full(len(hypotheses), likeliest), all_hypotheses
-        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
+        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK, start).log_evidence
     together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
     k, h = np.nonzero(together > -NEAR)
-    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
+    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise, start=start)
     members = replace(members, log_evidence=members.log_evidence + _log_plausible(tool, kernels, members))
     members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
     table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
@@ -214,7 +221,8 @@ def settled(
         if size < CENTRED:
             break
         near = among if size > LONG_WAY else near_kernels([table])
-        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near)
+        variance = table.members.variance[table.best]
+        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near, variance)
     return table
 
 
