@@ -299,6 +299,29 @@ def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_bac
         assert np.linalg.norm(calibration.bias[:3] - between) < 3.0 * np.linalg.norm(calibration.std["bias"][:3])
 
 
+def test_a_torque_that_no_backlash_of_that_tool_makes_is_a_contact_and_no_more() -> None:
+    """2 N m in one of six poses of a tool of 40 N, and 3 N: left out, and neither in the std nor in doubt."""
+    for apart in (np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0]), np.array([3.0, 0.0, 2.0, 0.0, 0.0, 0.0])):
+        rig, _, rng = _rig(3)
+        rig, R = replace(rig, weight=40.0), SIX_SPREAD
+        wrench = noisy_readings(rig, R, NOISE, rng)
+        wrench[2] += apart
+        calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S[:6]))
+        assert [pose.rejected is not None for pose in calibration.poses] == [False, False, True, False, False, False]
+        assert not any(finding.kind is Kind.POSE_IN_DOUBT for finding in calibration.findings)
+        assert np.all(calibration.std["bias"] < 10.0 * NOISE)
+
+
+@pytest.mark.parametrize("factor", [40.0, 0.05])
+def test_one_axis_far_noisier_or_quieter_brings_no_false_motion_or_pull(factor: float) -> None:
+    for seed in (11, 12, 13):
+        rig, R, rng = example(seed, poses=12)
+        noise = NOISE * np.array([1.0, 1.0, factor, 1.0, 1.0, 1.0])
+        calibration = cw.calibrate(cw.Samples(noisy_readings(rig, R, noise, rng), R, EVERY_10_S[:12]), "mount")
+        kinds = {finding.kind for finding in calibration.findings}
+        assert not kinds & {Kind.BIAS_WANDERED, Kind.BIAS_DRIFTED, Kind.BIAS_STEPPED, Kind.CABLE}
+
+
 def test_what_a_robot_is_off_in_all_poses_alike_is_in_the_std() -> None:
     """0.3 deg that go on from pose to pose: no reading tells them from a turned mounting."""
     squared = []

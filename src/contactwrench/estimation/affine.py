@@ -15,7 +15,7 @@ from .estimate import Estimate
 from .noise import APART, NoiseModel, PoseReadings, relative_variances
 from .priors import Question
 
-PASSES = 8
+PASSES = 20
 COLUMNS = ("B_*_rx", "B_*_ry", "B_*_rz", "B_*_1")
 MIRRORED = Finding(
     Kind.MIRRORED_AXIS,

@@ -83,19 +83,16 @@ def solved(
     pairs: Pairs,
     noise: NoiseModel,
     passes: int = MOST_PASSES,
-    start: Array | None = None,
 ) -> Members:
     """The solutions under `pairs` of a kernel, whose `log_prior` (k,) counts, and a hypothesis; noise and parameters at
-    their joint optimum, or after so many `passes` close to it. `start`: variances (6,) from near here.
+    their joint optimum, or after so many `passes` close to it.
     """
     kernel, hypothesis = pairs
     own, m, p = G[kernel], len(kernel), G.shape[-1] - 1
-    at_tool = own[:, :, p, p].copy()
+    at_tool = own[:, :, p, p]
     information, pull = priors.information[hypothesis], priors.pull[hypothesis]
     apart = priors.apart[hypothesis]
     log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0))
-    if start is not None:
-        log_variance = np.broadcast_to(np.log(start), log_variance.shape)
     unit = np.ones((m, p + 1))  # of the parameters, which differ widely, each its std
     unit[:, :p] = np.einsum("ma,mapp->mp", np.exp(-log_variance), own[..., :p, :p]) + np.einsum("mpp->mp", information)
     unit = 1.0 / np.sqrt(np.maximum(unit, 1e-60))
@@ -115,7 +112,7 @@ def solved(
         squares = np.maximum(sums[:, :, 0], 1e-12 * at_tool)
         dof = np.maximum(moments.n - 1.0 - sums[:, :, 1] * np.exp(-log_variance), 0.0)
         before = log_variance
-        log_variance = noise.improved(before, squares, dof, apart, first=k == 0 and start is None)
+        log_variance = noise.improved(before, squares, dof, apart, first=k == 0)
         if float(np.abs(log_variance - before).max(initial=0.0)) <= SETTLED:
             break
     of_volume = priors.of_volume[hypothesis]

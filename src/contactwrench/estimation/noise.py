@@ -31,8 +31,8 @@ ALIKE, APART = 0.12, 2.0
 is plainly worse or better.
 """
 AXES = {APART: 0.001, ALIKE: 0.999}
-"""With probabilities. What is left of few poses is more systematic error and chance than noise, and an axis that comes
-out exact by either would take over the fit: only what is plain counts.
+"""With probabilities; the wider first, as kernels are looked at under the last hypothesis. What is left of few poses is
+more systematic error and chance than noise, and an axis that comes out exact by either would take over the fit.
 """
 
 LEAST_DOF = 0.05
@@ -212,7 +212,8 @@ class NoiseModel:
         chi2 = grouped * np.exp(-own)
         slope = 0.5 * (left - chi2) + pull * _off_group(own)
         inverse = 1.0 / (0.5 * np.maximum(chi2, 0.5 * left) + pull)
-        inverse[((own <= least.reshape(2, 3)) | (left <= LEAST_DOF)) & (slope > 0.0)] = 0.0  # no lower
+        nothing_left = left.sum(axis=2, keepdims=True) <= 3.0 * LEAST_DOF  # of readings: their noise would vanish
+        inverse[((own <= least.reshape(2, 3)) | nothing_left) & (slope > 0.0)] = 0.0
         step = inverse * slope  # of diag(1 / inverse) less a third of the pull everywhere (Sherman and Morrison, 1950)
         share = step.sum(axis=2, keepdims=True) / (3.0 / pull - inverse.sum(axis=2, keepdims=True))
         step += inverse * share

@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 
 PROBABILITY = 0.4
@@ -63,10 +64,11 @@ def log_prior_two_levels(n: int, k: int) -> float:
 
 
 def odds_of_a_level_alone(n: int, halfway: Array, weight: float) -> float:
-    """That one of n poses, which is off by twice the wrench `halfway` (6,), is on a level by itself, against that it is
-    in contact: a tool of that `weight` (N) has only so much backlash.
+    """Before the readings: that one of n poses, which is off by twice the wrench `halfway` (6,), is on a level by
+    itself, against that it is in contact. A tool of that `weight` (N) has only so much backlash.
     """
-    share = float(np.linalg.norm(halfway[:3])) / (LEVEL_SHARE * max(weight, 1e-12))
+    force = max(float(np.linalg.norm(halfway[:3])), float(np.linalg.norm(halfway[3:])) / LEVER)
+    share = force / (LEVEL_SHARE * max(abs(weight), 1e-12))
     before = TWO_LEVELS * 0.5 ** (n - 1.0) / np.exp(log_prior_outlying(n, 1))
     return float(before * np.exp(-0.5 * share**2))
 

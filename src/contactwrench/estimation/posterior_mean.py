@@ -31,7 +31,9 @@ FEWEST_DOF = 2.0
 """With fewer an axis alone says next to nothing."""
 
 STEP_NOT_EXCLUDED = 0.2
-"""Of the squared error of a last pose that was left out, in the variance of the bias."""
+"""Of the squared error of a last pose that was left out, in the variance of the bias: caution, four times its odds, so
+that a bias that did step there is within some 3 std.
+"""
 
 DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
 """Errors that a new orientation has anew."""
@@ -73,7 +75,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     best = first.best
     left_by, known_of_bias = explained(problem, first, best)
     errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in BIAS_MOVED else left_by
-    covariance[bias, bias] += _of_other_causes(problem, tables, weight, errors)
+    covariance[bias, bias] += _of_other_causes(problem, tables, weight)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
     known = rows_of(problem.question.knowledge, moved, names)
     whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
@@ -100,18 +102,22 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
     )
 
 
-def _of_other_causes(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Array:
-    """What joins the covariance (6, 6) of the bias where one pose was left out, or the last, as likely in contact, by
-    the `errors` (n, 6) of all: a step before the last pose reads the same, and so does, in few poses, a second level
-    that one of them is on. What no reading excludes is in the std.
+def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Array:
+    """What joins the covariance (6, 6) of the bias where a pose was left out as in contact, by the probability of that:
+    where it is the last, a step before it reads the same, and where it is one of few, a second level that it is on by
+    itself. What no reading excludes is in the std.
     """
-    out, added = ~tables[0].kept, np.zeros((6, 6))
-    contact = sum(float(weight[here].sum()) for table, here in _members(tables) if not table.kept[-1])
-    if any(drift.kind is Kind.BIAS_STEPPED for drift in problem.kernels.drifts):
-        added += contact * STEP_NOT_EXCLUDED * np.outer(errors[-1], errors[-1])
-    if out.sum() == 1:
-        halfway = 0.5 * errors[out][0]
-        added += odds_of_a_level_alone(len(out), halfway, tables[0].tool.weight) * np.outer(halfway, halfway)
+    added, stepping = np.zeros((6, 6)), any(drift.kind is Kind.BIAS_STEPPED for drift in problem.kernels.drifts)
+    for table, here in _members(tables):
+        out = np.flatnonzero(~table.kept)
+        if not len(out):
+            continue
+        left, known = explained(problem, table, table.best)
+        off, share = left[out[-1]] - known[out[-1]], float(weight[here].sum())
+        if stepping and out[-1] == len(left) - 1:
+            added += share * STEP_NOT_EXCLUDED * np.outer(off, off)
+        if len(out) == 1:
+            added += share * odds_of_a_level_alone(len(left), 0.5 * off, table.tool.weight) * np.outer(off, off) / 4.0
     return added
 
 

@@ -129,15 +129,16 @@ def table_at(
     kept: NDArray[np.bool_],
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp] | None = None,
-    start: Array | None = None,
 ) -> Table:
     """All members that count, linearised at `tool`: every kernel, or those `among` which to look, under the widest
     hypothesis, every hypothesis under the likeliest kernel, both roughly, and then the pairs that come near the best.
-    `start`: variances (6,) from near here.
+    A step after the last pose that is kept shows nowhere, and is none of them.
     """
     n = len(problem.wrench)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
     among = np.arange(len(problem.kernels.drift)) if among is None else among
+    unseen = np.array([(drift.first_after or 0) > np.flatnonzero(kept)[-1] for drift in problem.kernels.drifts])
+    among = among[~unseen[problem.kernels.drift[among]]]
     kernels = problem.kernels.select(among)
     moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
     G = gram(tool, problem.names, moments.S)
@@ -146,16 +147,16 @@ def table_at(
     rough = np.zeros(len(among))
     if len(among) > 1:
         pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
-        looked_at = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK, start)
+        looked_at = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
     likeliest = int(np.argmax(rough))
     of_hypotheses = np.zeros(len(hypotheses))
     if len(hypotheses) > 1:
         pairs = np.full(len(hypotheses), likeliest), all_hypotheses
-        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK, start).log_evidence
+        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
     together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
     k, h = np.nonzero(together > -NEAR)
-    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise, start=start)
+    members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
     members = replace(members, log_evidence=members.log_evidence + _log_plausible(tool, kernels, members))
     members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
     table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
@@ -221,8 +222,7 @@ def settled(
         if size < CENTRED:
             break
         near = among if size > LONG_WAY else near_kernels([table])
-        variance = table.members.variance[table.best]
-        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near, variance)
+        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near)
     return table
 
 
