@@ -31,7 +31,7 @@ FEWEST_DOF = 2.0
 """With fewer an axis alone says next to nothing."""
 
 STEP_NOT_EXCLUDED = 0.2
-"""Of the squared error of a last pose that was left out, in the variance of the bias: caution, four times its odds, so
+"""Of the squared error of a last pose that was left out, in the variance of the bias: caution, beyond its odds, so
 that a bias that did step there is within some 3 std.
 """
 
