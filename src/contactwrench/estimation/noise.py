@@ -211,7 +211,7 @@ class NoiseModel:
         own, pull = log_variance.reshape(-1, 2, 3), apart[:, None, None] ** -2.0
         chi2 = grouped * np.exp(-own)
         slope = 0.5 * (left - chi2) + pull * _off_group(own)
-        inverse = 1.0 / (0.5 * np.maximum(chi2, 0.5 * left) + pull)  # half the dof at least: far above, a step would overshoot
+        inverse = 1.0 / (0.5 * np.maximum(chi2, 0.5 * left) + pull)  # half: from far above it would leap
         nothing_left = left.sum(axis=2, keepdims=True) <= 3.0 * LEAST_DOF  # of readings: their noise would vanish
         inverse[((own <= least.reshape(2, 3)) | nothing_left) & (slope > 0.0)] = 0.0
         step = inverse * slope  # of diag(1 / inverse) less a third of the pull everywhere (Sherman and Morrison, 1950)
