@@ -14,6 +14,7 @@ from ..geometry.arrays import Array
 from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.wrench import unit_direction
 from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_axes
+from ..samples.flange_motion import FlangeMotion
 from ..subtract import Step, compensate, stepper
 from .difference import Difference, difference
 from .fields import CalibrationFields
@@ -128,21 +129,38 @@ class Calibration(CalibrationFields):
         wrench = free_wrench(self.B, gravity_in_flange(R, self.gravity_direction))
         return wrench[0] if single else wrench
 
-    def compensate(self, wrench: ArrayLike, orientation: OrientationLike, out: Array | None = None) -> Array:
-        """What is left of readings without the tool's weight and the bias.
+    def compensate(
+        self,
+        wrench: ArrayLike,
+        orientation: OrientationLike,
+        out: Array | None = None,
+        motion: FlangeMotion | None = None,
+    ) -> Array:
+        """What is left of readings without the tool's weight and the bias, and in motion without its inertia.
 
         Args:
             wrench: readings (n, 6) or (6,), N and N m, sensor axes, pull sign.
             orientation: `R_base_flange` of each, or one for all: as of `predict`.
             out: where to write; may be `wrench` itself.
+            motion: of the flange at the moments of the n readings; None: it is at rest.
 
         Returns:
             Contact wrench (n, 6) or (6,), N and N m, sensor axes, about the sensor's origin.
 
         Raises:
-            InputError: shapes that do not pair, or what is no rotation.
+            InputError: shapes that do not pair, what is no rotation, or a motion and no inertia.
         """
-        return compensate(self.B, self.gravity_direction, wrench, orientation, out)
+        contact = compensate(self.B, self.gravity_direction, wrench, orientation, out)
+        if motion is not None:
+            self._subtract_inertia(contact, motion)
+        return contact
+
+    def _subtract_inertia(self, contact: Array, motion: FlangeMotion) -> None:
+        if self.dynamics is None:
+            raise InputError("found a motion and no inertia: calibrate with model dynamic, or leave the motion out")
+        if contact.shape != (len(motion), 6):
+            raise InputError(f"found {len(motion)} moments of motion, expected {len(contact)}, one for each reading")
+        contact -= motion.terms @ self.dynamics.matrix.T
 
     def stepper(self) -> Step:
         """A function for one sample of plain floats, under 1 us.
@@ -186,6 +204,9 @@ class Calibration(CalibrationFields):
             parameters=self.parameters[keep],
             covariance=self.covariance[np.ix_(keep, keep)],
             parameter_dof=None if self.parameter_dof is None else self.parameter_dof[keep],
+            dynamics=None
+            if (moving := self.dynamics) is None
+            else replace(moving, with_parameters=moving.with_parameters[:, keep]),
             model="mount" if self.model == "mount+base" else self.model,
         )
 
@@ -212,6 +233,9 @@ class Calibration(CalibrationFields):
             self,
             gravity_direction=d,
             covariance=to_new @ self.covariance @ to_new.T,
+            dynamics=None
+            if (moving := self.dynamics) is None
+            else replace(moving, with_parameters=moving.with_parameters @ to_new.T),
             poses=tuple(replace(pose, R_base_flange=R_new_base @ pose.R_base_flange) for pose in self.poses),
             moments=None
             if sums is None

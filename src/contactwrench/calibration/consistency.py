@@ -14,6 +14,7 @@ from ..geometry.orientation import off_rotation
 from ..geometry.ranges import NOISE_OF_AXIS
 from ..model import PARAMETERS, RigidTool, matrix_jacobian, parameters_of, wrench_matrix, yaw_of_mounting
 from ..samples.delay import LONGEST_DELAY, is_significant
+from .dynamics import TERMS, Dynamics, can_exist, inertial_matrix
 from .fields import CalibrationFields
 
 B_TOLERANCE = 1e-9
@@ -64,6 +65,8 @@ def require_consistent(c: CalibrationFields, derived: Derived) -> None:
     else:
         _check_rigid(c)
     _require_covariance("covariance", c.covariance)
+    if c.dynamics is not None:
+        _check_dynamics(c, c.dynamics)
     if c.gain_covariance is not None:
         _require_symmetric("gain_covariance", c.gain_covariance)  # a mean of several: not quite positive
     _check_derived(c, derived)
@@ -187,6 +190,34 @@ def _check_rigid(c: CalibrationFields) -> None:
         "parameters", c.parameters, parameters_of(tool, c.yaw, c.parameter_names), "weight, com, bias and yaw"
     )
     _check_B_covariance(c, matrix_jacobian(tool, c.parameter_names))
+
+
+def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
+    if c.weight is None or c.mass is None or c.com is None or c.R_flange_sensor is None:
+        raise InputError(f"model {c.model} has dynamics and no tool, expected a rigid model")
+    for name, array, shape in (
+        ("matrix", d.matrix, (6, TERMS)),
+        ("inertia", d.inertia, (3, 3)),
+        ("sensor_offset", d.sensor_offset, (3,)),
+        ("covariance", d.covariance, (9, 9)),
+        ("with_parameters", d.with_parameters, (9, len(c.parameters))),
+        ("motion_noise", d.motion_noise, (2, 2)),
+        ("residual_rms", d.residual_rms, (6,)),
+        ("static_rms", d.static_rms, (6,)),
+    ):
+        _require_shape(f"dynamics.{name}", array, shape)
+        if not (np.abs(array) <= LARGEST_NUMBER).all():
+            raise InputError(f"dynamics.{name} has a number beyond 1e30, expected none")
+    for name, least in (("motion_noise", d.motion_noise), ("residual_rms", d.residual_rms), ("bandwidth", d.bandwidth)):
+        if not (np.asarray(least) >= 0.0).all():
+            raise InputError(f"dynamics.{name} has a number below 0, expected 0 or more")
+    if not (np.array_equal(d.inertia, d.inertia.T) and can_exist(d.inertia)):
+        raise InputError("dynamics.inertia is that of no body, expected symmetric, with moments of inertia of a body")
+    whole = np.block([[c.covariance, d.with_parameters.T], [d.with_parameters, d.covariance]])
+    _require_covariance("dynamics.covariance, with_parameters and covariance", whole)
+    tool = RigidTool(c.weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
+    matrix = inertial_matrix(tool, c.mass, d.inertia, d.sensor_offset)
+    _require_near("dynamics.matrix", d.matrix, matrix, "mass, com, R_flange_sensor, inertia and sensor_offset")
 
 
 def _check_B_covariance(c: CalibrationFields, J: Array) -> None:

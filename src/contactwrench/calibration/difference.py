@@ -84,7 +84,7 @@ class Difference(Frozen):
     @cached_property
     def meaning(self) -> tuple[str, ...]:
         """What happened to tool, sensor and base, in plain sentences."""
-        from .text import meaning
+        from .difference_text import meaning
 
         return meaning(self)
 

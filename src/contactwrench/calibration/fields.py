@@ -26,8 +26,10 @@ from ..model import (
     wrench_jacobian,
     yaw_of_mounting,
 )
+from ..samples.flange_motion import FlangeMotion
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
+from .dynamics import Dynamics, variance_in_motion
 from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity
 from .observability import Observability
 
@@ -95,6 +97,7 @@ class CalibrationFields(Frozen):
     delay_std: float | None = None
     still_noise: StillNoise | None = None
     gain_covariance: Matrix | None = None
+    dynamics: Dynamics | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -104,7 +107,8 @@ class CalibrationFields(Frozen):
     @cached_property
     def std(self) -> dict[str, Any]:
         """Standard deviations under `weight` N, `com` (3,) m, `bias` (6,), `yaw` rad, `mount` (3,) rad about the
-        sensor's axes, `gravity` (2,) rad; None for what the model does not estimate.
+        sensor's axes, `gravity` (2,) rad, `inertia` (6,) kg m^2 (xx xy xz yy yz zz), `sensor_offset` (3,) m; None for
+        what the model does not estimate.
         """
         index = {name: k for k, name in enumerate(self.parameter_names)}
         std = np.sqrt(np.diag(self.covariance))
@@ -120,7 +124,19 @@ class CalibrationFields(Frozen):
             yaw=self._yaw_std(index),
             mount=frozen(of(*MOUNT)),
             gravity=frozen(of(*GRAVITY)),
+            inertia=None if self.dynamics is None else self.dynamics.std[:6],
+            sensor_offset=None if self.dynamics is None else self.dynamics.std[6:],
         )
+
+    @property
+    def inertia(self) -> Array | None:
+        """(3, 3), kg m^2, about the centre of mass, sensor axes; None of a calibration of poses."""
+        return None if self.dynamics is None else self.dynamics.inertia
+
+    @property
+    def sensor_offset(self) -> Array | None:
+        """Where the sensor's origin is (3,), m from the flange's, flange axes; None of a calibration of poses."""
+        return None if self.dynamics is None else self.dynamics.sensor_offset
 
     def _yaw_std(self, index: dict[str, int]) -> float | None:
         if "yaw" in index:
@@ -168,11 +184,12 @@ class CalibrationFields(Frozen):
         """Whether the sensor's z points along the flange's (True) or against it; `yaw` is counted accordingly."""
         return None if self.R_flange_sensor is None else bool(self.R_flange_sensor[2, 2] >= 0.0)
 
-    def wrench_std(self, orientation: OrientationLike) -> Array:
+    def wrench_std(self, orientation: OrientationLike, motion: FlangeMotion | None = None) -> Array:
         """Standard deviation of a contact wrench from the calibration alone.
 
         Args:
             orientation: `R_base_flange`, as of `predict`.
+            motion: as of `compensate`; what drives and links shake counts too.
 
         Returns:
             (n, 6) or (6,), N and N m, sensor axes.
@@ -182,8 +199,19 @@ class CalibrationFields(Frozen):
         for start in range(0, len(R), ROWS_AT_ONCE):
             J = self.error_jacobian(R[start : start + ROWS_AT_ONCE])
             variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.error_covariance) * J, axis=2)
+            if motion is not None:
+                rows = slice(start, start + ROWS_AT_ONCE)
+                variance[rows] += self._variance_in_motion(R[rows], motion.select(rows))
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
+
+    def _variance_in_motion(self, R_base_flange: Array, motion: FlangeMotion) -> Array:
+        tool, dynamics = self._rigid_tool, self.dynamics
+        if tool is None or self.mass is None or dynamics is None:
+            return np.zeros((len(R_base_flange), 6))
+        of_rest = self.free_wrench_jacobian(R_base_flange)
+        of_tool = self.parameter_names, self.covariance
+        return variance_in_motion(tool, self.mass, dynamics, *of_tool, of_rest, motion)
 
     @property
     def error_names(self) -> tuple[str, ...]:

@@ -62,6 +62,8 @@ class Kind(StrEnum):
     CONTRADICTS_OTHERS = "contradicts_others"
     BIAS_SHIFTED = "bias_shifted"
     NEGATIVE_MASS = "negative_mass"
+    CONTACT_IN_MOTION = "contact_in_motion"
+    MOTION_USED = "motion_used"
     OTHER = "other"
 
     @classmethod

@@ -1,33 +1,20 @@
-"""A calibration in plain words and columns, for a terminal or a log; and what a difference of two means."""
+"""A calibration in plain words and columns, for a terminal or a log."""
 
 from __future__ import annotations
 
 import re
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import visible
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
-from ..model import AXES, GRAVITY, LINEAR_PARAMETERS, MOUNT, horizontal_axes
+from ..model import AXES, GRAVITY, MOUNT, horizontal_axes
 from ..samples.delay import applied_or_not
-from ..statistics import (
-    SIGNIFICANCE,
-    MisfitTest,
-    counted,
-    in_standard_deviations,
-    meaningful_digits,
-    misfit_of_parameters,
-    percent,
-    two_digits,
-)
+from ..statistics import counted, meaningful_digits, two_digits
+from .dynamics import elements
 from .fields import CalibrationFields
-from .observability import SPOKEN_UNITS
-
-if TYPE_CHECKING:
-    from .difference import Difference, GroupChange
 
 NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
 Row = tuple[str, str, str, str]  # name, value, standard deviation, unit
@@ -130,6 +117,12 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
         spread, k = np.sqrt(np.diag(about)), int(np.argmax(np.abs(d)))
         rows += [_row(f"gravity_{x}", v, s, "in base axes") for x, v, s in zip("xyz", d, spread, strict=True)]
         rows.append(_row("lean", *_angle_to_axis(d, k, about), f"deg, of gravity from the base's {'xyz'[k]}"))
+    if c.dynamics is not None:
+        names = [f"inertia_{xy}" for xy in ("xx", "xy", "xz", "yy", "yz", "zz")]
+        moments = zip(names, elements(c.dynamics.inertia), std["inertia"], strict=True)
+        rows += [_row(name, 1e4 * v, 1e4 * s, "kg cm^2, about the centre of mass") for name, v, s in moments]
+        place = zip("xyz", c.dynamics.sensor_offset, std["sensor_offset"], strict=True)
+        rows += [_row(f"offset_{x}", 1e3 * v, 1e3 * s, "mm, of the sensor from the flange") for x, v, s in place]
     if c.delay is not None and c.delay_std is not None:
         unit = f"ms, wrench after orientation; {applied_or_not(c.delay, c.delay_std)}"
         rows.append(_row("delay", 1e3 * c.delay, 1e3 * c.delay_std, unit))
@@ -153,6 +146,8 @@ def _angle_to_axis(v: Array, axis: int, covariance: Array) -> tuple[float, float
 def fit_rows(c: CalibrationFields) -> list[list[str]]:
     """Of noise, residual and held-out error their name, and the figures of each axis, N and mN m."""
     named = {"noise of a pose": c.noise, "residual rms": c.residual_rms, "held-out rms": c.held_out_rms}
+    if c.dynamics is not None:
+        named |= {"rms in motion": c.dynamics.residual_rms, "without inertia": c.dynamics.static_rms}
     return [
         [name, *(["-"] * 6 if wrench is None else [f"{v:.3g}" for v in (*wrench[:3], *(1e3 * wrench[3:]))])]
         for name, wrench in named.items()
@@ -183,118 +178,3 @@ def alternative_rows(c: CalibrationFields) -> list[tuple[str, str, str, str, str
 
 def _row(name: str, value: float, std: float, unit: str) -> Row:
     return name, *meaningful_digits(value, std), unit
-
-
-SAME_GRAVITY = 1e-6
-"""rad: two stated directions closer than this are one."""
-
-WORDS = {
-    "tool": "the tool",
-    "bias": "the bias",
-    "mounting": "the mounting",
-    "gravity": "the base",
-    "matrix": "the tool, the mounting or a gain",
-}
-
-UNITS_OF_CHANGES = {**SPOKEN_UNITS, "torque": (1e3, "mN m"), "yaw": (180.0 / np.pi, "deg")}
-
-
-def meaning(change: Difference) -> tuple[str, ...]:
-    """One sentence for each cause that shows; one that says so where none does."""
-    *groups, everything = change.groups
-    moved = [group for group in groups if group.significant]
-    sentences = [_sentence(change, group, len(moved) == 1) for group in moved]
-    if not moved and everything.significant:
-        sentences.append(_unresolved(groups, everything))
-    elif not moved:
-        probability = f"{_improbable(everything)}{everything.test.caution}"
-        sentences.append(f"nothing changed beyond the errors of both: {probability}")
-    if "delay" in change.significant:
-        k = change.names.index("delay")
-        sentences.append(
-            f"the delay between wrench and orientation changed by {1e3 * change.change[k]:+.3g} ms "
-            f"({abs(change.in_std[k]):.3g} std): another clock, or another filter in the sensor"
-        )
-    if change.gravity_angle > SAME_GRAVITY and "gravity" not in [group.name for group in groups]:
-        sentences.append(
-            f"gravity was stated {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes: another stand, or "
-            "another flag"
-        )
-    return tuple(sentences)
-
-
-def _sentence(change: Difference, group: GroupChange, is_alone: bool) -> str:
-    """What happened, where a group changed, and no other where it `is_alone`."""
-    improbable = _improbable(group)
-    if group.name == "tool":
-        return _tool(group)
-    if group.name == "bias":
-        shift = ", ".join(_shown(group, slice(0, 3), slice(3, 6))) or improbable
-        if is_alone:
-            return f"drift, or a new zero: only the bias changed, {shift}; all else is the same within its errors"
-        return f"the bias changed as well: {shift}"
-    if group.name == "mounting":
-        return _mounting(change, group)
-    if group.name == "gravity":
-        apart = f"{np.rad2deg(change.gravity_angle):.3g} deg apart in base axes"
-        return f"the base stands otherwise: gravity is {apart} ({improbable})"
-    return f"what gravity does changed ({improbable}): {WORDS['matrix']}; model affine cannot tell which"
-
-
-def _tool(group: GroupChange) -> str:
-    shown = _shown(group, slice(0, 1), slice(1, 4))
-    if not shown:
-        return f"the tool changed: weight and centre of mass together ({_improbable(group)})"
-    if shown[0].startswith("weight"):
-        return f"the tool changed: {', '.join(shown)}"
-    std = np.sqrt(group.covariance[0, 0])
-    return f"something moved on the tool: {shown[0]}, its weight is the same within {std:.2g} N"
-
-
-def _mounting(change: Difference, group: GroupChange) -> str:
-    if group.parameters == ("mounting_angle",):
-        return "the sensor was mounted anew, on its other side: its z points along the flange's in one of the two only"
-    if group.parameters == ("yaw",):
-        return f"the sensor slipped or was mounted anew: {_largest(group, slice(0, 1))} about its z"
-    angle = np.rad2deg(change.mounting_angle or 0.0)
-    about = ", ".join(f"{part:.2f}" for part in group.change / max(float(np.linalg.norm(group.change)), 1e-300))
-    turned = f"turned by {angle:.3g} deg about ({about}) in sensor axes"
-    return f"the sensor slipped or was mounted anew: it is {turned} ({_improbable(group)})"
-
-
-def _unresolved(groups: list[GroupChange], everything: GroupChange) -> str:
-    """Something changed, but each group by itself might be the same: those that could explain it alone are named."""
-    alone = []
-    for group in groups:
-        rest = np.array([name not in group.parameters for name in everything.parameters])
-        if _of_parameters(everything, rest).probability >= SIGNIFICANCE:
-            alone.append(WORDS[group.name])
-    suspects = f"{' or '.join(alone)} alone would explain it" if alone else "no single cause explains it"
-    return (
-        f"something changed ({_improbable(everything)}), but these calibrations cannot tell what: {suspects}; "
-        "calibrate with poses that tilt the tool further"
-    )
-
-
-def _shown(group: GroupChange, *parts: slice) -> list[str]:
-    """Of each part of a group that is significant by itself, its largest change."""
-    return [_largest(group, rows) for rows in parts if _of_parameters(group, rows).probability < SIGNIFICANCE]
-
-
-def _of_parameters(group: GroupChange, rows: slice | Array) -> MisfitTest:
-    """The test of no change in some parameters of a group, whatever the others do."""
-    change = group.change[rows]
-    return MisfitTest(misfit_of_parameters(change, group.covariance[rows][:, rows]), len(change), group.test.dof)
-
-
-def _largest(group: GroupChange, rows: slice) -> str:
-    """Of some parameters the one that changed by the most standard deviations, and by how much."""
-    ratio: Array = np.abs(in_standard_deviations(group.change, np.sqrt(np.diag(group.covariance))))[rows]
-    k = rows.start + int(np.argmax(ratio))
-    name, value = group.parameters[k], float(group.change[k])
-    factor, unit = UNITS_OF_CHANGES["torque" if name in LINEAR_PARAMETERS[7:] else name.split("_")[0]]
-    return f"{name} by {factor * value:+.3g} {unit} ({ratio.max():.3g} std)"
-
-
-def _improbable(group: GroupChange) -> str:
-    return f"chi-square {group.test.chi2:.3g} per parameter, probability {percent(group.test.probability)}"

@@ -13,7 +13,7 @@ import typer
 
 from ..files import STDOUT
 from ..geometry.arrays import Array
-from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
+from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, ON_FLANGE, TILT_STD_DEG, TURN_DEG
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .recordings import Recordings, with_reading_options
@@ -47,7 +47,12 @@ def calibrate(
         ),
         Writes(_calibrations),
     ] = None,
-    model: Annotated[str, typer.Option(metavar="M", help="auto, paper, yaw, mount, mount+base or affine.")] = "auto",
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="M", help="auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia."
+        ),
+    ] = "auto",
     shared: Annotated[
         str | None,
         typer.Option(metavar="mount,gravity", help="Several tools on one sensor: what the recordings share."),
@@ -63,6 +68,12 @@ def calibrate(
         Path | None,
         typer.Option(
             metavar="CAL.json", help="Earlier calibration of the same tool: one new pose gives its bias anew."
+        ),
+    ] = None,
+    sensor_offset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z", help="dynamic: the sensor's origin, m from the flange, flange axes. [default: found]"
         ),
     ] = None,
     noise: Annotated[
@@ -99,6 +110,8 @@ def calibrate(
     from ..report.calibrations import calibrate_recordings
 
     known = known or []
+    if sensor_offset is not None and model != "dynamic":
+        raise typer.BadParameter(f"model {model} has no --sensor-offset: take --model dynamic, or leave it out")
     tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
     _require_compatible(model, gravity, known, prior, tilts)
     masses = None if require_mass is None else _range_of_mass(require_mass, model)
@@ -117,6 +130,7 @@ def calibrate(
         g=g,
         known=_known_values(known, g),
         prior=None if alike is None else alike.calibration,
+        sensor_offset=_point(sensor_offset),
         **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
         output=output,
         report=report,
@@ -136,6 +150,12 @@ def calibrate(
     for line in failures:
         options.say(line, err=True)
     return 1 if failures else 0
+
+
+def _point(sensor_offset: str | None) -> Array | None:
+    if sensor_offset is None:
+        return None
+    return options.numbers(sensor_offset, "--sensor-offset", "three numbers X,Y,Z", ON_FLANGE, 3)
 
 
 def _shared_names(

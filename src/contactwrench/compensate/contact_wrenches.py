@@ -16,6 +16,8 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, Sealed, column, numbers, read_only
 from ..geometry.wrench import cross_matrix, wrench_transform
 from ..model import mounting_turn
+from ..samples.flange_motion import FlangeMotion, flange_motion
+from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
 from .faults import Reason
 from .line_of_action import LineOfAction, line_of_action
@@ -130,7 +132,7 @@ def contact_wrenches(
     point: Array | None = None,
     gravity: Array | None = None,
 ) -> ContactWrenches:
-    """Compensate every sample.
+    """Compensate every sample; with inertia where the calibration has it and the samples are a motion, whole.
 
     `output_frame`: sensor, flange or base axes; in the last two the std also counts that the mounting, known within
     a std of its own, turns the wrench. `point` (3,) m in SENSOR axes: where the torque is taken, the TCP, default the
@@ -139,16 +141,29 @@ def contact_wrenches(
     """
     require_frame(calibration, output_frame)
     calibration = calibration.with_gravity(gravity)
-    R = samples.R_base_flange
-    wrench, std = calibration.compensate(samples.wrench, R), np.empty((len(samples), 6))
+    R, motion = samples.R_base_flange, motion_of(calibration, samples)
+    wrench, std = calibration.compensate(samples.wrench, R, motion=motion), np.empty((len(samples), 6))
     if output_frame == "sensor" and point is None:
-        return ContactWrenches(wrench, calibration.wrench_std(R), samples.t)
+        return ContactWrenches(wrench, calibration.wrench_std(R, motion), samples.t)
     for start in range(0, len(samples), ROWS_AT_ONCE):
         rows = slice(start, start + ROWS_AT_ONCE)
         transform, wrench[rows], J_mounting = _turned(calibration, R[rows], wrench[rows], output_frame, point)
         J = transform @ calibration.error_jacobian(R[rows]) + J_mounting
-        std[rows] = np.sqrt(np.maximum(np.sum((J @ calibration.error_covariance) * J, axis=2), 0.0))
+        variance = np.sum((J @ calibration.error_covariance) * J, axis=2)
+        if motion is not None:
+            own = calibration.wrench_std(R[rows], motion.select(rows)) ** 2 - calibration.wrench_std(R[rows]) ** 2
+            variance += np.sum(transform**2 * own[:, None, :], axis=2)
+        std[rows] = np.sqrt(np.maximum(variance, 0.0))
     return ContactWrenches(wrench, std, samples.t)
+
+
+def motion_of(calibration: Calibration, samples: Samples) -> FlangeMotion | None:
+    """How the flange moves, where the calibration knows what that does; None where it does not, and for poses. Raises
+    `InputError` for a motion without positions.
+    """
+    if calibration.dynamics is None or not is_stream(samples):
+        return None
+    return flange_motion(samples)
 
 
 def in_axes(

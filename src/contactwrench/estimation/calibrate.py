@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.fields import Alternative
-from ..calibration.findings import Finding, Kind, Severity
+from ..calibration.findings import Finding
 from ..calibration.observability import describe
 from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for
 from ..geometry.ranges import TILT_STD, G
@@ -32,7 +32,8 @@ from .alternatives import alternatives_to
 from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
-from .findings_of_recording import of_recording, with_creep
+from .findings_of_recording import contact_free, of_recording, with_creep
+from .in_motion import with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels, inherited
@@ -40,7 +41,7 @@ from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_t
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
-MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine")
+MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine", "dynamic")
 DOWN = (0.0, 0.0, -1.0)
 OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weight_z")
 """Fields that only a rigid tool has; None of the others."""
@@ -64,6 +65,7 @@ def calibrate(
     base_tilt_sd: float = BASE_TILT_SD,
     known: Mapping[str, tuple[Any, Any]] | None = None,
     prior: Calibration | None = None,
+    sensor_offset: ArrayLike | None = None,
 ) -> Calibration:
     """Identify weight, centre of mass, bias and mounting from contact-free samples at several orientations.
 
@@ -72,7 +74,8 @@ def calibrate(
 
     Args:
         samples: at rest at several orientations, or a recording with times in which the arm stops at them.
-        model: `paper`, `yaw`, `mount`, `mount+base`, `affine`, or `auto` where nobody knows which of them holds.
+        model: `paper`, `yaw`, `mount`, `mount+base`, `affine`, or `auto` where nobody knows which of them holds;
+            `dynamic`: as `auto`, and the inertia from what lies between the stops.
         noise: of one pose's reading: std (6,), N and N m, or a recording at rest (n, 6); None: from the residuals.
         gravity: direction (3,), base axes; None: down. `mount+base` and `auto` find it within 90 deg of this one.
         g: m/s^2, 9.80665 unless stated; turns the weight into the mass.
@@ -80,6 +83,8 @@ def calibrate(
         base_tilt_sd: rad an axis, of the prior of `auto` on the base, 0.71 deg unless stated.
         known: (value, std) of `weight` N, `com` (3,) m, `mount` R_flange_sensor (std rad), `gravity` (3,) (std rad).
         prior: an earlier calibration of the same tool, whose bias may have moved: a single pose gives the new one.
+        sensor_offset: of `dynamic`, where the sensor's origin is (3,), m from the flange's, flange axes, within 0.5 mm;
+            None: from the motion.
 
     Returns:
         Every parameter with its covariance, what was assumed, and warnings.
@@ -89,13 +94,18 @@ def calibrate(
         UnobservableError: the poses cannot separate the parameters.
         AmbiguityError: the data contradict the sign of the readings or the side of the base.
     """
-    question = question_asked(model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known)
+    refuse((sensor_offset is not None and model != "dynamic", f"model {model} has no sensor_offset: leave it out"))
+    question = question_asked(
+        "auto" if model == "dynamic" else model, noise, gravity, TiltPriors(mount_tilt_sd, base_tilt_sd), known
+    )
     if prior is not None:
         question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
     try:
         calibration = assembled(recorded, question, origin)
+        if model == "dynamic":
+            calibration = with_motion(calibration, recorded.samples, sensor_offset)
         return replace(calibration, findings=(*calibration.findings, *inherited(prior)))
     except (UnobservableError, AmbiguityError) as error:
         if samples.doubt:
@@ -182,7 +192,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     other = f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)"
     refuse((not isinstance(samples, Samples), other))
     G.require(g, "g")
-    free, findings = _contact_free(samples)
+    free, findings = contact_free(samples)
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free
@@ -208,19 +218,6 @@ def fitted(readings: PoseReadings, question: Question) -> Estimate:
 
 def _first_time(samples: Samples) -> float:
     return 0.0 if samples.t is None else float(samples.t.min(initial=np.inf))
-
-
-def _contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The rows without load and saturation, and what there is to say of the samples."""
-    damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
-    doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
-    samples, notes = samples.unsaturated()
-    findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
-    if samples.load_mass is None or not (samples.load_mass > 0.0).any():
-        return samples, findings
-    free = samples.load_mass == 0.0
-    text = f"{int(np.sum(~free))} rows with a load hung on the tool were left out"
-    return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
 
 
 def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str]) -> Calibration:

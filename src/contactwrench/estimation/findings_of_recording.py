@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import Finding, Kind
+from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
 from ..samples.recorded_poses import RecordedPoses
+from ..samples.samples import Samples
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
 
 MOST_SEGMENTS_NAMED = 3
@@ -81,3 +82,16 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
         f"come when the poses were taken, {force:.2g} N: stops that last longer would weigh the tool otherwise"
     )
     return replace(honest, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))
+
+
+def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The rows without load and saturation, and what there is to say of the samples."""
+    damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
+    doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
+    samples, notes = samples.unsaturated()
+    findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
+    if samples.load_mass is None or not (samples.load_mass > 0.0).any():
+        return samples, findings
+    free = samples.load_mass == 0.0
+    text = f"{int(np.sum(~free))} rows with a load hung on the tool were left out"
+    return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))

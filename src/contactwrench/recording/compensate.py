@@ -33,7 +33,7 @@ from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .options import Options
 from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
-from .tables.columns import Advance
+from .tables.columns import ROWS, Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
@@ -41,6 +41,8 @@ from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
 
+WHOLE = 10**9
+"""Rows of a batch, where accelerations are taken from what comes before and after."""
 SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 
 
@@ -85,7 +87,8 @@ def compensated(
 
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
-    anything else says of each row whether it is valid. With a `low_pass` the whole recording is held in memory.
+    anything else says of each row whether it is valid. With a `low_pass`, or an inertia, the whole recording is held in
+    memory.
 
     Args:
         path: the recording.
@@ -99,7 +102,8 @@ def compensated(
         ContactWrenchError: as reading, pairing and compensating raise it.
     """
     require_frame(calibration, treatment.output_frame)
-    pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance)
+    rows = ROWS if calibration.dynamics is None else WHOLE
+    pairs = None if treatment.judged else pairs_in_batches(path, options, rows, advance)
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
@@ -190,7 +194,8 @@ def _paired(
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
-    recording = _telling(batches(path, options, advance=advance), path, options, note)
+    rows = ROWS if calibration.dynamics is None else WHOLE
+    recording = _telling(batches(path, options, rows, advance), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
     compensator = None

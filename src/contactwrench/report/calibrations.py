@@ -74,6 +74,7 @@ def calibrate_recordings(
     noise: NoiseLike = None,
     known: dict[str, tuple[Any, Any]] | None = None,
     prior: Calibration | None = None,
+    sensor_offset: Array | None = None,
     mount_tilt_sd: float = MOUNT_TILT_SD,
     base_tilt_sd: float = BASE_TILT_SD,
     output: Path | None = None,
@@ -88,13 +89,14 @@ def calibrate_recordings(
         files: one recording, or with `shared` one of each tool.
         options: how they are written.
         read: gives the samples of a file.
-        model: auto, paper, yaw, mount, mount+base or affine.
+        model: auto, paper, yaw, mount, mount+base, affine or dynamic.
         shared: what the recordings have in common: mount, gravity.
         gravity: its direction (3,) in base axes, where it is known.
         g: m/s^2, of the mass.
         noise: of one pose's reading, as `calibrate` takes it.
         known: what is known beforehand, as `calibrate` takes it.
         prior: an earlier calibration of the same tool, in the base of the recording.
+        sensor_offset: of `dynamic`, (3,) m, as `calibrate` takes it.
         mount_tilt_sd: std of the sensor's tilt, an axis, rad.
         base_tilt_sd: of the base's.
         output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
@@ -120,7 +122,7 @@ def calibrate_recordings(
     else:
         from ..estimation.calibrate import calibrate
 
-        fitted = (calibrate(recordings[0], model, prior=prior, **stated),)
+        fitted = (calibrate(recordings[0], model, prior=prior, sensor_offset=sensor_offset, **stated),)
     created = datetime.now(UTC).isoformat(timespec="seconds")
     calibrations = tuple(replace(c, provenance={**c.provenance, "created": created}) for c in fitted)
     held_back = bool(paths) and not force and any(map(_bad_fit, calibrations))

@@ -43,6 +43,8 @@ class Samples(Rows):
         read_as: how their file was read: options of reading, and what was found, under the names that the provenance of
             a calibration has for them.
         doubt: what may be wrong in how a file was read, one sentence; empty: nothing.
+        pose_period: s, between the poses that orientation and position were interpolated between; None: each row has
+            its own.
         damage: what of a damaged file could not be read, one sentence; empty: nothing.
 
     Raises:
@@ -63,6 +65,7 @@ class Samples(Rows):
     doubt: str = ""
     damage: str = ""
     came: Array | None = field(default=None, metadata=column())
+    pose_period: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -134,6 +134,7 @@ class _Pairing:
         self._count: Counter[str] = Counter()
         self._holes: Counter[Hole] = Counter()
         self._read_as: ReadAs = {}
+        self._pose_period: float | None = None
 
     def with_batch(self, batch: Streams, is_last: bool) -> Synchronized:
         """The samples that a batch decides."""
@@ -147,6 +148,8 @@ class _Pairing:
         if self._limits is None:
             return self._nothing(buffer)
         nodes = nodes_of(buffer, self._limits.orientation, is_last)
+        if self._pose_period is None and len(nodes.t) > 1:
+            self._pose_period = float(np.median(np.diff(nodes.t)))
         n = buffer.decided(nodes.until + self._delay, is_last)
         pairs = self._paired(buffer, n, nodes, self._limits) if n else self._nothing(buffer)
         self._count.update({part.reason: len(part.rows) for part in pairs.left_out}, paired=len(pairs.rows))
@@ -176,6 +179,7 @@ class _Pairing:
             self._delay_std,
             readings.saturated,
             self._read_as,
+            pose_period=self._pose_period,
         )
 
     def _paired(self, buffer: Buffer, n: int, nodes: Nodes, limits: Limits) -> Synchronized:

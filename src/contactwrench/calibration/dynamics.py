@@ -1,0 +1,174 @@
+"""What a tool exerts on the sensor because it moves: Newton and Euler, linear in how the flange moves.
+
+    rho = R_flange_sensor^T (a + W p)      acceleration of the sensor's origin, sensor axes
+    F   = -m (rho + W_s c)                 W = [alpha]x + omega omega^T - |omega|^2 1, of the flange, and in sensor axes
+    T   = c x F - (I alpha_s + omega_s x I omega_s)
+
+with a, alpha, omega the flange's acceleration (without gravity), angular acceleration and angular velocity in its own
+axes, p the sensor's origin and c the centre of mass from there, and I the inertia about c. All of it is linear in
+`FlangeMotion.terms`: alpha (3), the products of omega (6) and a (3); so a tool is one matrix D (6, 12), and the free
+wrench is `B @ [r, 1] + D @ terms`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
+from ..geometry.wrench import cross_matrix
+from ..model import MOUNT, RigidTool
+from ..samples.flange_motion import FlangeMotion
+from ..samples.motion import PRODUCTS
+
+INERTIA = ("inertia_xx", "inertia_xy", "inertia_xz", "inertia_yy", "inertia_yz", "inertia_zz")
+SENSOR_OFFSET = ("offset_x", "offset_y", "offset_z")
+DYNAMIC_PARAMETERS = (*INERTIA, *SENSOR_OFFSET)
+TERMS = 12
+
+_UNIT_ALPHA, _UNIT_PRODUCTS, _UNIT_ACCELERATION = np.zeros((TERMS, 3)), np.zeros((TERMS, 3, 3)), np.zeros((TERMS, 3))
+_UNIT_ALPHA[:3], _UNIT_ACCELERATION[9:] = np.eye(3), np.eye(3)
+for _k, (_i, _j) in enumerate(PRODUCTS):
+    _UNIT_PRODUCTS[3 + _k, _i, _j] = _UNIT_PRODUCTS[3 + _k, _j, _i] = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics(Frozen):
+    """What a tool that moves has beside a weight, and how well that is known.
+
+    Attributes:
+        matrix: D (6, 12), N and N m for each unit of `FlangeMotion.terms`.
+        inertia: (3, 3), kg m^2, about the centre of mass, sensor axes.
+        sensor_offset: where the sensor's origin is (3,), m from the flange's, flange axes.
+        covariance: of inertia xx xy xz yy yz zz and of the offset (9, 9).
+        with_parameters: their covariance (9, p) with the calibration's parameters.
+        bandwidth: Hz, up to which the motion was told from the noise of the poses.
+        motion_noise: std of the wrench, force and torque, that is there for each m/s^2 of the sensor's acceleration and
+            for each rad/s (2, 2): what drives and links shake.
+        residual_rms: in motion (6,), N and N m; `static_rms` (6,) what is left without the inertia.
+        seconds: of motion that were used.
+    """
+
+    matrix: Matrix
+    inertia: Matrix
+    sensor_offset: Vector
+    covariance: Matrix
+    with_parameters: Matrix
+    bandwidth: float
+    motion_noise: Matrix
+    residual_rms: Vector
+    static_rms: Vector
+    seconds: float
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (9,) of `DYNAMIC_PARAMETERS`."""
+        return read_only(np.sqrt(np.diag(self.covariance)))
+
+
+def elements(inertia: Array) -> Array:
+    """xx, xy, xz, yy, yz, zz of a symmetric matrix (3, 3)."""
+    return np.array([inertia[pair] for pair in PRODUCTS])
+
+
+def symmetric(elements: Array) -> Array:
+    """The matrix (3, 3) of those elements (6,)."""
+    xx, xy, xz, yy, yz, zz = elements
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def can_exist(inertia: Array) -> bool:
+    """Whether a body has this inertia (3, 3) about its centre of mass."""
+    return bool(np.linalg.eigvalsh(second_moments(inertia))[0] >= 0.0)
+
+
+def second_moments(inertia: Array) -> Array:
+    """The integral of rho x x^T about the centre of mass, (3, 3), kg m^2."""
+    second: Array = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return second
+
+
+def inertial_matrix(tool: RigidTool, mass: float, inertia: Array, sensor_offset: Array) -> Array:
+    """D (6, 12), N and N m for each unit of `terms`; `mass` kg, the rest as in `Dynamics`."""
+    force, alpha, _, products = _unit_motions(tool, mass, sensor_offset)
+    torque = force @ cross_matrix(tool.com).T - _spin(inertia, alpha, products)
+    return np.concatenate([force, torque], axis=1).T
+
+
+def inertial_jacobian(
+    tool: RigidTool, mass: float, inertia: Array, sensor_offset: Array, names: tuple[str, ...]
+) -> Array:
+    """Derivative (12, 6, p + 9) of D with respect to the tool's parameters `names`, then `DYNAMIC_PARAMETERS`."""
+    force, alpha, W, products = _unit_motions(tool, mass, sensor_offset)
+    R_sensor_flange, com = tool.R_flange_sensor.T, cross_matrix(tool.com)
+    p = len(names)
+    J = np.zeros((TERMS, 6, p + len(DYNAMIC_PARAMETERS)))
+    J[:, :3, 0] = force / tool.weight
+    J[:, :3, 1:4] = -mass * W
+    about = [k for k, name in enumerate(names) if name in (*MOUNT, "yaw")]
+    if about:
+        turn = np.eye(3)[:, -len(about) :]
+        J[:, :3, about] = (cross_matrix(force) + mass * W @ com) @ turn
+        for k, axis in zip(about, turn.T, strict=True):
+            K = cross_matrix(axis)
+            J[:, 3:, k] = -_spin(inertia, alpha @ K, products @ K - K @ products)
+    J[:, :3, p + 6 :] = -mass * R_sensor_flange @ _turning(_UNIT_ALPHA, _UNIT_PRODUCTS)
+    J[:, 3:] += com @ J[:, :3]
+    J[:, 3:, 1:4] -= cross_matrix(force)
+    for k, unit in enumerate(np.eye(6)):
+        J[:, 3:, p + k] = -_spin(symmetric(unit), alpha, products)
+    return J
+
+
+def variance_in_motion(
+    tool: RigidTool,
+    mass: float,
+    dynamics: Dynamics,
+    names: tuple[str, ...],
+    covariance: Array,
+    of_rest: Array,
+    motion: FlangeMotion,
+) -> Array:
+    """By how much a motion adds to the variance (n, 6) of a contact wrench: the inertia's part, and what shakes.
+
+    Args:
+        tool: with its `mass`, kg, and its `dynamics`.
+        names: of its parameters, p.
+        covariance: of these (p, p).
+        of_rest: derivative (n, 6, p) of the free wrench at rest.
+        motion: of n moments.
+    """
+    of_terms = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names)
+    J = np.einsum("nk,kip->nip", motion.terms, of_terms)
+    of_tool, own = J[:, :, : len(names)], J[:, :, len(names) :]
+    variance = np.sum(((of_tool + 2.0 * of_rest) @ covariance) * of_tool, axis=2)
+    variance += np.sum((own @ dynamics.covariance) * own, axis=2)
+    variance += 2.0 * np.sum((own @ dynamics.with_parameters) * (of_rest + of_tool), axis=2)
+    shaking = np.stack([np.sum(each**2, axis=1) for each in (motion.acceleration, motion.angular_velocity)])
+    total: Array = variance + np.repeat((dynamics.motion_noise**2 @ shaking).T, 3, axis=1)
+    return total
+
+
+def _unit_motions(tool: RigidTool, mass: float, sensor_offset: Array) -> tuple[Array, Array, Array, Array]:
+    """Of each unit of the terms the force (12, 3), and in sensor axes alpha (12, 3), W and the products (12, 3, 3)."""
+    R_flange_sensor = tool.R_flange_sensor
+    W = _turning(_UNIT_ALPHA, _UNIT_PRODUCTS)
+    of_origin = (_UNIT_ACCELERATION + W @ sensor_offset) @ R_flange_sensor
+    W, products = (R_flange_sensor.T @ each @ R_flange_sensor for each in (W, _UNIT_PRODUCTS))
+    return -mass * (of_origin + W @ tool.com), _UNIT_ALPHA @ R_flange_sensor, W, products
+
+
+def _turning(alpha: Array, products: Array) -> Array:
+    """W (k, 3, 3): the acceleration of a point of a turning body from its place."""
+    W: Array = cross_matrix(alpha) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return W
+
+
+def _spin(inertia: Array, alpha: Array, products: Array) -> Array:
+    """`I alpha + omega x I omega` (k, 3), with the products omega omega^T (k, 3, 3)."""
+    M = products @ inertia
+    gyroscopic = np.stack([M[:, 1, 2] - M[:, 2, 1], M[:, 2, 0] - M[:, 0, 2], M[:, 0, 1] - M[:, 1, 0]], axis=1)
+    spin: Array = alpha @ inertia + gyroscopic
+    return spin

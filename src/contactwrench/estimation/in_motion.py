@@ -1,0 +1,165 @@
+"""A calibration of poses, with what the same recording tells in motion: model `dynamic`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..calibration.calibration import Calibration
+from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, inertial_matrix
+from ..calibration.findings import Finding, Kind, Severity
+from ..errors import InputError, UnobservableError
+from ..geometry.arrays import Array
+from ..geometry.ranges import ON_FLANGE
+from ..model import RigidTool
+from ..samples.delay import is_significant
+from ..samples.flange_motion import FlangeMotion, flange_motion
+from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
+from ..samples.synchronize import synchronize
+from .dynamic import Moved, moved
+from .motion_moments import FLAT, MotionMoments, motion_moments
+from .possible_tool import nearest_possible
+
+FEWEST_WINDOWS = 4
+KNOWN = 0.5
+"""Of what was thinkable before: a std that is larger was not told by the motion."""
+LITTLE_WEIGHT = 0.25
+"""Of a window: it is noisier than most, a push or a shake."""
+MANY = 0.1
+"""Of the windows."""
+ARM_IS_LARGER = 20.0
+"""m/s^2: of the acceleration, RMS; no arm keeps that up, and a position in mm is a thousand times as large."""
+
+
+def with_motion(calibration: Calibration, samples: Samples, sensor_offset: ArrayLike | None) -> Calibration:
+    """The calibration with `dynamics` from the motion in `samples`.
+
+    Args:
+        calibration: of a rigid model, from their stops.
+        samples: with times and positions, free of contact for the most.
+        sensor_offset: where the sensor's origin is (3,), m from the flange's, flange axes; None: it is looked for.
+
+    Raises:
+        InputError: no times, no positions, or positions that are not in m.
+        UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
+    """
+    stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
+    samples = _as_stamped(samples)
+    motion = flange_motion(samples)
+    shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
+    if shaken > ARM_IS_LARGER:
+        raise InputError(
+            f"{samples.source}: found the flange accelerating at {shaken:.3g} m/s^2 RMS, expected positions in m: are "
+            "they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
+        )
+    moments = motion_moments(samples, motion)
+    if len(moments.products) < FEWEST_WINDOWS:
+        raise UnobservableError(
+            f"{samples.source}: found {moments.seconds:.3g} s of motion, expected {FEWEST_WINDOWS} s or more with "
+            f"turns about every axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
+        )
+    tool = tool_of(calibration)
+    names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
+    found = moved(tool, mass, names, calibration.covariance, calibration.noise, moments, stated)
+    untold = _untold(found)
+    if set(INERTIA) <= set(untold):
+        raise UnobservableError(
+            f"{samples.source}: found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
+            "accelerations that the sensor feels: move faster, or take model auto"
+        )
+    inertia = found.inertia
+    if not can_exist(inertia):
+        inertia = nearest_possible(inertia, found.covariance[:6, :6], mass)
+    dynamics = Dynamics(
+        matrix=inertial_matrix(tool, mass, inertia, found.sensor_offset),
+        inertia=inertia,
+        sensor_offset=found.sensor_offset,
+        covariance=found.covariance,
+        with_parameters=found.with_parameters,
+        bandwidth=motion.bandwidth,
+        motion_noise=np.zeros((2, 2)),
+        residual_rms=np.zeros(6),
+        static_rms=np.zeros(6),
+        seconds=moments.seconds,
+    )
+    complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
+    dynamics = _with_what_is_left(complete, dynamics, samples, motion)
+    findings = (*calibration.findings, *_findings(found, untold, inertia, dynamics, moments))
+    return replace(complete, dynamics=dynamics, findings=findings)
+
+
+def tool_of(calibration: Calibration) -> RigidTool:
+    """The tool of a calibration. Raises `InputError` where the model has none."""
+    if calibration.weight is None or calibration.com is None or calibration.R_flange_sensor is None:
+        raise InputError(f"model {calibration.model} has no tool, expected a rigid model: auto, mount or mount+base")
+    parts = calibration.weight, calibration.com, calibration.bias, calibration.R_flange_sensor
+    return RigidTool(*parts, calibration.gravity_direction)
+
+
+def _as_stamped(samples: Samples) -> Samples:
+    """The samples with the orientation that belongs to each reading, where rows came with one and are late."""
+    delay, std = samples.delay, samples.delay_std
+    in_rows = samples.pose_period is None and samples.t is not None
+    if not in_rows or delay is None or std is None or not is_significant(delay, std):
+        return samples
+    wrench = WrenchStream(np.asarray(samples.t), samples.wrench, samples.source)
+    poses = OrientationStream(np.asarray(samples.t), samples.R_base_flange, samples.position, samples.source)
+    return synchronize(Streams(wrench, poses), delay, std).samples
+
+
+def _untold(found: Moved) -> list[str]:
+    """The parameters of which the motion says next to nothing."""
+    untold = np.sqrt(np.diag(found.covariance)) > KNOWN * found.before
+    return [name for name, is_untold in zip(DYNAMIC_PARAMETERS, untold, strict=True) if is_untold]
+
+
+def _with_what_is_left(c: Calibration, dynamics: Dynamics, samples: Samples, motion: FlangeMotion) -> Dynamics:
+    """What is left of the readings in motion, with the inertia and without; and how it grows with speed and
+    acceleration, beyond what is left of slow motion.
+    """
+    known = motion.inside
+    still = c.compensate(samples.wrench, samples.R_base_flange)[known]
+    left = c.compensate(samples.wrench, samples.R_base_flange, motion=motion)[known]
+    of_speed = np.sum(motion.angular_velocity[known] ** 2, axis=1)
+    of_acceleration = np.sum(motion.acceleration[known] ** 2, axis=1)
+    level = np.column_stack([np.ones(len(left)), of_acceleration, of_speed])
+    noise = [_growth(level, np.mean(left[:, axes] ** 2, axis=1)) for axes in (slice(0, 3), slice(3, 6))]
+    moving = of_speed + of_acceleration > 0.1 * np.mean(of_speed + of_acceleration)
+    rms = (np.sqrt(np.mean(each[moving] ** 2, axis=0)) for each in (left, still))
+    residual, static = rms
+    return replace(dynamics, motion_noise=np.array(noise), residual_rms=residual, static_rms=static)
+
+
+def _growth(level: Array, squares: Array) -> Array:
+    """The std (2,) for each m/s^2 and rad/s, by least squares of none below zero."""
+    from scipy.optimize import nnls
+
+    unit = np.sqrt(np.mean(level**2, axis=0)) + 1e-30
+    return np.asarray(np.sqrt(nnls(level / unit, squares)[0] / unit)[1:])
+
+
+def _findings(
+    found: Moved, untold: list[str], inertia: Array, dynamics: Dynamics, moments: MotionMoments
+) -> Iterator[Finding]:
+    if untold:
+        text = f"the motion tells nothing of {', '.join(untold)}: what stands there was assumed; turn about every axis"
+        yield Finding.weak(Kind.UNCERTAIN_PARAMETER, text)
+    if not np.array_equal(inertia, found.inertia):
+        text = (
+            "no body has the inertia that the readings alone give, the nearest that one can have was taken: something "
+            "shakes the sensor, or moves on the tool"
+        )
+        yield Finding.doubtful(Kind.IMPLAUSIBLE_TOOL, text)
+    noisy = float(np.mean(found.weight.min(axis=1) < LITTLE_WEIGHT))
+    if noisy > MANY:
+        text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: contact, cables or shaking"
+        yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
+    least = FLAT * dynamics.bandwidth
+    yield Finding(
+        Kind.MOTION_USED,
+        Severity.NOTE,
+        f"{dynamics.seconds:.3g} s of motion used, up to {least:.2g} Hz, beyond which the poses tell no acceleration",
+    )

@@ -1,0 +1,39 @@
+"""A tool that can exist: a positive mass somewhere, so that the pseudo-inertia is positive definite.
+
+Of a body of density rho >= 0 the matrix J = integral rho [x; 1][x; 1]^T dx is positive definite, which says at once
+that its mass is positive and that its principal moments obey the triangle inequality (Wensing, Kim and Slotine 2018).
+Any such J is L L^T with a triangular L whose diagonal is positive: log-Cholesky parameters (Rucker and Wensing 2022).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.dynamics import elements, second_moments, symmetric
+from ..geometry.arrays import Array
+
+LEAST_SIZE = 1e-4
+"""m: a tool is no smaller in any direction; there the logarithms begin."""
+
+
+def nearest_possible(inertia: Array, covariance: Array, mass: float) -> Array:
+    """The inertia (3, 3) of a body that can exist which is nearest in standard deviations: `covariance` (6, 6) of its
+    elements.
+    """
+    from scipy.optimize import least_squares
+
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    wanted, size = elements(inertia), mass * LEAST_SIZE**2
+
+    def inertia_of(logs: Array) -> Array:
+        L = np.zeros((3, 3))
+        L[np.tril_indices(3, -1)] = logs[3:]
+        L[range(3), range(3)] = np.exp(logs[:3])
+        second = mass * (L @ L.T) + size * np.eye(3)
+        return np.asarray(np.trace(second) * np.eye(3) - second)
+
+    values, vectors = np.linalg.eigh(second_moments(inertia))
+    begin = np.linalg.cholesky((vectors * np.maximum(values / mass, 10.0 * LEAST_SIZE**2)) @ vectors.T)
+    first = np.r_[np.log(np.diag(begin)), begin[np.tril_indices(3, -1)]]
+    found = least_squares(lambda logs: whiten @ (elements(inertia_of(logs)) - wanted), first, x_scale="jac")
+    return symmetric(elements(inertia_of(found.x)))

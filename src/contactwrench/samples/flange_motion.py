@@ -1,0 +1,165 @@
+"""How the flange moves, from recorded poses: velocities and accelerations by smoothing differentiation.
+
+Rotation vectors from each orientation to the next, summed, are a path whose derivative is the angular velocity in
+flange axes. Path and position are differentiated by one symmetric filter, flat up to a bandwidth: below it the arm
+moves, above it there is nothing but the noise of the poses, which grows with the square of the frequency. Nothing is
+delayed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..geometry.arrays import Array, Rows, column
+from ..geometry.rotations import rotation_vectors
+from ..geometry.wrench import cross_matrix
+from .motion import PRODUCTS
+from .samples import Samples
+from .synchronize import default_gap
+from .timestamps import spread_evenly
+
+ROLL_OFF = 1.0
+"""Of the bandwidth, above it: there the filter's gain falls to zero."""
+LEAST_GAIN = 0.2
+HALF_WIDTH, SIDE_LOBES = 3.5, 6.0
+"""Periods of the bandwidth, to each side, over which the filter reaches; and how softly it ends (Kaiser's beta)."""
+SLOWEST, FASTEST, OF_POSES = 1.0, 100.0, 0.3
+"""Hz; no arm is slower, or faster, in what it does with a tool; and of the rate of the poses."""
+OCTAVE_PARTS = 4.0
+"""Bands an octave, in which the spectrum of the acceleration is looked at."""
+FEWEST = 8
+"""Rows of a section between gaps."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlangeMotion(Rows):
+    """How the flange moves at n moments, (n, 3) each in its own axes: `angular_velocity` rad/s, `angular_acceleration`
+    rad/s^2, and the `acceleration` of its origin, m/s^2, without gravity; below `bandwidth` Hz. `R_base_flange`
+    (n, 3, 3) is the orientation on the curve through the poses. `inside` (n,) is False where the filter reaches beyond
+    the recording, or into a gap, and what is there was guessed.
+    """
+
+    angular_velocity: Array = field(metadata=column(3))
+    angular_acceleration: Array = field(metadata=column(3))
+    acceleration: Array = field(metadata=column(3))
+    R_base_flange: Array = field(metadata=column(3, 3))
+    inside: NDArray[np.bool_] = field(metadata=column(kind=np.bool_))
+    bandwidth: float = FASTEST
+
+    @property
+    def terms(self) -> Array:
+        """What the wrench of a moving tool is linear in (n, 12): angular acceleration, products of the angular velocity
+        (xx xy xz yy yz zz), acceleration.
+        """
+        omega = self.angular_velocity
+        products = [omega[:, i] * omega[:, j] for i, j in PRODUCTS]
+        return np.column_stack([self.angular_acceleration, *products, self.acceleration])
+
+
+def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMotion:
+    """The motion at the times of samples.
+
+    Args:
+        samples: with times and positions.
+        bandwidth: Hz; None: where the noise of the poses takes over.
+
+    Raises:
+        InputError: no times, no positions, or too few rows to tell a motion.
+    """
+    if samples.t is None or samples.position is None or not np.isfinite(samples.position).all():
+        lacking = "times" if samples.t is None else "positions"
+        raise InputError(
+            f"{samples.source}: found no {lacking}, expected t and the flange's x, y, z in each row, from which its "
+            "acceleration is taken: record them, or calibrate and compensate without inertia"
+        )
+    t = spread_evenly(samples.t)
+    if len(t) < FEWEST or not np.median(np.diff(t)) > 0.0:
+        raise InputError(f"{samples.source}: found {len(t)} rows, expected a motion in the order of its times")
+    period, node = float(np.median(np.diff(t))), samples.pose_period or 0.0
+    steps = np.diff(t)
+    sections = np.split(np.arange(len(t)), np.flatnonzero((steps > default_gap(t)) | (steps <= -period)) + 1)
+    grids = [_on_a_grid(samples, t, rows, period) for rows in sections if len(rows) >= FEWEST]
+    if not grids:
+        raise InputError(f"{samples.source}: found gaps everywhere, expected {FEWEST} rows in a row or more")
+    if bandwidth is None:
+        bandwidth = _bandwidth(max(grids, key=lambda grid: len(grid[1]))[1], period, node)
+    motion = np.zeros((len(t), 13))
+    for rows, signal in grids:
+        motion[rows] = _differentiated(t[rows], signal, period, node, bandwidth)
+    R = samples.R_base_flange @ (np.eye(3) + cross_matrix(motion[:, 9:12]))
+    acceleration = np.einsum("nij,ni->nj", R, motion[:, 6:9])
+    return FlangeMotion(motion[:, :3], motion[:, 3:6], acceleration, R, motion[:, 12] == 1.0, bandwidth)
+
+
+def _on_a_grid(samples: Samples, t: Array, rows: NDArray[np.intp], period: float) -> tuple[NDArray[np.intp], Array]:
+    """The rows of a section, and path and position (m, 6) on an even grid from the first of them."""
+    R, position = samples.R_base_flange[rows], np.asarray(samples.position)[rows]
+    steps = rotation_vectors(R[:-1].transpose(0, 2, 1) @ R[1:])
+    signal = np.column_stack([np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]), position])
+    at = t[rows]
+    grid = at[0] + period * np.arange(max(round((at[-1] - at[0]) / period) + 1, 2))
+    return rows, np.stack([np.interp(grid, at, values) for values in signal.T], axis=1)
+
+
+def _bandwidth(signal: Array, period: float, node: float) -> float:
+    """Where the spectrum of the accelerations is least: below it the arm moves, above it noise grows. Hz."""
+    most = min(FASTEST, OF_POSES / max(period, node))
+    n = len(signal)
+    frequency = np.fft.rfftfreq(n, period)
+    edges = np.exp2(np.arange(np.log2(SLOWEST), np.log2(max(most, SLOWEST)) + 1e-9, 1.0 / OCTAVE_PARTS))
+    line = np.linspace(0.0, 1.0, n)[:, None]
+    level = signal - (signal[:1] + line * (signal[-1:] - signal[:1]))
+    power = np.abs(np.fft.rfft(level * np.hanning(n)[:, None], axis=0)) ** 2 * frequency[:, None] ** 4
+    chosen = [most]
+    for group in (power[:, :3].sum(axis=1), power[:, 3:].sum(axis=1)):
+        bands = [group[(frequency >= a) & (frequency < b)] for a, b in pairwise(edges)]
+        means = np.array([band.mean() if len(band) else np.inf for band in bands])
+        if len(means) and group.any():
+            peak = int(np.argmax(np.where(np.isfinite(means), means, 0.0)[: int(np.argmin(means)) + 1]))
+            least = peak + int(np.argmin(means[peak:]))
+            chosen.append(float(np.sqrt(edges[least] * edges[least + 1])))
+    return max(min(chosen), SLOWEST)
+
+
+def _differentiated(t: Array, signal: Array, period: float, straight: float, bandwidth: float) -> Array:
+    """At times (k,) of a section the first derivative of its path, the second of path and position, by how much the
+    path is off straight lines between the poses, and whether the filter stays inside (k, 13).
+    """
+    from scipy.signal import oaconvolve
+
+    curved, first = (_taps(order, period, straight, bandwidth) for order in (0, 1))
+    second = np.convolve(first, _taps(1, period, 0.0, bandwidth))
+    half = len(second) // 2
+    bent, first = (np.pad(taps, half // 2) for taps in (curved - _taps(0, period, 0.0, bandwidth), first))
+    n = len(signal)
+    reach = np.minimum(np.arange(1, half + 1), n - 1)
+    before, after = 2.0 * signal[0] - signal[reach[::-1]], 2.0 * signal[-1] - signal[-1 - reach]
+    wide = np.concatenate([before, signal, after])
+    velocity = oaconvolve(wide[:, :3], first[:, None], mode="valid", axes=0)
+    acceleration = oaconvolve(wide, second[:, None], mode="valid", axes=0)
+    off = oaconvolve(wide[:, :3], bent[:, None], mode="valid", axes=0)
+    place = np.arange(n)
+    inside = (place >= half) & (place < n - half)
+    known = np.column_stack([velocity, acceleration, off, inside.astype(np.float64)])
+    grid = t[0] + period * place
+    return np.stack([np.interp(t, grid, values) for values in known.T], axis=1)
+
+
+def _taps(order: int, period: float, straight: float, bandwidth: float) -> Array:
+    """The filter that takes the value (order 0) or the derivative (1), exact for straight lines, flat up to the
+    bandwidth. Lines that are `straight` for so many s weaken a frequency f by sinc^2(f straight): that is made up for.
+    """
+    half = max(int(np.ceil(HALF_WIDTH / bandwidth / period)), 2)
+    n = 8 * (2 * half + 1)
+    frequency = np.fft.rfftfreq(n, period)
+    falls = np.clip((frequency - bandwidth) / (ROLL_OFF * bandwidth), 0.0, 1.0)
+    gain = 0.5 * (1.0 + np.cos(np.pi * falls)) / np.maximum(np.sinc(frequency * straight) ** 2, LEAST_GAIN)
+    response = np.roll(np.fft.irfft((2j * np.pi * frequency) ** order * gain, n), half)
+    taps = response[: 2 * half + 1] * np.kaiser(2 * half + 1, SIDE_LOBES)
+    ago = -period * np.arange(-half, half + 1)
+    return np.asarray(taps / float(taps @ ago**order))
