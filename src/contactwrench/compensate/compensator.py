@@ -14,23 +14,26 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
-from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
+from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, PLACE, RATE, WALK
 from ..geometry.wrench import wrench_rows
+from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
-from .contact_detection import LEARN_FIRST, SAME_SECONDS, readings_held, thresholds
+from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
-from .faults import BACK, SAME, reason_of, reasons_of
+from .faults import BACK, SAME, reason_of
 from .filters import LowPass, delay_of
+from .inertia import use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
-from .runner import TAKEN, Compiled, Plain, by_one_thread, given
-from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, State
+from .runner import TAKEN, Compiled, Plain, by_one_thread, given, results_of
+from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, TERMS, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
+NOWHERE = read_only(np.full(3, nan))
 DENSEST = 10_000.0
 """Hz: the ring of past orientations has room for this many a second."""
 
@@ -54,8 +57,7 @@ class Compensator:
         delay: s, how much later than the orientation the wrench is stamped; None: the calibration's, where it is
             significant.
         drift: std (6,) of the bias' random walk after an hour, N and N m, or one number as for `noise`; 0.05 is typical
-            (`bias_tracking.TYPICAL_DRIFT`). None: the bias is not followed, for whatever follows a bias takes a push
-            that is too slow or too weak to be detected for one.
+            (`bias_tracking.TYPICAL_DRIFT`). None: not followed, as a push too slow or weak to be detected would be.
         temperature_coefficient: (6,) of the bias, N/K and N m/K.
         false_alarm_rate: per sample; a contact takes one that is a hundred times as rare.
         minimum_duration: s, of a contact, and of its end.
@@ -99,6 +101,7 @@ class Compensator:
         s.ranges = six_numbers(ranges, "range", CAPACITY, inf)
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
+        use_inertia(s, calibration)
         s.dof = calibration.dof
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
@@ -115,7 +118,7 @@ class Compensator:
         self._noise = known_noise(self._calibration, self._stated, self._rate)
         track(s, self._calibration, between_poses(self._calibration, self._noise.of_sample * s.knows_noise))
         room = 2 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
-        self._runner = self._steps(s, np.zeros((room, 4)))
+        self._runner = self._steps(s, np.zeros((room, 4 + TERMS * s.knows_inertia)))
         self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
         self._use_noise(None)
@@ -127,7 +130,13 @@ class Compensator:
         return {name: value for name, value in vars(self).items() if name != "owner"}
 
     def __call__(
-        self, wrench: ArrayLike, orientation: ArrayLike, t: float, temperature: float | None = None
+        self,
+        wrench: ArrayLike,
+        orientation: ArrayLike,
+        t: float,
+        temperature: float | None = None,
+        *,
+        position: ArrayLike | None = None,
     ) -> ContactWrench:
         """The contact wrench of a reading; what is wrong with the sample comes back in `valid` and `reason`.
 
@@ -136,6 +145,7 @@ class Compensator:
             orientation: `R_base_flange` (3, 3), or its quaternion x, y, z, w (4,).
             t: s.
             temperature: K or degrees C, where there is one.
+            position: (3,) m of the flange, base axes, for a calibration with inertia; None: the arm is at rest.
 
         Raises:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
@@ -149,7 +159,10 @@ class Compensator:
         heat = nan if temperature is None else number(temperature, "temperature")
         if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
             raise InputError(TAKEN)
-        said, result = self._runner.step(reading, turn, t, heat)
+        place = NOWHERE if position is None else PLACE.require(position, "position", (3,))
+        said, result = self._runner.step(reading, turn, t, heat, place)
+        if self._settings.knows_inertia:
+            self._std = read_only(self._runner.sample.wrench_std)
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
         events, fault, detail, channel, judged = self._runner.told()
@@ -161,7 +174,14 @@ class Compensator:
 
     @by_one_thread
     def run(
-        self, wrench: ArrayLike, orientation: ArrayLike, t: ArrayLike, temperature: ArrayLike | None = None
+        self,
+        wrench: ArrayLike,
+        orientation: ArrayLike,
+        t: ArrayLike,
+        temperature: ArrayLike | None = None,
+        *,
+        position: ArrayLike | None = None,
+        motion: FlangeMotion | None = None,
     ) -> ContactWrenches:
         """The contact wrenches of the next readings. The state goes on from call to call.
 
@@ -170,6 +190,8 @@ class Compensator:
             orientation: `R_base_flange` (n, 3, 3), or quaternions x, y, z, w (n, 4).
             t: (n,) s.
             temperature: (n,) K or degrees C, where there are some.
+            position: (n, 3) m, as of a single reading.
+            motion: of the flange, from a whole recording, in place of what follows from position to position.
 
         Raises:
             InputError: shapes that do not pair, else as for a single reading.
@@ -183,7 +205,8 @@ class Compensator:
                 f"orientation, t and temperature have shapes {turns.shape}, {times.shape} and {heats.shape}, expected "
                 f"({n}, 3, 3) or ({n}, 4), ({n},) and ({n},) for {n} readings"
             )
-        samples, width = given(readings, turns, times, heats)
+        places = np.full((n, 3), nan) if position is None else PLACE.require(position, "position", (n, 3))
+        samples, width = given(readings, turns, times, heats, places, motion)
         contacts: list[Contact] = []
         covariances, taken = [self._covariance()], 0
         while taken < n:
@@ -194,20 +217,7 @@ class Compensator:
                 covariances.append(self._covariance())
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
-        return ContactWrenches(
-            wrench=samples["wrench"],
-            std=samples["wrench_std"],
-            t=times,
-            judged=True,
-            valid=samples["fault"] <= SAME,
-            reason=reasons_of(samples),
-            contact=samples["contact"],
-            contacts=tuple(contacts),
-            statistic=samples["statistic"],
-            threshold=samples["threshold"],
-            covariance_of=np.cumsum(samples["events"] & COVARIANCE != 0),
-            covariance=read_only(covariances),
-        )
+        return results_of(samples, times, contacts, covariances)
 
     @by_one_thread
     def zero(self, samples: Samples) -> Zero:
@@ -218,11 +228,7 @@ class Compensator:
                 beginning was seen; nothing is changed.
         """
         s, before = self._runner.state, self.drift
-        if s.touching and s.onset_seen and not s.time - s.same_since >= SAME_SECONDS:
-            raise InputError(
-                f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
-                "nothing touches it, reset() first"
-            )
+        require_let_go(s)
         mean, variance, R = free_mean(self._calibration, samples, self._noise if s.knows_noise else None)
         start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R, float(s.time))
         if s.first_temperature == s.first_temperature:
@@ -282,6 +288,7 @@ class Compensator:
         """The noise is another; None: the rate is not known, and nothing is filtered."""
         s, low_pass = self._runner.state, None if rate is None else self._lowpass
         noise = self._noise = self._noise.over(LEVEL_KNOWN, rate)
+        s.noise_gain = 1.0 if low_pass is None or rate is None else low_pass.noise_gain(rate)
         s.settled = 0 if low_pass is None or rate is None else low_pass.settles_in(rate)
         s.noise_filtered[:] = noise.behind(low_pass, rate or USUAL_RATE).tolist()
         s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()
@@ -290,9 +297,4 @@ class Compensator:
 
     def _contact(self, release: float | None) -> Contact:
         """The contact so far, or the one that ended with the last sample."""
-        s = self._runner.state
-        rows = float(s.contact_rows)
-        noise = np.minimum(self._noise.of_mean(rows) * readings_held(s), self._noise.of_sample)
-        covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(noise)
-        mean = np.array(s.contact_sum) / rows
-        return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
+        return contact_so_far(self._runner.state, self._noise, release)

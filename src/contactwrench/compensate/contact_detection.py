@@ -5,15 +5,18 @@ a contact begins and ends, and what it was.
 from __future__ import annotations
 
 from math import log, nan, sqrt
+from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import Range
 from ..samples.poses import SAME_POSE_ANGLE
 from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
-from .contact_wrenches import FREE, TOUCHING
+from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, LEARNED, LEARNING, SAME
+from .noise import SampleNoise
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OCTAVES, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
@@ -268,3 +271,21 @@ def readings_held(s: State) -> float:
     """
     held = s.new_usual / s.interval
     return held if held > 1.5 else 1.0
+
+
+def contact_so_far(s: Any, noise: SampleNoise, release: float | None) -> Contact:
+    """The contact that lasts (`release` None), or the one that ended with the last sample."""
+    rows = float(s.contact_rows)
+    of_mean = np.minimum(noise.of_mean(rows) * readings_held(s), noise.of_sample)
+    covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(of_mean)
+    mean = np.array(s.contact_sum) / rows
+    return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
+
+
+def require_let_go(s: Any) -> None:
+    """Raise `InputError` in a contact whose beginning was seen, unless it has stayed the same for long."""
+    if s.touching and s.onset_seen and not s.time - s.same_since >= SAME_SECONDS:
+        raise InputError(
+            f"no new zero: in contact since t = {s.onset:g} s, expected a free tool; let go of it, or, if "
+            "nothing touches it, reset() first"
+        )

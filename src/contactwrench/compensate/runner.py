@@ -9,6 +9,7 @@ from dataclasses import astuple
 from functools import cache, wraps
 from hashlib import sha256
 from inspect import getsource
+from math import nan
 from threading import Timer, get_ident
 from typing import Any
 
@@ -17,8 +18,11 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, read_only
+from ..samples.flange_motion import FlangeMotion
 from ..subtract import compiled_by_numba
-from .state import KERNEL, SAMPLE, STATE, Function, Sample, State
+from .contact_wrenches import Contact, ContactWrenches
+from .faults import SAME, reasons_of
+from .state import COVARIANCE, KERNEL, SAMPLE, STATE, Function, Sample, State
 from .step import take
 
 MOMENT = 1.0
@@ -26,7 +30,7 @@ MOMENT = 1.0
 TAKEN = "found a call from a second thread, expected one: give each a Compensator of its own, or begin anew, reset()"
 ROWS_AT_ONCE = 128
 TOLD = ("events", "fault", "detail", "channel", "contact")
-GIVEN = ("reading", "orientation", "time", "temperature")
+GIVEN = ("reading", "orientation", "time", "temperature", "position", "motion")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
@@ -42,13 +46,36 @@ def by_one_thread(method: Function) -> Function:
     return owned  # type: ignore[return-value]
 
 
-def given(readings: Array, turns: Array, times: Array, heats: Array) -> tuple[NDArray[np.void], int]:
+def given(
+    readings: Array, turns: Array, times: Array, heats: Array, places: Array, motion: FlangeMotion | None
+) -> tuple[NDArray[np.void], int]:
     """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9."""
     width = 4 if turns.shape[1:] == (4,) else 9
     samples = np.zeros(len(readings), SAMPLE)
     samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(-1, width)
-    samples["time"], samples["temperature"] = times, heats
+    samples["time"], samples["temperature"], samples["position"] = times, heats, places
+    samples["motion"] = nan if motion is None else motion.terms
     return samples, width
+
+
+def results_of(
+    samples: NDArray[np.void], times: Array, contacts: list[Contact], covariances: list[Array]
+) -> ContactWrenches:
+    """What was made of samples (n,), with the covariances as they followed each other."""
+    return ContactWrenches(
+        wrench=samples["wrench"],
+        std=samples["wrench_std"],
+        t=times,
+        judged=True,
+        valid=samples["fault"] <= SAME,
+        reason=reasons_of(samples),
+        contact=samples["contact"],
+        contacts=tuple(contacts),
+        statistic=samples["statistic"],
+        threshold=samples["threshold"],
+        covariance_of=np.cumsum(samples["events"] & COVARIANCE != 0),
+        covariance=read_only(covariances),
+    )
 
 
 class Plain:
@@ -64,9 +91,10 @@ class Plain:
         sample = self.sample
         return sample.events, sample.fault, sample.detail, sample.channel, sample.contact
 
-    def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
+    def step(self, reading: Array, turn: Array, t: float, temperature: float, place: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
+        sample.position = place.tolist()
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
         take(self.state, sample, self._ring, turn.size)
@@ -76,7 +104,8 @@ class Plain:
         """Take samples from `begin` on, to the first with an event or before; how many are taken."""
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
-            sample.reading, sample.orientation, sample.time, sample.temperature = given
+            sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
+            sample.position, sample.motion = moved
             take(self.state, sample, self._ring, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
@@ -101,6 +130,7 @@ class Compiled:
         self.state: Any = self._record.view(np.recarray)[0]
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
+        self._position = self.sample.position
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
         self._told = [self._samples[name] for name in TOLD]
         self._time, self._temperature, self._said = (self._samples[name] for name in ("time", "temperature", "said"))
@@ -109,9 +139,10 @@ class Compiled:
         """`TOLD` of the last sample."""
         return tuple(column.item() for column in self._told)
 
-    def step(self, reading: Array, turn: Array, t: float, temperature: float) -> tuple[int, Array]:
+    def step(self, reading: Array, turn: Array, t: float, temperature: float, place: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         width = turn.size
+        self._position[...] = place
         self._reading[...] = reading
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature

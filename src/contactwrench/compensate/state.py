@@ -25,6 +25,8 @@ THRESHOLDS = 400
 """Knots of the thresholds over the degrees of freedom."""
 INTERVALS = 24
 """Between stamps, from which the rate is taken."""
+TERMS = 12
+"""Of a motion, that a moving tool's wrench is linear in."""
 SECTIONS = 2
 """Second-order sections of a filter, at most; where the first coefficient is 0 there is none."""
 LOG_SAME_UNSEEN = -0.0207
@@ -55,6 +57,8 @@ class Sample:
     orientation: Row = numbers(9)
     time: float = nan
     temperature: float = nan
+    position: Row = numbers(3, fill=nan)
+    motion: Row = numbers(TERMS, fill=nan)
     wrench: Row = numbers(6)
     wrench_std: Row = numbers(6)
     statistic: float = nan
@@ -112,6 +116,25 @@ class State:
     ring_next: int = 0
     ring_at: int = 0
     poses_from: float = 0.0
+
+    # The tool's inertia, and how the flange moves, as in inertia.py.
+    knows_inertia: bool = False
+    D: Matrix = numbers(6, TERMS)
+    motion_noise: Row = numbers(4)
+    noise_gain: float = 1.0
+    poses: int = 0
+    pose_time: float = nan
+    pose_period: float = 0.0
+    pose_R: Row = numbers(9)
+    last_position: Row = numbers(3)
+    rate: Row = numbers(6)
+    terms: Row = numbers(TERMS)
+    seen: Row = numbers(TERMS)
+    inertial: Row = numbers(6)
+    pose_noise: Row = numbers(6)
+    of_motion: Row = numbers(6)
+    motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)
+    motion_at: int = 0
 
     # Faults of the reading and of the orientation.
     last_reading: Row = numbers(6)

@@ -9,6 +9,7 @@ from .contact_detection import end_contact, far, judge, readings_held, renew_cov
 from .contact_wrenches import NOT_JUDGED
 from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
+from .inertia import exerted, follow_motion, noise_of_motion, terms_then
 from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
@@ -63,9 +64,7 @@ def follow(s: State, sample: Sample, ring: Matrix) -> tuple[int, float, int]:
         fault, detail = NO_PAST, s.look_back
     recovers = s.fresh != 0 and fault < STUCK
     compensate(s, sample, ring, restart or recovers, fresh_pose)
-    sample.statistic = statistic_of(sample.wrench, s.whitening)
-    for k in range(6):
-        sample.wrench_std[k] = s.wrench_std[k]
+    weigh(s, sample)
     if recovers:
         s.since_fresh, s.stale, s.spoiled = 0, True, True
         s.run = s.quiet = 0
@@ -122,13 +121,30 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     x, y, z = down[0], down[1], down[2]
     warmer = warmed_by(s, sample.temperature)
     reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
+    if s.knows_inertia:
+        follow_motion(s, sample, fresh_pose)
+        terms_then(s, ring, sample.time, fresh_pose)
     for k in range(6):
         B = s.B[k]
         left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
+        if s.knows_inertia:
+            left -= exerted(s.D[k], s.seen)
         wrench[k] = s.column[k] = left
         total[k] += left
     s.block_rows += 1.0
     low_pass(s.lowpass, s.lowpass_memory, wrench, 6, fresh)
+
+
+@kernel
+def weigh(s: State, sample: Sample) -> None:
+    """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
+    sample.statistic = statistic_of(sample.wrench, s.whitening)
+    for k in range(6):
+        sample.wrench_std[k] = s.wrench_std[k]
+    if s.knows_inertia:
+        sample.statistic /= 1.0 + noise_of_motion(s)
+        for k in range(6):
+            sample.wrench_std[k] = sqrt(s.wrench_std[k] ** 2 + s.of_motion[k])
 
 
 @kernel

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
-from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, require_frame
+from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
@@ -33,7 +33,7 @@ from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .options import Options
 from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
-from .tables.columns import ROWS, Advance
+from .tables.columns import Advance
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
@@ -42,7 +42,6 @@ from .tables.write import write_contact_wrenches
 Part = TypeVar("Part", Samples, Streams)
 
 WHOLE = 10**9
-"""Rows of a batch, where accelerations are taken from what comes before and after."""
 SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 
 
@@ -102,8 +101,7 @@ def compensated(
         ContactWrenchError: as reading, pairing and compensating raise it.
     """
     require_frame(calibration, treatment.output_frame)
-    rows = ROWS if calibration.dynamics is None else WHOLE
-    pairs = None if treatment.judged else pairs_in_batches(path, options, rows, advance)
+    pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
@@ -157,6 +155,11 @@ def write_compensated(
     return None
 
 
+def _at_once(calibration: Calibration) -> dict[str, int]:
+    """Accelerations are taken from what comes before and after."""
+    return {} if calibration.dynamics is None else {"rows": WHOLE}
+
+
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell | None) -> Iterator[Part]:
     """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
     damage, of_table = "", reader_of(path, options) is not bag_blocks
@@ -194,8 +197,7 @@ def _paired(
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
-    rows = ROWS if calibration.dynamics is None else WHOLE
-    recording = _telling(batches(path, options, rows, advance), path, options, note)
+    recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
     compensator = None
@@ -226,10 +228,13 @@ def _of_samples(
     """The contact wrenches of samples with times, judged where there is a compensator."""
     if compensator is None or samples.t is None:
         return replace(_plain(calibration, samples, treatment), judged=True)
-    rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t))
+    motion = motion_of(calibration, samples)
+    rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t), motion=motion)
     wrench, std, frame, point = rows.wrench, rows.std, treatment.output_frame, treatment.point
     if frame != "sensor" or point is not None:
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
+        of_motion = np.nan_to_num(rows.std**2 - covariance[:, range(6), range(6)])
+        covariance[:, range(6), range(6)] += np.maximum(of_motion, 0.0)
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)

@@ -1,0 +1,155 @@
+"""What a moving tool exerts, sample by sample: from one pose to the next its velocity, from those its acceleration.
+
+Of three poses the second difference belongs to the one in the middle, so what is known now is of one pose ago; it is
+looked up as far back as the delay asks for less that. Nothing is smoothed here: the low-pass of the contact wrench
+takes reading and model alike. Differences multiply the noise of poses; what jumps from pose to pose is that noise, and
+widens the test.
+"""
+
+from __future__ import annotations
+
+from ..calibration.calibration import Calibration
+from .filters import low_pass
+from .state import TERMS, Matrix, Row, Sample, State, kernel
+
+MEMORY = 0.02
+"""Of the mean over jumps, the share of the newest: fifty poses."""
+OF_JUMPS = 0.3
+"""White noise of poses: the variance of a second difference, 6, over that of how two in a row differ, 20."""
+SLOWEST_POSES = 0.1
+"""s: between poses; an arm that stands states none, or the same."""
+
+
+def use_inertia(s: State, calibration: Calibration) -> None:
+    """What the kernel needs of a calibration that knows it."""
+    if calibration.dynamics is not None:
+        s.knows_inertia, s.D = True, calibration.dynamics.matrix.tolist()
+        s.motion_noise = calibration.dynamics.motion_noise.ravel().tolist()
+
+
+@kernel
+def follow_motion(s: State, sample: Sample, fresh: bool) -> None:
+    """Take a new pose, and what it says of the `terms` at the pose before; or the terms where they are known."""
+    if sample.motion[0] == sample.motion[0]:
+        for k in range(TERMS):
+            s.terms[k] = sample.motion[k]
+        return
+    position, last, R, before = sample.position, s.last_position, s.R, s.pose_R
+    if position[0] != position[0]:
+        fresh = True
+    new = fresh
+    for k in range(3):
+        new = new or position[k] != last[k]
+    for k in range(9):
+        new = new or R[k] != before[k]
+    passed = sample.time - s.pose_time
+    if not new and passed < SLOWEST_POSES:
+        return
+    known = s.poses
+    s.poses = 0 if fresh or not passed < 2.0 * SLOWEST_POSES else min(s.poses + 1, 3)
+    if s.poses == 0:
+        for k in range(TERMS):
+            s.terms[k] = 0.0
+    else:
+        differentiate(s, position, passed, known)
+    s.pose_time = sample.time
+    for k in range(3):
+        last[k] = position[k]
+    for k in range(9):
+        before[k] = R[k]
+
+
+@kernel
+def differentiate(s: State, position: Row, passed: float, known: int) -> None:
+    """The velocity from the last pose to this one, `passed` s later; with the one before, if `known`, the terms."""
+    R, before, last, rate, terms = s.R, s.pose_R, s.last_position, s.rate, s.terms
+    # Half the antisymmetric part of before^T R is the axis times the sine of the turn.
+    turn_x = turn_y = turn_z = 0.0
+    for k in range(0, 9, 3):
+        turn_x += before[k + 2] * R[k + 1] - before[k + 1] * R[k + 2]
+        turn_y += before[k] * R[k + 2] - before[k + 2] * R[k]
+        turn_z += before[k + 1] * R[k] - before[k] * R[k + 1]
+    half, between = 0.5 / passed, 2.0 / (passed + s.pose_period)
+    now_x, now_y, now_z = half * turn_x, half * turn_y, half * turn_z
+    a, b, c = (position[0] - last[0]) / passed, (position[1] - last[1]) / passed, (position[2] - last[2]) / passed
+    if known > 0:
+        x, y, z = 0.5 * (now_x + rate[0]), 0.5 * (now_y + rate[1]), 0.5 * (now_z + rate[2])
+        terms[0], terms[1], terms[2] = (
+            between * (now_x - rate[0]),
+            between * (now_y - rate[1]),
+            between * (now_z - rate[2]),
+        )
+        terms[3], terms[4], terms[5] = x * x, x * y, x * z
+        terms[6], terms[7], terms[8] = y * y, y * z, z * z
+        d, e, f = between * (a - rate[3]), between * (b - rate[4]), between * (c - rate[5])
+        for k in range(3):
+            terms[9 + k] = before[k] * d + before[3 + k] * e + before[6 + k] * f
+        jump(s, known > 1)
+    rate[0], rate[1], rate[2], rate[3], rate[4], rate[5] = now_x, now_y, now_z, a, b, c
+    s.pose_period = passed
+
+
+@kernel
+def exerted(row: Row, terms: Row) -> float:
+    """What an axis, a row of D, shows of a motion."""
+    total = 0.0
+    for k in range(TERMS):
+        total += row[k] * terms[k]
+    return total
+
+
+@kernel
+def jump(s: State, counts: bool) -> None:
+    """By how much the model's wrench differs from that at the pose before, into the noise of the poses."""
+    for i in range(6):
+        wrench = exerted(s.D[i], s.terms)
+        off = wrench - s.inertial[i]
+        s.inertial[i] = wrench
+        if counts:
+            s.pose_noise[i] += MEMORY * (OF_JUMPS * off * off - s.pose_noise[i])
+
+
+@kernel
+def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
+    """The terms at the moment of the wrench, behind the sensor's own filter, into `s.seen`. `ring` has the newest entry
+    for this sample already.
+    """
+    size, seen = len(ring), s.seen
+    newest = (s.ring_next - 1) % size
+    if s.delay > 0.0:
+        for k in range(TERMS):
+            ring[newest][4 + k] = s.terms[k]
+        at = newest if fresh else s.motion_at
+        if at == s.ring_next and not fresh:
+            at = (at + 1) % size
+        wanted = now - max(s.delay - s.pose_period, 0.0)
+        while at != newest and ring[(at + 1) % size][0] <= wanted:
+            at = (at + 1) % size
+        s.motion_at = at
+        older = ring[at]
+        later = older if at == newest else ring[(at + 1) % size]
+        share = max((wanted - older[0]) / (later[0] - older[0]), 0.0) if later[0] > older[0] else 0.0
+        for k in range(4, 4 + TERMS):
+            seen[k - 4] = older[k] + share * (later[k] - older[k])
+    else:
+        for k in range(TERMS):
+            seen[k] = s.terms[k]
+    low_pass(s.sensor, s.motion_memory, seen, TERMS, fresh)
+
+
+@kernel
+def noise_of_motion(s: State) -> float:
+    """By what share the variance of a contact wrench grows in motion, on the axis where it grows most; writes the
+    variances, `s.of_motion`.
+    """
+    terms, noise, most = s.seen, s.motion_noise, 0.0
+    held = max(s.pose_period / s.interval, 1.0)
+    turning = terms[3] + terms[6] + terms[8]
+    pushed = terms[9] * terms[9] + terms[10] * terms[10] + terms[11] * terms[11]
+    for k in range(6):
+        of_acceleration, of_speed = noise[2 * (k // 3)], noise[2 * (k // 3) + 1]
+        variance = min(s.noise_gain * held, 1.0) * s.pose_noise[k]
+        variance += of_acceleration * of_acceleration * pushed + of_speed * of_speed * turning
+        s.of_motion[k] = variance
+        most = max(most, variance / (s.systematic[k][k] + s.noise_left[k]))
+    return most
