@@ -166,10 +166,10 @@ def test_hdf5_whose_units_are_thousands_of_texts(tmp_path: Path) -> None:
 def test_texts_that_a_dictionary_repeats_take_no_more_memory_than_their_file_is_worth(tmp_path: Path) -> None:
     """No page states how long its texts become; the program holds itself to what a file of that size is worth."""
     rows, length = 10**6, 800_000
-    entry = struct.pack("<I", length) + bytes(length)
+    entry, runs = struct.pack("<I", length) + bytes(length), b"\1" + run(rows, b"\0")
     pages = (
         Page(2, 1, PLAIN, packed(entry), len(entry)),
-        Page(0, rows, RLE_DICTIONARY, packed(b"\1" + run(rows, b"\0")), 4),
+        Page(0, rows, RLE_DICTIONARY, packed(runs), len(runs)),
     )
     text = Chunk("fx", pages, rows, len(entry) + 100, kind=BYTE_ARRAY, codec=GZIP)
     path = written(tmp_path, beside(text, rows=rows), "run.parquet")

@@ -49,12 +49,12 @@ def require_room_for_pages(path: Path, columns: Iterable[tuple[int, int]]) -> No
         columns: of each the byte at which its first page begins, and the number of its values.
     """
     pages = unpacked = numbers = 0
-    with open_bytes(path) as file:
+    with open_bytes(path) as file, readable(str(path), "Parquet", NO_HEADER):
         for first, values in columns:
             file.seek(first)
             seen = 0
             while seen < values:
-                size, count, is_data = _page(path, file)
+                size, count, is_data = _page(file)
                 seen += count if is_data else 0
                 pages, unpacked, numbers = pages + 1, unpacked + size, numbers + count
                 require_room(path, pages, "pages", BYTES_PER_PAGE)
@@ -62,26 +62,19 @@ def require_room_for_pages(path: Path, columns: Iterable[tuple[int, int]]) -> No
                 require_room(path, numbers, "numbers in pages", 8)
 
 
-def _page(path: Path, file: BinaryIO) -> tuple[int, int, bool]:
+def _page(file: BinaryIO) -> tuple[int, int, bool]:
     """Of a page, which is then passed: how many bytes it unpacks to, how many values it has, and whether these are of
     rows, not of a dictionary (PageHeader in parquet-format's parquet.thrift).
     """
-    try:
-        header = _thrift(file)
-        size, packed = abs(header[2]), abs(header[3])
-        count = next((abs(header[kind][1]) for kind in (5, 7, 8) if kind in header), 0)
-    except (IndexError, KeyError, TypeError, RecursionError):
-        raise FileFormatError(
-            f"{path}: cannot be read as Parquet (a page without a whole header), expected a whole Parquet file: write "
-            "it anew"
-        ) from None
-    file.seek(packed, os.SEEK_CUR)
-    return size, count, 7 not in header
+    header = _thrift(file)
+    count = next((abs(header[kind][1]) for kind in (5, 7, 8) if kind in header), 0)
+    file.seek(abs(header[3]), os.SEEK_CUR)
+    return abs(header[2]), count, 7 not in header
 
 
 def _thrift(file: BinaryIO) -> dict[int, Any]:
     """The fields of a struct in Thrift's compact protocol by their numbers: numbers and structs, of which a page's
-    header is made; None for a text.
+    header is made; nothing of use for a text.
     """
     fields: dict[int, Any] = {}
     number = 0
@@ -92,31 +85,19 @@ def _thrift(file: BinaryIO) -> dict[int, Any]:
 
 
 def _varint(file: BinaryIO) -> int:
-    number = 0
-    for shift in range(0, 70, 7):
-        byte = file.read(1)[0]
-        number |= (byte & 127) << shift
-        if byte < 128:
-            return number
-    raise IndexError
-
-
-def _zigzag(file: BinaryIO) -> int:
-    number = _varint(file)
-    return (number >> 1) ^ -(number & 1)
-
-
-def _skipped(file: BinaryIO) -> None:
-    file.seek(_varint(file), os.SEEK_CUR)
+    byte = file.read(1)[0]
+    return byte if byte < 128 else (byte & 127) + (_varint(file) << 7)
 
 
 VALUES: dict[int, Callable[[BinaryIO], Any]] = {
     **dict.fromkeys((1, 2), lambda _: None),
-    **dict.fromkeys((4, 5, 6), _zigzag),
-    8: _skipped,
+    **dict.fromkeys((4, 5, 6), lambda file: (number := _varint(file)) >> 1 ^ -(number & 1)),
+    8: lambda file: file.seek(_varint(file), os.SEEK_CUR),
     12: _thrift,
 }
 """Of Thrift's types those that a page's header has: truth values, whole numbers, a text, a struct."""
+NO_HEADER = (ArithmeticError, LookupError, OSError, RecursionError, TypeError, ValueError)
+"""What bytes raise that are none."""
 
 
 @dataclass(frozen=True)
