@@ -11,6 +11,7 @@ import signal
 import sys
 import warnings
 from contextlib import suppress
+from itertools import pairwise
 
 SAID = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "its terminal is gone"}
 ENDS = {getattr(signal, name): said for name, said in SAID.items() if hasattr(signal, name)}
@@ -18,6 +19,7 @@ ENDS = {getattr(signal, name): said for name, said in SAID.items() if hasattr(si
 RESERVED = 1 << 24
 """Bytes that the threads of a core may reserve and do not use."""
 READERS = ("info", "calibrate", "diagnose", "compensate", "verify", "weigh")
+OUTPUTS = ("-o", "--output", "--report")
 ROOM, BYTES_PER_BYTE = 5 << 28, 1 << 7
 """Bytes of memory for a verb that reads recordings, whatever they are, and for each of their bytes: ten minutes at
 1 kHz take a tenth of it, packed as tightly as noise allows.
@@ -79,7 +81,9 @@ def _bound_memory() -> None:
         with suppress(OSError, ValueError), open("/sys/fs/cgroup/memory.max", "rb") as file:
             most.append(int(file.read()))  # of a container
         if sys.argv[1:2] and sys.argv[1] in READERS and "-" not in sys.argv:
-            most.append(ROOM + BYTES_PER_BYTE * sum(map(_size, sys.argv[2:])))
+            most.append(
+                ROOM + BYTES_PER_BYTE * sum(_size(each) for flag, each in pairwise(sys.argv[1:]) if flag not in OUTPUTS)
+            )
         soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if soft == resource.RLIM_INFINITY:
             resource.setrlimit(resource.RLIMIT_DATA, (min(most) + (os.cpu_count() or 1) * RESERVED, hard))
@@ -88,7 +92,8 @@ def _bound_memory() -> None:
 
 def _size(argument: str) -> int:
     """Bytes of the file that an argument names, or of all in a folder; 0 for none."""
-    path = argument if os.path.lexists(argument) else argument.partition("=")[2]
+    flag, _, value = argument.partition("=")
+    path = argument if os.path.lexists(argument) else value * (flag not in OUTPUTS)
     within = [os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names]
     return sum(os.path.getsize(file) for file in within or [path] if os.path.isfile(file))
 
