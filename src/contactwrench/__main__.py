@@ -11,12 +11,19 @@ import signal
 import sys
 import warnings
 from contextlib import suppress
+from itertools import pairwise
 
 SAID = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "its terminal is gone"}
 ENDS = {getattr(signal, name): said for name, said in SAID.items() if hasattr(signal, name)}
 """What a signal says; the exit status is 128 and its number."""
 RESERVED = 1 << 24
 """Bytes that the threads of a core may reserve and do not use."""
+READERS = ("info", "calibrate", "diagnose", "compensate", "verify", "weigh")
+OUTPUTS = ("-o", "--output", "--report")
+ROOM, BYTES_PER_BYTE = 5 << 28, 1 << 7
+"""Bytes of memory for a verb that reads recordings, whatever they are, and for each of their bytes: ten minutes at
+1 kHz take a tenth of it, packed as tightly as noise allows.
+"""
 _temporary: list[str] = []
 """Files and folders that Python's `tempfile` has made, those that are gone again too."""
 
@@ -63,17 +70,32 @@ def _leave(number: int, _: object) -> None:
 
 
 def _bound_memory() -> None:
-    """Let what does not fit into memory be an error that can be said, before the machine swaps or ends the program."""
+    """Let what does not fit into memory be an error that can be said, before the machine swaps or ends the program; of
+    what reads recordings also what takes more than files of their size hold.
+    """
     with suppress(ImportError, OSError, ValueError):  # another system than Linux: as it is
         import resource
 
         with open("/proc/meminfo", "rb") as file:
-            left = [int(line.split()[1]) << 10 for line in file if line.startswith(b"MemAvailable:")]
+            most = [int(line.split()[1]) << 10 for line in file if line.startswith(b"MemAvailable:")]
         with suppress(OSError, ValueError), open("/sys/fs/cgroup/memory.max", "rb") as file:
-            left.append(int(file.read()))  # of a container
+            most.append(int(file.read()))  # of a container
+        if sys.argv[1:2] and sys.argv[1] in READERS and "-" not in sys.argv:
+            most.append(
+                ROOM + BYTES_PER_BYTE * sum(_size(each) for flag, each in pairwise(sys.argv[1:]) if flag not in OUTPUTS)
+            )
         soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
         if soft == resource.RLIM_INFINITY:
-            resource.setrlimit(resource.RLIMIT_DATA, (min(left) + (os.cpu_count() or 1) * RESERVED, hard))
+            resource.setrlimit(resource.RLIMIT_DATA, (min(most) + (os.cpu_count() or 1) * RESERVED, hard))
+            os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # pyarrow's own reserves a GiB beforehand
+
+
+def _size(argument: str) -> int:
+    """Bytes of the file that an argument names, or of all in a folder; 0 for none."""
+    flag, _, value = argument.partition("=")
+    path = argument if os.path.lexists(argument) else value * (flag not in OUTPUTS)
+    within = [os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names]
+    return sum(os.path.getsize(file) for file in within or [path] if os.path.isfile(file))
 
 
 if __name__ == "__main__":

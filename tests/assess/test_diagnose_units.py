@@ -29,6 +29,30 @@ def diagnosed(folder: Path, force: float, torque: float, header: str = "tx,ty,tz
     return diagnose(interpretations(written(folder, text)), "mount")
 
 
+@pytest.mark.parametrize("mass", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize(
+    ("force", "torque", "label"),
+    [
+        pytest.param(1.0, 1 / LBF / INCH, "--units force=N,torque=lbfin", id="N, lbf in"),
+        pytest.param(1.0, 100 / G, "--units force=N,torque=kgfcm", id="N, kgf cm"),
+        pytest.param(1 / G, 100 / G, "--units force=kgf,torque=kgfcm", id="kgf, kgf cm"),
+        pytest.param(1 / LBF, 1 / LBF / INCH, "--units force=lbf,torque=lbfin", id="lbf, lbf in"),
+    ],
+)
+def test_the_reading_that_was_meant_is_listed(
+    mass: float, force: float, torque: float, label: str, tmp_path: Path
+) -> None:
+    """Of tools of any mass, in inches and centimetres, beside forces in N too."""
+    com = COM * np.cbrt(mass)
+    readings = noisy_readings(Rig(mass * G, com, np.ones(6), np.eye(3), DOWN), R, NOISE, np.random.default_rng(2))
+    text = Written(QUAT, quat).text(R, readings * np.repeat([force, torque], 3))
+    diagnosis = diagnose(interpretations(written(tmp_path, text)), "mount")
+    meant = next(each for each in diagnosis.unseen if each.label == label)
+    assert (meant.mass, meant.odd) == (pytest.approx(mass, rel=0.02), "")
+    assert meant.com == pytest.approx(com, rel=0.05, abs=3e-3)
+    assert f"{label} (plausible)" in diagnosis_text(diagnosis)
+
+
 @pytest.mark.parametrize(
     ("force", "torque", "why", "label"),
     [
@@ -61,7 +85,10 @@ def test_a_tool_that_can_be_is_left_alone(tmp_path: Path) -> None:
     assert verdict(diagnosis).endswith("; no other reading explains it better: the file is read rightly")
     head = "Free air cannot tell these from the first (plausible) either; weigh the tool:\n"
     columns, *plausible, _, reversed_ = diagnosis_text(diagnosis).partition(head)[2].splitlines()
-    assert len(plausible) == 6
+    assert len(plausible) == len([each for each in diagnosis.unseen if not each.odd and REVERSED not in each.label])
+    assert {"--units force=N,torque=kgfcm", "--units force=N,torque=lbfin"} <= {
+        line.split("  ")[-1][:-12] for line in plausible
+    }
     assert columns.split() == ["mass", "kg", "com", "mm", "interpretation"]
     assert plausible[0] == "      9.99     2.0,    3.1,   60.0  --units force=kgf,torque=kgfm (plausible)"
     assert all(line.endswith(" (plausible)") for line in plausible)

@@ -68,6 +68,23 @@ def test_a_bad_fit_is_written_by_force_only(tmp_path: Path, capsys: Capture, mod
     assert cw.Calibration.load(target).verdict == "weak"
 
 
+def test_a_bad_fit_takes_the_place_of_no_file(tmp_path: Path, capsys: Capture) -> None:
+    """--force replaces a calibration, or writes a bad fit: never both at once."""
+    target = tmp_path / "tool.json"
+    assert run(capsys, "calibrate", PANDA, "--model", "mount", "-o", target).status == 0
+    good = target.read_bytes()
+    done = run(capsys, *BADLY_READ, "--model", "mount", "-o", target, "--force")
+    assert (done.status, target.read_bytes()) == (1, good)
+    assert done.err.endswith(f"; {target} stays as it was: with --force it is written to a new name\n")
+    assert "Wrote" not in done.out
+    again = run(capsys, "calibrate", PANDA, "--model", "mount", "-o", target, "--force")
+    assert again.status == 0
+    assert again.out.endswith(f"Wrote the calibration to {target}\n")
+    target.write_bytes(b"")
+    assert run(capsys, *BADLY_READ, "--model", "mount", "-o", target, "--force").status == 1
+    assert cw.Calibration.load(target).verdict == "weak"
+
+
 @pytest.mark.parametrize("flags", [["--json"], ["-o", "-"]])
 def test_a_bad_fit_is_printed(capsys: Capture, flags: list[str]) -> None:
     done = run(capsys, *BADLY_READ, "--model", "mount", *flags)

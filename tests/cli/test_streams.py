@@ -93,7 +93,10 @@ def test_too_little_memory_is_one_line_that_names_the_recording(
 ) -> None:
     path = written(tmp_path, "fx\n1\n")
     _failing(monkeypatch, MemoryError())
-    expected = "needs more memory than there is, expected a recording that fits: split it"
+    expected = (
+        "needs more memory than there is, or than a whole file of its size, expected a recording that fits: split it, "
+        "or is it damaged"
+    )
     assert run(capsys, "info", path).complaint == f"{path}: {expected}"
 
 

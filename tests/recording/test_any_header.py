@@ -35,7 +35,11 @@ TORQUE = {
     "mNm": 1e-3,
     "lbf in": POUND * INCH,
     "lbf-in": POUND * INCH,
+    "lbs in": POUND * INCH,
+    "inch pounds": POUND * INCH,
     "kgf cm": G * 1e-2,
+    "kg-cm": G * 1e-2,
+    "cm kgf": G * 1e-2,
 }
 TIME = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ANGLE = {"deg": np.pi / 180.0, "°": np.pi / 180.0, "degrees": np.pi / 180.0, "rad": 1.0}

@@ -68,7 +68,7 @@ SAYS_MORE = "expected at most {most}: is it damaged, or were they never written?
         ({"rows": 2**60}, "1152921504606846976 rows", 2**20),
         ({"rows_of_group": 2**60}, "1152921504606846976 rows", 2**20),
         ({"size": 2**60}, "1152921504606846976 bytes", 2**27),
-        ({"values": 2**60}, "1152921504606846976 numbers in lists", 2**24),
+        ({"values": 2**60}, "1152921504606846976 numbers", 2**24),
     ],
 )
 def test_parquet_that_states_more_than_it_can_hold(

@@ -97,7 +97,9 @@ def calibrate(
     require_mass: Annotated[
         str | None, typer.Option(metavar="LOW,HIGH", help="Exit 1 unless the mass, kg, lies inside by its std.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing output; write a bad fit.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace an existing output, never by a bad fit; write that to a new name.")
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 unless the verdict is good.")] = False,
     json: options.Json = False,
     recordings: Recordings,

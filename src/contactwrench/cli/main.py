@@ -35,9 +35,16 @@ from .verify import verify
 from .weigh import weigh
 
 BAD = 2
-OUTPUTS = ("-o", "--output", "--report", "--out")
+NO_RECORDINGS = ("-o", "--output", "--report", "--out", "-c", "--calibration", "--prior")
 TRACEBACK = "CONTACTWRENCH_TRACEBACK"
 """The variable of the environment that asks for the traceback of an error of the program's own."""
+
+OF_MEMORY = ("failed to map segment", "start new thread")
+"""What else than a MemoryError says that there is too little: a library that is not loaded, a thread."""
+NO_MEMORY = (
+    "needs more memory than there is, or than a whole file of its size, expected a recording that fits: split it, or "
+    "is it damaged"
+)
 
 app = typer.Typer(
     name="contactwrench",
@@ -116,8 +123,10 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
         return _say(f"{' '.join(error.format_message().split()).rstrip('.')}: try '{command} --help'")
     except typer.Abort as error:  # of typer's own, where a verb raised EOFError
         raise error.__cause__ or error from None
-    except MemoryError:
-        return _say(f"{_largest_input()}needs more memory than there is, expected a recording that fits: split it")
+    except (MemoryError, ImportError, RuntimeError) as error:
+        if not (isinstance(error, MemoryError) or any(words in str(error) for words in OF_MEMORY)):
+            raise
+        return _say(f"{_largest_input()}{NO_MEMORY}")
     return status if isinstance(status, int) else 0
 
 
@@ -135,7 +144,7 @@ def _of_the_system(error: OSError) -> str:
 
 def _largest_input() -> str:
     """The recording, as far as the command line tells, to begin a message with."""
-    files = [this for option, this in pairwise(sys.argv[1:]) if option not in OUTPUTS and os.path.exists(this)]
+    files = [this for option, this in pairwise(sys.argv[1:]) if option not in NO_RECORDINGS and os.path.exists(this)]
     return f"{max(files, key=lambda file: (os.path.isdir(file), os.path.getsize(file)))}: " if files else ""
 
 

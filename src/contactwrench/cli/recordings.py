@@ -128,6 +128,8 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(verb)
     def run(**values: Any) -> Any:
         recordings = _recordings(**{option: values.pop(option) for option in READING[name]})
+        import scipy.linalg.blas  # noqa: F401 - waits for ever where a recording has left too little memory for it
+
         if "file" in READING[name] and not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
         result = verb(**values, **{name: recordings})

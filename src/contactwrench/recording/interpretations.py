@@ -33,7 +33,7 @@ SHIFTED, BOTH_KINDS, ONE_KIND, TORQUE_REVERSED = 2.0, 2.0, 3.0, 2.5
 """What a change costs, in changes as likely as a wrong flag (see diagnose.py): the rarer the mistake, the more."""
 
 UNITS_OF_SENSORS = {
-    "N": ("N m", "N mm", "N cm"),
+    "N": ("N m", "N mm", "N cm", "kgf cm", "lbf in"),
     "kgf": ("N m", "kgf m", "kgf cm"),
     "lbf": ("N m", "lbf in", "lbf ft"),
     "mN": ("N m", "mN m"),

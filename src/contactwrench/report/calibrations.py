@@ -27,13 +27,13 @@ from ..statistics import meaningful_digits
 @dataclass(frozen=True, eq=False)
 class Calibrated:
     """The calibrations of recordings, what each `missed` of the accuracy and of the mass that were required (an empty
-    text: nothing), and what was `written` where, if not `held_back` for a bad fit.
+    text: nothing), and what was `written` where, unless a bad fit was `held_back`: it says what would write it.
     """
 
     calibrations: tuple[Calibration, ...]
     missed: tuple[tuple[str, str], ...]
     written: tuple[tuple[str, Path], ...]
-    held_back: bool = False
+    held_back: str = ""
 
     @property
     def text(self) -> str:
@@ -44,10 +44,10 @@ class Calibrated:
         """Why the check fails, a line each: a bad fit; an accuracy or a mass that is missed; with `strict`, a verdict
         that is not good.
         """
-        lines, unwritten = [], "; not written, --force writes it" if self.held_back else ""
+        lines = []
         for c, (accuracy, mass) in zip(self.calibrations, self.missed, strict=True):
             where = f"{c.provenance['source']}: " if len(self.calibrations) > 1 else ""
-            lines += [f"{where}The fit is bad: {text}{unwritten}" for text in _bad_fit(c)]
+            lines += [f"{where}The fit is bad: {text}{self.held_back}" for text in _bad_fit(c)]
             lines += [f"{where}Required accuracy missed: at a new orientation, {accuracy}"] if accuracy else []
             lines += [f"{where}Requirement missed: {mass}; contactwrench diagnose lists other units"] if mass else []
             if strict and c.verdict != "good":
@@ -103,7 +103,7 @@ def calibrate_recordings(
         report: a page about the calibration.
         required: the most error to be expected of the contact force, N, and of the torque, N m, at a new orientation.
         required_mass: kg, the least and the most; the mass is to lie inside by its std. Not for `affine`.
-        force: save bad fits too.
+        force: save bad fits too, though never in place of a file that is there.
 
     Raises:
         ContactWrenchError: as reading, fitting and writing raise it.
@@ -125,7 +125,7 @@ def calibrate_recordings(
         fitted = (calibrate(recordings[0], model, prior=prior, sensor_offset=sensor_offset, **stated),)
     created = datetime.now(UTC).isoformat(timespec="seconds")
     calibrations = tuple(replace(c, provenance={**c.provenance, "created": created}) for c in fitted)
-    held_back = bool(paths) and not force and any(map(_bad_fit, calibrations))
+    held_back = _held_back(paths, force) if any(map(_bad_fit, calibrations)) else ""
     paths = [] if held_back else paths
     if shared and output is not None and paths:
         make_folder(output)
@@ -160,6 +160,14 @@ def output_files(files: Sequence[Path], output: Path | None, several: bool) -> l
                 "--output out"
             )
     return targets
+
+
+def _held_back(paths: Sequence[Path], force: bool) -> str:
+    """Why bad fits are not written to `paths`, and what to do; nothing where they are."""
+    if paths and not force:
+        return "; not written, --force writes it"
+    there = next((path for path in paths if path.is_file() and path.stat().st_size), None)
+    return f"; {there} stays as it was: with --force it is written to a new name" if there else ""
 
 
 def _missed(calibration: Calibration, required: tuple[float | None, float | None]) -> str:

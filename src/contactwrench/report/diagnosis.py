@@ -15,7 +15,6 @@ from ..geometry.arrays import Array
 from ..statistics import two_digits
 from .text import json_text
 
-MOST_UNSEEN = 6
 LIKELY_CAUSES = (
     "Likely causes: poses that hardly tilt the tool, a pose in contact, a sensor that was zeroed during the recording, "
     "an arm that still moved, a cable that pulls, a tool too light for the sensor, or a controller that already "
@@ -76,9 +75,12 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 
 def _unseen(d: Diagnosis) -> list[str]:
-    """What the tool would be in other units, the most plausible ones, and with the torques reversed."""
-    shown = [each for each in d.unseen if not each.odd][:MOST_UNSEEN]
-    shown += [each for each in d.unseen if each.label == REVERSED and each not in shown]
+    """What the tool would be in other units, and with the torques as stated reversed, the most plausible first."""
+    units = [each for each in d.unseen if not each.odd and not each.label.endswith(f", {REVERSED}")]
+    shown = [
+        *(each for each in units if each.label != REVERSED),
+        *(each for each in d.unseen if each.label == REVERSED),
+    ]
     if not shown:
         return []
     lines = ["", f"Free air cannot tell these from the first ({d.best.odd or 'plausible'}) either; weigh the tool:"]

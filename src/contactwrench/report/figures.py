@@ -208,7 +208,7 @@ def drawing(columns: int, size: tuple[float, float], rows: int = 1) -> Iterator[
     try:
         import matplotlib as mpl
         from matplotlib.figure import Figure
-    except ImportError:
+    except ModuleNotFoundError:
         raise MissingExtraError(
             "the report needs matplotlib, which is not installed: pip install 'contactwrench[report]'"
         ) from None

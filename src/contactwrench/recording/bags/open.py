@@ -181,12 +181,8 @@ def one_line_errors(path: Path) -> Iterator[None]:
     """Whatever the readers, and the libraries under them, raise for a file becomes `FileFormatError`."""
     try:
         yield
-    except ContactWrenchError:
+    except (ContactWrenchError, MemoryError):
         raise
-    except MemoryError:
-        raise FileFormatError(
-            f"{path}: needs more memory than there is, expected a whole recording that fits: split it, or copy it again"
-        ) from None
     except PermissionError as error:
         raise FileAccessError(
             f"{path}: cannot be read ({(error.strerror or str(error)).lower()}): check the path and its permissions"

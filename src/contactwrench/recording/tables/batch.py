@@ -1,28 +1,31 @@
-"""What files that store their numbers column by column have in common: lists as columns, and rows of numbers."""
+"""What files that store their numbers column by column have in common: lists as columns, rows, and how much they may
+state.
+"""
 
 from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ContactWrenchError, FileFormatError
+from ...files import open_bytes
 from ...geometry.arrays import Array
 from .columns import Column, shown
 
 MOST_ELEMENTS = 64
 """Longer lists are images, spectra and the like: they stand for no columns."""
 
-ROOM, BYTES_PER_ROW = 2**27, 2**7
-"""Bytes of memory: of what any file may state to hold, and of a row. A larger file may state as many rows as it has
-bytes: readings have noise, which nothing packs so tightly.
+ROOM, BYTES_PER_ROW, BYTES_PER_PAGE = 2**27, 2**7, 2**10
+"""Bytes of memory: of what any file may state to hold, of a row, and of a page. A larger file may state as many rows as
+it has bytes: readings have noise, which nothing packs so tightly.
 """
 
 
@@ -35,6 +38,66 @@ def require_room(path: str | Path, count: int, what: str, each: int = 1) -> None
             f"{path}: found {count} {what} in a file of {size} bytes, expected at most {most}: is it damaged, or were "
             "they never written? record or export it again"
         )
+
+
+def require_room_for_pages(path: Path, columns: Iterable[tuple[int, int]]) -> None:
+    """Raise `FileFormatError` where the pages of a Parquet file state more than a file of its size holds: whatever its
+    foot says, what they state is what they take when they are unpacked.
+
+    Args:
+        path: the file.
+        columns: of each the byte at which its first page begins, and the number of its values.
+    """
+    pages = unpacked = numbers = 0
+    with open_bytes(path) as file, readable(str(path), "Parquet", NO_HEADER):
+        for first, values in columns:
+            file.seek(first)
+            seen = 0
+            while seen < values:
+                size, count, is_data = _page(file)
+                seen += count if is_data else 0
+                pages, unpacked, numbers = pages + 1, unpacked + size, numbers + count
+                require_room(path, pages, "pages", BYTES_PER_PAGE)
+                require_room(path, unpacked, "bytes in pages")
+                require_room(path, numbers, "numbers in pages", 8)
+
+
+def _page(file: BinaryIO) -> tuple[int, int, bool]:
+    """Of a page, which is then passed: how many bytes it unpacks to, how many values it has, and whether these are of
+    rows, not of a dictionary (PageHeader in parquet-format's parquet.thrift).
+    """
+    header = _thrift(file)
+    count = next((abs(header[kind][1]) for kind in (5, 7, 8) if kind in header), 0)
+    file.seek(abs(header[3]), os.SEEK_CUR)
+    return abs(header[2]), count, 7 not in header
+
+
+def _thrift(file: BinaryIO) -> dict[int, Any]:
+    """The fields of a struct in Thrift's compact protocol by their numbers: numbers and structs, of which a page's
+    header is made; nothing of use for a text.
+    """
+    fields: dict[int, Any] = {}
+    number = 0
+    while head := file.read(1)[0]:
+        number = number + (head >> 4) if head >> 4 else _varint(file)
+        fields[number] = VALUES[head & 15](file)
+    return fields
+
+
+def _varint(file: BinaryIO) -> int:
+    byte = file.read(1)[0]
+    return byte if byte < 128 else (byte & 127) + (_varint(file) << 7)
+
+
+VALUES: dict[int, Callable[[BinaryIO], Any]] = {
+    **dict.fromkeys((1, 2), lambda _: None),
+    **dict.fromkeys((4, 5, 6), lambda file: (number := _varint(file)) >> 1 ^ -(number & 1)),
+    8: lambda file: file.seek(_varint(file), os.SEEK_CUR),
+    12: _thrift,
+}
+"""Of Thrift's types those that a page's header has: truth values, whole numbers, a text, a struct."""
+NO_HEADER = (ArithmeticError, LookupError, OSError, RecursionError, TypeError, ValueError)
+"""What bytes raise that are none."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +117,10 @@ def readable(source: str, kind: str, errors: tuple[type[Exception], ...]) -> Ite
     """Raise `FileFormatError` for what a library for files of a `kind` cannot read, which raises one of `errors`."""
     try:
         yield
-    except ContactWrenchError:
+    except (ContactWrenchError, MemoryError):
         raise
     except errors as error:
+        bytearray(ROOM)  # where memory is short, MemoryError, whatever the library says
         reason = shown(str(error).partition("\n")[0].partition(". ")[0], 100)
         raise FileFormatError(
             f"{source}: cannot be read as {kind} ({reason}), expected a whole {kind} file: write it anew"

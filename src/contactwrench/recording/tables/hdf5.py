@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ DEEPEST = 32
 EPISODES = re.compile(r"((?:.*/)?)(?:demo|episode|traj)_?(\d{1,18})")
 
 
-_readable = partial(readable, kind="HDF5", errors=(OSError, RuntimeError, KeyError, ValueError, TypeError))
+_readable = partial(readable, kind="HDF5", errors=(OSError, RuntimeError, KeyError, ValueError, TypeError, zlib.error))
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ def _opened(path: str | Path) -> Iterator[Any]:
     """An open HDF5 file. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`."""
     try:
         import h5py
-    except ImportError:
+    except ModuleNotFoundError:
         raise MissingExtraError("HDF5 needs h5py, which is not installed: pip install 'contactwrench[hdf5]'") from None
     with open_bytes(path):
         pass

@@ -10,13 +10,20 @@ import re
 from collections.abc import Iterator, Sequence
 from math import prod
 from typing import Any, TypeGuard
+from zlib import decompressobj
 
 import numpy as np
 
 from ...errors import FileFormatError, InputError
 from ...geometry.orientation import CONVENTIONS, convention
-from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Field, require_room
+from .batch import BYTES_PER_ROW, MOST_ELEMENTS, ROOM, Field, require_room
 from .columns import POSITION, WRENCH_COLUMNS, shown
+
+GZIP, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32000
+BOUNDED: tuple[list[int], ...] = ([], [SHUFFLE], [GZIP], [LZF], [SHUFFLE, GZIP], [SHUFFLE, LZF])
+"""Filters of chunks, by their numbers in the format, and those that unpack to no more than what was packed can hold."""
+MOST_BY_GZIP = 1032
+"""Bytes that one byte can become (zlib's technical details)."""
 
 
 def fields_found(group: Any) -> list[Field]:
@@ -93,7 +100,34 @@ def dataset_at(group: Any, path: str, source: str) -> Any:
     chunks = [-(-n // max(k, 1)) for n, k in zip(dataset.shape, dataset.chunks or dataset.shape, strict=True)]
     if prod(chunks) > (dataset.id.get_num_chunks() if dataset.chunks else dataset.id.get_storage_size()):
         raise FileFormatError(f"{where}: found rows that were never written, expected readings: leave them out")
+    if dataset.chunks:
+        _require_packed_as_stated(dataset, where)
     return dataset
+
+
+def _require_packed_as_stated(dataset: Any, where: str) -> None:
+    """Raise `FileFormatError` for chunks that unpack to more than they state, and for filters that take from the file
+    how much that is: HDF5 holds none of them to it.
+    """
+    properties = dataset.id.get_create_plist()
+    filters = [properties.get_filter(k)[0] for k in range(properties.get_nfilters())]
+    if [code for code in filters if code != CHECKSUM] not in BOUNDED:
+        raise FileFormatError(
+            f"{where}: found rows packed by filters {', '.join(map(str, filters))}, expected gzip or LZF, alone or "
+            "after shuffle: write it anew"
+        )
+    large: list[Any] = []
+    if GZIP in filters:
+        dataset.id.chunk_iter(lambda chunk: large.append(chunk) if MOST_BY_GZIP * chunk.size > ROOM else None)
+    size = bytes_at_once(dataset)
+    for chunk in large:
+        _, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        is_packed = not chunk.filter_mask >> filters.index(GZIP) & 1
+        if is_packed and len(decompressobj().decompress(packed, size + 1)) > size:
+            raise FileFormatError(
+                f"{where}: found a chunk that unpacks to more than the {size} bytes that it states, expected as many: "
+                "write it anew"
+            )
 
 
 def bytes_at_once(dataset: Any) -> int:
@@ -124,7 +158,10 @@ def _with_units(dataset: Any, path: str, names: dict[int, str]) -> Iterator[Fiel
 
 def _units(dataset: Any) -> list[str]:
     """What an attribute `units` says: for all columns alike, for each, or for force and torque."""
-    stated = np.ravel(dataset.attrs.get("units", dataset.attrs.get("unit", ""))).tolist()
+    name = next((name for name in ("units", "unit") if name in dataset.attrs), "")
+    if not name or prod(dataset.attrs.get_id(name).shape) > MOST_ELEMENTS:  # that many are no units
+        return [""]
+    stated = np.ravel(dataset.attrs[name]).tolist()
     texts = [text.decode(errors="replace") if isinstance(text, bytes) else str(text) for text in stated]
     return [shown(unit.strip()) for text in texts for unit in re.split("[,;]", text)]
 

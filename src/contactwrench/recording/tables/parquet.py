@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError, MissingExtraError
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
-from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room
+from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room, require_room_for_pages
 from .columns import ROWS, Column, Naming, OpenTable, places_of, shown
 from .episodes import EPISODE, one_episode
 from .roles import wrench_columns
@@ -198,12 +198,15 @@ def _described(path: str | Path) -> tuple[list[_Part], list[Field]]:
     return parts, list(chain.from_iterable(fields))
 
 
-def _require_room(part: Path, metadata: Any) -> None:
+def _require_room(path: Path, metadata: Any) -> None:
+    """Raise `FileFormatError` where a file states more than one of its size holds, in its foot or page by page."""
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
-    require_room(part, max(metadata.num_rows, sum(group.num_rows for group in groups)), "rows", BYTES_PER_ROW)
-    require_room(part, sum(group.total_byte_size for group in groups), "bytes")
-    lists = [k for k in range(metadata.num_columns) if metadata.schema.column(k).max_repetition_level]
-    require_room(part, sum(group.column(k).num_values for group in groups for k in lists), "numbers in lists", 8)
+    chunks = [group.column(k) for group in groups for k in range(metadata.num_columns)]
+    require_room(path, max(metadata.num_rows, sum(group.num_rows for group in groups)), "rows", BYTES_PER_ROW)
+    require_room(path, sum(max(chunk.total_uncompressed_size, 0) for chunk in chunks), "bytes")
+    require_room(path, sum(max(chunk.num_values, 0) for chunk in chunks), "numbers", 8)
+    starts = [(chunk.dictionary_page_offset or chunk.data_page_offset, chunk.num_values) for chunk in chunks]
+    require_room_for_pages(path, starts)
 
 
 def _episodes(metadata: Any) -> tuple[float, float] | None:
@@ -262,7 +265,7 @@ def _lengths(file: Any, paths: list[tuple[str, ...]]) -> dict[tuple[str, ...], i
 def _records(path: Path, columns: list[str] | None, rows: int) -> Iterator[Any]:
     """Record batches of some columns, or of all, of at most `rows` rows."""
     with _opened(path) as file, _readable(str(path)):
-        yield from file.iter_batches(batch_size=rows, columns=columns)
+        yield from file.iter_batches(rows, columns=columns, use_threads=False)  # one that cannot start hangs
 
 
 @contextmanager
@@ -289,7 +292,7 @@ def import_parquet() -> Any:
     """The Parquet module of pyarrow, or the error that says how to install it."""
     try:
         import pyarrow.parquet as pq
-    except ImportError:
+    except ModuleNotFoundError:
         raise MissingExtraError(
             "Parquet needs pyarrow, which is not installed: pip install 'contactwrench[parquet]'"
         ) from None

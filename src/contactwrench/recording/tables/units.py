@@ -10,6 +10,13 @@ from ...geometry.wrench import STANDARD_GRAVITY
 LBF, INCH = 4.4482216152605, 0.0254
 """N and m, by the definitions of the international pound and inch."""
 
+
+def _levers(forces: str, lengths: str) -> str:
+    """How a torque is spelled: a force and a length, in either order, as lbf in and in-lb."""
+    pairs = [(force, length) for force in forces.split() for length in lengths.split()]
+    return " ".join(f"{force}{length} {length}{force}" for force, length in pairs)
+
+
 _KGF, _DEGREES = 1.0 / STANDARD_GRAVITY, 180.0 / 3.141592653589793
 UNITS: dict[str, dict[str, tuple[float, str]]] = {
     "force": {
@@ -26,11 +33,11 @@ UNITS: dict[str, dict[str, tuple[float, str]]] = {
         "N cm": (1e2, "ncm"),
         "mN m": (1e3, "mnm"),
         "kN m": (1e-3, "knm"),
-        "kgf m": (_KGF, "kgfm"),
-        "kgf cm": (1e2 * _KGF, "kgfcm"),
-        "kgf mm": (1e3 * _KGF, "kgfmm"),
-        "lbf in": (1.0 / (LBF * INCH), "lbfin lbin inlbf inlb inlbs"),
-        "lbf ft": (1.0 / (LBF * 12.0 * INCH), "lbfft lbft ftlbf ftlb ftlbs"),
+        "kgf m": (_KGF, _levers("kgf kp kg", "m")),
+        "kgf cm": (1e2 * _KGF, _levers("kgf kp kg", "cm")),
+        "kgf mm": (1e3 * _KGF, _levers("kgf kp kg", "mm")),
+        "lbf in": (1.0 / (LBF * INCH), _levers("lbf lb lbs pound pounds", "in inch inches")),
+        "lbf ft": (1.0 / (LBF * 12.0 * INCH), _levers("lbf lb lbs pound pounds", "ft foot feet")),
     },
     "time": {
         "s": (1.0, "s sec secs second seconds sek sekunden"),
@@ -60,7 +67,7 @@ FOR_UNITS = ("force", "torque", "angle", "time", "length")
 
 def unit_of(quantity: str, text: str) -> str | None:
     """The unit of a quantity that `text` spells, as `UNITS` names it; None where it is none."""
-    compact = re.sub(r"[\s_.*·⋅^-]+", "", plain(text))
+    compact = re.sub(r"[\s_.*·⋅•×^-]+", "", plain(text))
     return None if MEGANEWTON in text else SPELLED[quantity].get(compact)
 
 
