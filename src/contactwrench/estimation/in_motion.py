@@ -47,7 +47,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
     """
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
-    samples = _as_stamped(samples)
+    samples = as_stamped(samples)
     motion = flange_motion(samples)
     shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
     if shaken > ARM_IS_LARGER:
@@ -99,7 +99,7 @@ def tool_of(calibration: Calibration) -> RigidTool:
     return RigidTool(*parts, calibration.gravity_direction)
 
 
-def _as_stamped(samples: Samples) -> Samples:
+def as_stamped(samples: Samples) -> Samples:
     """The samples with the orientation that belongs to each reading, where rows came with one and are late."""
     delay, std = samples.delay, samples.delay_std
     in_rows = samples.pose_period is None and samples.t is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -15,6 +15,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.findings import BIAS_MOVED
 from ..calibration.observability import LEVER
 from ..calibration.text import alternative_rows, fit_facts, fit_rows, headline, parameter_rows, verdict_sentences
+from ..estimation.findings_of_recording import contact_free
 from ..files import write_text
 from ..geometry.arrays import Array
 from ..model import AXES
@@ -23,7 +24,7 @@ from ..samples.samples import Samples
 from ..samples.still_segments import still_segments
 from ..statistics import three_digits
 from ..version import __version__
-from . import figures, signals
+from . import figures, in_motion, signals
 
 HEAD = {"source": "file", "created": "calibrated", "robot": "robot", "wrench_topic": "sensor"}
 """What the head says of the provenance, as far as anybody stated it."""
@@ -77,7 +78,8 @@ def _section(section: Section) -> str:
         f"{_verdict(c, section.missed)}"
         f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div>"
         f"<div>{figure_html(drawn, axes) if drawn else ''}</div></div>"
-        f"<h3>Fit</h3>{_fit(c)}{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}{_left_out(c)}"
+        f"<h3>Fit</h3>{_fit(c)}{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}"
+        f"{_in_motion(c, section.samples)}{_left_out(c)}"
         f"{''.join(_poses(c)) if c.fitted_poses else many}{_provenance(c)}</section>\n"
     )
 
@@ -174,6 +176,20 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
         f"Green: the {len(still.accepted)} stretches, {seconds:.3g} s in all, in which arm and reading were still; "
         f"those at one orientation are one pose.{numbered} The angle is that from where the arm began.",
     )
+
+
+def _in_motion(c: Calibration, samples: Samples | None) -> str:
+    """What is left while the arm moves, of a calibration that knows the inertia."""
+    if samples is None or c.dynamics is None or samples.t is None or samples.position is None:
+        return ""
+    free = contact_free(samples)[0]
+    said = (
+        "What is left of the readings, less weight and bias alone, and less the inertia too; the spectrum is of the "
+        f"whole recording. {c.dynamics.seconds:.3g} s of motion told the inertia; the poses tell accelerations up to "
+        f"{c.dynamics.bandwidth:.2g} Hz."
+    )
+    drawn = in_motion.left_in_motion(c, replace(free, delay=c.delay, delay_std=c.delay_std))
+    return "<h3>In motion</h3>" + figure_html(drawn, said)
 
 
 def _left_out(c: Calibration) -> str:

@@ -1,0 +1,61 @@
+"""What a recording leaves in motion, with the inertia and without: over time, and by frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..calibration.calibration import Calibration
+from ..estimation.in_motion import as_stamped
+from ..geometry.arrays import Array
+from ..samples.flange_motion import flange_motion
+from ..samples.samples import Samples
+from .figures import METHODS, PARTS, WIDTH, drawing, svg_text
+from .signals import envelope
+
+WITHOUT, WITH = METHODS["gravity only"][0], METHODS["full"][0]
+LONGEST_WINDOW = 4.0
+"""s, of which spectra are averaged."""
+LOWEST = 1e-6
+"""Of a logarithmic scale."""
+
+
+def left_in_motion(calibration: Calibration, samples: Samples) -> str:
+    """The norm of force and torque left over time, the most in each moment, and the spectrum of the force."""
+    samples = as_stamped(samples)
+    motion = flange_motion(samples)
+    t, known = np.asarray(samples.t) - calibration.first_time, motion.inside
+    left = {
+        "without inertia": calibration.compensate(samples.wrench, samples.R_base_flange),
+        "with inertia": calibration.compensate(samples.wrench, samples.R_base_flange, motion=motion),
+    }
+    with drawing(3, (WIDTH, 3.2)) as (figure, axes):
+        for (name, wrench), colour in zip(left.items(), (WITHOUT, WITH), strict=True):
+            norms = [scale * np.linalg.norm(wrench[:, part : part + 3], axis=1) for part, _, scale in PARTS]
+            most = envelope(t[known], np.stack(norms, axis=1)[known])
+            for ax, values in zip(axes[:2], most.high.T, strict=True):
+                ax.plot(most.t, np.maximum(values, LOWEST), color=colour, lw=0.7, label=name)
+            frequency, density = _spectrum(t, wrench[:, :3])
+            axes[2].plot(frequency, np.maximum(density, LOWEST), color=colour, lw=0.9, label=name)
+        for ax, (_, name, _) in zip(axes[:2], PARTS, strict=True):
+            ax.set_yscale("log")
+            ax.set_xlabel("time, s")
+            ax.set_ylabel(f"left over, {name}")
+        axes[2].set_xscale("log")
+        axes[2].set_yscale("log")
+        axes[2].set_xlabel("frequency, Hz")
+        axes[2].set_ylabel("force left, N/√Hz")
+        for ax in axes:
+            ax.yaxis.set_major_formatter("{x:g}")
+        axes[2].xaxis.set_major_formatter("{x:g}")
+        axes[0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
+        return svg_text(figure)
+
+
+def _spectrum(t: Array, force: Array) -> tuple[Array, Array]:
+    """Frequencies, Hz, and the amplitude density of a force (n, 3), N/√Hz, all axes together."""
+    from scipy.signal import welch
+
+    rate = 1.0 / float(np.median(np.diff(t)))
+    rows = min(len(t), round(LONGEST_WINDOW * rate))
+    frequency, power = welch(force, rate, nperseg=rows, axis=0)
+    return frequency[1:], np.sqrt(power.sum(axis=1))[1:]
