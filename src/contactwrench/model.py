@@ -9,11 +9,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from .geometry.arrays import Array, Frozen
+from .geometry.arrays import Array, Frozen, read_only
 from .geometry.rotations import rotation_exp
 from .geometry.wrench import cross_matrix
 
@@ -32,6 +34,7 @@ LINEAR_PARAMETERS = (
 MOUNT = ("mount_x", "mount_y", "mount_z")
 GRAVITY = ("gravity_a", "gravity_b")
 AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+ABOUT_AXES = cross_matrix(np.eye(3))
 
 PARAMETERS: dict[str, tuple[str, ...]] = {
     "paper": (*LINEAR_PARAMETERS, "yaw"),
@@ -68,8 +71,8 @@ def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
     """Two unit vectors a, b (base axes) that complete `gravity_direction` to a right-handed base (a, b, d)."""
     x, y, z = gravity_direction.tolist()
     across = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))[int(np.argmin(np.abs(gravity_direction)))]
-    a = np.array(across) / np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
-    return a, cross_matrix(gravity_direction) @ a
+    p, q, r = (part / math.hypot(*across) for part in across)
+    return np.array([p, q, r]), np.array([y * r - z * q, z * p - x * r, x * q - y * p])
 
 
 def gravity_in_flange(R_base_flange: Array, gravity_direction: Array) -> Array:
@@ -148,7 +151,7 @@ def response_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     R_sensor_flange, d = tool.R_flange_sensor.T, tool.gravity_direction
     force = np.zeros((9, 3, 3))
     torque = np.zeros((9, 3, 3))
-    turn = cross_matrix(np.eye(3)) @ R_sensor_flange
+    turn = ABOUT_AXES @ R_sensor_flange
     com = cross_matrix(tool.com)
     force[0], torque[0] = R_sensor_flange, com @ R_sensor_flange
     torque[1:4] = tool.weight * turn
@@ -157,10 +160,22 @@ def response_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     a, b = horizontal_axes(d)
     J = response_of(np.concatenate([force, torque], axis=1), d)
     J[7:] = response_of(wrench_matrix(tool)[:, :3], np.stack([-b, a]))
+    return J[_of_response(names)]
+
+
+@cache
+def _of_response(names: tuple[str, ...]) -> list[int]:
     place = {name: k for k, name in enumerate((*LINEAR_PARAMETERS[:4], *MOUNT, *GRAVITY))} | {"yaw": 6}
-    return J[[place[name] for name in names if name in place]]
+    return [place[name] for name in names if name in place]
 
 
+@cache
+def all_but_the_bias(names: tuple[str, ...]) -> list[int]:
+    """Where the parameters `names` are that are not the bias."""
+    return [k for k, name in enumerate(names) if not name.startswith("bias")]
+
+
+@cache
 def mounting_turn(names: tuple[str, ...]) -> Array:
     """How the mounting turns, about the sensor's own axes (rad), with each parameter `names`: (3, p)."""
     about = {"mount_x": 0, "mount_y": 1, "mount_z": 2, "yaw": 2}
@@ -168,7 +183,7 @@ def mounting_turn(names: tuple[str, ...]) -> Array:
     for k, name in enumerate(names):
         if name in about:
             turn[about[name], k] = 1.0
-    return turn
+    return read_only(turn)
 
 
 def matrix_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
@@ -179,8 +194,7 @@ def matrix_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     """
     J = np.zeros((6, 4, len(names)))
     unit_r = RigidTool(tool.weight, tool.com, tool.bias, tool.R_flange_sensor, np.array([0.0, 0.0, 1.0]))
-    for column, R in enumerate(_R_BASE_FLANGE_WITH_DOWN_ALONG):
-        J[:, column] = wrench_jacobian(unit_r, R[None], names)[0]
+    J[:, :3] = wrench_jacobian(unit_r, _R_BASE_FLANGE_WITH_DOWN_ALONG, names).transpose(1, 0, 2)
     J[:, :3, 4:10] = 0.0
     J[:, 3, 4:10] = np.eye(6)
     if "gravity_a" in names:
@@ -200,17 +214,12 @@ _R_BASE_FLANGE_WITH_DOWN_ALONG = np.array(
 
 def stepped(tool: RigidTool, step: Array, names: tuple[str, ...]) -> RigidTool:
     """The tool after a step (p,) in the parameters `names`: additive, but on the manifold for the two rotations."""
-    moved = replace(tool, weight=tool.weight + float(step[0]), com=tool.com + step[1:4], bias=tool.bias + step[4:10])
-    if "yaw" in names:
-        turn = np.array([0.0, 0.0, step[10]])
-        moved = replace(moved, R_flange_sensor=tool.R_flange_sensor @ rotation_exp(turn))
-    if "mount_x" in names:
-        moved = replace(moved, R_flange_sensor=tool.R_flange_sensor @ rotation_exp(step[10:13]))
-    if "gravity_a" in names:
-        a, b = horizontal_axes(tool.gravity_direction)
-        turn = step[-2] * a + step[-1] * b
-        moved = replace(moved, gravity_direction=rotation_exp(turn) @ tool.gravity_direction)
-    return moved
+    d = tool.gravity_direction
+    if GRAVITY[0] in names:
+        a, b = horizontal_axes(d)
+        d = rotation_exp(step[-2] * a + step[-1] * b) @ d
+    R_flange_sensor = tool.R_flange_sensor @ rotation_exp(mounting_turn(names) @ step)
+    return RigidTool(tool.weight + float(step[0]), tool.com + step[1:4], tool.bias + step[4:10], R_flange_sensor, d)
 
 
 def small_change_about(before: RigidTool, after: RigidTool, names: tuple[str, ...]) -> Array:

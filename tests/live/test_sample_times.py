@@ -103,10 +103,10 @@ def test_lines_of_two_kinds_have_one_clock() -> None:
 
 @pytest.mark.parametrize("robot", [True, False], ids=["both", "robot gone"])
 def test_the_motion_that_is_kept_is_bounded(robot: bool) -> None:
-    """Of a sensor at 10 kHz."""
-    motion, step = Motion(), 0.1
+    """Of a sensor four times as fast as what is kept."""
+    motion, step, period = Motion(), 0.1, 0.25 / RATE
     for k in range(round(1.5 * SECONDS / step)):
-        t = [100.0 + step * k + 1e-4 * i for i in range(1000)]
+        t = [100.0 + step * k + period * i for i in range(round(step / period))]
         readings = [Reading(each, each, (0.0,) * 6, (0.0,) * 4, "") for each in t]
         poses = [Pose(t[0], (0.0, 0.0, 0.0, 1.0), (0.0,) * 3)] if robot else []
         motion.add(Turn(readings, poses), t[-1])

@@ -24,6 +24,8 @@ from contactwrench.samples.samples import OrientationStream, Samples, Streams, W
 from tests.support.moving import gravity_alone, rig_recording, two_streams, whole_arm, with_joints
 from tests.support.recordings import Array
 
+pytestmark = pytest.mark.usefixtures("without_other_models")
+
 TRUE = 0.0137
 """Of `gravity_alone`, s."""
 NEAR = 0.1

@@ -31,6 +31,8 @@ from tests.support.rigs import NOISE, example, noisy
 from tests.support.runs import Run, run
 from tests.support.world import Array, readings
 
+pytestmark = pytest.mark.usefixtures("without_other_models")
+
 pytest.importorskip("mujoco")
 
 

@@ -87,12 +87,11 @@ def natural_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ..
 
 def require_separable(J: Array, names: tuple[str, ...], R_base_flange: Array, gravity_direction: Array) -> None:
     """Raise `UnobservableError` unless the natural Jacobian J (m, p) has full rank."""
-    missing = np.zeros((max(len(names) - len(J), 0), len(names)))
-    _, s, Vt = np.linalg.svd(np.vstack([J, missing]), full_matrices=False)
-    unseen = s < LEAST_SINGULAR_VALUE * s[0]
+    squared, directions = np.linalg.eigh(J.T @ J)
+    unseen = squared < LEAST_SINGULAR_VALUE**2 * squared[-1]
     if not unseen.any():
         return
-    share = np.sqrt(np.sum(Vt[unseen] ** 2, axis=0))
+    share = np.sqrt(np.sum(directions[:, unseen] ** 2, axis=1))
     named = [name for name, part in zip(names, share, strict=True) if part > 0.1]
     raise UnobservableError(
         f"cannot separate {', '.join(named)} (rank {int(np.sum(~unseen))} of {len(names)}): "

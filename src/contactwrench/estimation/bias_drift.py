@@ -23,6 +23,7 @@ FEW_COLUMNS, MOST_OF_MANY = 3, 50.0
 """What has more columns can take up all that is left of few readings: strengths beyond are one model with ever less
 noise, and would count several times.
 """
+STRENGTHS_OF_MANY = STRENGTHS[STRENGTHS < MOST_OF_MANY]
 
 ODDS = {Kind.BIAS_DRIFTED: 0.13, Kind.BIAS_WANDERED: 0.4, Kind.BIAS_STEPPED: 0.09}
 """Before the readings, against a steady bias and independent errors; of a step, that it happened anywhere."""
@@ -59,7 +60,7 @@ class Drift:
     @property
     def strengths(self) -> Array:
         """How strong it may be, in units of the noise."""
-        return STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS[STRENGTHS < MOST_OF_MANY]
+        return STRENGTHS if self.columns.shape[1] <= FEW_COLUMNS else STRENGTHS_OF_MANY
 
 
 @dataclass(frozen=True, eq=False)

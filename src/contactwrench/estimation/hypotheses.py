@@ -12,11 +12,10 @@ from itertools import product
 
 import numpy as np
 
-from ..geometry.arrays import Array
-from ..model import RigidTool
+from ..model import RigidTool, all_but_the_bias
 from .least_squares import Priors
 from .noise import ALIKE, AXES
-from .priors import EXACT_TILT_SD, Knowledge, Question, known_com, known_gravity, nominal_mounting
+from .priors import EXACT_TILT_SD, Question, rows_of
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
 """Of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
@@ -79,42 +78,22 @@ def priors_at(
     tool: RigidTool, names: tuple[str, ...], hypotheses: tuple[Hypothesis, ...], question: Question
 ) -> Priors:
     """What is known beforehand under each hypothesis, linearised at `tool`."""
-    columns = [k for k, name in enumerate(names) if not name.startswith("bias")]
-
-    def rows(piece: Knowledge) -> tuple[Array, Array, float]:
-        known = piece(tool, names)
-        J = known.jacobian[:, columns]
-        return J.T @ J, J.T @ known.residuals, float(known.residuals @ known.residuals)
-
+    columns, h = all_but_the_bias(names), len(hypotheses)
     auto = question.model == "auto" and question.earlier is None
-    within = np.full(3, np.hypot(COM_SD, np.linalg.norm(tool.com)))
-    pieces = (*question.knowledge, *((known_com(np.zeros(3), within),) if auto else ()))
-    p = len(columns)
-    common = [rows(piece) for piece in pieces]
-    information = sum((part[0] for part in common), np.zeros((p, p)))
-    pull = sum((part[1] for part in common), np.zeros(p))
-    misfit = sum(part[2] for part in common)
-    tilts = [rows(nominal_mounting(1.0)), rows(known_gravity(question.gravity_direction, 1.0))] if auto else []
-    h = len(hypotheses)
-    result = Priors(
-        np.broadcast_to(information, (h, p, p)).copy(),
-        np.broadcast_to(pull, (h, p)).copy(),
-        np.full(h, misfit),
-        np.zeros((h, p, p)),
+    known = rows_of((*question.knowledge, *(question.nominal if auto else ())), tool, names)
+    J, off = (known.jacobian[:, columns], known.residuals) if known else (np.zeros((0, len(columns))), np.zeros(0))
+    precision, of_volume = np.ones((h, len(off))), np.zeros((h, len(columns), len(columns)))
+    if auto:
+        tilts = np.array([[0.0 if sd is None else sd**-2.0 for sd in (each.mount, each.base)] for each in hypotheses])
+        precision[:, -7:-4] = 1.0 / (COM_SD**2 + float(tool.com @ tool.com))
+        precision[:, -4:] = np.repeat(tilts, 2, axis=1)
+        of_volume += np.multiply.outer(tilts[:, 0] == 0.0, J[-4:-2].T @ J[-4:-2])
+        of_volume[:, [-2, -1], [-2, -1]] += tilts[:, 1:] == 0.0
+    return Priors(
+        (J.T * precision[:, None, :]) @ J,
+        (precision * off) @ J,
+        precision @ off**2,
+        of_volume,
         np.array([hypothesis.log_prior for hypothesis in hypotheses]),
         np.array([hypothesis.apart for hypothesis in hypotheses]),
     )
-    if not auto:
-        return result
-    around = rows(known_gravity(tool.gravity_direction, 1.0))[0]
-    for k, hypothesis in enumerate(hypotheses):
-        for sd, (known, pull, off), volume in zip(
-            (hypothesis.mount, hypothesis.base), tilts, (tilts[0][0], around), strict=True
-        ):
-            if sd is None:
-                result.of_volume[k] += volume
-            else:
-                result.information[k] += known / sd**2
-                result.pull[k] += pull / sd**2
-                result.misfit[k] += off / sd**2
-    return result

@@ -102,7 +102,8 @@ def solved(
     flat = own.reshape(m, 6, -1)
     after, of_products = np.ones((m, p + 1)), np.zeros((m, 2, p + 1, p + 1))
     for k in range(passes):
-        weighted = (np.exp(-log_variance)[:, None, :] @ flat).reshape(m, p + 1, p + 1)
+        precision = np.exp(-log_variance)
+        weighted = (precision[:, None, :] @ flat).reshape(m, p + 1, p + 1)
         normal = _regular(weighted[:, :p, :p] + scaled_information)
         covariance = np.linalg.inv(normal)
         np.negative((covariance @ (weighted[:, :p, p] + scaled_pull)[..., None])[..., 0], out=after[:, :p])
@@ -110,7 +111,7 @@ def solved(
         of_products[:, 1, :p, :p] = covariance
         sums = flat @ of_products.reshape(m, 2, -1).transpose(0, 2, 1)
         squares = np.maximum(sums[:, :, 0], 1e-12 * at_tool)
-        dof = np.maximum(moments.n - 1.0 - sums[:, :, 1] * np.exp(-log_variance), 0.0)
+        dof = np.maximum(moments.n - 1.0 - sums[:, :, 1] * precision, 0.0)
         before = log_variance
         log_variance = noise.improved(before, squares, dof, apart, first=k == 0)
         if float(np.abs(log_variance - before).max(initial=0.0)) <= SETTLED:

@@ -35,6 +35,10 @@ AXES = {APART: 0.001, ALIKE: 0.999}
 more systematic error and chance than noise, and an axis that comes out exact by either would take over the fit.
 """
 
+OF_GROUP = np.kron(np.eye(2), np.ones((3, 3)))
+OFF_GROUP = np.eye(6) - OF_GROUP / 3.0
+"""Times values of the axes: of each axis, the sum over its group, and what it is off the mean of it."""
+
 LEAST_DOF = 0.05
 LARGEST_STEP = 2.0
 
@@ -203,21 +207,19 @@ class NoiseModel:
             total = np.maximum(dof.sum(axis=1) + self.stated.dof, LEAST_DOF)
             scale = np.maximum((squares / given).sum(axis=1) + self.stated.dof, 1e-300) / total
             return np.asarray(np.log(np.maximum(scale[:, None] * given, self.least)))
-        grouped, left = squares.reshape(-1, 2, 3), np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3)
-        least = np.log(self.least)
+        left, least = np.maximum(dof, LEAST_DOF), np.log(self.least)
+        all_left = left @ OF_GROUP
         if first:
-            level = np.log(np.maximum(grouped.sum(axis=2), 1e-300) / left.sum(axis=2))
-            return np.asarray(np.maximum(np.repeat(level, 3, axis=1), least))
-        own, pull = log_variance.reshape(-1, 2, 3), apart[:, None, None] ** -2.0
-        chi2 = grouped * np.exp(-own)
-        slope = 0.5 * (left - chi2) + pull * _off_group(own)
+            return np.asarray(np.maximum(np.log(np.maximum(squares @ OF_GROUP, 1e-300) / all_left), least))
+        pull = apart[:, None] ** -2.0
+        chi2 = squares * np.exp(-log_variance)
+        slope = 0.5 * (left - chi2) + pull * (log_variance @ OFF_GROUP)
         inverse = 1.0 / (0.5 * np.maximum(chi2, 0.5 * left) + pull)  # half: from far above it would leap
-        nothing_left = left.sum(axis=2, keepdims=True) <= 3.0 * LEAST_DOF  # of readings: their noise would vanish
-        inverse[((own <= least.reshape(2, 3)) | nothing_left) & (slope > 0.0)] = 0.0
+        nothing_left = all_left <= 3.0 * LEAST_DOF  # of readings: their noise would vanish
+        inverse[((log_variance <= least) | nothing_left) & (slope > 0.0)] = 0.0
         step = inverse * slope  # of diag(1 / inverse) less a third of the pull everywhere (Sherman and Morrison, 1950)
-        share = step.sum(axis=2, keepdims=True) / (3.0 / pull - inverse.sum(axis=2, keepdims=True))
-        step += inverse * share
-        moved = log_variance - np.minimum(np.maximum(step, -LARGEST_STEP), LARGEST_STEP).reshape(-1, 6)
+        step += inverse * (step @ OF_GROUP) / (3.0 / pull - inverse @ OF_GROUP)
+        moved = log_variance - np.minimum(np.maximum(step, -LARGEST_STEP), LARGEST_STEP)
         return np.asarray(np.maximum(moved, least))
 
     def log_volume(self, log_variance: Array, dof: Array, apart: Array) -> Array:
@@ -227,21 +229,12 @@ class NoiseModel:
         pull = apart[:, None] ** -2.0
         stiff = 0.5 * np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3) + pull[:, :, None]
         volume = np.log(stiff).sum(axis=2) + np.log1p(-pull / 3.0 * (1.0 / stiff).sum(axis=2))
-        prior = pull * np.sum(_off_group(log_variance.reshape(-1, 2, 3)) ** 2, axis=2) - 2.0 * np.log(pull)
-        total: Array = (volume + prior).sum(axis=1)
+        prior = pull[:, 0] * np.sum((log_variance @ OFF_GROUP) ** 2, axis=1) - 4.0 * np.log(pull[:, 0])
+        total: Array = volume.sum(axis=1) + prior
         return total
 
     def log_spread(self, dof: Array, apart: float) -> Array:
         """Covariance (6, 6) of the logarithms of the axes' variances, from the `dof` (6,) of each."""
         if self.stated is not None:
             return np.full((6, 6), 2.0 / max(float(dof.sum()) + self.stated.dof, LEAST_DOF))
-        precision = np.diag(0.5 * np.maximum(dof, LEAST_DOF))
-        for group in (slice(0, 3), slice(3, 6)):
-            precision[group, group] += (np.eye(3) - 1.0 / 3.0) / apart**2
-        return np.asarray(np.linalg.inv(precision))
-
-
-def _off_group(log_variance: Array) -> Array:
-    """What axes (m, 2, 3) are off the mean of their group."""
-    off: Array = log_variance - log_variance.sum(axis=2, keepdims=True) / 3.0
-    return off
+        return np.asarray(np.linalg.inv(np.diag(0.5 * np.maximum(dof, LEAST_DOF)) + OFF_GROUP / apart**2))

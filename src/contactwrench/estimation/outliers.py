@@ -42,6 +42,8 @@ CONCENTRATIONS, FINALISTS = 2, 12
 MOST_CONCENTRATIONS = 20
 VARIANCE_PASSES = 3
 FEWEST_POSES = 5
+OF_GROUPS = np.repeat(np.eye(2), 3, axis=0)
+"""(6, 2): sums over the forces, and over the torques."""
 
 
 def log_prior_outlying(n: int, k: int) -> float:
@@ -102,9 +104,12 @@ def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
     best = kept[np.argsort(problem.fit(kept).score)[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
-    clean = np.asarray(best[int(np.argmin(problem.fit(best).score))], dtype=bool)
+    fits = problem.fit(best)
+    first = int(np.argmin(fits.score))
+    clean: NDArray[np.bool_] = best[first]
+    distance = fits.distance[first]
     for _ in range(MOST_CONCENTRATIONS):
-        before, clean = clean, problem.likeliest(problem.fit(clean[None]).distance[0])
+        before, (clean, distance) = clean, problem.likeliest(distance)
         if (clean == before).all():
             break
     return clean
@@ -142,8 +147,8 @@ class _Trimmed:
     def fit(self, kept: NDArray[np.bool_]) -> _Fits:
         """The fits to the poses kept (k, n), forces and torques with variances of their own."""
         k, n = kept.shape
-        q = self.J.shape[2]
-        products = (kept.astype(np.float64) @ self.products).reshape(2, k, q + 1, q + 1)
+        q, share = self.J.shape[2], kept.astype(np.float64)
+        products = (share @ self.products).reshape(2, k, q + 1, q + 1)
         variance = np.array([1.0, self.unit[3] ** 2])[:, None] * self.rough * np.ones((2, k))
         count = kept.sum(axis=1)
         freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
@@ -154,10 +159,9 @@ class _Trimmed:
             scaled = normal / (unit[:, :, None] * unit[:, None, :]) + 1e-10 * np.eye(q)
             step = np.linalg.solve(scaled, ((total[:, :q, q] + self.pull) / unit)[..., None])[..., 0] / unit
             left = self.errors - (step @ self.J.reshape(6 * n, q).T).reshape(k, n, 6)
-            squares = (left**2).reshape(k, n, 2, 3).sum(axis=3)
-            variance = np.maximum(np.einsum("kng,kn->gk", squares, kept) / freedom, 1e-24)
-        log_det = np.linalg.slogdet(scaled)[1] + 2.0 * np.log(unit).sum(axis=1)
-        return _Fits(np.einsum("kng,gk->kn", squares, 1.0 / variance), left, variance, log_det)
+            squares = left**2 @ OF_GROUPS
+            variance = np.maximum((share[:, None, :] @ squares)[:, 0].T / freedom, 1e-24)
+        return _Fits((squares @ (1.0 / variance).T[:, :, None])[:, :, 0], left, variance, scaled, unit)
 
     def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
         """Each set replaced by the `h` poses nearest to its own fit, so many times."""
@@ -169,34 +173,38 @@ class _Trimmed:
                 break
         return kept
 
-    def likeliest(self, distance: Array) -> NDArray[np.bool_]:
-        """Of the sets that leave out the poses furthest off, by `distance` (n,), the one of the largest evidence."""
+    def likeliest(self, distance: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Of the sets that leave out the poses furthest off, by `distance` (n,), the one of the largest evidence, and
+        the distances from its fit.
+        """
         n = len(distance)
-        order, most = np.argsort(-distance), n // 2
-        masks = np.ones((most + 1, n), dtype=bool)
-        for k, mask in enumerate(masks):
-            mask[order[:k]] = False
+        place = np.empty(n, dtype=np.intp)
+        place[np.argsort(-distance)] = np.arange(n)
+        masks = place >= np.arange(n // 2 + 1)[:, None]
         fits = self.fit(masks)
         log_variance = np.log(fits.variance)
-        evidence = -0.5 * fits.log_det - 1.5 * n * log_variance.sum(axis=0)
+        log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
+        evidence = -0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
         for k, mask in enumerate(masks):
             z = fits.left[k, ~mask] / np.sqrt(np.repeat(fits.variance[:, k], 3))
             density = log_density_outlying(z) if k else 0.0
             prior = np.logaddexp(log_prior_outlying(n, k), log_prior_two_levels(n, k))
             evidence[k] += prior + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
-        return np.asarray(masks[int(np.argmax(evidence))], dtype=bool)
+        best = int(np.argmax(evidence))
+        return masks[best], fits.distance[best]
 
 
 @dataclass(frozen=True, eq=False)
 class _Fits:
     """Of a stack of fits: squared distances (k, n) of all poses in units of what is left in those kept, errors `left`
-    (k, n, 6), `variance` (2, k) of forces and of torques, and the logarithm of the information's determinant (k,).
+    (k, n, 6), `variance` (2, k) of forces and of torques, and the information (k, q, q), `scaled` by `unit` (k, q).
     """
 
     distance: Array
     left: Array
     variance: Array
-    log_det: Array
+    scaled: Array
+    unit: Array
 
     @property
     def score(self) -> Array:

@@ -140,15 +140,13 @@ def _deletion(problem: Problem, table: Table) -> tuple[Array, Array]:
     n = int(kept.sum())
     J = response_jacobian(table.tool, problem.names)
     R = problem.R_base_flange[kept].reshape(n, 9)
-    errors = problem.errors(table.tool)[kept] - R @ np.einsum("p,paj->aj", m.step[best], J).T
+    errors = problem.errors(table.tool)[kept] - R @ np.tensordot(m.step[best], J, 1).T
     X = np.concatenate([R, errors, np.ones((n, 1))], axis=1)
     KX = precision_times(L, strength, variance, X)
     of_one = KX[:, -1:]
     QX = (KX - of_one * (of_one[:, 0] @ X) / of_one.sum())[:, :15]
     diagonal = precision_diagonal(L, strength, variance) - of_one[:, 0] ** 2 / of_one.sum()
     inverse = 1.0 / m.variance[best]
-    Z = np.einsum("nj,paj->nap", QX[:, :9], J) * inverse[:, None]
-    D = diagonal[:, None, None] * np.diag(inverse) - np.einsum(
-        "nap,pq,nbq->nab", Z, m.covariance[best], Z, optimize=True
-    )
+    Z = np.tensordot(QX[:, :9], J, (1, 2)).transpose(0, 2, 1) * inverse[:, None]
+    D = diagonal[:, None, None] * np.diag(inverse) - Z @ m.covariance[best] @ Z.transpose(0, 2, 1)
     return QX[:, 9:] * inverse, D

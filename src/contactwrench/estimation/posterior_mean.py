@@ -35,12 +35,12 @@ STEP_NOT_EXCLUDED = 0.2
 that a bias that did step there is within some 3 std.
 """
 
-DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT, Kind.TWO_LEVELS)
+DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT)
 """Errors that a new orientation has anew."""
 
 
-def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> RigidEstimate:
-    """The mean of all members of the tables, which are linearised at one tool."""
+def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_out: bool) -> RigidEstimate:
+    """The mean of all members of the tables, which are linearised at one tool; with or without `held_out` errors."""
     names, columns, first = problem.names, problem.columns, tables[0]
     tool, bias = first.tool, slice(4, 10)
     J = response_jacobian(tool, names)
@@ -51,22 +51,22 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         m, share = table.members, weight[here]
         mean, own = _last_bias(problem, table)
         steps[here, columns] = m.step
-        of_mean = np.einsum("paj,kj->kap", J, mean[:, :9])
-        steps[here, bias] = mean[:, 9:] - np.einsum("kap,kp->ka", of_mean, m.step)
+        of_mean = np.tensordot(mean[:, :9], J, (1, 2)).transpose(0, 2, 1)
+        steps[here, bias] = mean[:, 9:] - (of_mean @ m.step[:, :, None])[:, :, 0]
         to_bias = -of_mean @ m.covariance
         C = np.zeros((len(share), len(names), len(names)))
         C[np.ix_(range(len(share)), columns, columns)] = m.covariance
         C[:, bias, columns] = to_bias
         C[:, columns, bias] = to_bias.transpose(0, 2, 1)
         C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + (own[:, None] * m.variance)[:, :, None] * np.eye(6)
-        within += np.einsum("k,kpq->pq", share, C)
+        within += np.tensordot(share, C, 1)
     step = weight @ steps
     moved = stepped(tool, step, names)
     axes = small_change_about(tool, moved, names)
     off = steps - step
-    covariance = axes @ (within + np.einsum("k,kp,kq->pq", weight, off, off)) @ axes.T
+    covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
     of_axes = axes @ _of_axes(problem, first) @ axes.T
-    covariance = covariance + np.einsum("a,apq->pq", _noisier_alone(problem, first) - 1.0, of_axes)
+    covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes, 1)
     of_parameters, of_B = of_orientation(problem, tables, weight)
     covariance = _nearest_positive(0.5 * (covariance + covariance.T), axes @ of_parameters @ axes.T)
     variance = weight @ np.concatenate([table.members.variance for table in tables])
@@ -93,7 +93,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings) -> Ri
         dof=_dof(problem, first, of_axes, covariance),
         kept=first.kept,
         errors=errors,
-        held_out=deleted_errors(problem, first),
+        held_out=deleted_errors(problem, first) if held_out else None,
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
@@ -147,16 +147,14 @@ def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
     """What a field over orientations, or two levels of the bias, adds to the variance (6,) of a pose's reading: at a
     new orientation it is there anew.
     """
-    added, k = np.zeros(6), 0
-    for table in tables:
-        for member in range(len(table.members.kernel)):
+    added = np.zeros(6)
+    for table, here in _members(tables):
+        for member, share in enumerate(weight[here]):
             drift, strength = table.kernel_of(member)
-            if drift.kind in DIFFER_ANEW:
-                if drift.kind is Kind.TWO_LEVELS:
-                    added += weight[k] * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
-                else:
-                    added += weight[k] * strength**2 * table.members.variance[member]
-            k += 1
+            if drift.kind is Kind.TWO_LEVELS:
+                added += share * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
+            elif drift.kind in DIFFER_ANEW:
+                added += share * strength**2 * table.members.variance[member]
     return added
 
 
@@ -190,7 +188,7 @@ def _of_axes(problem: Problem, table: Table) -> Array:
     mean, own = _last_bias(problem, table)
     to_all = np.zeros((len(names), len(of_step)))
     to_all[problem.columns] = np.eye(len(of_step))
-    to_all[4:10] = -np.einsum("paj,j->ap", response_jacobian(table.tool, names), mean[best, :9])
+    to_all[4:10] = -(response_jacobian(table.tool, names) @ mean[best, :9]).T
     contribution: Array = to_all @ of_axis @ to_all.T
     axes = np.arange(6)
     contribution[axes, 4 + axes, 4 + axes] += own[best] * m.variance[best]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -79,6 +80,11 @@ class Question:
     priors: TiltPriors = TiltPriors()
     knowledge: tuple[Knowledge, ...] = ()
     earlier: RigidTool | None = None
+
+    @cached_property
+    def nominal(self) -> tuple[Knowledge, ...]:
+        """That the centre of mass is the sensor's, and mounting and base not tilted; standard deviations 1 m, 1 rad."""
+        return known_com(np.zeros(3), 1.0), nominal_mounting(1.0), known_gravity(self.gravity_direction, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
-from ..model import PARAMETERS, RigidTool
+from ..geometry.arrays import Array
+from ..model import PARAMETERS, RigidTool, response
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import Hypothesis, hypotheses_of, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .least_squares import gram
-from .moments import moments_of
 from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import ODDS, orientation_errors
 from .posterior import explored
@@ -62,7 +62,7 @@ def estimated(
     Args:
         readings: of the poses, in the order of time where that tells.
         question: `yaw`, `mount`, `mount+base` or `auto`.
-        plain: all poses belong, and the bias is steady.
+        plain: all poses belong, the bias is steady, and nobody asks for held-out errors.
         begin: where to, of a model other than `auto`; None: everywhere is looked at.
     """
     problem = _problem(readings, question, plain or len(readings) > MOST_JUDGED)
@@ -74,7 +74,7 @@ def estimated(
         of_stops = float(np.mean(readings.least_variance / found))
         problem = replace(problem, relative=1.0 + min(of_stops, 1.0) * (relative - 1.0))
         tables = [settled(problem, tables[0].tool, table.kept, table.hypotheses) for table in tables[:1]] + tables[1:]
-    return mean_of(problem, tables, readings)
+    return mean_of(problem, tables, readings, held_out=not plain)
 
 
 FEWEST_FOR_ORIENTATION = 5
@@ -138,25 +138,28 @@ def _settled_only(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesi
 def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = None) -> RigidTool:
     """The most promising guess, brought close to its optimum under a steady bias."""
     kept = np.ones(len(problem.wrench), dtype=bool) if kept is None else kept
-    guesses = initial_guesses(
-        problem.R_base_flange[kept], problem.wrench[kept], search, problem.question.gravity_direction
-    )
+    R, wrench = problem.R_base_flange[kept], problem.wrench[kept]
+    guesses = initial_guesses(R, wrench, search, problem.question.gravity_direction)
+    both = np.column_stack([R.reshape(-1, 9), wrench])
+    rows: Array = np.linalg.qr(both - both.mean(axis=0)).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
-    return min((_approached(problem, guess, kept, wide) for guess in guesses), key=lambda reached: reached[0])[1]
+    reached = (_approached(problem, guess, rows, len(wrench), wide) for guess in guesses)
+    return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
 
 
 def _approached(
-    problem: Problem, tool: RigidTool, kept: NDArray[np.bool_], wide: Hypothesis
+    problem: Problem, tool: RigidTool, rows: Array, poses: int, wide: Hypothesis
 ) -> tuple[float, RigidTool]:
-    """The misfit that is reached from a guess, and the tool there."""
-    R = problem.R_base_flange[kept].reshape(-1, 9)
-    steady = problem.kernels.select(np.zeros(1, dtype=np.intp)).of_poses(kept)
+    """The misfit that is reached from a guess, and the tool there; centred `rows` (k, 15) of orientation and reading
+    have the moments of all `poses`.
+    """
+    R, wrench = np.split(rows, [9], axis=1)
     weight = 1.0 / relative_variances(problem.question.noise)
     for _ in range(SETTLE_ITERATIONS):
-        X = np.concatenate([R, problem.errors(tool)[kept]], axis=1)
-        G = gram(tool, problem.names, moments_of(X, problem.relative[kept], steady).S)[0]
+        X = np.concatenate([R, wrench - R @ response(tool).T], axis=1)
+        G = gram(tool, problem.names, (X.T @ X)[None])[0]
         misfit = float(weight @ G[:, -1, -1])
-        total = np.einsum("a,aij->ij", weight / max(misfit / (6.0 * len(R)), 1e-30), G)
+        total = np.tensordot(weight / max(misfit / (6.0 * poses), 1e-30), G, 1)
         known = priors_at(tool, problem.names, (wide,), problem.question)
         information = total[:-1, :-1] + known.information[0]
         unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100

@@ -16,6 +16,7 @@ from ..geometry.arrays import Array
 from ..model import (
     GRAVITY,
     RigidTool,
+    all_but_the_bias,
     free_wrench,
     gravity_in_flange,
     response_jacobian,
@@ -78,7 +79,7 @@ class Problem:
     @property
     def columns(self) -> list[int]:
         """Of the parameters: those that are not the bias."""
-        return [k for k, name in enumerate(self.names) if not name.startswith("bias")]
+        return all_but_the_bias(self.names)
 
     def errors(self, tool: RigidTool) -> Array:
         """What `tool` leaves in the readings, (n, 6)."""
@@ -137,7 +138,8 @@ def table_at(
     n = len(problem.wrench)
     X = np.concatenate([problem.R_base_flange.reshape(n, 9), problem.errors(tool)], axis=1)[kept]
     among = np.arange(len(problem.kernels.drift)) if among is None else among
-    unseen = np.array([(drift.first_after or 0) > np.flatnonzero(kept)[-1] for drift in problem.kernels.drifts])
+    last = np.flatnonzero(kept)[-1]
+    unseen = np.array([(drift.first_after or 0) > last for drift in problem.kernels.drifts])
     among = among[~unseen[problem.kernels.drift[among]]]
     kernels = problem.kernels.select(among)
     moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
@@ -157,12 +159,11 @@ def table_at(
     together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
     k, h = np.nonzero(together > -NEAR)
     members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
-    members = replace(members, log_evidence=members.log_evidence + _log_plausible(tool, kernels, members))
-    members = members.select(members.log_evidence > members.log_evidence.max() - FAR)
-    table = Table(tool, hypotheses, kept, problem.kernels, replace(members, kernel=among[members.kernel]))
-    return replace(
-        table, members=replace(table.members, log_evidence=members.log_evidence + _of_the_rest(problem, table))
-    )
+    log_evidence = members.log_evidence + _log_plausible(tool, kernels, members)
+    members = replace(members, kernel=among[k], log_evidence=log_evidence)
+    members = members.select(log_evidence > log_evidence.max() - FAR)
+    table = Table(tool, hypotheses, kept, problem.kernels, members)
+    return replace(table, members=replace(members, log_evidence=members.log_evidence + _of_the_rest(problem, table)))
 
 
 def _log_plausible(tool: RigidTool, kernels: Kernels, members: Members) -> Array:
@@ -193,7 +194,7 @@ def explained(problem: Problem, table: Table, member: int) -> tuple[Array, Array
     """What a member leaves in all readings (n, 6) with its constant bias taken out, and what of that its kernel knows:
     the change of the bias, the pull of a cable.
     """
-    moved = np.einsum("p,paj->aj", table.members.step[member], response_jacobian(table.tool, problem.names))
+    moved = np.tensordot(table.members.step[member], response_jacobian(table.tool, problem.names), 1)
     errors = problem.errors(table.tool) - problem.R_base_flange.reshape(-1, 9) @ moved.T
     drift, strength = table.kernel_of(member)
     L, variance = drift.columns[table.kept], problem.relative[table.kept]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -14,11 +15,10 @@ from .wrench import cross_matrix
 
 def rotation_exp(vector: Array) -> Array:
     """The rotation matrix of a rotation vector (3,), rad (Rodrigues)."""
-    angle = float(np.sqrt(vector @ vector))
+    angle = math.hypot(*vector)
     K = cross_matrix(vector)
-    if angle < 1e-8:
-        return np.eye(3) + K + 0.5 * K @ K
-    R: Array = np.eye(3) + (np.sin(angle) / angle) * K + ((1.0 - np.cos(angle)) / angle**2) * K @ K
+    sine, rest = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-8 else (1.0, 0.5)
+    R: Array = np.eye(3) + sine * K + rest * (K @ K)
     return R
 
 

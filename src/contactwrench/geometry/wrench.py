@@ -18,6 +18,9 @@ STANDARD_GRAVITY = 9.80665
 def cross_matrix(v: ArrayLike) -> Array:
     """`[v]x`, (..., 3, 3), with `[v]x @ a = v x a`."""
     v = np.asarray(v, dtype=np.float64)
+    if v.ndim == 1:
+        x, y, z = v.tolist()
+        return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     matrix = np.zeros((*v.shape[:-1], 3, 3))
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
