@@ -17,6 +17,7 @@ from ..geometry.ranges import ON_FLANGE
 from ..model import RigidTool
 from ..samples.delay import is_significant
 from ..samples.flange_motion import FlangeMotion, flange_motion
+from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from .dynamic import Moved, moved
@@ -47,6 +48,8 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
     """
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
+    if not is_stream(samples):
+        raise _at_rest(samples, 0.0)
     samples = as_stamped(samples)
     motion = flange_motion(samples)
     shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
@@ -57,10 +60,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         )
     moments = motion_moments(samples, motion)
     if len(moments.products) < FEWEST_WINDOWS:
-        raise UnobservableError(
-            f"{samples.source}: found {moments.seconds:.3g} s of motion, expected {FEWEST_WINDOWS} s or more with "
-            f"turns about every axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
-        )
+        raise _at_rest(samples, moments.seconds)
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
     found = moved(tool, mass, names, calibration.covariance, calibration.noise, moments, stated)
@@ -89,6 +89,13 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
     findings = (*calibration.findings, *_findings(found, untold, inertia, dynamics, moments))
     return replace(complete, dynamics=dynamics, findings=findings)
+
+
+def _at_rest(samples: Samples, seconds: float) -> UnobservableError:
+    return UnobservableError(
+        f"{samples.source}: found {seconds:.3g} s of motion, expected {FEWEST_WINDOWS} s or more, turning about every "
+        f"axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
+    )
 
 
 def tool_of(calibration: Calibration) -> RigidTool:
