@@ -173,16 +173,20 @@ def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts
 
     types = tuple(map(typeof, (B, gravity_direction, readings, parts, result)))
     kernel = _compiled(_fused_from_quaternions if parts.shape[1] == 4 else _fused_from_matrices, types)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = min(MAX_THREADS, cores)
-    edges = np.linspace(0, len(readings), threads + 1).astype(int).tolist()
+    edges = np.linspace(0, len(readings), threads() + 1).astype(int).tolist()
 
     def doubtful_in(block: tuple[int, int]) -> int:
         rows = slice(*block)
         return kernel(B, gravity_direction, readings[rows], parts[rows], result[rows])
 
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         return sum(pool.map(doubtful_in, pairwise(edges))) == 0
+
+
+def threads() -> int:
+    """How many run side by side."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(MAX_THREADS, cores)
 
 
 @cache

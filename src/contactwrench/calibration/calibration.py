@@ -18,6 +18,7 @@ from ..samples.flange_motion import FlangeMotion
 from ..subtract import Step, compensate, stepper
 from .difference import Difference, difference
 from .fields import CalibrationFields
+from .subtract_motion import subtract_motion
 from .text import describe, flowed
 
 
@@ -160,7 +161,7 @@ class Calibration(CalibrationFields):
             raise InputError("found a motion and no inertia: calibrate with model dynamic, or leave the motion out")
         if contact.shape != (len(motion), 6):
             raise InputError(f"found {len(motion)} moments of motion, expected {len(contact)}, one for each reading")
-        contact -= motion.terms @ self.dynamics.matrix.T
+        subtract_motion(self.dynamics.matrix, motion, contact)
 
     def stepper(self) -> Step:
         """A function for one sample of plain floats, under 1 us.
