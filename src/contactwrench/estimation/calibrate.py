@@ -33,7 +33,7 @@ from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
 from .findings_of_recording import contact_free, of_recording, with_creep
-from .in_motion import with_motion
+from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels, inherited
@@ -106,6 +106,8 @@ def calibrate(
         calibration = assembled(recorded, question, origin)
         if model == "dynamic":
             calibration = with_motion(calibration, recorded.samples, sensor_offset)
+        elif prior is not None:
+            calibration = with_earlier_inertia(calibration, prior)
         return replace(calibration, findings=(*calibration.findings, *inherited(prior)))
     except (UnobservableError, AmbiguityError) as error:
         if samples.doubt:

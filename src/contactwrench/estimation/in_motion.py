@@ -98,6 +98,16 @@ def _at_rest(samples: Samples, seconds: float) -> UnobservableError:
     )
 
 
+def with_earlier_inertia(calibration: Calibration, earlier: Calibration) -> Calibration:
+    """The calibration of a new bias with the inertia of an `earlier` one of the same tool, where that knows it."""
+    if earlier.dynamics is None or calibration.mass is None:
+        return calibration
+    known = earlier.dynamics
+    matrix = inertial_matrix(tool_of(calibration), calibration.mass, known.inertia, known.sensor_offset)
+    apart = np.zeros((len(DYNAMIC_PARAMETERS), len(calibration.parameters)))
+    return replace(calibration, dynamics=replace(known, matrix=matrix, with_parameters=apart))
+
+
 def tool_of(calibration: Calibration) -> RigidTool:
     """The tool of a calibration. Raises `InputError` where the model has none."""
     if calibration.weight is None or calibration.com is None or calibration.R_flange_sensor is None:
