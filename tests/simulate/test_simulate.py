@@ -127,10 +127,10 @@ def test_a_saturated_reading_is_flagged_and_said(tmp_path: Path, capsys: Capture
 
 def test_the_truth_says_what_is_felt_in_motion_only(tmp_path: Path, capsys: Capture) -> None:
     target = tmp_path / "out.csv"
-    inertia = "--set=tool.inertia=[0.004,0.001,0,0.003,0,0.002]"
+    inertia = "--set=tool.inertia=[0.004,0.0005,0,0.003,0,0.002]"
     run(capsys, "simulate", "-o", target, inertia, "--set=mounting.height=0.05")
     truth = json.loads((tmp_path / "out.truth.json").read_text())
-    assert truth["inertia"] == [[0.004, 0.001, 0.0], [0.001, 0.003, 0.0], [0.0, 0.0, 0.002]]
+    assert truth["inertia"] == [[0.004, 0.0005, 0.0], [0.0005, 0.003, 0.0], [0.0, 0.0, 0.002]]
     assert truth["sensor_offset"] == [0.0, 0.0, 0.05]
 
 
