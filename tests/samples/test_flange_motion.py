@@ -166,6 +166,21 @@ def test_the_bandwidth_is_where_the_noise_of_the_poses_takes_over() -> None:
     assert np.std(found[1].acceleration[inside] - exact[inside]) < 0.02 * np.std(exact)
 
 
+def test_a_place_that_stays_does_not_end_the_bandwidth_of_a_turn() -> None:
+    """About the flange's own z, so that the place is nothing but noise, from 0 Hz on."""
+    analytic, rng = Analytic(np.arange(20_000) / 1000.0, 1.0), np.random.default_rng(4)
+    angle = np.sum([np.sin(2.0 * np.pi * f * analytic.t + f) / f for f in np.geomspace(0.3, 5.0, 12)], axis=0)
+    R = Rotation.from_euler("z", 0.1 * angle[:, None]).as_matrix()
+    for noise in (0.0, 1e-16, 1e-6):
+        place = np.array([0.5, 0.1, 0.4]) + noise * rng.normal(size=(20_000, 3))
+        assert flange_motion(cw.Samples(np.zeros((20_000, 6)), R, analytic.t, place)).bandwidth > 5.0
+    still = np.broadcast_to(np.eye(3), R.shape)
+    place = 1e-5 * rng.normal(size=(20_000, 3))
+    at_rest = flange_motion(cw.Samples(np.zeros((20_000, 6)), still, analytic.t, place))
+    assert at_rest.bandwidth == 1.0
+    assert np.abs(at_rest.acceleration).max() < 1e-3
+
+
 def test_another_base_is_the_same_motion() -> None:
     analytic = Analytic(np.arange(4000) / 1000.0, 2.0)
     turn = random_rotations(1, np.random.default_rng(3))[0]

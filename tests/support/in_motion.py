@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -47,17 +48,21 @@ class Moving:
         """Where the sensor's origin is (3,), m from the flange's, flange axes."""
         return np.array([0.0, 0.0, self.settings.mounting.height])
 
-    def samples(self, pose_rate: float | None = None, noise_deg: float = 0.0, noise_m: float = 0.0) -> cw.Samples:
-        """Readings, and poses with each of them or at their own rate, Hz, with noise of these std an axis."""
+    def samples(
+        self, pose_rate: float | None = None, noise_deg: float = 0.0, noise_m: float = 0.0, delay: float = 0.0
+    ) -> cw.Samples:
+        """Readings, `delay` s late, and poses with each of them or at their own rate, Hz, with noise of these std an
+        axis.
+        """
         rec = self.recorded
-        if pose_rate is None:
+        if pose_rate is None and not delay:
             return rec.samples
-        every = slice(None, None, round(rec.settings.recording.rate / pose_rate))
+        every = slice(None, None, 1 if pose_rate is None else round(rec.settings.recording.rate / pose_rate))
         rng = np.random.default_rng(len(rec.t))
         R, position = rec.R_base_flange[every], rec.position[every]
         turn = Rotation.from_rotvec(np.deg2rad(noise_deg) * rng.normal(size=(len(R), 3))).as_matrix()
         poses = OrientationStream(rec.t[every], R @ turn, position + noise_m * rng.normal(size=position.shape))
-        return synchronize(Streams(WrenchStream(rec.t, rec.wrench), poses), 0.0).samples
+        return synchronize(Streams(WrenchStream(rec.t, rec.wrench), poses), delay).samples
 
 
 def fast(seconds: float, rate: float, rng: np.random.Generator) -> Motion:
@@ -100,3 +105,16 @@ def moving(
     motion = Motion(np.arange(len(joined[0])) / rate, *joined)
     later = tuple(Push(begin + push.t_start, begin + push.t_end, push.force) for push in pushes)
     return Moving(record_motion(settings, motion, pushes=later, rng=rng), begin)
+
+
+@lru_cache
+def pushed() -> Moving:
+    """Eight stops and 15 s of motion at 500 Hz, in which 5 N push for a second and a half."""
+    return moving(5, stops=8, seconds=15.0, rate=500.0, pushes=(Push(4.0, 5.5, np.array([3.0, 0.0, 4.0])),))
+
+
+@lru_cache
+def calibrated(stated: bool = False) -> cw.Calibration:
+    """Of `pushed`, at 100 poses a second with noise of 0.01 deg and 0.02 mm; where the sensor is, is stated or not."""
+    samples = pushed().samples(100.0, 0.01, 2e-5)
+    return cw.calibrate(samples, "dynamic", sensor_offset=pushed().offset if stated else None)

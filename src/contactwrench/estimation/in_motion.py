@@ -17,13 +17,15 @@ from ..geometry.ranges import ON_FLANGE
 from ..model import RigidTool
 from ..samples.delay import is_significant
 from ..samples.flange_motion import FlangeMotion, flange_motion
+from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from .dynamic import Moved, moved
 from .motion_moments import FLAT, MotionMoments, motion_moments
 from .possible_tool import nearest_possible
 
-FEWEST_WINDOWS = 4
+LEAST_SECONDS = 4.0
+"""Of motion."""
 KNOWN = 0.5
 """Of what was thinkable before: a std that is larger was not told by the motion."""
 LITTLE_WEIGHT = 0.25
@@ -56,15 +58,16 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
             "they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
         )
     moments = motion_moments(samples, motion)
-    if len(moments.products) < FEWEST_WINDOWS:
+    seconds = moments.seconds if is_stream(samples) else 0.0
+    if seconds < LEAST_SECONDS:
         raise UnobservableError(
-            f"{samples.source}: found {moments.seconds:.3g} s of motion, expected {FEWEST_WINDOWS} s or more with "
+            f"{samples.source}: found {seconds:.3g} s of motion, expected {LEAST_SECONDS:g} s or more with "
             f"turns about every axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
         )
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
     found = moved(tool, mass, names, calibration.covariance, calibration.noise, moments, stated)
-    untold = _untold(found)
+    untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
             f"{samples.source}: found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
@@ -110,10 +113,10 @@ def _as_stamped(samples: Samples) -> Samples:
     return synchronize(Streams(wrench, poses), delay, std).samples
 
 
-def _untold(found: Moved) -> list[str]:
-    """The parameters of which the motion says next to nothing."""
+def _untold(found: Moved, sought: tuple[str, ...]) -> list[str]:
+    """The parameters of which the motion says next to nothing, of the first that it was to tell."""
     untold = np.sqrt(np.diag(found.covariance)) > KNOWN * found.before
-    return [name for name, is_untold in zip(DYNAMIC_PARAMETERS, untold, strict=True) if is_untold]
+    return [name for name, is_untold in zip(sought, untold[: len(sought)], strict=True) if is_untold]
 
 
 def _with_what_is_left(c: Calibration, dynamics: Dynamics, samples: Samples, motion: FlangeMotion) -> Dynamics:
