@@ -17,7 +17,7 @@ from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_a
 from ..samples.flange_motion import FlangeMotion
 from ..subtract import Step, compensate, stepper
 from .difference import Difference, difference
-from .fields import CalibrationFields
+from .fields import ROWS_AT_ONCE, CalibrationFields
 from .text import describe, flowed
 
 
@@ -160,7 +160,10 @@ class Calibration(CalibrationFields):
             raise InputError("found a motion and no inertia: calibrate with model dynamic, or leave the motion out")
         if contact.shape != (len(motion), 6):
             raise InputError(f"found {len(motion)} moments of motion, expected {len(contact)}, one for each reading")
-        contact -= motion.terms @ self.dynamics.matrix.T
+        to_wrench = self.dynamics.matrix.T
+        for start in range(0, len(contact), ROWS_AT_ONCE):
+            rows = slice(start, start + ROWS_AT_ONCE)
+            contact[rows] -= motion.terms_of(rows).T @ to_wrench
 
     def stepper(self) -> Step:
         """A function for one sample of plain floats, under 1 us.

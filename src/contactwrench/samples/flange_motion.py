@@ -59,9 +59,16 @@ class FlangeMotion(Rows):
         """What the wrench of a moving tool is linear in (n, 12): angular acceleration, products of the angular velocity
         (xx xy xz yy yz zz), acceleration.
         """
-        omega = self.angular_velocity
-        products = [omega[:, i] * omega[:, j] for i, j in PRODUCTS]
-        return np.column_stack([self.angular_acceleration, *products, self.acceleration])
+        return self.terms_of(slice(None)).T
+
+    def terms_of(self, rows: slice) -> Array:
+        """Of some rows, term by term (12, m)."""
+        omega = self.angular_velocity[rows].T
+        terms = np.empty((12, omega.shape[1]))
+        terms[:3], terms[9:] = self.angular_acceleration[rows].T, self.acceleration[rows].T
+        for term, (i, j) in zip(terms[3:9], PRODUCTS, strict=True):
+            np.multiply(omega[i], omega[j], out=term)
+        return terms
 
 
 def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMotion:
