@@ -54,7 +54,7 @@ def _numpy_only() -> Iterator[None]:
         vars(kernel)["FUSED_FROM"] = before
 
 
-def _memcpy(size: int, rng: np.random.Generator) -> float:
+def memcpy(size: int, rng: np.random.Generator) -> float:
     """Seconds for `size` bytes on one thread, both sides written to before."""
     source = rng.random(size // 8)
     target = source[::-1].copy()
@@ -64,28 +64,32 @@ def _memcpy(size: int, rng: np.random.Generator) -> float:
 def batch(n: int) -> Iterator[Row]:
     """Batch compensation of `n` samples with quaternions, into an `out=` that was touched, against memcpy."""
     rng = np.random.default_rng(2)
-    memcpy = _memcpy(n * BYTES_OF_SAMPLE, rng)
+    copying = memcpy(n * BYTES_OF_SAMPLE, rng)
     calibration, wrench, quaternions = _calibration(), rng.random((n, 6)), _quaternions(n, rng)
     out = wrench + 1.0
 
     def run() -> Array:
         return calibration.compensate(wrench, quaternions, out=out)
 
-    speed = n * BYTES_OF_SAMPLE / memcpy / 1e9
+    speed = n * BYTES_OF_SAMPLE / copying / 1e9
     yield Row(
-        f"memcpy of {n * BYTES_OF_SAMPLE / 1e6:.0f} MB, one thread", 1e3 * memcpy, "ms", remark=f"{speed:.3g} GB/s"
+        f"memcpy of {n * BYTES_OF_SAMPLE / 1e6:.0f} MB, one thread", 1e3 * copying, "ms", remark=f"{speed:.3g} GB/s"
     )
     if find_spec("numba") is not None:
         fused = median_seconds(run, 7)
-        yield Row("batch with numba", fused / memcpy, "x memcpy", most=1.3, remark=f"{1e9 * fused / n:.3g} ns a sample")
-        yield Row("batch with numba: extra memory", _extra_memory(run) / MIB, "MiB", most=64.0)
+        yield Row(
+            "batch with numba", fused / copying, "x memcpy", most=1.3, remark=f"{1e9 * fused / n:.3g} ns a sample"
+        )
+        yield Row("batch with numba: extra memory", extra_memory(run) / MIB, "MiB", most=64.0)
     with _numpy_only():
         plain = median_seconds(run, 5)
-        yield Row("batch with numpy", plain / memcpy, "x memcpy", most=5.0, remark=f"{1e9 * plain / n:.3g} ns a sample")
-        yield Row("batch with numpy: extra memory", _extra_memory(run) / MIB, "MiB", most=64.0)
+        yield Row(
+            "batch with numpy", plain / copying, "x memcpy", most=5.0, remark=f"{1e9 * plain / n:.3g} ns a sample"
+        )
+        yield Row("batch with numpy: extra memory", extra_memory(run) / MIB, "MiB", most=64.0)
 
 
-def _extra_memory(action: Callable[[], object]) -> float:
+def extra_memory(action: Callable[[], object]) -> float:
     """Bytes: what Python and numpy allocate on top, or what the process' peak grows by, if that is more."""
     peak_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tracemalloc.start()

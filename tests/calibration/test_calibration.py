@@ -85,7 +85,7 @@ def test_parameters_stand_in_the_order_of_the_design(model: str) -> None:
 def test_standard_deviations_are_roots_of_the_covariance(model: str) -> None:
     calibration = _calibration(model)
     std = np.sqrt(np.diag(calibration.covariance))
-    assert set(calibration.std) == {"weight", "com", "bias", "yaw", "mount", "gravity"}
+    assert set(calibration.std) == {"weight", "com", "bias", "yaw", "mount", "gravity", "inertia", "sensor_offset"}
     assert calibration.std["weight"] == pytest.approx(std[0])
     assert calibration.std["com"] == pytest.approx(std[1:4])
     assert calibration.std["bias"] == pytest.approx(std[4:10])

@@ -106,7 +106,8 @@ def test_the_file_has_the_fields_of_the_calibration_and_their_standard_deviation
     assert values["schema"] == SCHEMA == "contactwrench/calibration/1"
     beside = {"schema", "std", "warnings", "verdict", "expected_error", "left_of_poses"}
     assert set(values) == {*beside, *(field.name for field in fields(cw.Calibration))}
-    assert set(values["std"]) == {"weight", "com", "bias", "yaw", "mount", "gravity"}
+    in_motion = {"inertia", "sensor_offset"}
+    assert set(values["std"]) == {"weight", "com", "bias", "yaw", "mount", "gravity", *in_motion}
     assert values["std"]["weight"] == calibration.std["weight"]
     assert values["std"]["com"] == calibration.std["com"].tolist()
     assert values["std"]["gravity"] == calibration.std["gravity"].tolist()

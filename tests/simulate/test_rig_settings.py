@@ -19,11 +19,13 @@ DEFAULTS = {
     "tool.mass": 1.980 / 9.80665,
     "tool.com": (-0.006, 0.006, 0.032),
     "tool.hook": (0.0, 0.0, 0.1),
+    "tool.inertia": (0.0,) * 6,
     "mounting.yaw_deg": 33.918,
     "mounting.tilt_deg": (0.0, 0.0),
     "mounting.height": 0.03,
     "base.on": "table",
     "base.tilt_deg": (0.0, 0.0),
+    "arm.vibration": (0.0, 0.0),
     "sensor.ranges": (70.0, 70.0, 70.0, 3.0, 1.0, 1.0),
     "sensor.overload": 1.2,
     "sensor.bias": (3.769, -6.903, 57.657, 2.228, 0.963, -0.002),
@@ -55,9 +57,10 @@ DEFAULTS = {
 MESSAGES = {
     "gravity": "found 'gravity', expected NAME=VALUE, as in sensor.noise.force=0.05",
     "gravty=9.8": (
-        "there is no setting gravty, expected one of: gravity, tool, mounting, base, sensor, joint_torque, recording"
+        "there is no setting gravty, expected one of: gravity, tool, mounting, base, arm, sensor, joint_torque, "
+        "recording"
     ),
-    "tool.weight=2": "there is no setting tool.weight, expected tool with one of: mass, com, hook",
+    "tool.weight=2": "there is no setting tool.weight, expected tool with one of: mass, com, hook, inertia",
     "sensor.nois.force=1": (
         "there is no setting sensor.nois.force, expected sensor with one of: ranges, overload, bias, noise, quantum, "
         "gain, crosstalk, low_pass, delay, drift"
@@ -67,7 +70,7 @@ MESSAGES = {
     ),
     "gravity.z=9.8": "there is no setting gravity.z, expected gravity: there is nothing below it",
     "tool.mass.x.y=1": "there is no setting tool.mass.x.y, expected tool.mass: there is nothing below it",
-    "=1": "there is no setting , expected one of: gravity, tool, mounting, base, sensor, joint_torque, recording",
+    "=1": "there is no setting , expected one of: gravity, tool, mounting, base, arm, sensor, joint_torque, recording",
     "sensor.noise=0.1": "sensor.noise is a group, expected one of its settings: force, torque, one_over_f",
     "gravity=much": "gravity is much, expected something like 9.80665: write numbers and lists as in JSON",
     "gravity=": "gravity is , expected something like 9.80665: write numbers and lists as in JSON",
@@ -82,6 +85,16 @@ MESSAGES = {
     "tool.mass=-1": "tool.mass is -1, expected 1e-12 to 1000",
     "tool.mass=1e308": "tool.mass is 1e+308, expected 1e-12 to 1000",
     "tool.com=[10,0,60]": "tool.com is 10, expected -1 to 1 (are these mm?)",
+    "tool.inertia=[4000,0,0,4000,0,1000]": "tool.inertia is 4000, expected -100 to 100 (is this kg mm^2?)",
+    "tool.inertia=[0.001,0,0,0.001,0,0.003]": (
+        "tool.inertia has the principal moments 0.001, 0.001, 0.003 kg m^2, expected those of a body: each more than "
+        "0, none more than the other two together"
+    ),
+    "tool.inertia=[0.001,0.002,0,0.001,0,0.002]": (
+        "tool.inertia has the principal moments -0.001, 0.002, 0.003 kg m^2, expected those of a body: each more than "
+        "0, none more than the other two together"
+    ),
+    "arm.vibration=-1": "arm.vibration is -1, expected 0 to 10",
     "mounting.yaw_deg=1e300": "mounting.yaw_deg is 1e+300, expected -360 to 360",
     "mounting.height=30": "mounting.height is 30, expected 0 to 1 (is this mm?)",
     "sensor.overload=0": "sensor.overload is 0, expected 0.001 to 1e+06",
@@ -140,6 +153,12 @@ def test_one_number_stands_for_a_whole_list() -> None:
     assert settings.base.tilt_deg == (3.0, 3.0)
     assert settings.tool.com == (0.0, 0.0, 0.0)
     assert settings.sensor.noise.torque == Settings().sensor.noise.torque
+
+
+def test_the_inertia_of_the_tool_is_what_is_set_or_a_balls() -> None:
+    assert pytest.approx(0.7 * 0.03**2 * np.eye(3), rel=1e-12) == changed(Settings(), ["tool.mass=0.7"]).inertia
+    stated = changed(Settings(), ["tool.inertia=[0.004,0.0001,-0.0002,0.003,0.0003,0.002]"])
+    assert stated.inertia.tolist() == [[0.004, 0.0001, -0.0002], [0.0001, 0.003, 0.0003], [-0.0002, 0.0003, 0.002]]
 
 
 def test_one_number_for_a_matrix_stands_off_its_diagonal() -> None:

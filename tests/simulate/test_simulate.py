@@ -125,6 +125,15 @@ def test_a_saturated_reading_is_flagged_and_said(tmp_path: Path, capsys: Capture
     assert truth["saturated"]["fx"] == 0
 
 
+def test_the_truth_says_what_is_felt_in_motion_only(tmp_path: Path, capsys: Capture) -> None:
+    target = tmp_path / "out.csv"
+    inertia = "--set=tool.inertia=[0.004,0.0005,0,0.003,0,0.002]"
+    run(capsys, "simulate", "-o", target, inertia, "--set=mounting.height=0.05")
+    truth = json.loads((tmp_path / "out.truth.json").read_text())
+    assert truth["inertia"] == [[0.004, 0.0005, 0.0], [0.0005, 0.003, 0.0], [0.0, 0.0, 0.002]]
+    assert truth["sensor_offset"] == [0.0, 0.0, 0.05]
+
+
 def test_a_pose_below_the_table_is_said(tmp_path: Path, capsys: Capture) -> None:
     goals = tmp_path / "low.csv"
     goals.write_text("q1,q2,q3,q4,q5,q6,q7\n0,0.5,0,-1,0,1,0\n0,1.9,0,-2,0,-2,0\n")

@@ -54,7 +54,7 @@ def arm_of(settings: Settings, load_mass: float = 0.0) -> Arm:
     mounting = _turn([*settings.mounting.tilt_deg, 0.0]) @ _turn([0.0, 0.0, settings.mounting.yaw_deg])
     on_flange = flange * pin.SE3(mounting, np.array([0.0, 0.0, settings.mounting.height]))
     tool = settings.tool
-    carried = pin.Inertia(tool.mass, np.array(tool.com), tool.mass * TOOL_RADIUS_OF_GYRATION**2 * np.eye(3))
+    carried = pin.Inertia(tool.mass, np.array(tool.com), _inertia(tool))
     if load_mass > 0.0:
         radius = LOAD_RADIUS * np.cbrt(load_mass / LOAD_OF_THAT_RADIUS)
         carried += pin.Inertia.FromSphere(load_mass, radius).se3Action(pin.SE3(np.eye(3), np.array(tool.hook)))
@@ -104,9 +104,11 @@ def forward(arm: Arm, data: Any, joints: Array, velocity: Array, torque: Array) 
 
 def any_settings(rng: np.random.Generator) -> Settings:
     """Any tool, mounting and base, gravity of any planet."""
+    gravity, mass = rng.uniform(1.0, 25.0), rng.uniform(0.05, 5.0)
+    com, hook = _three(0.1 * rng.normal(size=3)), _three(0.2 * rng.normal(size=3))
     return Settings(
-        gravity=float(rng.uniform(1.0, 25.0)),
-        tool=Tool(float(rng.uniform(0.05, 5.0)), _three(0.1 * rng.normal(size=3)), _three(0.2 * rng.normal(size=3))),
+        gravity=float(gravity),
+        tool=Tool(float(mass), com, hook, _any_inertia(rng)),
         mounting=Mounting(*_mounting(rng)),
         base=Base(("table", "wall", "ceiling")[int(rng.integers(3))], _two(rng.uniform(-90.0, 90.0, 2))),
     )
@@ -120,6 +122,26 @@ def any_joints(rng: np.random.Generator, n: int) -> Array:
 
 def _mounting(rng: np.random.Generator) -> tuple[float, tuple[float, float], float]:
     return float(rng.uniform(-180.0, 180.0)), _two(rng.uniform(-180.0, 180.0, 2)), float(rng.uniform(0.0, 0.1))
+
+
+def _inertia(tool: Tool) -> Array:
+    """About the centre of mass (3, 3), kg m^2: as it is set, or a ball's."""
+    if not any(tool.inertia):
+        ball: Array = tool.mass * TOOL_RADIUS_OF_GYRATION**2 * np.eye(3)
+        return ball
+    upper = np.zeros((3, 3))
+    upper[np.triu_indices(3)] = tool.inertia
+    matrix: Array = upper + np.triu(upper, 1).T
+    return matrix
+
+
+def _any_inertia(rng: np.random.Generator) -> tuple[float, float, float, float, float, float]:
+    """xx, xy, xz, yy, yz, zz kg m^2, of four masses about 0.1 m apart."""
+    places, masses = 0.1 * rng.normal(size=(4, 3)), rng.uniform(0.1, 1.0, 4)
+    places -= masses @ places / masses.sum()
+    second = (places.T * masses) @ places
+    xx, xy, xz, yy, yz, zz = (np.trace(second) * np.eye(3) - second)[np.triu_indices(3)].tolist()
+    return xx, xy, xz, yy, yz, zz
 
 
 def _turn(vector_deg: list[float]) -> Array:

@@ -141,7 +141,7 @@ def variance_in_motion(
         motion: of n moments.
     """
     of_terms = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names)
-    J = np.einsum("nk,kip->nip", motion.terms, of_terms)
+    J = (motion.terms @ of_terms.reshape(TERMS, -1)).reshape(-1, *of_terms.shape[1:])
     of_tool, own = J[:, :, : len(names)], J[:, :, len(names) :]
     variance = np.sum(((of_tool + 2.0 * of_rest) @ covariance) * of_tool, axis=2)
     variance += np.sum((own @ dynamics.covariance) * own, axis=2)

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
-from ..samples.motion import PRODUCTS
 from ..subtract import CHUNK, FUSED_FROM, compiled_by_numba, threads
 
 
@@ -28,7 +27,7 @@ def subtract_motion(D: Array, motion: FlangeMotion, contact: Array) -> None:
     if len(contact) < FUSED_FROM or find_spec("numba") is None:
         for start in range(0, len(contact), CHUNK):
             rows = slice(start, start + CHUNK)
-            _subtract(D, omega[rows], alpha[rows], acceleration[rows], contact[rows])
+            contact[rows] -= (D @ motion.terms_of(rows)).T
         return
     kernel = _compiled()
     edges = np.linspace(0, len(contact), threads() + 1).astype(int).tolist()
@@ -39,14 +38,6 @@ def subtract_motion(D: Array, motion: FlangeMotion, contact: Array) -> None:
 
     with ThreadPoolExecutor(threads()) as pool:
         list(pool.map(block, pairwise(edges)))
-
-
-def _subtract(D: Array, omega: Array, alpha: Array, acceleration: Array, contact: Array) -> None:
-    terms = np.empty((12, len(contact)))
-    terms[:3], terms[9:] = alpha.T, acceleration.T
-    for k, (i, j) in enumerate(PRODUCTS):
-        np.multiply(omega[:, i], omega[:, j], out=terms[3 + k])
-    contact -= (D @ terms).T
 
 
 @cache

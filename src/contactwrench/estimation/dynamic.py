@@ -100,11 +100,11 @@ def moved(
     usual = OF_ITS_OWN * moments.count.sum()
     for _ in range(PASSES):
         left, J = _left(at, tool, mass), _jacobian(at, tool, mass, names)
-        power = np.einsum("ai,wbij,aj->wab", left, moments.products, left)
+        power = np.sum((left @ moments.products) * left, axis=3).transpose(0, 2, 1)
         variance = np.einsum("wa,wab->ab", weight, power) / np.maximum(of_all - spent, LEAST_LEFT * of_all)
         weight = (usual + moments.count.sum()) / (usual + 2.0 * np.sum(power / variance, axis=2))
         summed = np.einsum("wa,wbij->abij", weight, moments.products)[:, :, :LATER] / variance[:, :, None, None]
-        each = np.einsum("aip,abij,ajq->abpq", J, summed[..., :LATER], J)
+        each = J.transpose(0, 2, 1)[:, None] @ summed[..., :LATER] @ J[:, None]
         own = len(names)
         inverse = _inverse(information + each[:, :, own:, own:].sum(axis=(0, 1)))
         spent = np.einsum("pq,abqp->ab", inverse, each[:, :, own:, own:])

@@ -24,7 +24,8 @@ from .dynamic import Moved, moved
 from .motion_moments import FLAT, MotionMoments, motion_moments
 from .possible_tool import nearest_possible
 
-FEWEST_WINDOWS = 4
+LEAST_SECONDS = 4.0
+"""Of motion."""
 KNOWN = 0.5
 """Of what was thinkable before: a std that is larger was not told by the motion."""
 LITTLE_WEIGHT = 0.25
@@ -59,12 +60,12 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
             "they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
         )
     moments = motion_moments(samples, motion)
-    if len(moments.products) < FEWEST_WINDOWS:
+    if moments.seconds < LEAST_SECONDS:
         raise _at_rest(samples, moments.seconds)
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
     found = moved(tool, mass, names, calibration.covariance, calibration.noise, moments, stated)
-    untold = _untold(found)
+    untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
             f"{samples.source}: found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
@@ -93,7 +94,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
 
 def _at_rest(samples: Samples, seconds: float) -> UnobservableError:
     return UnobservableError(
-        f"{samples.source}: found {seconds:.3g} s of motion, expected {FEWEST_WINDOWS} s or more, turning about every "
+        f"{samples.source}: found {seconds:.3g} s of motion, expected {LEAST_SECONDS:g} s or more, turning about every "
         f"axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
     )
 
@@ -127,10 +128,10 @@ def as_stamped(samples: Samples) -> Samples:
     return synchronize(Streams(wrench, poses), delay, std).samples
 
 
-def _untold(found: Moved) -> list[str]:
-    """The parameters of which the motion says next to nothing."""
+def _untold(found: Moved, sought: tuple[str, ...]) -> list[str]:
+    """The parameters of which the motion says next to nothing, of the first that it was to tell."""
     untold = np.sqrt(np.diag(found.covariance)) > KNOWN * found.before
-    return [name for name, is_untold in zip(DYNAMIC_PARAMETERS, untold, strict=True) if is_untold]
+    return [name for name, is_untold in zip(sought, untold[: len(sought)], strict=True) if is_untold]
 
 
 def _with_what_is_left(c: Calibration, dynamics: Dynamics, samples: Samples, motion: FlangeMotion) -> Dynamics:

@@ -2,7 +2,8 @@
 
 Of a body of density rho >= 0 the matrix J = integral rho [x; 1][x; 1]^T dx is positive definite, which says at once
 that its mass is positive and that its principal moments obey the triangle inequality (Wensing, Kim and Slotine 2018).
-Any such J is L L^T with a triangular L whose diagonal is positive: log-Cholesky parameters (Rucker and Wensing 2022).
+Any such J is L L^T with a triangular L (Rucker and Wensing 2022, who take the logarithm of its diagonal; that goes to
+minus infinity for the nearest body, which is flat in some direction).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from ..calibration.dynamics import elements, second_moments, symmetric
 from ..geometry.arrays import Array
 
 LEAST_SIZE = 1e-4
-"""m: a tool is no smaller in any direction; there the logarithms begin."""
+"""m: a tool is no smaller in any direction."""
 
 
 def nearest_possible(inertia: Array, covariance: Array, mass: float) -> Array:
@@ -25,15 +26,14 @@ def nearest_possible(inertia: Array, covariance: Array, mass: float) -> Array:
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     wanted, size = elements(inertia), mass * LEAST_SIZE**2
 
-    def inertia_of(logs: Array) -> Array:
+    def inertia_of(lower: Array) -> Array:
         L = np.zeros((3, 3))
-        L[np.tril_indices(3, -1)] = logs[3:]
-        L[range(3), range(3)] = np.exp(logs[:3])
+        L[np.tril_indices(3)] = lower
         second = mass * (L @ L.T) + size * np.eye(3)
         return np.asarray(np.trace(second) * np.eye(3) - second)
 
     values, vectors = np.linalg.eigh(second_moments(inertia))
     begin = np.linalg.cholesky((vectors * np.maximum(values / mass, 10.0 * LEAST_SIZE**2)) @ vectors.T)
-    first = np.r_[np.log(np.diag(begin)), begin[np.tril_indices(3, -1)]]
-    found = least_squares(lambda logs: whiten @ (elements(inertia_of(logs)) - wanted), first, x_scale="jac")
+    first = begin[np.tril_indices(3)]
+    found = least_squares(lambda lower: whiten @ (elements(inertia_of(lower)) - wanted), first, x_scale="jac")
     return symmetric(elements(inertia_of(found.x)))

@@ -32,6 +32,9 @@ SLOWEST, FASTEST, OF_POSES = 1.0, 100.0, 0.3
 """Hz; no arm is slower, or faster, in what it does with a tool; and of the rate of the poses."""
 OCTAVE_PARTS = 4.0
 """Bands an octave, in which the spectrum of the acceleration is looked at."""
+AT_REST = 0.02
+"""rad/s^2 and m/s^2, RMS: what turns or moves less says nothing of where noise takes over, as of a pure turn the place,
+whose noise, and be it rounding, has the rising spectrum of noise from 0 Hz on."""
 FEWEST = 8
 """Rows of a section between gaps."""
 
@@ -56,9 +59,16 @@ class FlangeMotion(Rows):
         """What the wrench of a moving tool is linear in (n, 12): angular acceleration, products of the angular velocity
         (xx xy xz yy yz zz), acceleration.
         """
-        omega = self.angular_velocity
-        products = [omega[:, i] * omega[:, j] for i, j in PRODUCTS]
-        return np.column_stack([self.angular_acceleration, *products, self.acceleration])
+        return self.terms_of(slice(None)).T
+
+    def terms_of(self, rows: slice) -> Array:
+        """Of some rows, term by term (12, m)."""
+        omega = self.angular_velocity[rows].T
+        terms = np.empty((12, omega.shape[1]))
+        terms[:3], terms[9:] = self.angular_acceleration[rows].T, self.acceleration[rows].T
+        for term, (i, j) in zip(terms[3:9], PRODUCTS, strict=True):
+            np.multiply(omega[i], omega[j], out=term)
+        return terms
 
 
 def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMotion:
@@ -114,16 +124,19 @@ def _bandwidth(signal: Array, period: float, node: float) -> float:
     edges = np.exp2(np.arange(np.log2(SLOWEST), np.log2(max(most, SLOWEST)) + 1e-9, 1.0 / OCTAVE_PARTS))
     line = np.linspace(0.0, 1.0, n)[:, None]
     level = signal - (signal[:1] + line * (signal[-1:] - signal[:1]))
-    power = np.abs(np.fft.rfft(level * np.hanning(n)[:, None], axis=0)) ** 2 * frequency[:, None] ** 4
-    chosen = [most]
+    window = np.hanning(n)[:, None]
+    change = (2.0 * np.pi * frequency[:, None]) ** 2 * np.fft.rfft(level * window, axis=0)
+    power = 2.0 * np.abs(change) ** 2 / (n * np.sum(window**2))
+    chosen = []
     for group in (power[:, :3].sum(axis=1), power[:, 3:].sum(axis=1)):
         bands = [group[(frequency >= a) & (frequency < b)] for a, b in pairwise(edges)]
         means = np.array([band.mean() if len(band) else np.inf for band in bands])
         if len(means) and group.any():
             peak = int(np.argmax(np.where(np.isfinite(means), means, 0.0)[: int(np.argmin(means)) + 1]))
             least = peak + int(np.argmin(means[peak:]))
-            chosen.append(float(np.sqrt(edges[least] * edges[least + 1])))
-    return max(min(chosen), SLOWEST)
+            if group[frequency < edges[least + 1]].sum() > AT_REST**2:
+                chosen.append(float(np.sqrt(edges[least] * edges[least + 1])))
+    return max(min([most, *chosen]), SLOWEST) if chosen else SLOWEST
 
 
 def _differentiated(t: Array, signal: Array, period: float, straight: float, bandwidth: float) -> Array:

@@ -22,6 +22,7 @@ from .rig import Physics, build, inverse_dynamics
 from .sensor import SensorStream, friction_torque, joint_torque_readings
 from .settings import Settings
 from .trajectory import Motion, Push, force_on_hook
+from .vibration import shaking
 
 SENSOR_RATE = 1000.0
 """Hz, while static poses are recorded: the M8125 over Ethernet."""
@@ -151,7 +152,9 @@ def record_motion(
         MissingExtraError: mujoco is not installed.
     """
     pushed = force_on_hook(pushes, motion.t) if pushes else None
-    physics = inverse_dynamics(build(settings, load_mass), motion.joints, motion.velocity, motion.acceleration, pushed)
+    rig = build(settings, load_mass)
+    moving = motion.joints, motion.velocity, motion.acceleration
+    physics = inverse_dynamics(rig, *moving, pushed, shaking(rig, motion, rng))
     readings = SensorStream(settings.sensor, settings.recording.rate, rng).read(physics.wrench)
     friction = friction_torque(settings.joint_torque, motion.velocity, rng)
     return Recorded(
@@ -199,7 +202,8 @@ def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> N
     """Write what was true beside the recording at `path`, under the names of a calibration file, with the settings.
 
     `bias` is the setting; where it drifts, `settings.sensor.drift` says how. `saturated` counts rows a channel;
-    `pushes` are forces on the tool's hook, N, base axes. Raises `FileAccessError`.
+    `inertia` is the tool's, kg m^2, about its centre of mass, sensor axes; `sensor_offset` of the sensor's origin from
+    the flange, m, flange axes; `pushes` are forces on the tool's hook, N, base axes. Raises `FileAccessError`.
     """
     settings, tool = recorded.settings, recorded.settings.tool
     values = {
@@ -207,6 +211,8 @@ def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> N
         "weight": tool.mass * settings.gravity,
         "mass": tool.mass,
         "com": tool.com,
+        "inertia": settings.inertia.tolist(),
+        "sensor_offset": (0.0, 0.0, settings.mounting.height),
         "bias": settings.sensor.bias,
         "R_flange_sensor": settings.R_flange_sensor.tolist(),
         "gravity_direction": (settings.gravity_direction + 0.0).tolist(),

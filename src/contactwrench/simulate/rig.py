@@ -105,6 +105,7 @@ def inverse_dynamics(
     velocity: Array | None = None,
     acceleration: Array | None = None,
     force_on_hook: Array | None = None,
+    shaking: Array | None = None,
 ) -> Physics:
     """The physics of an arm that follows a motion exactly.
 
@@ -114,6 +115,7 @@ def inverse_dynamics(
         velocity: (n, 7), rad/s; None: at rest.
         acceleration: (n, 7), rad/s^2; None: none.
         force_on_hook: (n, 3), N, base axes, on the tool's hook; None: it touches nothing.
+        shaking: (n, 3), m/s^2, base axes, by which all accelerates beside the motion; None: nothing shakes.
     """
     mujoco = import_mujoco()
     data = mujoco.MjData(rig.model)
@@ -126,7 +128,11 @@ def inverse_dynamics(
     velocity = np.zeros(joints.shape) if velocity is None else velocity
     acceleration = np.zeros(joints.shape) if acceleration is None else acceleration
     pushed = set() if force_on_hook is None else set(np.flatnonzero(force_on_hook.any(axis=1)).tolist())
+    gravity, at_rest = rig.model.opt.gravity, rig.model.opt.gravity.copy()
+    felt = None if shaking is None else at_rest - shaking @ rig.settings.R_world_base.T
     for k in range(n):
+        if felt is not None:
+            gravity[:] = felt[k]
         at[:], speed[:], change[:] = joints[k], velocity[k], acceleration[k]
         on_tool[:] = 0.0
         if force_on_hook is not None and k in pushed:
@@ -134,6 +140,7 @@ def inverse_dynamics(
         mujoco.mj_inverse(rig.model, data)
         wrench[k], torque[k] = sensed, drives
         R[k], position[k] = R_world_flange, flange_in_world
+    gravity[:] = at_rest
     R_base_world = rig.settings.R_world_base.T
     return Physics(joints, -wrench, torque, R_base_world @ R.reshape(n, 3, 3), position @ R_base_world.T)
 
@@ -174,11 +181,11 @@ def import_mujoco() -> Any:
 def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:
     """The sensor's moving side, in sensor axes: the tool, with the load on its hook.
 
-    The tool's own inertia, felt in motion only, is that of a ball with a radius of gyration of 30 mm (assumed); a load
-    is a ball of 6 kg per litre.
+    A load is a ball of 6 kg per litre.
     """
     tool, height = settings.tool, settings.mounting.height
-    small = max(tool.mass, 1e-3) * 0.03**2
+    moments, axes = np.linalg.eigh(settings.inertia)
+    axes[:, 2] *= np.linalg.det(axes)
     load = ""
     if load_mass > 0.0:
         radius = 0.02 * (max(load_mass, 1e-3) / 0.2) ** (1.0 / 3.0)
@@ -194,7 +201,8 @@ def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:
     housing = _between((0.0, 0.0, -height), (0.0, 0.0, 0.0), "cylinder", 0.0405, "0.16 0.17 0.19 1")
     return (
         f'<body name="tool" pos="0 0 {FLANGE_HEIGHT + height!r}" quat="{_quat(settings.R_flange_sensor)}">'
-        f'<inertial pos="{numbers(tool.com)}" mass="{tool.mass!r}" diaginertia="{numbers((small, small, small))}"/>'
+        f'<inertial pos="{numbers(tool.com)}" quat="{_quat(axes)}" mass="{tool.mass!r}" '
+        f'diaginertia="{numbers(moments)}"/>'
         f'<site name="sensor" size="0.004" rgba="0 0 0 0"/>{housing}{shape}{load}</body>'
     )
 

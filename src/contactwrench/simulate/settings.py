@@ -17,6 +17,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import ROWS, Range
 from ..geometry.rotations import rotation_exp
 from ..geometry.wrench import STANDARD_GRAVITY
+from .tool_inertia import require_body, tool_inertia
 
 Three: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]
@@ -60,6 +61,9 @@ class Tool:
     """Centre of mass, m, sensor axes."""
     hook: Three = field(default=(0.0, 0.0, 0.1), metadata=between(-1.0, 1.0, " (are these mm?)"))
     """Where a load hangs, m, sensor axes; assumed (the paper does not say)."""
+    inertia: Six = field(default=NONE, metadata=between(-100.0, 100.0, " (is this kg mm^2?)"))
+    """xx, xy, xz, yy, yz, zz about the centre of mass, kg m^2, sensor axes; 0: that of a ball with a radius of gyration
+    of 30 mm (assumed)."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,15 @@ class Base:
     on: Literal["table", "wall", "ceiling"] = "table"
     tilt_deg: tuple[float, float] = field(default=(0.0, 0.0), metadata=between(-360.0, 360.0))
     """Rotation vector about the base's x and y on top of that. Default: level, as the paper assumes."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What the arm does beside the motion that its encoders see. Default: nothing."""
+
+    vibration: tuple[float, float] = field(default=(0.0, 0.0), metadata=between(0.0, 10.0))
+    """Of a motion: RMS of the tool's shaking, m/s^2 an axis, for each m/s^2 of the flange and for each rad/s of the
+    fastest joint."""
 
 
 @dataclass(frozen=True)
@@ -182,6 +195,7 @@ class Settings:
     tool: Tool = Tool()
     mounting: Mounting = Mounting()
     base: Base = Base()
+    arm: Arm = Arm()
     sensor: Sensor = Sensor()
     joint_torque: JointTorque = JointTorque()
     recording: Recording = Recording()
@@ -189,12 +203,18 @@ class Settings:
     def __post_init__(self) -> None:
         for name, value, within in bounded_settings(self):
             within.require(value, name, np.shape(value))
+        require_body(self.inertia)
         rows = self.recording.duration * self.recording.rate
         if rows > ROWS.most:
             raise InputError(
                 f"a motion would have {rows:.3g} rows, expected at most {ROWS.most:.0e}: shorten recording.duration or "
                 "lower recording.rate"
             )
+
+    @property
+    def inertia(self) -> Array:
+        """Of the tool (3, 3), kg m^2, about its centre of mass, sensor axes."""
+        return tool_inertia(self.tool.mass, self.tool.inertia)
 
     @property
     def R_flange_sensor(self) -> Array:

@@ -1,0 +1,191 @@
+"""Model `dynamic` on the virtual rig: what is left of a free tool's readings in fast motion, how well inertia and the
+sensor's place are known and whether their intervals hold, with poses as robots give them and an arm that shakes; speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+import contactwrench as cw
+from contactwrench.calibration.dynamics import elements
+from contactwrench.compensate.contact_wrenches import contact_wrenches
+from contactwrench.compensate.filters import delay_of
+from contactwrench.samples.flange_motion import FlangeMotion
+from tests.support.in_motion import RAMP, moving
+from tests.support.moving_tool import known
+from tests.support.world import Array, random_rotations
+
+from .clock import median_seconds
+from .speed import MIB, extra_memory, memcpy
+from .table import Row
+from .trials import BLIND, DEVELOPMENT, Found, ratio, run, share_row
+
+TRIALS = 20
+STOPS, SECONDS, RATE = 12, 30.0, 1000.0
+LOW_PASS = 20.0
+"""Hz, of second order, behind which the contact force is judged."""
+FORCE_NOISE, TORQUE_NOISE = 0.05, 0.002
+"""N and N m, of a reading of `tests.support.in_motion.TOOL`."""
+INTERVAL = 1.96
+"""Standard deviations, of a 95 % interval."""
+SAMPLES = 1_000_000
+BYTES_OF_SAMPLE = 64
+
+
+@dataclass(frozen=True)
+class Cell:
+    """How poses come (their rate, Hz, None: with each reading; noise in deg and m), and `arm.vibration`."""
+
+    name: str
+    pose_rate: float | None = None
+    noise_deg: float = 0.0
+    noise_m: float = 0.0
+    vibration: tuple[float, float] = (0.0, 0.0)
+
+
+CELLS = (
+    Cell("exact poses at 1 kHz"),
+    Cell("poses at 100 Hz, 0.01 deg, 0.02 mm", 100.0, 0.01, 2e-5),
+    Cell("exact poses at 1 kHz, 12 and 30 Hz vibration", vibration=(0.1, 0.2)),
+    Cell("poses at 100 Hz, 0.01 deg, 0.02 mm, vibration", 100.0, 0.01, 2e-5, (0.1, 0.2)),
+)
+JUDGED = CELLS[0]
+"""The targets are set for this one; the others stand beside it."""
+
+
+def _any_tool(rng: np.random.Generator) -> list[str]:
+    """Settings of a tool of 1 kg, mounted anyhow: four masses that lie 50 mm apart."""
+    places = 0.05 * rng.normal(size=(4, 3))
+    places -= places.mean(axis=0)
+    second = 0.25 * places.T @ places
+    inertia = elements(np.trace(second) * np.eye(3) - second)
+    com = [*rng.uniform(-0.03, 0.03, 2), rng.uniform(0.02, 0.1)]
+    return [
+        f"tool.inertia={inertia.tolist()}",
+        f"tool.com={[float(value) for value in com]}",
+        f"mounting.yaw_deg={rng.uniform(-180.0, 180.0)}",
+        f"mounting.tilt_deg={rng.uniform(-2.0, 2.0, 2).tolist()}",
+        f"mounting.height={rng.uniform(0.02, 0.1)}",
+    ]
+
+
+def trial(cell: Cell, rng: np.random.Generator) -> dict[str, float]:
+    """A tool is calibrated, and its readings in free motion, the same recording's, compensated offline."""
+    shakes = f"arm.vibration={list(cell.vibration)}"
+    true = moving(int(rng.integers(2**31)), *_any_tool(rng), shakes, stops=STOPS, seconds=SECONDS, rate=RATE)
+    poses = cell.pose_rate, cell.noise_deg, cell.noise_m
+    found = cw.calibrate(true.samples(*poses), "dynamic")
+    if found.dynamics is None or found.com is None:
+        raise cw.InputError("found no dynamics")
+    off = np.r_[elements(found.dynamics.inertia - true.settings.inertia), found.dynamics.sensor_offset - true.offset]
+    samples = true.samples(*poses, delay=delay_of(found))
+    contact = contact_wrenches(found, samples)
+    t = np.asarray(samples.t)
+    free = (t > true.begin + RAMP) & (t < t[-1] - RAMP)
+    noise = np.repeat([FORCE_NOISE, TORQUE_NOISE], 3)
+    over_std = (contact.wrench[free] ** 2).mean(axis=0) / (contact.std[free] ** 2 + noise**2).mean(axis=0)
+    still = found.compensate(samples.wrench, samples.R_base_flange)
+    dynamic, static = (_low_passed(wrench[:, :3])[free] for wrench in (contact.wrench, still))
+    largest = float(np.linalg.eigvalsh(true.settings.inertia)[2])
+    return {
+        "left": float(np.mean(dynamic**2)),
+        "static": float(np.mean(static**2)),
+        "force over std": float(over_std[:3].mean()),
+        "torque over std": float(over_std[3:].mean()),
+        "inertia": 100.0 * float(np.abs(off[:6]).max()) / largest,
+        "com": 1e3 * float(np.linalg.norm(found.com - np.array(true.settings.tool.com))),
+        "offset": 1e3 * float(np.linalg.norm(off[6:])),
+        "bandwidth": found.dynamics.bandwidth,
+        **{f"off {k}": float(value) for k, value in enumerate(off / found.dynamics.std)},
+    }
+
+
+def _low_passed(signal: Array) -> Array:
+    from scipy.signal import butter, lfilter
+
+    numerator, denominator = butter(2, LOW_PASS, fs=RATE)
+    return np.asarray(lfilter(numerator, denominator, signal, axis=0))
+
+
+def _filtered_noise() -> float:
+    """Standard deviation, N, of an axis of the sensor's white noise behind the filter."""
+    impulse = np.zeros((4000, 1))
+    impulse[0] = FORCE_NOISE
+    return float(np.linalg.norm(_low_passed(impulse)))
+
+
+def accuracy(cell: Cell, found: Found) -> Iterator[Row]:
+    """The figures of a cell, with targets where it is the one that is judged."""
+    judged, noise = cell == JUDGED, np.full(len(found), _filtered_noise() ** 2)
+
+    def most(target: float) -> float | None:
+        return target if judged else None
+
+    left, error = ratio(found.get("left"), noise)
+    remark = f"{1e3 * left * _filtered_noise():.3g} mN; {found.remark}"
+    yield Row("contact force in free motion behind 20 Hz", left, "x noise", None, most(1.5), remark, error)
+    gained, error = ratio(found.get("static"), found.get("left"))
+    yield Row("static over dynamic compensation", gained, "x", 5.0 if judged else None, None, "", error)
+    for name, unit, target in (("inertia", "% of largest", 3.0), ("com", "mm", 1.0), ("offset", "mm", None)):
+        value, error = ratio(found.get(name) ** 2, np.ones(len(found)))
+        worst = f"worst {found.get(name).max(initial=0.0):.3g}"
+        yield Row(f"{name}, RMS error", value, unit, None, None if target is None else most(target), worst, error)
+    limits = (92.0, 98.0) if judged else (None, None)
+    for name, places in (("inertia", range(6)), ("offset", range(6, 9))):
+        off = np.array([found.get(f"off {k}") for k in places])
+        inside = (np.abs(off) < INTERVAL).mean(axis=0)
+        yield share_row(f"{name}, 95 % intervals that hold the truth", inside, *limits)
+        value, error = ratio((off**2).mean(axis=0), np.ones(len(found)))
+        yield Row(f"{name}, RMS error over std", value, "", standard_error=error)
+    for name in ("force", "torque"):
+        value, error = ratio(found.get(f"{name} over std"), np.ones(len(found)))
+        yield Row(f"contact {name} in free motion, RMS over std", value, "", standard_error=error)
+    yield Row("bandwidth of the motion, median", float(np.median(found.get("bandwidth"))), "Hz")
+
+
+def identification() -> Iterator[Row]:
+    """From samples to a calibration."""
+    whole = moving(1, stops=8, seconds=30.0, rate=RATE)
+    for cell in CELLS[:2]:
+        samples = whole.samples(cell.pose_rate, cell.noise_deg, cell.noise_m)
+        seconds = median_seconds(lambda samples=samples: cw.calibrate(samples, "dynamic"), 3)  # type: ignore[misc]
+        yield Row(f"identification, {samples.t[-1] - samples.t[0]:.0f} s, {cell.name}", seconds, "s", most=2.0)  # type: ignore[index]
+
+
+def batch(n: int) -> Iterator[Row]:
+    """Batch compensation of `n` samples with a motion, into an `out=` that was touched, against memcpy."""
+    rng = np.random.default_rng(2)
+    copying = memcpy(n * BYTES_OF_SAMPLE, rng)
+    calibration, wrench, R = known(0)[1], rng.random((n, 6)), np.tile(random_rotations(1000, rng), (n // 1000, 1, 1))
+    quaternions = rng.normal(size=(n, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    omega, alpha, change = (rng.random((n, 3)) for _ in range(3))
+    motion, out = FlangeMotion(omega, alpha, change, R, np.ones(n, np.bool_)), wrench + 1.0
+
+    def subtract() -> Array:
+        return calibration.compensate(wrench, quaternions, out=out, motion=motion)
+
+    seconds = median_seconds(subtract, 5)
+    remark = f"{1e9 * seconds / n:.3g} ns a sample"
+    yield Row(f"batch of {n:.0e} samples with a motion", seconds / copying, "x memcpy", most=4.0, remark=remark)
+    still = median_seconds(lambda: calibration.compensate(wrench, quaternions, out=out), 5)
+    yield Row("the same at rest", still / copying, "x memcpy")
+    yield Row("extra memory", extra_memory(subtract) / MIB, "MiB", most=64.0)
+
+
+def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
+    """Every table of model `dynamic`."""
+    n, seed = (max(TRIALS // 10, 2), DEVELOPMENT) if quick else (TRIALS, BLIND)
+    for k, cell in enumerate(CELLS):
+        yield f"Dynamic: {cell.name}", _judged(pool, cell, n, (seed, k))
+    yield "Dynamic: identification", identification()
+    yield "Dynamic: batch compensation with a motion, quaternions", batch(SAMPLES)
+
+
+def _judged(pool: Executor, cell: Cell, n: int, seed: Sequence[int]) -> Iterator[Row]:
+    """Nothing is computed before the table is asked for."""
+    yield from accuracy(cell, run(pool, trial, [cell], n, tuple(seed))[0])

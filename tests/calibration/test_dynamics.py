@@ -1,0 +1,217 @@
+"""The model of a tool that moves: against Pinocchio and MuJoCo, and by what any mechanics has to obey."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+
+from contactwrench.calibration.dynamics import (
+    can_exist,
+    elements,
+    inertial_jacobian,
+    inertial_matrix,
+    second_moments,
+    symmetric,
+)
+from contactwrench.errors import InputError
+from contactwrench.model import PARAMETERS, RigidTool, free_wrench, gravity_in_flange, wrench_matrix
+from contactwrench.samples.flange_motion import FlangeMotion
+from contactwrench.simulate.rig import build, import_mujoco, inverse_dynamics
+from tests.support.moving_tool import STANDARD_GRAVITY, MovingTool, any_motion, any_tool, exerted, known
+from tests.support.pinocchio_arm import any_joints, any_settings
+from tests.support.rigs import seeds
+from tests.support.world import Array, perturbed, random_rotations
+
+few = hypothesis_settings(max_examples=25, deadline=None)
+
+
+def _predicted(tool: RigidTool, mass: float, inertia: Array, offset: Array, motion: FlangeMotion) -> Array:
+    r = gravity_in_flange(motion.R_base_flange, tool.gravity_direction)
+    return free_wrench(wrench_matrix(tool), r) + motion.terms @ inertial_matrix(tool, mass, inertia, offset).T
+
+
+def _of(moving: MovingTool, motion: FlangeMotion) -> Array:
+    return _predicted(moving.tool, moving.mass, moving.inertia, moving.offset, motion)
+
+
+@few
+@given(seeds)
+def test_any_tool_in_any_motion_is_what_pinocchio_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    moving, motion = any_tool(rng), any_motion(5, rng)
+    expected = exerted(moving, motion)
+    assert np.abs(_of(moving, motion) - expected).max() < 1e-9 * max(1.0, float(np.abs(expected).max()))
+
+
+@few
+@given(seeds)
+def test_the_arm_in_any_motion_is_what_mujoco_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    settings = any_settings(rng)
+    rig, mujoco = build(settings), import_mujoco()
+    joints, velocity, change = any_joints(rng, 3), rng.normal(size=(3, 7)), 5.0 * rng.normal(size=(3, 7))
+    physics = inverse_dynamics(rig, joints, velocity, change)
+    data, moves = mujoco.MjData(rig.model), np.zeros((3, 3, 3))
+    for k in range(3):
+        data.qpos[:], data.qvel[:], data.qacc[:] = joints[k], velocity[k], change[k]
+        mujoco.mj_inverse(rig.model, data)
+        mujoco.mj_rnePostConstraint(rig.model, data)
+        twist, acceleration = np.zeros(6), np.zeros(6)
+        mujoco.mj_objectVelocity(rig.model, data, mujoco.mjtObj.mjOBJ_SITE, rig.flange, twist, 1)
+        mujoco.mj_objectAcceleration(rig.model, data, mujoco.mjtObj.mjOBJ_SITE, rig.flange, acceleration, 1)
+        felt = data.site_xmat[rig.flange].reshape(3, 3).T @ [0.0, 0.0, settings.gravity]
+        moves[k] = twist[:3], acceleration[:3], acceleration[3:] - felt
+    motion = FlangeMotion(moves[:, 0], moves[:, 1], moves[:, 2], physics.R_base_flange, np.ones(3, np.bool_))
+    mass, com, down = settings.tool.mass, np.array(settings.tool.com), settings.gravity_direction
+    tool = RigidTool(mass * settings.gravity, com, np.zeros(6), settings.R_flange_sensor, down)
+    offset = np.array([0.0, 0.0, settings.mounting.height])
+    found = _predicted(tool, mass, settings.inertia, offset, motion)
+    assert np.abs(found - physics.wrench).max() < 1e-9 * max(1.0, float(np.abs(physics.wrench).max()))
+
+
+@few
+@given(seeds)
+def test_a_free_tool_in_any_motion_compensates_to_nothing(seed: int) -> None:
+    moving, calibration = known(seed % 5)
+    motion = any_motion(5, np.random.default_rng(seed))
+    contact = calibration.compensate(exerted(moving, motion), motion.R_base_flange, motion=motion)
+    assert np.abs(contact).max() < 1e-7
+
+
+def test_a_push_in_motion_is_what_is_left() -> None:
+    moving, calibration = known(0)
+    rng = np.random.default_rng(3)
+    motion, push = any_motion(20, rng), rng.normal(size=(20, 6))
+    contact = calibration.compensate(exerted(moving, motion) + push, motion.R_base_flange, motion=motion)
+    assert contact == pytest.approx(push, abs=1e-7)
+
+
+@few
+@given(seeds)
+def test_another_base_changes_nothing(seed: int) -> None:
+    moving, calibration = known(seed % 5, noise=1.0)
+    rng = np.random.default_rng(seed)
+    motion, turn = any_motion(4, rng), random_rotations(1, rng)[0]
+    turned = replace(motion, R_base_flange=turn @ motion.R_base_flange)
+    other = calibration.with_base(turn, "other")
+    readings = exerted(moving, motion)
+    contact = calibration.compensate(readings, motion.R_base_flange, motion=motion)
+    assert other.compensate(readings, turned.R_base_flange, motion=turned) == pytest.approx(contact, abs=1e-9)
+    std = calibration.wrench_std(motion.R_base_flange, motion)
+    assert other.wrench_std(turned.R_base_flange, turned) == pytest.approx(std, rel=1e-7)
+
+
+@few
+@given(seeds)
+def test_the_tool_gains_the_energy_that_the_sensor_gives_it(seed: int) -> None:
+    """In flange axes; the power at the sensor is minus that of what the tool exerts on it."""
+    rng = np.random.default_rng(seed)
+    moving, motion = any_tool(rng), any_motion(4, rng)
+    w, m, velocity = moving.world, moving.mass, rng.normal(size=(4, 3))
+    R, inertia = w.R_flange_sensor, w.R_flange_sensor @ moving.inertia @ w.R_flange_sensor.T
+    omega, alpha = motion.angular_velocity, motion.angular_acceleration
+    lever = moving.offset + R @ w.com
+    of_mass = velocity + np.cross(omega, lever)
+    change = motion.acceleration + np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
+    falls = STANDARD_GRAVITY * np.einsum("nij,i->nj", motion.R_base_flange, w.down)
+    gained = np.sum(of_mass * m * (change - falls), axis=1) + np.sum(omega * (alpha @ inertia), axis=1)
+    wrench = _of(moving, motion) - w.bias
+    at_sensor = velocity + np.cross(omega, moving.offset)
+    given = -np.sum(wrench[:, :3] @ R.T * at_sensor + wrench[:, 3:] @ R.T * omega, axis=1)
+    assert given == pytest.approx(gained, rel=1e-9, abs=1e-9 * float(np.abs(gained).max()))
+
+
+def test_at_rest_it_is_what_poses_tell() -> None:
+    moving, calibration = known(1, noise=1.0)
+    rng = np.random.default_rng(5)
+    R = random_rotations(10, rng)
+    rest = FlangeMotion(np.zeros((10, 3)), np.zeros((10, 3)), np.zeros((10, 3)), R, np.ones(10, np.bool_))
+    readings = exerted(moving, rest)
+    assert np.array_equal(calibration.compensate(readings, R, motion=rest), calibration.compensate(readings, R))
+    assert np.array_equal(calibration.wrench_std(R, rest), calibration.wrench_std(R))
+
+
+@pytest.mark.parametrize("model", ["yaw", "mount", "mount+base"])
+def test_the_jacobian_is_that_of_finite_differences(model: str) -> None:
+    rng = np.random.default_rng(7)
+    moving, names = any_tool(rng), PARAMETERS[model]
+    J = inertial_jacobian(moving.tool, moving.mass, moving.inertia, moving.offset, names)
+    p, size = len(names), 1e-6
+
+    def matrix(step: Array) -> Array:
+        stepped = perturbed(moving.world, step[:p])
+        after = MovingTool(stepped, moving.inertia + symmetric(step[p : p + 6]), moving.offset + step[p + 6 :])
+        return inertial_matrix(after.tool, after.mass, after.inertia, after.offset)
+
+    assert J.shape == (12, 6, p + 9)
+    for k, unit in enumerate(size * np.eye(p + 9)):
+        expected = (matrix(unit) - matrix(-unit)).T / (2.0 * size)
+        assert J[:, :, k] == pytest.approx(expected, abs=1e-7), [*names, "inertia and offset"][min(k, p)]
+
+
+def test_the_variance_in_motion_is_that_of_drawn_tools() -> None:
+    """Weight, mass and whatever else correlate with the inertia, so that the variances do not just add up."""
+    _, c = known(2, "mount", noise=1.0)
+    assert c.dynamics is not None
+    rng = np.random.default_rng(8)
+    motion, names, p = any_motion(3, rng), c.parameter_names, len(c.parameters)
+    joint = np.block(
+        [[c.covariance, c.dynamics.with_parameters.T], [c.dynamics.with_parameters, c.dynamics.covariance]]
+    )
+    drawn = rng.multivariate_normal(np.zeros(p + 9), joint, 4000, method="svd")
+    assert c.weight is not None
+    assert c.com is not None
+    assert c.R_flange_sensor is not None
+    moving, _ = known(2, "mount", noise=1.0)
+    world = replace(
+        moving.world,
+        weight=c.weight,
+        com=c.com,
+        bias=c.bias,
+        R_flange_sensor=c.R_flange_sensor,
+        down=c.gravity_direction,
+    )
+    wrenches = []
+    for step in drawn:
+        inertia, offset = c.dynamics.inertia + symmetric(step[p : p + 6]), c.dynamics.sensor_offset + step[p + 6 :]
+        wrenches.append(_of(MovingTool(perturbed(world, step[:p]), inertia, offset), motion))
+    assert names == PARAMETERS["mount"]
+    assert c.wrench_std(motion.R_base_flange, motion) == pytest.approx(np.std(wrenches, axis=0), rel=0.06)
+
+
+def test_what_shakes_adds_to_the_variance_in_proportion() -> None:
+    _, c = known(2, "mount", noise=1.0)
+    assert c.dynamics is not None
+    noise = np.array([[0.1, 0.2], [0.003, 0.004]])
+    shaken = replace(c, dynamics=replace(c.dynamics, motion_noise=noise))
+    motion = any_motion(3, np.random.default_rng(9))
+    more = shaken.wrench_std(motion.R_base_flange, motion) ** 2 - c.wrench_std(motion.R_base_flange, motion) ** 2
+    squares = np.column_stack([np.sum(motion.acceleration**2, axis=1), np.sum(motion.angular_velocity**2, axis=1)])
+    assert more == pytest.approx(np.repeat(squares @ (noise**2).T, 3, axis=1), rel=1e-9)
+
+
+def test_elements_and_matrices_are_each_other() -> None:
+    inertia = any_tool(np.random.default_rng(1)).inertia
+    assert np.array_equal(symmetric(elements(inertia)), inertia)
+    assert np.trace(second_moments(inertia)) == pytest.approx(0.5 * np.trace(inertia))
+
+
+def test_which_inertias_exist() -> None:
+    assert can_exist(np.diag([0.002, 0.003, 0.004]))
+    assert can_exist(np.diag([0.002, 0.002, 0.004]))
+    assert not can_exist(np.diag([0.002, 0.002, 0.0041]))
+    assert not can_exist(np.diag([0.002, -0.002, 0.002]))
+
+
+def test_a_motion_asks_for_an_inertia_and_for_as_many_moments_as_readings() -> None:
+    moving, calibration = known(0)
+    motion = any_motion(4, np.random.default_rng(1))
+    readings = exerted(moving, motion)
+    with pytest.raises(InputError, match=r"^found a motion and no inertia: calibrate with model dynamic, or leave"):
+        replace(calibration, dynamics=None).compensate(readings, motion.R_base_flange, motion=motion)
+    with pytest.raises(InputError, match=r"^found 4 moments of motion, expected 3, one for each reading$"):
+        calibration.compensate(readings[:3], motion.R_base_flange[:3], motion=motion)

@@ -1,0 +1,250 @@
+"""Model `dynamic`: inertia and the sensor's place from a recording in motion, what is said of it, what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+import contactwrench as cw
+from contactwrench.calibration.dynamics import can_exist, elements, second_moments
+from contactwrench.calibration.findings import Finding, Kind, Severity
+from contactwrench.errors import ContactWrenchError, InputError, UnobservableError
+from contactwrench.estimation.in_motion import with_motion
+from contactwrench.estimation.possible_tool import nearest_possible
+from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
+from contactwrench.simulate.recording import record_motion
+from contactwrench.simulate.settings import changed
+from contactwrench.simulate.trajectory import Motion
+from tests.support.in_motion import Moving, calibrated, fast, moving, pushed
+from tests.support.rigs import example, noisy
+from tests.support.world import Array
+
+ALL = "inertia_xx, inertia_xy, inertia_xz, inertia_yy, inertia_yz, inertia_zz, offset_x, offset_y, offset_z"
+OFTEN = 3.5
+"""Standard deviations."""
+
+
+def _of_kind(calibration: cw.Calibration, kind: Kind) -> list[Finding]:
+    return [finding for finding in calibration.findings if finding.kind is kind]
+
+
+def _off(calibration: cw.Calibration, truth: Moving) -> Array:
+    """By how many std the nine are off."""
+    d = calibration.dynamics
+    assert d is not None
+    off = np.r_[elements(d.inertia - truth.settings.inertia), d.sensor_offset - truth.offset]
+    return np.asarray(off / d.std)
+
+
+def test_inertia_and_offset_are_found_within_their_std_in_spite_of_a_push() -> None:
+    found, truth = cw.calibrate(pushed().samples(), "dynamic"), pushed()
+    assert np.abs(_off(found, truth)).max() < OFTEN
+    assert found.dynamics is not None
+    largest = float(np.linalg.eigvalsh(truth.settings.inertia)[2])
+    assert np.abs(found.dynamics.inertia - truth.settings.inertia).max() < 0.02 * largest
+    assert np.abs(found.dynamics.sensor_offset - truth.offset).max() < 1.5e-3
+    assert found.requested_model == "dynamic"
+    assert np.array_equal(found.std["inertia"], found.dynamics.std[:6])
+    assert np.array_equal(found.std["sensor_offset"], found.dynamics.std[6:])
+
+
+def test_noisy_poses_of_100_hz_tell_them_too() -> None:
+    found = calibrated()
+    assert np.abs(_off(found, pushed())).max() < OFTEN
+    assert found.dynamics is not None
+    assert 2.0 < found.dynamics.bandwidth < 30.0
+
+
+def test_what_is_left_in_motion_is_less_than_without_inertia() -> None:
+    """The push is in both."""
+    dynamics = calibrated().dynamics
+    assert dynamics is not None
+    assert (dynamics.static_rms[:3] > 1.8 * dynamics.residual_rms[:3]).all()
+    assert (dynamics.motion_noise >= 0.0).all()
+
+
+def test_a_stated_offset_is_taken_and_leaves_the_verdict_good() -> None:
+    found = calibrated(stated=True)
+    assert np.abs(_off(found, pushed())).max() < OFTEN
+    assert found.dynamics is not None
+    assert found.dynamics.std[6:].max() <= 5e-4
+    assert found.verdict == "good"
+    assert not _of_kind(found, Kind.UNCERTAIN_PARAMETER)
+
+
+def test_the_stops_alone_tell_what_they_tell_without_the_motion() -> None:
+    samples = pushed().samples(100.0, 0.01, 2e-5)
+    still, found = cw.calibrate(samples), calibrated()
+    assert np.array_equal(still.B, found.B)
+    assert np.array_equal(still.covariance, found.covariance)
+    assert still.dynamics is None
+
+
+def test_how_much_motion_was_used_is_noted() -> None:
+    (noted,) = _of_kind(calibrated(), Kind.MOTION_USED)
+    assert noted.severity is Severity.NOTE
+    assert noted.text == "40 s of motion used, up to 3.9 Hz, beyond which the poses tell no acceleration"
+    assert not _of_kind(cw.calibrate(pushed().samples()), Kind.MOTION_USED)
+
+
+def test_a_short_push_is_no_finding_and_a_shaking_arm_is() -> None:
+    assert not _of_kind(calibrated(), Kind.CONTACT_IN_MOTION)
+    shaken = moving(6, "arm.vibration=[0.3,0.5]", stops=8, seconds=15.0, rate=500.0)
+    found = cw.calibrate(shaken.samples(), "dynamic")
+    (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
+    assert said.severity is Severity.WARNING
+    assert said.text.endswith(
+        "of the motion is far noisier than the rest and counts little: contact, cables or shaking"
+    )
+    assert np.abs(_off(found, shaken)).max() < OFTEN
+    assert found.dynamics is not None
+    assert (found.dynamics.motion_noise[0] > 0.1).all()
+
+
+def _at_rest() -> cw.Samples:
+    samples = pushed().samples()
+    t = np.asarray(samples.t)
+    return samples.select((t < pushed().begin) & (t % 3.5 > 0.2) & (t % 3.5 < 1.4))
+
+
+def _poses() -> cw.Samples:
+    """Sixty, a second apart, somewhere: a table, and no motion."""
+    rig, R, rng = example(3, 60)
+    readings = noisy(rig, R, rng)
+    return replace(readings, t=np.arange(60.0), position=rng.uniform(-0.5, 0.5, (60, 3)), source="poses")
+
+
+def _scaled(by: float) -> cw.Samples:
+    samples = pushed().samples()
+    return replace(samples, position=by * np.asarray(samples.position))
+
+
+REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] = {
+    "at rest": (
+        lambda: cw.calibrate(_at_rest(), "dynamic"),
+        UnobservableError,
+        "virtual rig: found 0 s of motion, expected 4 s or more with turns about every axis, to tell "
+        f"{ALL}: move the arm, or take model auto",
+    ),
+    "poses with times": (
+        lambda: cw.calibrate(_poses(), "dynamic"),
+        UnobservableError,
+        "poses: found 0 s of motion, expected 4 s or more with turns about every axis, to tell "
+        f"{ALL}: move the arm, or take model auto",
+    ),
+    "no positions": (
+        lambda: cw.calibrate(replace(pushed().samples(), position=None), "dynamic"),
+        InputError,
+        "virtual rig: found no positions, expected t and the flange's x, y, z in each row, from which its acceleration "
+        "is taken: record them, or calibrate and compensate without inertia",
+    ),
+    "no times": (
+        lambda: cw.calibrate(replace(_at_rest(), t=None), "dynamic"),
+        InputError,
+        "virtual rig: found no times, expected t and the flange's x, y, z in each row, from which its acceleration is "
+        "taken: record them, or calibrate and compensate without inertia",
+    ),
+    "positions in mm": (
+        lambda: cw.calibrate(_scaled(1000.0), "dynamic"),
+        InputError,
+        "virtual rig: found the flange accelerating at 1.95e+03 m/s^2 RMS, expected positions in m: are they in mm? "
+        "name the columns x_mm, y_mm, z_mm, or state the unit",
+    ),
+    "offset in mm": (
+        lambda: cw.calibrate(pushed().samples(), "dynamic", sensor_offset=[0.0, 0.0, 50.0]),
+        InputError,
+        "sensor offset is 50, expected -2 to 2 m (is it in mm?)",
+    ),
+    "offset of another model": (
+        lambda: cw.calibrate(pushed().samples(), "auto", sensor_offset=[0.0, 0.0, 0.05]),
+        InputError,
+        "model auto has no sensor_offset: leave it out",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_tells_no_inertia_is_refused_word_for_word(what: str) -> None:
+    asked, error, message = REFUSED[what]
+    with pytest.raises(error) as refused:
+        asked()
+    assert str(refused.value) == message
+
+
+def _about_one_joint(joint: int) -> cw.Samples:
+    motion, only = fast(10.0, 500.0, np.random.default_rng(4)), np.eye(7)[joint]
+    home = motion.joints[0]
+    turning = Motion(motion.t, home + (motion.joints - home) * only, motion.velocity * only, motion.acceleration * only)
+    return record_motion(changed(pushed().settings, []), turning, rng=np.random.default_rng(5)).samples
+
+
+def test_a_turn_about_one_axis_leaves_parameters_untold_and_names_them() -> None:
+    found = with_motion(cw.calibrate(pushed().samples()), _about_one_joint(6), None)
+    (said,) = _of_kind(found, Kind.UNCERTAIN_PARAMETER)
+    assert said.severity is Severity.WEAK
+    untold = "inertia_xx, inertia_xy, inertia_yy, offset_z"
+    assert (
+        said.text == f"weak: the motion tells nothing of {untold}: what stands there was assumed; turn about every axis"
+    )
+    assert found.verdict == "weak"
+    assert np.abs(_off(found, pushed())).max() < OFTEN
+
+
+def test_an_inertia_of_no_body_is_mended_and_said() -> None:
+    """The arm's positions are a third too small, so that the tool is felt to turn by less than it does."""
+    found = cw.calibrate(_scaled(0.6), "dynamic")
+    (said,) = _of_kind(found, Kind.IMPLAUSIBLE_TOOL)
+    assert said.severity is Severity.DOUBTFUL
+    assert "no body has the inertia that the readings alone give, the nearest that one can have was taken" in said.text
+    assert found.inertia is not None
+    assert can_exist(found.inertia)
+    assert not _of_kind(calibrated(), Kind.IMPLAUSIBLE_TOOL)
+
+
+def _covariance(rng: np.random.Generator) -> Array:
+    root = rng.normal(size=(6, 12)) * 1e-4
+    return root @ root.T
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_nearest_body_can_exist_and_none_is_nearer(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wanted = np.diag([0.001, 0.0012, 0.003]) + 2e-4 * (lambda a: a + a.T)(rng.normal(size=(3, 3)))
+    assert not can_exist(wanted)
+    covariance = _covariance(rng)
+    information = np.linalg.inv(covariance)
+    nearest = nearest_possible(wanted, covariance, 1.0)
+
+    def far(inertia: Array) -> float:
+        off = elements(inertia - wanted)
+        return float(off @ information @ off)
+
+    assert can_exist(nearest)
+    assert np.linalg.eigvalsh(second_moments(nearest))[0] > 0.0
+    roots = rng.normal(size=(3000, 3, 3)) * np.exp(rng.uniform(-9.0, -1.0, size=(3000, 1, 1)))
+    steps = second_moments(nearest) + roots @ roots.transpose(0, 2, 1) * 1e-3 * rng.choice([1.0, 1e-2], (3000, 1, 1))
+    others = [np.trace(second) * np.eye(3) - second for second in steps]
+    assert min(map(far, others)) > (1.0 - 1e-3) * far(nearest)
+    between = [share * nearest + (1.0 - share) * wanted for share in (0.9, 0.5)]
+    assert not any(can_exist(inertia) and far(inertia) < 0.98 * far(nearest) for inertia in between)
+
+
+def test_compensation_in_motion_leaves_the_push_and_its_std_covers_the_rest() -> None:
+    """Where nothing pushes the mean is none, and the RMS is the sensor's noise and what the std says."""
+    found, recorded = calibrated(), pushed()
+    assert found.delay is not None
+    samples = recorded.samples(100.0, 0.01, 2e-5, found.delay)
+    motion: FlangeMotion = flange_motion(samples)
+    contact = found.compensate(samples.wrench, samples.R_base_flange, motion=motion)
+    t = np.asarray(samples.t) - recorded.begin
+    pushing, free = (t > 4.1) & (t < 5.4), (t > 6.0) & motion.inside
+    in_base = np.einsum("nij,nj->ni", samples.R_base_flange @ recorded.settings.R_flange_sensor, contact[:, :3])
+    assert in_base[pushing].mean(axis=0) == pytest.approx([3.0, 0.0, 4.0], abs=0.05)
+    noise = np.r_[np.full(3, 0.05), np.full(3, 0.002)]
+    std = np.hypot(noise, found.wrench_std(samples.R_base_flange, motion))
+    assert np.sqrt(np.mean((contact[free] / std[free]) ** 2, axis=0)) == pytest.approx(np.ones(6), abs=0.35)
