@@ -24,8 +24,8 @@ TURN_SPEED, TURN_ACCELERATION = np.deg2rad(100.0), np.deg2rad(500.0)
 """rad/s and rad/s^2, of the flange: inertia shows, and cables and grippers bear it."""
 FLANGE_SPEED = 0.5
 """m/s: safety settings stop many an arm at 0.75."""
-ABOVE, WITHIN = 0.15, 0.2
-"""m: the flange over the plane of the base, and from where it starts."""
+ABOVE, WITHIN = 0.15, 0.1
+"""m: the flange over the plane of the base, and from where it starts; more than that tells hardly more."""
 LEAST_ROOM = np.deg2rad(10.0)
 """For each joint of the wrist, to both sides: with less, the inertia hardly shows."""
 

@@ -12,8 +12,8 @@ from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import Range
 from .arm_motion import moving_flange
 from .fourier_motion import ABOVE, WITHIN, FourierMotion, Limits, limits_of, pace
-from .motion_design import best_motion, bounds
-from .plan import Expected, Plan, expected_tool, information_of, plan
+from .motion_design import best_motion
+from .plan import Expected, Plan, expected_tool, plan
 from .robot_arms import Arm, Reach, flange_pose, reach
 
 STOPS, STOP, DURATION = 12, 1.5, 30.0
@@ -22,7 +22,11 @@ MOVE_PACE = 0.5
 """Of the fastest, from stop to stop: the sensor and the cables rest sooner."""
 ON_A_MOVE, LOOKED_AT = 61, 0.005
 """Moments of a move at which its limits are kept; s, from one to the next at which the largest values are taken."""
-SECONDS, HEIGHT, DISTANCE = Range(10.0, 600.0, "s"), Range(-10.0, 10.0, "m (is it in mm?)"), Range(0.01, 10.0, "m")
+SECONDS, HEIGHT, DISTANCE = (
+    Range(10.0, 600.0, "s"),
+    Range(-10.0, 10.0, "m (is it in mm?)"),
+    Range(0.01, 10.0, "m (is it in mm?)"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +144,10 @@ def plan_motion(
     wrist = Reach(wrist.arm, wrist.around, wrist.R_base_flange[high], wrist.joints[high])
     stops = plan(n, expected, model=model, reach=wrist)
     visited = np.vstack([wrist.around, np.asarray(stops.joints), wrist.around])
-    motion = best_motion(arm, wrist.around, expected, limits, duration)
-    of_stops = np.asarray(np.linalg.inv(information_of(expected, model, stops.R_base_flange)))
-    std, std_after_stops = bounds(arm, motion, expected, model, of_stops)
-    return DynamicPlan(arm, stops, visited, _moves(arm, visited, limits), motion, limits, std, std_after_stops)
+    motion, design = best_motion(arm, wrist.around, stops, limits, duration)
+    of_noise = design.of_noise[0] * duration / motion.duration
+    std = np.sqrt(of_noise), np.sqrt(of_noise + design.of_stops[0])
+    return DynamicPlan(arm, stops, visited, _moves(arm, visited, limits), motion, limits, *std)
 
 
 def _moves(arm: Arm, visited: Array, limits: Limits) -> Array:

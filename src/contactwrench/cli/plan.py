@@ -71,7 +71,7 @@ def plan(
     ] = None,
     within: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Keep the motion so near to where the flange starts, m. [default: 0.2]"),
+        typer.Option(metavar="M", help="Keep the motion so near to where the flange starts, m. [default: 0.1]"),
     ] = None,
     json: options.Json = False,
     written: Recordings,
