@@ -12,8 +12,9 @@ from contactwrench.assess import motion_design
 from contactwrench.assess.arm_motion import moving_flange
 from contactwrench.assess.fourier_motion import FLANGE_SPEED, TURN_ACCELERATION, TURN_SPEED, limits_of
 from contactwrench.assess.motion_design import READINGS
+from contactwrench.assess.plan import Expected
 from contactwrench.assess.plan_motion import STOP, DynamicPlan, plan_motion
-from contactwrench.assess.robot_arms import ARMS, MARGIN, flange_pose
+from contactwrench.assess.robot_arms import ARMS, MARGIN, Arm, flange_pose
 from contactwrench.calibration.dynamics import inertial_jacobian
 from contactwrench.errors import InputError
 from contactwrench.geometry.arrays import Array
@@ -119,14 +120,14 @@ def test_the_same_question_has_the_same_answer() -> None:
     assert one.motion.frequency == other.motion.frequency
 
 
-def information(plan: DynamicPlan, joints: tuple[Array, Array, Array], rate: float) -> Array:
+def information(arm: Arm, expected: Expected, joints: tuple[Array, Array, Array], rate: float) -> Array:
     """Of inertia and offset (9, 9) from a motion at that rate, tool and all known but the bias, reading by reading."""
-    tool, noise = plan.stops.expected.tool, plan.stops.expected.noise
+    tool, noise = expected.tool, expected.noise
     names = PARAMETERS["mount+base"]
     of_terms = inertial_jacobian(tool, tool.weight / STANDARD_GRAVITY, np.eye(3), np.zeros(3), names)[
         :, :, len(names) :
     ]
-    J = np.einsum("nk,kip->nip", moving_flange(plan.arm, *joints).motion.terms, of_terms) / noise[:, None]
+    J = np.einsum("nk,kip->nip", moving_flange(arm, *joints).motion.terms, of_terms) / noise[:, None]
     J -= J.mean(axis=0)
     total: Array = READINGS / rate * np.einsum("nip,niq->pq", J, J)
     return total
@@ -135,13 +136,14 @@ def information(plan: DynamicPlan, joints: tuple[Array, Array, Array], rate: flo
 def test_the_bound_is_that_of_the_readings_and_far_below_a_random_motion() -> None:
     """By the ninth root of the determinant, a mean variance: a random one would have to go on for as many times."""
     plan, rate = planned(), 200.0
-    told = information(plan, plan.motion.at(np.arange(0.0, plan.motion.duration, 1.0 / rate)), rate)
+    known = plan.arm, plan.stops.expected
+    told = information(*known, plan.motion.at(np.arange(0.0, plan.motion.duration, 1.0 / rate)), rate)
     np.testing.assert_allclose(plan.std, np.sqrt(np.diag(np.linalg.inv(told))), rtol=1e-2)
     assert (plan.std_after_stops > plan.std).all()
     of_random = []
     for seed in range(5):
         motion = exciting(plan.motion.duration, rate, np.random.default_rng(seed))
-        random = information(plan, (motion.joints, motion.velocity, motion.acceleration), rate)
+        random = information(*known, (motion.joints, motion.velocity, motion.acceleration), rate)
         of_random.append((np.linalg.slogdet(told)[1] - np.linalg.slogdet(random)[1]) / 9.0)
     assert np.exp(min(of_random)) > 15.0  # 19 to 36
 

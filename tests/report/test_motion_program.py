@@ -13,6 +13,7 @@ import pytest
 from contactwrench.assess import motion_design
 from contactwrench.assess.plan_motion import STOP, DynamicPlan, plan_motion
 from contactwrench.assess.robot_arms import ARMS
+from contactwrench.geometry.arrays import Array
 from contactwrench.recording.urdf import read_urdf
 from contactwrench.report.motion_program import krl, motion_csv, urscript, write_as
 from tests.assess.test_robot_arms import urdf_of
@@ -46,34 +47,31 @@ def run_urscript(program: str, slower: float) -> dict[str, list[Any]]:
 def test_urscript_goes_where_the_plan_goes(plan: DynamicPlan) -> None:
     sent = run_urscript(urscript(plan, "my plan 2"), 1.0)
     assert "def my_plan_2():" in urscript(plan, "my plan 2")
-    np.testing.assert_allclose([q for q, _ in sent["movej"]], plan.visited, atol=1e-6)
+    np.testing.assert_allclose(np.array([q for q, _ in sent["movej"]]), plan.visited, atol=1e-6)
     assert [how.get("t") for _, how in sent["movej"]] == [None, *np.round(plan.moves, 1).tolist()]
     assert sent["sleep"] == [(STOP,)] * 6
-    t = 0.008 * np.arange(len(sent["servoj"]))
-    np.testing.assert_allclose([each[0] for each in sent["servoj"]], plan.motion.at(t)[0], atol=1e-7)
+    t = np.arange(len(sent["servoj"]), dtype=np.float64) * 0.008
+    np.testing.assert_allclose(np.array([each[0] for each in sent["servoj"]]), plan.motion.at(t)[0], atol=1e-7)
     assert {each[1:] for each in sent["servoj"]} == {(0, 0, 0.008, 0.1, 300)}
     assert 0.0 <= t[-1] + 0.008 - plan.motion.duration < 0.008
     assert len(run_urscript(urscript(plan, "p"), 10.0)["servoj"]) == pytest.approx(10 * len(t), abs=10)
+
+
+def axes_rad(program: str, word: str) -> Array:
+    """The axes (n, 6) of every command of that name."""
+    lines = [line for line in program.splitlines() if line.strip().startswith(f"{word} {{")]
+    return np.asarray(np.deg2rad(np.array([re.findall(r"A\d (.+?)[,}]", line) for line in lines], dtype=np.float64)))
 
 
 def test_krl_goes_where_the_plan_goes(plan: DynamicPlan) -> None:
     program = krl(plan, "2 plans")
     assert program.startswith("DEF p2_plans( )\n; 3 stops and ")
     assert program.endswith(f"WAIT SEC {STOP}\nEND\n")
-    points = {
-        word: np.deg2rad(
-            [re.findall(r"A\d (\S+?)[,}]", line) for line in re.findall(rf"\b{word} {{.*", program)]
-            and np.array(
-                [re.findall(r"A\d (\S+?)[,}]", line) for line in re.findall(rf"^ *{word} {{.*", program, re.MULTILINE)],
-                dtype=float,
-            )
-        )
-        for word in ("PTP", "SPTP")
-    }
-    np.testing.assert_allclose(points["PTP"], plan.visited, atol=1e-7)
+    stops, points = (axes_rad(program, word) for word in ("PTP", "SPTP"))
+    np.testing.assert_allclose(stops, plan.visited, atol=1e-7)
     period = 1.0 / plan.motion.frequency
-    t = period * np.arange(1, len(points["SPTP"]) + 1) / len(points["SPTP"])
-    np.testing.assert_allclose(points["SPTP"], plan.motion.at(t)[0], atol=1e-7)
+    t = np.asarray(period * np.arange(1, len(points) + 1) / len(points))
+    np.testing.assert_allclose(points, plan.motion.at(t)[0], atol=1e-7)
     assert program.count("TIME_BLOCK PART = 1\n") == len(t)
     assert f"TIME_BLOCK END = {period:.6f}\n" in program
     assert f"FOR I = 1 TO {plan.motion.periods}\n  PTP_SPLINE\n    TIME_BLOCK START\n" in program

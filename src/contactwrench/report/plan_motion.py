@@ -38,7 +38,8 @@ def dynamic_plan_text(plan: DynamicPlan) -> str:
         f"  It is {most.lowest:.2g} m above the plane of the base or more, within {most.furthest_of_all:.2g} m of "
         f"where it starts, in motion {most.furthest:.2g} m",
         "",
-        f"  {'std at best':12}{'tool known':>12}{'after the stops':>17}",
+        "  std that the motion leaves, at best",
+        f"  {'':12}{'tool known':>12}{'after the stops':>17}",
     ]
     for name, known, after in zip(DYNAMIC_PARAMETERS, plan.std, plan.std_after_stops, strict=True):
         scale, unit = (IN_KG_CM2, "kg cm^2") if name in INERTIA else (IN_MM, "mm")
