@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -151,7 +152,8 @@ def test_the_bound_is_that_of_the_readings_and_far_below_a_random_motion() -> No
 def test_a_nearer_flange_or_less_time_is_kept(quick: None) -> None:
     plan = plan_motion(ARMS["iiwa7"], n=2, duration=12.0, within=0.03, above=0.3)
     assert plan.motion.duration <= 12.0
-    assert plan.largest.furthest <= 0.03
+    position = moving_flange(plan.arm, *plan.motion.at(np.arange(0.0, plan.motion.duration, 0.001))).position
+    assert largest(position - position[0]) <= 0.03
     assert plan.largest.lowest >= 0.3
 
 
@@ -163,6 +165,21 @@ def test_the_speeds_of_a_urdf_are_its_limits(tmp_path: Path) -> None:
     arm = read_urdf(written(tmp_path, text.replace('velocity="1"', 'velocity="2.5"'), "fast.urdf"))
     np.testing.assert_array_equal(arm.max_speed, np.full(6, 2.5))
     np.testing.assert_allclose(limits_of(arm, ARMS["ur5e"].home).speed, 2.0)
+
+
+def test_one_joint_that_cannot_turn_about_every_axis_is_told(quick: None) -> None:
+    whole = ARMS["ur5e"]
+    last = replace(
+        whole,
+        name="last",
+        **{name: getattr(whole, name)[-1:] for name in ("R_before", "axis", "limits", "max_speed", "max_acceleration")},
+        home=np.zeros(1),
+        offset=np.array([[0.0, 0.0, 0.5], whole.offset[-1]]),
+    )
+    with pytest.raises(
+        InputError, match=r"^no motion of last tells inertia_.*, expected turns about every axis: take "
+    ):
+        plan_motion(last, n=2)
 
 
 NEAR_ITS_LIMIT = np.array([0.0, 0.5, 0.0, -1.0, 0.0, 2.0, 0.0])

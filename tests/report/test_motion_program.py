@@ -15,7 +15,7 @@ from contactwrench.assess.plan_motion import STOP, DynamicPlan, plan_motion
 from contactwrench.assess.robot_arms import ARMS
 from contactwrench.geometry.arrays import Array
 from contactwrench.recording.urdf import read_urdf
-from contactwrench.report.motion_program import krl, motion_csv, urscript, write_as
+from contactwrench.report.motion_program import krl, motion_csv, program_of, urscript
 from tests.assess.test_robot_arms import urdf_of
 from tests.support.recordings import written
 
@@ -100,5 +100,5 @@ def test_the_csv_is_the_plan(plan: DynamicPlan) -> None:
 
 def test_a_urdf_of_six_joints_has_programs_of_both(tmp_path: Path) -> None:
     arm = read_urdf(written(tmp_path, urdf_of("ur5e"), "arm.urdf"))
-    assert write_as(Path("plan.script"), arm) is urscript
-    assert write_as(Path("plan.SRC"), arm) is krl
+    assert program_of(Path("plan.script"), arm) is urscript
+    assert program_of(Path("plan.SRC"), arm) is krl

@@ -41,6 +41,8 @@ WIDEST, FIRST_STEP, LAST_STEP = 0.4, 0.15, 0.01
 SMALLER, TRIED = 0.7, 12
 """Where no random shape keeps the limits: so much smaller ones, so often."""
 NINE = len(DYNAMIC_PARAMETERS)
+LEAST = 1e-6
+"""Of information, in natural units: none at all has no inverse. A std of as much as a unit tells nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,7 @@ class _Search:
         count = READINGS * 2.0 * np.pi / self.slowest / points
         products = count * seen[..., :TERMS].transpose(0, 2, 1) @ seen
         information = (products[..., :TERMS].reshape(len(sine), -1) @ self.own).reshape(-1, NINE, NINE)
-        known = np.linalg.inv(information + np.finfo(np.float64).tiny * np.eye(NINE))
+        known = np.linalg.inv(information + LEAST * np.eye(NINE))
         follows = known @ (products.reshape(len(sine), -1) @ self.shared).reshape(len(sine), NINE, -1)
         of_stops = follows @ self.open_ @ follows.transpose(0, 2, 1)
         gain = np.where(inside, -0.5 * np.linalg.slogdet(known + of_stops)[1], -np.inf)
@@ -125,6 +127,12 @@ def best_motion(arm: Arm, start: Array, stops: Plan, limits: Limits, duration: f
     size = 1.0
     while not np.isfinite((kept := dense.judged(size * best.sine, size * best.cosine, DENSE)).gain[0]):
         size *= OF_ROOM
+    untold = np.sqrt(kept.of_noise[0]) > dense.unit
+    if untold.any():
+        names = ", ".join(name for name, is_untold in zip(DYNAMIC_PARAMETERS, untold, strict=True) if is_untold)
+        raise InputError(
+            f"no motion of {arm.name} tells {names}, expected turns about every axis: take more joints, or more room"
+        )
     frequency = float(kept.pace[0]) / (2.0 * np.pi)
     return FourierMotion(start, kept.sine[0], kept.cosine[0], frequency, int(duration * frequency + 1e-9)), kept
 

@@ -33,7 +33,7 @@ SECONDS, HEIGHT, DISTANCE = (
 class Largest:
     """Of a whole recording: how far each joint goes `from_start`, its `speed` and `acceleration` (k,) in rad and
     s; the flange's `turn_speed` rad/s, `turn_acceleration` rad/s^2 and `flange_speed` m/s, its `lowest` height over the
-    plane of the base, m, and how far it is from its start, m, in the motion, `furthest`, and at all, `furthest_of_all`.
+    plane of the base, m, and its `furthest` from where it starts, m.
     """
 
     from_start: Array
@@ -44,7 +44,6 @@ class Largest:
     flange_speed: float
     lowest: float
     furthest: float
-    furthest_of_all: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,6 @@ class DynamicPlan(Frozen):
         t = np.arange(0.0, self.duration, LOOKED_AT)
         joints = self.at(t)
         flange = moving_flange(self.arm, *joints)
-        distance = np.linalg.norm(flange.position - flange.position[0], axis=1)
         turning = flange.motion.angular_velocity, flange.motion.angular_acceleration
         from_start, speed, acceleration = (np.abs(q - q[0]).max(axis=0) for q in joints)
         turn_speed, turn_acceleration = (float(np.linalg.norm(each, axis=1).max()) for each in turning)
@@ -88,8 +86,7 @@ class DynamicPlan(Frozen):
             turn_acceleration,
             float(flange.speed.max()),
             float(flange.position[:, 2].min()),
-            float(distance[t > self.duration - STOP - self.motion.duration].max()),
-            float(distance.max()),
+            float(np.linalg.norm(flange.position - flange.position[0], axis=1).max()),
         )
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:

@@ -82,7 +82,7 @@ def plan(
     from ..assess.plan import plan as choose
     from ..assess.plan_motion import STOPS, plan_motion
     from ..files import write_text
-    from ..report.motion_program import write_as
+    from ..report.motion_program import program_of
     from ..report.plan import plan_csv, plan_json, plan_text
     from ..report.plan_motion import dynamic_plan_json, dynamic_plan_text
 
@@ -96,30 +96,25 @@ def plan(
     stated = {name: value for name, value in motion.items() if value is not None}
     if dynamic:
         arm, joints = _arm(robot, around)
-        write = write_as(Path("plan.csv") if output is None else output, arm)
+        in_file = program_of(output, arm)
     else:
         _require_poses_alone(stated, output)
     samples = None if recorded is None else written.beside(recorded).read()
     options.note_ends(recorded)
     expected = expected_tool(samples, model, options.gravity_direction(gravity))
     if dynamic:
-        moving = plan_motion(arm, joints, STOPS if n is None else n, expected, model=model, **stated)
-        content = "" if output is None else write(moving, output.stem)
+        moving = plan_motion(arm, joints, n or STOPS, expected, model=model, **stated)
+        if output is not None:
+            write_text(output, in_file(moving, output.stem))
+        if not to_stdout:
+            options.print_result(moving, json, dynamic_plan_json, dynamic_plan_text)
     else:
-        result = choose(
-            POSES_ALONE if n is None else n,
-            expected,
-            model=model,
-            recorded=None if samples is None else recorded_orientations(samples),
-            reach=_reach(robot, around),
-        )
-        content = plan_csv(result)
-    if output is not None:
-        write_text(output, content)
-    if not to_stdout and dynamic:
-        options.print_result(moving, json, dynamic_plan_json, dynamic_plan_text)
-    elif not to_stdout:
-        options.print_result(result, json, plan_json, plan_text)
+        known = None if samples is None else recorded_orientations(samples)
+        result = choose(n or POSES_ALONE, expected, model=model, recorded=known, reach=_reach(robot, around))
+        if output is not None:
+            write_text(output, plan_csv(result))
+        if not to_stdout:
+            options.print_result(result, json, plan_json, plan_text)
     if output is not None and not (json or to_stdout):
         options.say(f"Wrote the {'motion' if dynamic else 'poses'} to {output}")
 
@@ -130,11 +125,8 @@ def _arm(robot: str | None, around: str | None) -> tuple[Arm, Array | None]:
 
     if robot is None:
         raise InputError("--dynamic plans how the joints move, and there is no robot: give --robot NAME or a URDF")
-    return arm_of(robot), None if around is None else _joints(around)
-
-
-def _joints(around: str) -> Array:
-    return options.numbers(around, "--around", "joint angles Q1,Q2,...", JOINT)
+    joints = None if around is None else options.numbers(around, "--around", "joint angles Q1,Q2,...", JOINT)
+    return arm_of(robot), joints
 
 
 def _require_poses_alone(stated: Collection[str], output: Path | None) -> None:

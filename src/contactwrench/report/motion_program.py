@@ -32,12 +32,12 @@ LONGEST_NAME = 24
 """Of a KRL program."""
 
 
-def write_as(output: Path, arm: Arm) -> Callable[[DynamicPlan, str], str]:
-    """What makes the file `output` from a plan and the file's name without its suffix. Raises `InputError` for a suffix
-    that is not known, and for an arm that the language does not move.
+def program_of(output: Path | None, arm: Arm) -> Callable[[DynamicPlan, str], str]:
+    """What makes the file `output` of a plan, and of the file's name without its suffix. Raises `InputError` for a
+    suffix that is not known, and for an arm that the language does not move.
     """
-    suffix = output.suffix.lower()
-    if str(output) == STDOUT or suffix == ".csv":
+    suffix = ".csv" if output is None or str(output) == STDOUT else output.suffix.lower()
+    if suffix == ".csv":
         return lambda plan, _: motion_csv(plan)
     if suffix not in PROGRAMS:
         raise InputError(
@@ -147,7 +147,7 @@ def _to_check(plan: DynamicPlan, payload: str) -> Iterator[str]:
     yield f"- speed: joints {speeds} deg/s, the flange {np.rad2deg(most.turn_speed):.0f} deg/s and"
     yield f"  {most.flange_speed:.2g} m/s at most, the way between the stops apart"
     yield f"- workspace: the flange, tool and cables not counted, is {most.lowest:.2g} m above the plane of the base or"
-    yield f"  more, within {most.furthest_of_all:.2g} m of where it starts; collisions are not checked"
+    yield f"  more, within {most.furthest:.2g} m of where it starts; collisions are not checked"
     yield f"- payload: {payload}; the tool is free"
 
 

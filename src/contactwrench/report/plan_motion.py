@@ -35,8 +35,8 @@ def dynamic_plan_text(plan: DynamicPlan) -> str:
         ),
         f"  The flange turns at up to {np.rad2deg(most.turn_speed):.0f} deg/s and "
         f"{np.rad2deg(most.turn_acceleration):.0f} deg/s^2, and moves at up to {most.flange_speed:.2g} m/s",
-        f"  It is {most.lowest:.2g} m above the plane of the base or more, within {most.furthest_of_all:.2g} m of "
-        f"where it starts, in motion {most.furthest:.2g} m",
+        f"  It is {most.lowest:.2g} m above the plane of the base or more, within {most.furthest:.2g} m of "
+        f"where it starts, in motion {plan.limits.within:.2g} m",
         "",
         "  std that the motion leaves, at best",
         f"  {'':12}{'tool known':>12}{'after the stops':>17}",
