@@ -184,7 +184,8 @@ def _require_model(model: str) -> None:
         raise InputError(f"model {model!r} cannot be planned for, expected one of {', '.join(MODELS)}")
 
 
-def _names(model: str) -> tuple[str, ...]:
+def fitted_names(model: str) -> tuple[str, ...]:
+    """The parameters of the model; of `auto` all that it may fit."""
     return PARAMETERS["mount+base" if model == "auto" else model]
 
 
@@ -192,12 +193,12 @@ def _chosen(n: int, expected: Expected, model: str, recorded: Array, R: Array) -
     """The `n` of the candidates `R` (m, 3, 3) that tell most after the recorded poses."""
     usable = np.flatnonzero((_angles(R, recorded) > APART).all(axis=1))
     R = R[usable]
-    names, tool = _names(model), expected.tool
+    names, tool = fitted_names(model), expected.tool
     J = wrench_jacobian(tool, R, names) / expected.noise[:, None]
     anywhere = wrench_jacobian(tool, spread_rotations(*EVERYWHERE), names)
     anywhere[:, 3:] /= LEVER
     M = np.einsum("nip,niq->pq", anywhere, anywhere, optimize=True) / len(anywhere)
-    chosen = chosen_experiments(n, J, _information(expected, model, recorded), M, _angles(R, R) > APART)
+    chosen = chosen_experiments(n, J, information_of(expected, model, recorded), M, _angles(R, R) > APART)
     if len(chosen) < n:
         raise InputError(
             f"found {len(chosen)} orientations {np.rad2deg(APART):.0f} deg apart and from the {len(recorded)} poses "
@@ -206,9 +207,9 @@ def _chosen(n: int, expected: Expected, model: str, recorded: Array, R: Array) -
     return [int(usable[k]) for k in chosen]
 
 
-def _information(expected: Expected, model: str, R_base_flange: Array) -> Array:
+def information_of(expected: Expected, model: str, R_base_flange: Array) -> Array:
     """What is known (p, p) of the parameters from poses (m, 3, 3), and before the first one."""
-    names, tool = _names(model), expected.tool
+    names, tool = fitted_names(model), expected.tool
     unit = np.r_[tool.weight, [LEVER] * 3, [tool.weight] * 3, [tool.weight * LEVER] * 3, np.ones(len(names) - 10)]
     std = UNKNOWN * unit
     if model == "auto":
@@ -222,7 +223,7 @@ def _accuracy(expected: Expected, model: str, R_base_flange: Array) -> Accuracy 
     """The accuracy of a calibration on poses (m, 3, 3), or None where they do not separate the parameters."""
     if not len(R_base_flange):
         return None
-    names, tool = _names(model), expected.tool
+    names, tool = fitted_names(model), expected.tool
     J = natural_jacobian(tool, R_base_flange, names)
     if model == "auto":
         J = np.vstack([J, np.eye(len(names))[[names.index(tilt) for tilt in TILTS]]])
@@ -231,7 +232,7 @@ def _accuracy(expected: Expected, model: str, R_base_flange: Array) -> Accuracy 
     except UnobservableError:
         return None
     anywhere = wrench_jacobian(tool, spread_rotations(*EVERYWHERE), names)
-    C = np.linalg.inv(_information(expected, model, R_base_flange))
+    C = np.linalg.inv(information_of(expected, model, R_base_flange))
     variance = np.sum((anywhere @ C) * anywhere, axis=2)
     force, torque = variance[:, :3].sum(axis=1), variance[:, 3:].sum(axis=1)
     return Accuracy(*(float(np.sqrt(value)) for value in (force.mean(), torque.mean(), force.max(), torque.max())))

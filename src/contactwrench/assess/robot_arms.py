@@ -38,8 +38,9 @@ class Arm(Frozen):
     `R_before` (k, 3, 3) from each joint's frame to the one before it, at rest; `offset` (k + 1, 3) m, from each
     frame's origin to the next, in its axes: base, joints, flange; `axis` (k, 3) unit vectors in the
     joint's own frame; `R_last_flange` (3, 3) from the flange to the last joint; `limits` (k, 2) rad, lowest and
-    highest; `home` (k,) rad, a place to plan around. `source` says where this is from; `joint_names` (k),
-    where it names the joints; `base_frame` is the base's name.
+    highest; `home` (k,) rad, a place to plan around. `max_speed` (k,) rad/s and `max_acceleration` (k,) rad/s^2 are the
+    maker's, NaN where none is known. `source` says where this is from; `joint_names` (k), where it names the joints;
+    `base_frame` is the base's name.
     """
 
     name: str
@@ -49,6 +50,8 @@ class Arm(Frozen):
     R_last_flange: Array
     limits: Array
     home: Array
+    max_speed: Array
+    max_acceleration: Array
     source: str
     joint_names: tuple[str, ...] = ()
     base_frame: str = ""
@@ -178,7 +181,18 @@ def _arms(
     for name, along in lengths.items():
         offsets[name][1:, [0, 2]] = np.transpose(along)
     return {
-        name: Arm(name, R[:-1], offset, axis, R[-1], *ends, source, base_frame=f"{name} base")
+        name: Arm(
+            name,
+            R[:-1],
+            offset,
+            axis,
+            R[-1],
+            *ends,
+            np.deg2rad(MAX_SPEED_DEG[name]),
+            np.array(MAX_ACCELERATION.get(name, [np.nan] * len(home))),
+            source,
+            base_frame=f"{name} base",
+        )
         for name, offset in offsets.items()
     }
 
@@ -208,6 +222,20 @@ FR3_LIMITS = (
     (-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159),
     (2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159),
 )
+MAX_SPEED_DEG = {
+    "iiwa7": (98.0, 98.0, 100.0, 130.0, 140.0, 180.0, 180.0),
+    "iiwa14": (85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0),
+    "ur3e": (180.0, 180.0, 180.0, 360.0, 360.0, 360.0),
+    "ur5e": (180.0,) * 6,
+    "ur10e": (120.0, 120.0, 180.0, 180.0, 180.0, 180.0),
+    "ur16e": (120.0, 120.0, 180.0, 180.0, 180.0, 180.0),
+    "ur20": (120.0, 120.0, 150.0, 210.0, 210.0, 210.0),
+    "panda": (*np.rad2deg([2.175] * 4), *np.rad2deg([2.61] * 3)),
+    "fr3": (*np.rad2deg([2.62] * 4), *np.rad2deg([5.26, 4.18, 5.26])),
+}
+"""deg/s, from the same pages as the limits."""
+MAX_ACCELERATION = {"panda": (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0), "fr3": (10.0,) * 7}
+"""rad/s^2. KUKA and Universal Robots state none."""
 FRANKA_TWISTS, FRANKA_HOME = (0, -90, 90, 90, -90, 90, 90, 0), (0, -45, 0, -135, 0, 90, 45)
 KUKA = "KUKA, LBR iiwa 7 R800, LBR iiwa 14 R820, Specification: axis data"
 UNIVERSAL = "Universal Robots, DH parameters for calculations of kinematics and dynamics; user manual: joint ranges"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,13 +16,18 @@ from .outputs import Writes
 from .recordings import Recordings, with_reading_options
 
 if TYPE_CHECKING:
-    from ..assess.robot_arms import Reach
+    from ..assess.robot_arms import Arm, Reach
+    from ..geometry.arrays import Array
+
+POSES_ALONE = 6
 
 
 @with_reading_options
 def plan(
     *,
-    n: Annotated[int, options.number(POSES, "N", "Number of poses.", "-n")] = 6,
+    n: Annotated[
+        int | None, options.number(POSES, "N", f"Number of poses. [default: {POSES_ALONE}; with --dynamic 12]", "-n")
+    ] = None,
     recorded: Annotated[
         Path | None, typer.Option("--from", metavar="FILE", help="Plan the next poses after those in this recording.")
     ] = None,
@@ -38,12 +44,35 @@ def plan(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PLAN.csv", help=f"Write the poses; {options.OUTPUT_HELP} stdout."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="PLAN.csv",
+            help="Write the poses; with --dynamic times and joints, or a program, PLAN.script (URScript) or PLAN.src "
+            f"(KUKA KRL); {options.OUTPUT_HELP} stdout.",
+        ),
         Writes(),
     ] = None,
     model: Annotated[
         str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
     ] = "auto",
+    dynamic: Annotated[
+        bool,
+        typer.Option(
+            "--dynamic", help="A recording for model dynamic: the poses as stops, then a motion that tells the inertia."
+        ),
+    ] = False,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Of the motion, s, at most. [default: 30]")
+    ] = None,
+    above: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Keep the flange so far above the plane of the base, m. [default: 0.15]"),
+    ] = None,
+    within: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Keep the motion so near to where the flange starts, m. [default: 0.1]"),
+    ] = None,
     json: options.Json = False,
     written: Recordings,
     gravity: options.Gravity = None,
@@ -51,8 +80,11 @@ def plan(
     """Choose the next poses to record: those that make the contact wrench most certain, in a short order."""
     from ..assess.plan import expected_tool, recorded_orientations
     from ..assess.plan import plan as choose
+    from ..assess.plan_motion import STOPS, plan_motion
     from ..files import write_text
+    from ..report.motion_program import program_of
     from ..report.plan import plan_csv, plan_json, plan_text
+    from ..report.plan_motion import dynamic_plan_json, dynamic_plan_text
 
     to_stdout = str(output) == STDOUT
     if json and to_stdout:
@@ -60,31 +92,57 @@ def plan(
     if recorded is None and written.stated:
         flags = ", ".join(f"--{name.replace('_', '-')}" for name in written.stated)
         raise InputError(f"found {flags} and no recording to read so: give --from FILE, or leave them out")
+    motion = {"duration": duration, "above": above, "within": within}
+    stated = {name: value for name, value in motion.items() if value is not None}
+    if dynamic:
+        arm, joints = _arm(robot, around)
+        in_file = program_of(output, arm)
+    else:
+        _require_poses_alone(stated, output)
     samples = None if recorded is None else written.beside(recorded).read()
     options.note_ends(recorded)
-    result = choose(
-        n,
-        expected_tool(samples, model, options.gravity_direction(gravity)),
-        model=model,
-        recorded=None if samples is None else recorded_orientations(samples),
-        reach=_reach(robot, around),
-    )
-    if output is not None:
-        write_text(output, plan_csv(result))
-    if not to_stdout:
-        options.print_result(result, json, plan_json, plan_text)
+    expected = expected_tool(samples, model, options.gravity_direction(gravity))
+    if dynamic:
+        moving = plan_motion(arm, joints, n or STOPS, expected, model=model, **stated)
+        if output is not None:
+            write_text(output, in_file(moving, output.stem))
+        if not to_stdout:
+            options.print_result(moving, json, dynamic_plan_json, dynamic_plan_text)
+    else:
+        known = None if samples is None else recorded_orientations(samples)
+        result = choose(n or POSES_ALONE, expected, model=model, recorded=known, reach=_reach(robot, around))
+        if output is not None:
+            write_text(output, plan_csv(result))
+        if not to_stdout:
+            options.print_result(result, json, plan_json, plan_text)
     if output is not None and not (json or to_stdout):
-        options.say(f"Wrote the poses to {output}")
+        options.say(f"Wrote the {'motion' if dynamic else 'poses'} to {output}")
+
+
+def _arm(robot: str | None, around: str | None) -> tuple[Arm, Array | None]:
+    """The arm that moves, and the joint angles that --around states."""
+    from ..recording.urdf import arm_of
+
+    if robot is None:
+        raise InputError("--dynamic plans how the joints move, and there is no robot: give --robot NAME or a URDF")
+    joints = None if around is None else options.numbers(around, "--around", "joint angles Q1,Q2,...", JOINT)
+    return arm_of(robot), joints
+
+
+def _require_poses_alone(stated: Collection[str], output: Path | None) -> None:
+    """Raise `InputError` for what only a motion has."""
+    if stated:
+        raise InputError(f"found --{next(iter(stated))}, which is of a motion: add --dynamic, or leave it out")
+    if output is not None and output.suffix.lower() in (".script", ".src"):
+        raise InputError(f"--output is {output}, and a program moves: add --dynamic, or name a .csv")
 
 
 def _reach(robot: str | None, around: str | None) -> Reach | None:
     """What the robot's wrist reaches around the joint angles that --around states."""
     from ..assess.robot_arms import reach
-    from ..recording.urdf import arm_of
 
     if robot is None:
         if around is not None:
             raise InputError("--around says where a robot stands, and there is none: give --robot, or leave it out")
         return None
-    joints = None if around is None else options.numbers(around, "--around", "joint angles Q1,Q2,...", JOINT)
-    return reach(arm_of(robot), joints)
+    return reach(*_arm(robot, around))

@@ -44,6 +44,7 @@ class _Joint:
     origin: Array
     axis: Array
     limits: tuple[float, float]
+    max_speed: float
 
 
 def arm_of(robot: str) -> Arm:
@@ -65,7 +66,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
             f"{path}: found no joint that carries a link {tip!r}, expected one of {some_of(to_child)}"
         )
     chain = _chain(path, tip, to_child)
-    R_before, offsets, axes, limits, names, R, offset = [], [], [], [], [], np.eye(3), np.zeros(3)
+    R_before, offsets, axes, limits, speeds, names, R, offset = [], [], [], [], [], [], np.eye(3), np.zeros(3)
     for joint in chain:
         offset = offset + R @ joint.origin
         R = R @ joint.R_parent_joint
@@ -80,6 +81,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
         offsets.append(offset)
         axes.append(joint.axis)
         limits.append(joint.limits)
+        speeds.append(joint.max_speed)
         names.append(joint.name)
         R, offset = np.eye(3), np.zeros(3)
     if not axes:
@@ -87,8 +89,8 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
     ends = np.array(limits)
     name = f"{Path(path).name}:{tip}"
     lengths = np.array([*offsets, offset])
-    of_joints = np.array(R_before), lengths, np.array(axes), R, ends, ends.mean(axis=1)
-    return Arm(name, *of_joints, str(path), tuple(names), chain[0].parent)
+    of_joints = np.array(R_before), lengths, np.array(axes), R, ends, ends.mean(axis=1), np.array(speeds)
+    return Arm(name, *of_joints, np.full(len(axes), np.nan), str(path), tuple(names), chain[0].parent)
 
 
 def _joints(path: str | Path) -> list[_Joint]:
@@ -151,6 +153,8 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
     if limits[0] > limits[1]:
         found = f"joint {name} has the limits {limits[0]:g} to {limits[1]:g} rad"
         raise FileFormatError(f"{path}: {found}, expected lower below upper: exchange them")
+    # 0 is what some exporters write for a speed that they do not know.
+    max_speed = bound("velocity") or np.nan
     return _Joint(
         name,
         kind if mimic is None else f"a mimic of {mimic.get('joint')}",
@@ -160,6 +164,7 @@ def _joint(path: str | Path, element: ElementTree.Element) -> _Joint:
         numbers("origin", "xyz", "0 0 0"),
         axis / max(length, 1.0 / FARTHEST),
         limits,
+        max_speed if max_speed > 0.0 else np.nan,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..assess.plan import Accuracy, Plan
+from ..assess.plan import Accuracy, Expected, Plan
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
 from .text import json_text
@@ -17,21 +17,27 @@ MUCH_WORSE = 1.05
 
 def plan_text(plan: Plan) -> str:
     """The poses in order, what they are planned for, and what they are worth."""
-    expected = plan.expected
-    force, torque = (np.sqrt(np.mean(part**2)) for part in (expected.noise[:3], expected.noise[3:]))
-    lines = [f"Plan of {len(plan)} pose{'' if len(plan) == 1 else 's'} after {plan.recorded}, model {plan.model}"]
-    if expected.refusal is not None:
-        lines.append(f"  {expected.refusal}")
-    lines.append(
-        f"  {'assumed' if expected.fitted_to is None else f'fitted to {expected.fitted_to}'}: a tool of "
-        f"{expected.tool.weight:.3g} N, a noise of {force:.2g} N and {1e3 * torque:.2g} mN m in a pose's reading"
-    )
+    lines = [
+        f"Plan of {len(plan)} pose{'' if len(plan) == 1 else 's'} after {plan.recorded}, model {plan.model}",
+        *expected_text(plan.expected, "a pose's reading"),
+    ]
     if plan.around is not None and plan.joints is not None:
         around = " ".join(f"{q:.4g}" for q in plan.around)
         still = np.flatnonzero((plan.joints == plan.around).all(axis=0))
         stay = "none" if not len(still) else " ".join(f"q{k + 1}" for k in still)
         lines += [f"  by the wrist of {plan.arm} around {around} rad; joints that stay: {stay}"]
     return "\n".join([*lines, "", *_poses(plan), "", *_accuracies(plan)])
+
+
+def expected_text(expected: Expected, of: str) -> list[str]:
+    """What is planned for, and why no recording tells it; the noise is that `of` what it says."""
+    force, torque = (np.sqrt(np.mean(part**2)) for part in (expected.noise[:3], expected.noise[3:]))
+    origin = "assumed" if expected.fitted_to is None else f"fitted to {expected.fitted_to}"
+    return [
+        *([] if expected.refusal is None else [f"  {expected.refusal}"]),
+        f"  {origin}: a tool of {expected.tool.weight:.3g} N, a noise of {force:.2g} N and {1e3 * torque:.2g} "
+        f"mN m in {of}",
+    ]
 
 
 def _poses(plan: Plan) -> list[str]:
@@ -101,18 +107,11 @@ def plan_csv(plan: Plan) -> str:
 
 def plan_json(plan: Plan) -> str:
     """What the plan is for, its poses, and what they are worth: SI and radians."""
-    expected = plan.expected
-    down = gravity_in_flange(plan.R_base_flange, expected.tool.gravity_direction)
+    down = gravity_in_flange(plan.R_base_flange, plan.expected.tool.gravity_direction)
     return json_text(
         {
             "model": plan.model,
-            "expected": {
-                "weight": expected.tool.weight,
-                "com": expected.tool.com,
-                "noise": expected.noise,
-                "fitted_to": expected.fitted_to,
-                "refusal": expected.refusal,
-            },
+            "expected": expected_json(plan.expected),
             "recorded": plan.recorded,
             "robot": None if plan.around is None else {"arm": plan.arm, "around": plan.around},
             "poses": [
@@ -129,6 +128,12 @@ def plan_json(plan: Plan) -> str:
             "anywhere": plan.anywhere,
         }
     )
+
+
+def expected_json(expected: Expected) -> dict[str, object]:
+    """Tool and noise that are planned for, and where they are from."""
+    tool = {"weight": expected.tool.weight, "com": expected.tool.com, "noise": expected.noise}
+    return {**tool, "fitted_to": expected.fitted_to, "refusal": expected.refusal}
 
 
 def _columns(plan: Plan) -> list[str]:

@@ -27,7 +27,7 @@ JOINT_RANGE = known_arm("iiwa7").limits[:, 1]
 """rad, to both sides."""
 MAX_TORQUE = np.array([176.0, 176.0, 110.0, 110.0, 110.0, 40.0, 40.0])
 """N m."""
-MAX_SPEED = np.deg2rad([98.0, 98.0, 100.0, 130.0, 140.0, 180.0, 180.0])
+MAX_SPEED = known_arm("iiwa7").max_speed
 """rad/s."""
 
 
