@@ -88,7 +88,7 @@ def test_the_stops_alone_tell_what_they_tell_without_the_motion() -> None:
 def test_how_much_motion_was_used_is_noted() -> None:
     (noted,) = _of_kind(calibrated(), Kind.MOTION_USED)
     assert noted.severity is Severity.NOTE
-    assert noted.text == "40 s of motion used, up to 3.9 Hz, beyond which the poses tell no acceleration"
+    assert noted.text == "41 s of motion used, up to 3.9 Hz, beyond which the poses tell no acceleration"
     assert not _of_kind(cw.calibrate(pushed().samples()), Kind.MOTION_USED)
 
 

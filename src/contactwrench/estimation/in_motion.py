@@ -49,7 +49,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
     """
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
-    if not is_stream(samples):
+    if samples.t is not None and samples.position is not None and not is_stream(samples):
         raise _at_rest(samples, 0.0)
     samples = as_stamped(samples)
     motion = flange_motion(samples)
@@ -94,8 +94,8 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
 
 def _at_rest(samples: Samples, seconds: float) -> UnobservableError:
     return UnobservableError(
-        f"{samples.source}: found {seconds:.3g} s of motion, expected {LEAST_SECONDS:g} s or more, turning about every "
-        f"axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
+        f"{samples.source}: found {seconds:.3g} s of motion, expected {LEAST_SECONDS:g} s or more with turns about "
+        f"every axis, to tell {', '.join(DYNAMIC_PARAMETERS)}: move the arm, or take model auto"
     )
 
 

@@ -41,7 +41,6 @@ from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
 
-WHOLE = 10**9
 SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 
 
@@ -86,8 +85,7 @@ def compensated(
 
     A table whose rows each have both comes row by row as it is, with the std that the calibration alone causes, where
     nothing is judged, no `delay` is stated, and its first rows are no motion that the calibration's would concern;
-    anything else says of each row whether it is valid. With a `low_pass`, or an inertia, the whole recording is held in
-    memory.
+    anything else says of each row whether it is valid. A `low_pass` or an inertia takes the whole recording at once.
 
     Args:
         path: the recording.
@@ -156,8 +154,8 @@ def write_compensated(
 
 
 def _at_once(calibration: Calibration) -> dict[str, int]:
-    """Accelerations are taken from what comes before and after."""
-    return {} if calibration.dynamics is None else {"rows": WHOLE}
+    """All rows, where accelerations are taken from what comes before and after."""
+    return {} if calibration.dynamics is None else {"rows": 10**9}
 
 
 def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell | None) -> Iterator[Part]:
