@@ -19,7 +19,7 @@ from contactwrench.estimation.possible_tool import nearest_possible
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import changed
-from contactwrench.simulate.trajectory import Motion
+from contactwrench.simulate.trajectory import Motion, Push
 from tests.support.in_motion import Moving, calibrated, fast, moving, pushed
 from tests.support.rigs import example, noisy
 from tests.support.world import Array
@@ -77,6 +77,17 @@ def test_a_stated_offset_is_taken_and_leaves_the_verdict_good() -> None:
     assert not _of_kind(found, Kind.UNCERTAIN_PARAMETER)
 
 
+def test_a_stated_offset_that_the_motion_contradicts_is_said() -> None:
+    found = cw.calibrate(pushed().samples(), "dynamic", sensor_offset=[0.0, 0.02, 0.05])
+    (said,) = _of_kind(found, Kind.CONTRADICTS_PRIOR)
+    assert said.severity is Severity.DOUBTFUL
+    assert said.text == (
+        "doubtful: the stated sensor offset is 11 mm or more off what the motion tells: it counts from the flange's "
+        "origin to the sensor's, in flange axes; measure it again, or leave it out"
+    )
+    assert not _of_kind(calibrated(stated=True), Kind.CONTRADICTS_PRIOR)
+
+
 def test_the_stops_alone_tell_what_they_tell_without_the_motion() -> None:
     samples = pushed().samples(100.0, 0.01, 2e-5)
     still, found = cw.calibrate(samples), calibrated()
@@ -104,6 +115,15 @@ def test_a_short_push_is_no_finding_and_a_shaking_arm_is() -> None:
     assert np.abs(_off(found, shaken)).max() < OFTEN
     assert found.dynamics is not None
     assert (found.dynamics.motion_noise[0] > 0.1).all()
+
+
+def test_a_push_is_not_what_drives_and_links_shake() -> None:
+    """For a third of the motion; the std of every contact wrench would be 1 N and more."""
+    long = (Push(2.0, 7.0, np.array([3.0, 0.0, 4.0])),)
+    found = cw.calibrate(moving(5, stops=8, seconds=15.0, rate=500.0, pushes=long).samples(), "dynamic").dynamics
+    assert found is not None
+    assert found.motion_noise[0].max() < 0.02
+    assert found.motion_noise[1].max() < 0.001
 
 
 def _at_rest() -> cw.Samples:

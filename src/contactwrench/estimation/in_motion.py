@@ -20,8 +20,8 @@ from ..samples.flange_motion import FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
-from .dynamic import Moved, moved
-from .motion_moments import FLAT, MotionMoments, motion_moments
+from .dynamic import STATED_OFFSET_STD, Moved, moved
+from .motion_moments import FLAT, motion_moments
 from .possible_tool import nearest_possible
 
 LEAST_SECONDS = 4.0
@@ -32,6 +32,11 @@ LITTLE_WEIGHT = 0.25
 """Of a window: it is noisier than most, a push or a shake."""
 MANY = 0.1
 """Of the windows."""
+CONTRADICTS = 3.0
+"""Standard deviations of a stated offset."""
+FAR_BEYOND, MEDIAN_OF_SQUARES, LEAST_EXPECTED, TRIMMED = 9.0, 0.79, 0.01, 5
+"""Times the expected mean square of three axes, by chance once in 10^5 rows, and its median; of what was expected at
+first; how often what is beyond is left out."""
 ARM_IS_LARGER = 20.0
 """m/s^2: of the acceleration, RMS; no arm keeps that up, and a position in mm is a thousand times as large."""
 
@@ -88,7 +93,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
-    findings = (*calibration.findings, *_findings(found, untold, inertia, dynamics, moments))
+    findings = (*calibration.findings, *_findings(found, stated, untold, inertia, dynamics))
     return replace(complete, dynamics=dynamics, findings=findings)
 
 
@@ -152,16 +157,32 @@ def _with_what_is_left(c: Calibration, dynamics: Dynamics, samples: Samples, mot
 
 
 def _growth(level: Array, squares: Array) -> Array:
-    """The std (2,) for each m/s^2 and rad/s, by least squares of none below zero."""
+    """The std (2,) for each m/s^2 and rad/s, by least squares of none below zero, without what is far beyond them: a
+    push.
+    """
     from scipy.optimize import nnls
 
-    unit = np.sqrt(np.mean(level**2, axis=0)) + 1e-30
-    return np.asarray(np.sqrt(nnls(level / unit, squares)[0] / unit)[1:])
+    unit = np.mean(level**2, axis=0) ** 0.5 + 1e-30
+    expected = np.sum(level / unit, axis=1)
+    expected *= np.median(squares / expected) / MEDIAN_OF_SQUARES
+    least, found = LEAST_EXPECTED * expected, np.zeros(3)
+    for _ in range(TRIMMED):
+        kept = squares <= FAR_BEYOND * expected
+        found = nnls(level[kept] / unit, squares[kept])[0]
+        expected = np.maximum(level / unit @ found, least)
+    return np.asarray(np.sqrt(found / unit)[1:])
 
 
 def _findings(
-    found: Moved, untold: list[str], inertia: Array, dynamics: Dynamics, moments: MotionMoments
+    found: Moved, stated: Array | None, untold: list[str], inertia: Array, dynamics: Dynamics
 ) -> Iterator[Finding]:
+    off = np.zeros(3) if stated is None else np.abs(found.sensor_offset - stated)
+    if off.max() > CONTRADICTS * STATED_OFFSET_STD:
+        text = (
+            f"the stated sensor offset is {1e3 * off.max():.2g} mm or more off what the motion tells: it counts from "
+            "the flange's origin to the sensor's, in flange axes; measure it again, or leave it out"
+        )
+        yield Finding.doubtful(Kind.CONTRADICTS_PRIOR, text)
     if untold:
         text = f"the motion tells nothing of {', '.join(untold)}: what stands there was assumed; turn about every axis"
         yield Finding.weak(Kind.UNCERTAIN_PARAMETER, text)
