@@ -134,6 +134,7 @@ def information(arm: Arm, expected: Expected, joints: tuple[Array, Array, Array]
     return total
 
 
+@pytest.mark.slow
 def test_the_bound_is_that_of_the_readings_and_far_below_a_random_motion() -> None:
     """By the ninth root of the determinant, a mean variance: a random one would have to go on for as many times."""
     plan, rate = planned(), 200.0

@@ -103,7 +103,15 @@ def test_the_csv_goes_to_stdout_alone(capsys: pytest.CaptureFixture[str]) -> Non
             "the flange of iiwa7 starts -0.199 m above the plane of its base, expected 0.15 m or more: start elsewhere "
             "(--around), or state --above",
         ),
-        (("--dynamic", "--robot", "iiwa7", "--duration", "3"), "duration is 3, expected 10 to 600 s"),
+        (
+            ("--dynamic", "--robot", "iiwa7", "--duration", "3"),
+            "Invalid value for '--duration': found 3, expected 10 to 600 s: try 'contactwrench plan --help'",
+        ),
+        (
+            ("--dynamic", "--robot", "iiwa7", "--within", "200"),
+            "Invalid value for '--within': found 200, expected 0.01 to 10 m (is it in mm?): try 'contactwrench plan "
+            "--help'",
+        ),
     ],
 )
 def test_bad_use_is_one_line(arguments: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
