@@ -144,8 +144,8 @@ def _search(arm: Arm, start: Array, stops: Plan, limits: Limits, duration: float
     at_rest = response_jacobian(tool, names).transpose(2, 1, 0) / noise[:, None]
     own, others = J[:, :, len(names) :] * unit, np.concatenate([J[:, :, shown], at_rest])
     left = np.asarray(np.linalg.inv(information_of(stops.expected, stops.model, stops.R_base_flange)))
-    each, shared = (np.einsum("iar,jas->ijrs", own, J).reshape(TERMS * len(J), -1) for J in (own, others))
-    return _Search(arm, start, limits, 2.0 * np.pi / duration, unit, each, shared, left[np.ix_(shown, shown)])
+    about, shared = (np.einsum("iar,jas->ijrs", own, J).reshape(TERMS * len(J), -1) for J in (own, others))
+    return _Search(arm, start, limits, 2.0 * np.pi / duration, unit, about, shared, left[np.ix_(shown, shown)])
 
 
 def _best_random(search: _Search, rng: np.random.Generator) -> Design:
