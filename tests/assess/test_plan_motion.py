@@ -12,8 +12,7 @@ import pytest
 from contactwrench.assess import motion_design
 from contactwrench.assess.arm_motion import moving_flange
 from contactwrench.assess.fourier_motion import FLANGE_SPEED, TURN_ACCELERATION, TURN_SPEED, limits_of
-from contactwrench.assess.motion_design import READINGS
-from contactwrench.assess.plan import Expected
+from contactwrench.assess.plan import READINGS, Expected
 from contactwrench.assess.plan_motion import STOP, DynamicPlan, plan_motion
 from contactwrench.assess.robot_arms import ARMS, MARGIN, Arm, flange_pose
 from contactwrench.calibration.dynamics import inertial_jacobian
@@ -134,6 +133,7 @@ def information(arm: Arm, expected: Expected, joints: tuple[Array, Array, Array]
     return total
 
 
+@pytest.mark.slow
 def test_the_bound_is_that_of_the_readings_and_far_below_a_random_motion() -> None:
     """By the ninth root of the determinant, a mean variance: a random one would have to go on for as many times."""
     plan, rate = planned(), 200.0
@@ -182,6 +182,15 @@ def test_one_joint_that_cannot_turn_about_every_axis_is_told(quick: None) -> Non
         plan_motion(last, n=2)
 
 
+def test_a_move_between_stops_stays_above(quick: None) -> None:
+    complaint = (
+        r"^the flange of ur5e is 0\.4\d+ m above the plane of its base between two stops, expected 0\.47 m or more: "
+        r"start elsewhere \(--around\), or state --above$"
+    )
+    with pytest.raises(InputError, match=complaint):
+        plan_motion(ARMS["ur5e"], n=6, above=0.47)
+
+
 NEAR_ITS_LIMIT = np.array([0.0, 0.5, 0.0, -1.0, 0.0, 2.0, 0.0])
 
 
@@ -196,6 +205,11 @@ NEAR_ITS_LIMIT = np.array([0.0, 0.5, 0.0, -1.0, 0.0, 2.0, 0.0])
             {"above": 0.7},
             "the flange of iiwa7 starts 0.56 m above the plane of its base, expected 0.7 m or more: start elsewhere "
             "(--around), or state --above",
+        ),
+        (
+            {"above": 0.5599},
+            "found no motion of iiwa7 that keeps its limits from here, expected room around it: start elsewhere "
+            "(--around), or state --above, --within or a longer --duration",
         ),
         ({"duration": 3.0}, "duration is 3, expected 10 to 600 s"),
         ({"within": 300.0}, "within is 300, expected 0.01 to 10 m (is it in mm?)"),

@@ -10,7 +10,7 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.assess import motion_design
-from contactwrench.assess.plan import Expected
+from contactwrench.assess.plan import Expected, expected_tool
 from contactwrench.calibration.dynamics import DYNAMIC_PARAMETERS, elements
 from contactwrench.model import RigidTool
 from contactwrench.simulate.settings import Settings
@@ -35,14 +35,15 @@ def test_a_motion_is_said_with_its_limits_and_its_bound(capsys: pytest.CaptureFi
     shown = done.out.splitlines()
     assert shown[0].startswith("Plan of 12 stops and 2")
     assert shown[0].endswith(" s in all, model dynamic")
-    assert shown[1] == "  assumed: a tool of 10 N, a noise of 0.05 N and 2 mN m in a reading, 1000 a second"
-    assert shown[2] == "  with ur5e from 0 -1.571 1.571 -1.571 -1.571 0 rad and back, 1.5 s at each stop"
-    assert shown[5].split() == ["at", "most", "q1", "q2", "q3", "q4", "q5", "q6"]
-    assert [line.split()[-1] for line in shown[6:9]] == ["deg", "deg/s", "deg/s^2"]
-    assert [line.split()[0] for line in shown[14:23]] == list(DYNAMIC_PARAMETERS)
-    assert shown[23] == "  Collisions and cables are not checked: run the motion slowly once"
-    assert shown[24] == f"Wrote the motion to {tmp_path / 'plan.script'}"
-    assert len(shown) == 25
+    assert shown[1] == "  assumed: a tool of 10 N, a noise of 0.05 N and 2 mN m in a pose's reading"
+    assert shown[2] == "  in motion 0.05 N and 2 mN m in each of 1000 readings a second"
+    assert shown[3] == "  with ur5e from 0 -1.571 1.571 -1.571 -1.571 0 rad and back, 1.5 s at each stop"
+    assert shown[6].split() == ["at", "most", "q1", "q2", "q3", "q4", "q5", "q6"]
+    assert [line.split()[-1] for line in shown[7:10]] == ["deg", "deg/s", "deg/s^2"]
+    assert [line.split()[0] for line in shown[15:24]] == list(DYNAMIC_PARAMETERS)
+    assert shown[24] == "  Collisions and cables are not checked: run the motion slowly once"
+    assert shown[25] == f"Wrote the motion to {tmp_path / 'plan.script'}"
+    assert len(shown) == 26
 
 
 @pytest.mark.usefixtures("quick")
@@ -103,7 +104,15 @@ def test_the_csv_goes_to_stdout_alone(capsys: pytest.CaptureFixture[str]) -> Non
             "the flange of iiwa7 starts -0.199 m above the plane of its base, expected 0.15 m or more: start elsewhere "
             "(--around), or state --above",
         ),
-        (("--dynamic", "--robot", "iiwa7", "--duration", "3"), "duration is 3, expected 10 to 600 s"),
+        (
+            ("--dynamic", "--robot", "iiwa7", "--duration", "3"),
+            "Invalid value for '--duration': found 3, expected 10 to 600 s: try 'contactwrench plan --help'",
+        ),
+        (
+            ("--dynamic", "--robot", "iiwa7", "--within", "200"),
+            "Invalid value for '--within': found 200, expected 0.01 to 10 m (is it in mm?): try 'contactwrench plan "
+            "--help'",
+        ),
     ],
 )
 def test_bad_use_is_one_line(arguments: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -133,5 +142,7 @@ def test_what_is_planned_calibrates_the_rig(capsys: pytest.CaptureFixture[str], 
     of_rig = Expected(RigidTool(*parts), np.array([*noise.force, *noise.torque]))
     told = information(plan.arm, of_rig, plan.at(np.arange(0.0, plan.duration, 1.0 / rate)), rate)
     bound = np.sqrt(np.diag(np.linalg.inv(told)))
+    of_recording = expected_tool(cw.read(recording)).in_motion
+    np.testing.assert_allclose(of_recording[:4], of_rig.noise[:4], rtol=0.15)
     np.testing.assert_array_less(dynamics.std, 1.3 * bound)
     np.testing.assert_array_less(0.9 * bound, dynamics.std)

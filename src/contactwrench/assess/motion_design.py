@@ -20,11 +20,9 @@ from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import response_jacobian
 from .arm_motion import moving_flange
 from .fourier_motion import FASTEST, HARMONICS, FourierMotion, Limits, fitted_shapes, pace
-from .plan import Plan, fitted_names, information_of
+from .plan import READINGS, Plan, fitted_names, information_of
 from .robot_arms import Arm
 
-READINGS = 1000.0
-"""Hz."""
 SEED = 1997
 POINTS, DENSE = 80, 4000
 """Of a period: for the search, and to keep the limits by."""
@@ -138,7 +136,7 @@ def best_motion(arm: Arm, start: Array, stops: Plan, limits: Limits, duration: f
 
 
 def _search(arm: Arm, start: Array, stops: Plan, limits: Limits, duration: float) -> _Search:
-    tool, noise = stops.expected.tool, stops.expected.noise
+    tool, noise = stops.expected.tool, stops.expected.in_motion
     names, mass = fitted_names(stops.model), tool.weight / STANDARD_GRAVITY
     unit = np.r_[np.full(6, mass * GYRATION**2), np.full(3, GYRATION)]
     J = inertial_jacobian(tool, mass, mass * GYRATION**2 * np.eye(3), np.zeros(3), names) / noise[:, None]
@@ -146,8 +144,8 @@ def _search(arm: Arm, start: Array, stops: Plan, limits: Limits, duration: float
     at_rest = response_jacobian(tool, names).transpose(2, 1, 0) / noise[:, None]
     own, others = J[:, :, len(names) :] * unit, np.concatenate([J[:, :, shown], at_rest])
     left = np.asarray(np.linalg.inv(information_of(stops.expected, stops.model, stops.R_base_flange)))
-    each, shared = (np.einsum("iar,jas->ijrs", own, J).reshape(TERMS * len(J), -1) for J in (own, others))
-    return _Search(arm, start, limits, 2.0 * np.pi / duration, unit, each, shared, left[np.ix_(shown, shown)])
+    about, shared = (np.einsum("iar,jas->ijrs", own, J).reshape(TERMS * len(J), -1) for J in (own, others))
+    return _Search(arm, start, limits, 2.0 * np.pi / duration, unit, about, shared, left[np.ix_(shown, shown)])
 
 
 def _best_random(search: _Search, rng: np.random.Generator) -> Design:

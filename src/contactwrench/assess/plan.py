@@ -24,6 +24,7 @@ from ..geometry.wrench import unit_direction
 from ..model import GRAVITY, PARAMETERS, RigidTool, wrench_jacobian
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
+from ..samples.still_noise import StillNoise
 from .experiment_design import chosen_experiments, short_order
 from .robot_arms import Reach
 
@@ -37,6 +38,11 @@ NOISE = (0.05, 0.05, 0.05, 0.002, 0.002, 0.002)
 """N, m, and N and N m: a tool of 1 kg on a decent sensor, where nothing is known yet. Which poses are best hardly
 depends on it: it cancels but for the tilts of `auto`, which are known beforehand as well as they are.
 """
+
+READINGS = 1000.0
+"""Hz, of a sensor in motion."""
+AS_SLOW = 0.1
+"""s: of means of readings at rest, which show the noise at the frequencies of a motion."""
 
 UNKNOWN = 10.0
 """Times the weight, `LEVER` or 1 rad: how well any parameter is known before the first pose. It keeps the covariance
@@ -56,12 +62,19 @@ seven times as long and gains less than one per cent in the standard deviation.
 class Expected(Frozen):
     """What the poses are planned for: the tool, the standard deviations (6,) of a pose's reading, the recording that
     both were fitted to (None: assumed), and why a recording could not be (None: it could, or there is none).
+    `reading_noise` (6,) is that of each of `READINGS` in motion; None: no less than a pose's.
     """
 
     tool: RigidTool
     noise: Array
     fitted_to: str | None = None
     refusal: str | None = None
+    reading_noise: Array | None = None
+
+    @property
+    def in_motion(self) -> Array:
+        """Standard deviations (6,) of each reading in motion."""
+        return self.noise if self.reading_noise is None else self.reading_noise
 
 
 @dataclass(frozen=True)
@@ -126,7 +139,15 @@ def expected_tool(samples: Samples | None = None, model: str = "auto", gravity: 
     if cal.weight is None or cal.com is None or cal.R_flange_sensor is None:
         raise TypeError("a rigid model has a tool")
     tool = RigidTool(cal.weight, cal.com, cal.bias, cal.R_flange_sensor, cal.gravity_direction)
-    return Expected(tool, cal.noise, fitted_to=samples.source)
+    return Expected(tool, cal.noise, samples.source, None, _noise_of_readings(cal.still_noise))
+
+
+def _noise_of_readings(still: StillNoise | None) -> Array | None:
+    """The std (6,) of white noise at `READINGS` that is as strong at 5 Hz and below as that of readings at rest."""
+    if still is None or still.duration[0] > AS_SLOW:
+        return None
+    k = int(np.searchsorted(still.duration, AS_SLOW, "right")) - 1
+    return np.asarray(still.std[k] * np.sqrt(still.duration[k] * READINGS))
 
 
 def recorded_orientations(samples: Samples) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
-from ..geometry.ranges import Range
+from ..geometry.ranges import HEIGHT, MOTION_TIME, NEAR
 from .arm_motion import moving_flange
 from .fourier_motion import ABOVE, WITHIN, FourierMotion, Limits, limits_of, pace
 from .motion_design import best_motion
@@ -22,11 +22,6 @@ MOVE_PACE = 0.5
 """Of the fastest, from stop to stop: the sensor and the cables rest sooner."""
 ON_A_MOVE, LOOKED_AT = 61, 0.005
 """Moments of a move at which its limits are kept; s, from one to the next at which the largest values are taken."""
-SECONDS, HEIGHT, DISTANCE = (
-    Range(10.0, 600.0, "s"),
-    Range(-10.0, 10.0, "m (is it in mm?)"),
-    Range(0.01, 10.0, "m (is it in mm?)"),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +127,9 @@ def plan_motion(
     Raises:
         InputError: joints that leave no room, and as `plan` and `reach`.
     """
-    for number, name, of in ((duration, "duration", SECONDS), (above, "above", HEIGHT), (within, "within", DISTANCE)):
-        of.require(number, name)
+    MOTION_TIME.require(duration, "duration")
+    HEIGHT.require(above, "above")
+    NEAR.require(within, "within")
     expected = expected_tool(None, model) if expected is None else expected
     wrist = reach(arm, around)
     limits = limits_of(arm, wrist.around, above, within)

@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
-from ..geometry.ranges import JOINT, POSES
+from ..geometry.ranges import HEIGHT, JOINT, MOTION_TIME, NEAR, POSES
 from . import options
 from .outputs import Writes
 from .recordings import Recordings, with_reading_options
@@ -63,15 +63,15 @@ def plan(
         ),
     ] = False,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="Of the motion, s, at most. [default: 30]")
+        float | None, options.number(MOTION_TIME, "S", "Of the motion, at most, s. [default: 30]")
     ] = None,
     above: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Keep the flange so far above the plane of the base, m. [default: 0.15]"),
+        options.number(HEIGHT, "M", "Keep the flange so far above the plane of the base, m. [default: 0.15]"),
     ] = None,
     within: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Keep the motion so near to where the flange starts, m. [default: 0.1]"),
+        options.number(NEAR, "M", "Keep the motion so near to where the flange starts, m. [default: 0.1]"),
     ] = None,
     json: options.Json = False,
     written: Recordings,

@@ -68,5 +68,8 @@ RATE, CUTOFF = Range(1e-3, 1e6, "Hz"), Range(1e-3, 1e6, "Hz")
 DELAY, DURATION = Range(-10.0, 10.0, "s (is it in ms?)"), Range(1e-6, 1e6, "s")
 ROWS = Range(0, 1e7, "(fewer, or a lower rate)")
 """Of a recording: 3 GB of CSV."""
+MOTION_TIME = Range(10.0, 600.0, "s")
+HEIGHT, NEAR = Range(-10.0, 10.0, "m (is it in mm?)"), Range(0.01, 10.0, "m (is it in mm?)")
+"""Of a motion that is planned: how long, how high the flange stays, how near to where it starts."""
 POSES, PUSHES = Range(1, 100), Range(0, 1000)
 EPISODE, SEED = Range(0, 1e15), Range(0, 1e15)

@@ -19,7 +19,7 @@ def plan_text(plan: Plan) -> str:
     """The poses in order, what they are planned for, and what they are worth."""
     lines = [
         f"Plan of {len(plan)} pose{'' if len(plan) == 1 else 's'} after {plan.recorded}, model {plan.model}",
-        *expected_text(plan.expected, "a pose's reading"),
+        *expected_text(plan.expected),
     ]
     if plan.around is not None and plan.joints is not None:
         around = " ".join(f"{q:.4g}" for q in plan.around)
@@ -29,15 +29,20 @@ def plan_text(plan: Plan) -> str:
     return "\n".join([*lines, "", *_poses(plan), "", *_accuracies(plan)])
 
 
-def expected_text(expected: Expected, of: str) -> list[str]:
-    """What is planned for, and why no recording tells it; the noise is that `of` what it says."""
-    force, torque = (np.sqrt(np.mean(part**2)) for part in (expected.noise[:3], expected.noise[3:]))
+def expected_text(expected: Expected) -> list[str]:
+    """What is planned for, and why no recording tells it."""
     origin = "assumed" if expected.fitted_to is None else f"fitted to {expected.fitted_to}"
     return [
         *([] if expected.refusal is None else [f"  {expected.refusal}"]),
-        f"  {origin}: a tool of {expected.tool.weight:.3g} N, a noise of {force:.2g} N and {1e3 * torque:.2g} "
-        f"mN m in {of}",
+        f"  {origin}: a tool of {expected.tool.weight:.3g} N, a noise of {noise_text(expected.noise)} in a pose's "
+        "reading",
     ]
+
+
+def noise_text(noise: Array) -> str:
+    """The root mean square of the forces' std, and of the torques'."""
+    force, torque = (np.sqrt(np.mean(part**2)) for part in (noise[:3], noise[3:]))
+    return f"{force:.2g} N and {1e3 * torque:.2g} mN m"
 
 
 def _poses(plan: Plan) -> list[str]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..assess.fourier_motion import HARMONICS
-from ..assess.motion_design import READINGS
+from ..assess.plan import READINGS
 from ..assess.plan_motion import STOP, DynamicPlan
 from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA
-from .plan import expected_json, expected_text
+from .plan import expected_json, expected_text, noise_text
 from .text import json_text
 
 IN_KG_CM2, IN_MM = 1e4, 1e3
@@ -20,7 +20,8 @@ def dynamic_plan_text(plan: DynamicPlan) -> str:
     lines = [
         f"Plan of {len(plan.stops)} stops and {motion.duration:.3g} s of motion, {plan.duration:.0f} s in all, model "
         "dynamic",
-        *expected_text(plan.stops.expected, f"a reading, {READINGS:g} a second"),
+        *expected_text(plan.stops.expected),
+        f"  in motion {noise_text(plan.stops.expected.in_motion)} in each of {READINGS:g} readings a second",
         f"  with {plan.arm.name} from {' '.join(f'{q:.4g}' for q in motion.start)} rad and back, {STOP} s at each stop",
         f"  then {motion.periods} periods of {HARMONICS} harmonics of {motion.frequency:.3g} Hz in every joint",
         "",
@@ -67,7 +68,7 @@ def dynamic_plan_json(plan: DynamicPlan) -> str:
                 "cosine": motion.cosine,
             },
             "largest": plan.largest,
-            "readings_per_second": READINGS,
+            "reading": {"noise": plan.stops.expected.in_motion, "per_second": READINGS},
             "std": dict(zip(DYNAMIC_PARAMETERS, plan.std.tolist(), strict=True)),
             "std_after_stops": dict(zip(DYNAMIC_PARAMETERS, plan.std_after_stops.tolist(), strict=True)),
         }
