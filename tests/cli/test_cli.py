@@ -236,7 +236,7 @@ USAGE = [
     ),
     (
         ["calibrate", PANDA, "--model", "plane"],
-        "model 'plane' is not known, expected one of auto, paper, yaw, mount, mount+base, affine",
+        "model 'plane' is not known, expected one of auto, paper, yaw, mount, mount+base, affine, dynamic",
     ),
     (["calibrate", PANDA, "--gravity", "0,0"], "--gravity is '0,0', expected three numbers X,Y,Z, -1e+06 to 1e+06"),
     (
