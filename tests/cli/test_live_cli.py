@@ -188,7 +188,7 @@ def test_the_calibration_of_a_larger_sensor() -> None:
     ("arguments", "said"),
     [
         ("--set x", "found 'x', expected NAME=VALUE, as in sensor.noise.force=0.05"),
-        ("--set tool.mas=1", "there is no setting tool.mas, expected tool with one of: mass, com, hook"),
+        ("--set tool.mas=1", "there is no setting tool.mas, expected tool with one of: mass, com, hook, inertia"),
         ("--port-base 70000", "Invalid value for '--port-base': found 70000, expected 0 to 65000: "
          "try 'contactwrench lab --help'"),
         ("--seed -1", "Invalid value for '--seed': found -1, expected 0 to 1e+15: try 'contactwrench lab --help'"),
