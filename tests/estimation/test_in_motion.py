@@ -216,7 +216,7 @@ def test_a_turn_about_one_axis_leaves_parameters_untold_and_names_them() -> None
 
 
 def test_an_inertia_of_no_body_is_mended_and_said() -> None:
-    """The arm's positions are a third too small, so that the tool is felt to turn by less than it does."""
+    """The arm's positions are three fifths of what they are, so that the tool is felt to go less far than it does."""
     found = cw.calibrate(_scaled(0.6), "dynamic")
     (said,) = _of_kind(found, Kind.IMPLAUSIBLE_TOOL)
     assert said.severity is Severity.DOUBTFUL

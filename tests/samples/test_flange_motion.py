@@ -119,7 +119,7 @@ def test_lines_between_poses_are_made_up_for(pose_rate: float) -> None:
     assert samples.pose_period == pytest.approx(1.0 / pose_rate)
     exact = Analytic(np.asarray(samples.t), analytic.frequency)
     found = flange_motion(samples, bandwidth)
-    assert max(_off(found, exact.motion)) < 5e-3
+    assert max(_off(found, exact.motion)) < 2e-3
     truth = exact.R_base_flange
     off, straight = (np.std((each - truth)[found.inside]) for each in (found.R_base_flange, samples.R_base_flange))
     assert off < 0.6 * straight
