@@ -208,8 +208,8 @@ def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
         _require_shape(f"dynamics.{name}", array, shape)
         if not (np.abs(array) <= LARGEST_NUMBER).all():
             raise InputError(f"dynamics.{name} has a number beyond 1e30, expected none")
-    for name, least in (("motion_noise", d.motion_noise), ("residual_rms", d.residual_rms), ("bandwidth", d.bandwidth)):
-        if not (np.asarray(least) >= 0.0).all():
+    for name in ("motion_noise", "residual_rms", "static_rms", "seconds", "bandwidth"):
+        if not (np.asarray(getattr(d, name)) >= 0.0).all():
             raise InputError(f"dynamics.{name} has a number below 0, expected 0 or more")
     if not (np.array_equal(d.inertia, d.inertia.T) and can_exist(d.inertia)):
         raise InputError("dynamics.inertia is that of no body, expected symmetric, with moments of inertia of a body")

@@ -122,7 +122,18 @@ def inertial_jacobian(
     return J
 
 
-def variance_in_motion(
+def matrix_covariance(
+    tool: RigidTool, mass: float, dynamics: Dynamics, names: tuple[str, ...], of_tool: Array
+) -> Array:
+    """Covariances (6, 12, 12) of the rows of D, with that of the tool's parameters `names`, `of_tool` (p, p)."""
+    J = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names).transpose(1, 0, 2)
+    between = dynamics.with_parameters
+    whole = np.block([[of_tool, between.T], [between, dynamics.covariance]])
+    covariance: Array = J @ whole @ J.transpose(0, 2, 1)
+    return covariance
+
+
+def covariance_in_motion(
     tool: RigidTool,
     mass: float,
     dynamics: Dynamics,
@@ -131,7 +142,7 @@ def variance_in_motion(
     of_rest: Array,
     motion: FlangeMotion,
 ) -> Array:
-    """By how much a motion adds to the variance (n, 6) of a contact wrench: the inertia's part, and what shakes.
+    """What a motion adds to the covariance (n, 6, 6) of a contact wrench: the inertia's part, and what shakes.
 
     Args:
         tool: with its `mass`, kg, and its `dynamics`.
@@ -143,11 +154,12 @@ def variance_in_motion(
     of_terms = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names)
     J = (motion.terms @ of_terms.reshape(TERMS, -1)).reshape(-1, *of_terms.shape[1:])
     of_tool, own = J[:, :, : len(names)], J[:, :, len(names) :]
-    variance = np.sum(((of_tool + 2.0 * of_rest) @ covariance) * of_tool, axis=2)
-    variance += np.sum((own @ dynamics.covariance) * own, axis=2)
-    variance += 2.0 * np.sum((own @ dynamics.with_parameters) * (of_rest + of_tool), axis=2)
+    half = (0.5 * of_tool + of_rest) @ covariance @ of_tool.transpose(0, 2, 1)
+    half += 0.5 * own @ dynamics.covariance @ own.transpose(0, 2, 1)
+    half += own @ dynamics.with_parameters @ (of_rest + of_tool).transpose(0, 2, 1)
+    total: Array = half + half.transpose(0, 2, 1)
     shaking = np.stack([np.sum(each**2, axis=1) for each in (motion.acceleration, motion.angular_velocity)])
-    total: Array = variance + np.repeat((dynamics.motion_noise**2 @ shaking).T, 3, axis=1)
+    total[:, range(6), range(6)] += np.repeat((dynamics.motion_noise**2 @ shaking).T, 3, axis=1)
     return total
 
 

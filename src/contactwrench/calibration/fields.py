@@ -29,35 +29,12 @@ from ..model import (
 from ..samples.flange_motion import FlangeMotion
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
-from .dynamics import Dynamics, variance_in_motion
+from .alternative import Alternative
+from .dynamics import Dynamics, covariance_in_motion, matrix_covariance
 from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
-
-
-@dataclass(frozen=True, eq=False)
-class Alternative(Frozen):
-    """What another `model` would have made of the same poses: beside a result, so that nobody has to run five.
-
-    `weight` and `weight_std` N, None for `affine`; `force_left` N and `torque_left` N m: RMS norm of what it leaves in
-    a pose, degrees of freedom counted; `B` (6, 4) and `gravity_direction` (3,) as in `Calibration`.
-    """
-
-    model: str
-    weight: float | None
-    weight_std: float | None
-    force_left: float
-    torque_left: float
-    B: Matrix
-    gravity_direction: Vector
-
-    def largest_force_change(self, B: Array, gravity_direction: Array) -> float:
-        """The largest difference (N) of the contact force over all orientations, a norm, from that of `B`."""
-        R = spread_rotations(288, 24)
-        force = free_wrench(B[:3], gravity_in_flange(R, gravity_direction))
-        others = free_wrench(self.B[:3], gravity_in_flange(R, self.gravity_direction))
-        return float(np.linalg.norm(force - others, axis=1).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,17 +178,29 @@ class CalibrationFields(Frozen):
             variance[start : start + ROWS_AT_ONCE] = np.sum((J @ self.error_covariance) * J, axis=2)
             if motion is not None:
                 rows = slice(start, start + ROWS_AT_ONCE)
-                variance[rows] += self._variance_in_motion(R[rows], motion.select(rows))
+                variance[rows] += np.einsum("nii->ni", self.covariance_in_motion(R[rows], motion.select(rows)))
         std: Array = np.sqrt(np.maximum(variance, 0.0))
         return std[0] if single else std
 
-    def _variance_in_motion(self, R_base_flange: Array, motion: FlangeMotion) -> Array:
+    def covariance_in_motion(self, R_base_flange: Array, motion: FlangeMotion) -> Array:
+        """What a motion adds to the covariance (n, 6, 6) of contact wrenches at orientations (n, 3, 3). Where it was
+        guessed, beside a gap, that is all of what the inertia does.
+        """
         tool, dynamics = self._rigid_tool, self.dynamics
         if tool is None or self.mass is None or dynamics is None:
-            return np.zeros((len(R_base_flange), 6))
-        of_rest = self.free_wrench_jacobian(R_base_flange)
-        of_tool = self.parameter_names, self.covariance
-        return variance_in_motion(tool, self.mass, dynamics, *of_tool, of_rest, motion)
+            return np.zeros((len(R_base_flange), 6, 6))
+        of_rest, of_tool = self.free_wrench_jacobian(R_base_flange), (self.parameter_names, self.covariance)
+        total = covariance_in_motion(tool, self.mass, dynamics, *of_tool, of_rest, motion)
+        exerted = np.hypot(dynamics.static_rms, motion.terms @ dynamics.matrix.T)
+        total[:, range(6), range(6)] += np.where(motion.inside[:, None], 0.0, exerted**2)
+        return total
+
+    def covariance_of_terms(self) -> Array:
+        """Of each axis the covariance (6, 12, 12) of what it shows of a motion's terms; zero without inertia."""
+        tool, dynamics = self._rigid_tool, self.dynamics
+        if tool is None or self.mass is None or dynamics is None:
+            return np.zeros((6, 12, 12))
+        return matrix_covariance(tool, self.mass, dynamics, self.parameter_names, self.covariance)
 
     @property
     def error_names(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, number, numbers, read_only, seconds
-from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, PLACE, RATE, WALK
+from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
@@ -23,7 +23,7 @@ from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thre
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of
 from .filters import LowPass, delay_of
-from .inertia import use_inertia
+from .inertia import gains_of_poses, noisier_in_motion, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import TAKEN, Compiled, Plain, by_one_thread, given, results_of
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, TERMS, State
@@ -159,15 +159,18 @@ class Compensator:
         heat = nan if temperature is None else number(temperature, "temperature")
         if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
             raise InputError(TAKEN)
-        place = NOWHERE if position is None else PLACE.require(position, "position", (3,))
+        place = NOWHERE if position is None else numbers(position, "position")
+        if place.shape != (3,):
+            raise InputError(f"position has shape {place.shape}, expected (3,)")
         said, result = self._runner.step(reading, turn, t, heat, place)
-        if self._settings.knows_inertia:
-            self._std = read_only(self._runner.sample.wrench_std)
         if said != ASK:
-            return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
+            std = read_only(self._runner.sample.wrench_std) if self._settings.knows_inertia else self._std
+            return ContactWrench(result, std, float(t), True, None, said == TOUCHING)
         events, fault, detail, channel, judged = self._runner.told()
         if events:
             self._attend(events)
+        if self._settings.knows_inertia:
+            self._std = read_only(self._runner.sample.wrench_std)
         contact = None if judged == NOT_JUDGED else bool(judged)
         std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
         return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
@@ -197,19 +200,15 @@ class Compensator:
             InputError: shapes that do not pair, else as for a single reading.
         """
         readings, _ = wrench_rows(wrench)
-        n = len(readings)
-        turns, times = numbers(orientation, "orientation"), seconds(t)
-        heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
-        if turns.shape not in {(n, 4), (n, 3, 3)} or times.shape != (n,) or heats.shape != (n,):
-            raise InputError(
-                f"orientation, t and temperature have shapes {turns.shape}, {times.shape} and {heats.shape}, expected "
-                f"({n}, 3, 3) or ({n}, 4), ({n},) and ({n},) for {n} readings"
-            )
-        places = np.full((n, 3), nan) if position is None else PLACE.require(position, "position", (n, 3))
-        samples, width = given(readings, turns, times, heats, places, motion)
+        moving = (
+            ()
+            if motion is None
+            else (motion.terms, noisier_in_motion(self._calibration, np.asarray(orientation), motion))
+        )
+        samples, width = given(readings, orientation, t, temperature, position, *moving)
         contacts: list[Contact] = []
         covariances, taken = [self._covariance()], 0
-        while taken < n:
+        while taken < len(samples):
             taken = self._runner.advance(samples, width, taken)
             events = int(samples["events"][taken - 1])
             self._attend(events)
@@ -217,7 +216,7 @@ class Compensator:
                 covariances.append(self._covariance())
             if events & ENDED and self._last_contact is not None:
                 contacts.append(self._last_contact)
-        return results_of(samples, times, contacts, covariances)
+        return results_of(samples, contacts, covariances)
 
     @by_one_thread
     def zero(self, samples: Samples) -> Zero:
@@ -288,7 +287,7 @@ class Compensator:
         """The noise is another; None: the rate is not known, and nothing is filtered."""
         s, low_pass = self._runner.state, None if rate is None else self._lowpass
         noise = self._noise = self._noise.over(LEVEL_KNOWN, rate)
-        s.noise_gain = 1.0 if low_pass is None or rate is None else low_pass.noise_gain(rate)
+        s.pose_gain[:] = gains_of_poses(low_pass, rate)
         s.settled = 0 if low_pass is None or rate is None else low_pass.settles_in(rate)
         s.noise_filtered[:] = noise.behind(low_pass, rate or USUAL_RATE).tolist()
         s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()

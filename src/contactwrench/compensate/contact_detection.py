@@ -277,7 +277,7 @@ def contact_so_far(s: Any, noise: SampleNoise, release: float | None) -> Contact
     """The contact that lasts (`release` None), or the one that ended with the last sample."""
     rows = float(s.contact_rows)
     of_mean = np.minimum(noise.of_mean(rows) * readings_held(s), noise.of_sample)
-    covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(of_mean)
+    covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(of_mean + s.of_motion)
     mean = np.array(s.contact_sum) / rows
     return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
 

@@ -25,6 +25,8 @@ from .line_of_action import LineOfAction, line_of_action
 OUTPUT_FRAMES = ("sensor", "flange", "base")
 NOT_KNOWN = read_only(np.full(6, np.nan))
 """The std of a wrench that cannot be computed."""
+DENSE = 0.05
+"""s from row to row: no one takes poses so fast, so that these are a recording, be it of an arm that does not turn."""
 NOT_GIVEN: Any = None
 """Of a column: left out, or filled in."""
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
@@ -151,8 +153,8 @@ def contact_wrenches(
         J = transform @ calibration.error_jacobian(R[rows]) + J_mounting
         variance = np.sum((J @ calibration.error_covariance) * J, axis=2)
         if motion is not None:
-            own = calibration.wrench_std(R[rows], motion.select(rows)) ** 2 - calibration.wrench_std(R[rows]) ** 2
-            variance += np.sum(transform**2 * own[:, None, :], axis=2)
+            own = calibration.covariance_in_motion(R[rows], motion.select(rows))
+            variance += np.sum((transform @ own) * transform, axis=2)
         std[rows] = np.sqrt(np.maximum(variance, 0.0))
     return ContactWrenches(wrench, std, samples.t)
 
@@ -161,9 +163,10 @@ def motion_of(calibration: Calibration, samples: Samples) -> FlangeMotion | None
     """How the flange moves, where the calibration knows what that does; None where it does not, and for poses. Raises
     `InputError` for a motion without positions.
     """
-    if calibration.dynamics is None or not is_stream(samples):
+    if calibration.dynamics is None or samples.t is None or len(samples) < 2:
         return None
-    return flange_motion(samples)
+    dense = samples.position is not None and float(np.median(np.diff(samples.t))) <= DENSE
+    return flange_motion(samples) if dense or is_stream(samples) else None
 
 
 def in_axes(

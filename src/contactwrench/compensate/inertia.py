@@ -8,23 +8,59 @@ widens the test.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..calibration.calibration import Calibration
-from .filters import low_pass
-from .state import TERMS, Matrix, Row, Sample, State, kernel
+from ..geometry.arrays import Array
+from ..geometry.orientation import OrientationLike
+from ..samples.flange_motion import FlangeMotion
+from .filters import LowPass, low_pass
+from .state import OCTAVES_HELD, TERMS, Matrix, Row, Sample, State, kernel
 
 MEMORY = 0.02
 """Of the mean over jumps, the share of the newest: fifty poses."""
 OF_JUMPS = 0.3
 """White noise of poses: the variance of a second difference, 6, over that of how two in a row differ, 20."""
+CHANGES = 0.25
+"""Of the mean over jumps that says how the wrench changes: four poses."""
+KINDS = (slice(0, 3), slice(3, 9), slice(9, 12))
+"""Of terms: angular acceleration, products of the angular velocity, acceleration."""
 SLOWEST_POSES = 0.1
 """s: between poses; an arm that stands states none, or the same."""
 
 
+def noisier_in_motion(calibration: Calibration, orientation: OrientationLike, motion: FlangeMotion) -> Array:
+    """By how much the variance (n, 6) of a contact wrench grows in a motion, orientations as of `wrench_std`."""
+    growth = calibration.wrench_std(orientation, motion) ** 2 - calibration.wrench_std(orientation) ** 2
+    return np.maximum(growth, 0.0)
+
+
+def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
+    """What a low-pass leaves of the variance of second differences of white noise, held for 1, 2, 4, ... samples. Most
+    of that noise is fast, and it leaves little.
+    """
+    if low_pass is None or rate is None:
+        return [1.0] * OCTAVES_HELD
+    from scipy.signal import sosfilt
+
+    gains: list[float] = []
+    sections = low_pass.sections(rate)
+    for held in 2 ** np.arange(OCTAVES_HELD):
+        pulse = np.repeat([1.0, -2.0, 1.0], held)
+        rest = np.zeros(4 * low_pass.settles_in(rate))
+        gains.append(float(np.sum(sosfilt(sections, np.r_[pulse, rest]) ** 2)) / (6.0 * held))
+    return gains
+
+
 def use_inertia(s: State, calibration: Calibration) -> None:
-    """What the kernel needs of a calibration that knows it."""
+    """What the kernel needs of a calibration that knows it. Three times the largest variance of a kind of term is no
+    less than what all of them make together (Cauchy and Schwarz).
+    """
     if calibration.dynamics is not None:
         s.knows_inertia, s.D = True, calibration.dynamics.matrix.tolist()
         s.motion_noise = calibration.dynamics.motion_noise.ravel().tolist()
+        of_units = calibration.covariance_of_terms()
+        s.uncertain = [[3.0 * float(np.linalg.eigvalsh(C[kind, kind])[-1]) for kind in KINDS] for C in of_units]
 
 
 @kernel
@@ -100,11 +136,14 @@ def exerted(row: Row, terms: Row) -> float:
 
 @kernel
 def jump(s: State, counts: bool) -> None:
-    """By how much the model's wrench differs from that at the pose before, into the noise of the poses."""
+    """By how much the model's wrench differs from that at the pose before: on average that is how it changes, and the
+    rest the noise of the poses.
+    """
     for i in range(6):
         wrench = exerted(s.D[i], s.terms)
         off = wrench - s.inertial[i]
         s.inertial[i] = wrench
+        s.trend[i] += CHANGES * (off - s.trend[i])
         if counts:
             s.pose_noise[i] += MEMORY * (OF_JUMPS * off * off - s.pose_noise[i])
 
@@ -138,18 +177,30 @@ def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
 
 
 @kernel
-def noise_of_motion(s: State) -> float:
+def noise_of_motion(s: State, sample: Sample) -> float:
     """By what share the variance of a contact wrench grows in motion, on the axis where it grows most; writes the
-    variances, `s.of_motion`.
+    variances, `s.of_motion`: what is not known of the inertia, what shakes, the noise of poses behind the low-pass, and
+    by how much the terms are older than the wrench.
     """
     terms, noise, most = s.seen, s.motion_noise, 0.0
-    held = max(s.pose_period / s.interval, 1.0)
+    held, octave = s.pose_period / s.interval, 0
+    while octave < OCTAVES_HELD - 1 and held > 1.5:
+        held, octave = 0.5 * held, octave + 1
+    age = sample.time - s.pose_time + s.pose_period - s.delay
+    poses_old = max(age, 0.0) / s.pose_period if s.pose_period > 0.0 else 0.0
     turning = terms[3] + terms[6] + terms[8]
+    spun = terms[0] * terms[0] + terms[1] * terms[1] + terms[2] * terms[2]
     pushed = terms[9] * terms[9] + terms[10] * terms[10] + terms[11] * terms[11]
     for k in range(6):
-        of_acceleration, of_speed = noise[2 * (k // 3)], noise[2 * (k // 3) + 1]
-        variance = min(s.noise_gain * held, 1.0) * s.pose_noise[k]
-        variance += of_acceleration * of_acceleration * pushed + of_speed * of_speed * turning
+        if sample.motion_variance[k] == sample.motion_variance[k]:
+            variance = sample.motion_variance[k]
+        else:
+            of_acceleration, of_speed, known = noise[2 * (k // 3)], noise[2 * (k // 3) + 1], s.uncertain[k]
+            variance = s.pose_gain[octave] * s.pose_noise[k] + (poses_old * s.trend[k]) ** 2
+            variance += of_acceleration * of_acceleration * pushed + of_speed * of_speed * turning
+            variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         s.of_motion[k] = variance
         most = max(most, variance / (s.systematic[k][k] + s.noise_left[k]))
+    if most > 1.0:
+        s.spoiled = True
     return most

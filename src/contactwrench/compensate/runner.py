@@ -14,23 +14,24 @@ from threading import Timer, get_ident
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, MissingExtraError
-from ..geometry.arrays import Array, read_only
-from ..samples.flange_motion import FlangeMotion
+from ..geometry.arrays import Array, numbers, read_only, seconds
 from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
-from .state import COVARIANCE, KERNEL, SAMPLE, STATE, Function, Sample, State
+from .state import COVARIANCE, KERNEL, SAMPLE, STATE, TERMS, Function, Sample, State
 from .step import take
 
 MOMENT = 1.0
 """s: what takes longer is said."""
 TAKEN = "found a call from a second thread, expected one: give each a Compensator of its own, or begin anew, reset()"
 ROWS_AT_ONCE = 128
+NOT_KNOWN = [nan] * TERMS
+"""Of a motion."""
 TOLD = ("events", "fault", "detail", "channel", "contact")
-GIVEN = ("reading", "orientation", "time", "temperature", "position", "motion")
+GIVEN = ("reading", "orientation", "time", "temperature", "position", "motion", "motion_variance")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
@@ -47,25 +48,41 @@ def by_one_thread(method: Function) -> Function:
 
 
 def given(
-    readings: Array, turns: Array, times: Array, heats: Array, places: Array, motion: FlangeMotion | None
+    readings: Array,
+    orientation: ArrayLike,
+    t: ArrayLike,
+    temperature: ArrayLike | None,
+    position: ArrayLike | None,
+    *moving: Array,
 ) -> tuple[NDArray[np.void], int]:
-    """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9."""
+    """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9. `moving`: terms of a motion (n, 12),
+    and by how much the variance (n, 6) grows in it, where they are known. Raises `InputError` for shapes that do not
+    pair.
+    """
+    n, turns, times = len(readings), numbers(orientation, "orientation"), seconds(t)
+    heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
+    places = np.full((n, 3), nan) if position is None else numbers(position, "position")
+    if turns.shape not in {(n, 4), (n, 3, 3)} or times.shape != (n,) or heats.shape != (n,):
+        raise InputError(
+            f"orientation, t and temperature have shapes {turns.shape}, {times.shape} and {heats.shape}, expected "
+            f"({n}, 3, 3) or ({n}, 4), ({n},) and ({n},) for {n} readings"
+        )
+    if places.shape != (n, 3):
+        raise InputError(f"position has shape {places.shape}, expected ({n}, 3) for {n} readings")
     width = 4 if turns.shape[1:] == (4,) else 9
-    samples = np.zeros(len(readings), SAMPLE)
+    samples = np.zeros(n, SAMPLE)
     samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(-1, width)
     samples["time"], samples["temperature"], samples["position"] = times, heats, places
-    samples["motion"] = nan if motion is None else motion.terms
+    samples["motion"], samples["motion_variance"] = moving or (nan, nan)
     return samples, width
 
 
-def results_of(
-    samples: NDArray[np.void], times: Array, contacts: list[Contact], covariances: list[Array]
-) -> ContactWrenches:
+def results_of(samples: NDArray[np.void], contacts: list[Contact], covariances: list[Array]) -> ContactWrenches:
     """What was made of samples (n,), with the covariances as they followed each other."""
     return ContactWrenches(
         wrench=samples["wrench"],
         std=samples["wrench_std"],
-        t=times,
+        t=samples["time"],
         judged=True,
         valid=samples["fault"] <= SAME,
         reason=reasons_of(samples),
@@ -94,7 +111,7 @@ class Plain:
     def step(self, reading: Array, turn: Array, t: float, temperature: float, place: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
-        sample.position = place.tolist()
+        sample.position, sample.motion = place.tolist(), NOT_KNOWN
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
         take(self.state, sample, self._ring, turn.size)
@@ -105,7 +122,7 @@ class Plain:
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
-            sample.position, sample.motion = moved
+            sample.position, sample.motion, sample.motion_variance = moved
             take(self.state, sample, self._ring, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
@@ -119,7 +136,7 @@ class Compiled:
     """By numba, on records; else as `Plain`."""
 
     def __init__(self, state: State, ring: Array) -> None:
-        self.__setstate__((np.array([astuple(state)], STATE), np.zeros(1, SAMPLE), ring))
+        self.__setstate__((np.array([astuple(state)], STATE), np.array([astuple(Sample())], SAMPLE), ring))
 
     def __getstate__(self) -> tuple[NDArray[Any], ...]:
         return self._record, self._samples, self._ring

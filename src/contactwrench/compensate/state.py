@@ -27,6 +27,8 @@ INTERVALS = 24
 """Between stamps, from which the rate is taken."""
 TERMS = 12
 """Of a motion, that a moving tool's wrench is linear in."""
+OCTAVES_HELD = 7
+"""Of numbers of samples for which a pose is held."""
 SECTIONS = 2
 """Second-order sections of a filter, at most; where the first coefficient is 0 there is none."""
 LOG_SAME_UNSEEN = -0.0207
@@ -59,6 +61,7 @@ class Sample:
     temperature: float = nan
     position: Row = numbers(3, fill=nan)
     motion: Row = numbers(TERMS, fill=nan)
+    motion_variance: Row = numbers(6, fill=nan)
     wrench: Row = numbers(6)
     wrench_std: Row = numbers(6)
     statistic: float = nan
@@ -121,7 +124,8 @@ class State:
     knows_inertia: bool = False
     D: Matrix = numbers(6, TERMS)
     motion_noise: Row = numbers(4)
-    noise_gain: float = 1.0
+    uncertain: Matrix = numbers(6, 3)
+    pose_gain: Row = numbers(OCTAVES_HELD, fill=1.0)
     poses: int = 0
     pose_time: float = nan
     pose_period: float = 0.0
@@ -131,6 +135,7 @@ class State:
     terms: Row = numbers(TERMS)
     seen: Row = numbers(TERMS)
     inertial: Row = numbers(6)
+    trend: Row = numbers(6)
     pose_noise: Row = numbers(6)
     of_motion: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)

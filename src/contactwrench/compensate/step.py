@@ -142,7 +142,7 @@ def weigh(s: State, sample: Sample) -> None:
     for k in range(6):
         sample.wrench_std[k] = s.wrench_std[k]
     if s.knows_inertia:
-        sample.statistic /= 1.0 + noise_of_motion(s)
+        sample.statistic /= 1.0 + noise_of_motion(s, sample)
         for k in range(6):
             sample.wrench_std[k] = sqrt(s.wrench_std[k] ** 2 + s.of_motion[k])
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..calibration.fields import Alternative
+from ..calibration.alternative import Alternative
 from ..errors import UnobservableError
 from ..geometry.rotations import rotations_about_z
 from ..model import FLIP, RigidTool, yaw_of_mounting

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..calibration.alternative import Alternative
 from ..calibration.calibration import Calibration
-from ..calibration.fields import Alternative
 from ..calibration.findings import Finding
 from ..calibration.observability import describe
 from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for

@@ -18,6 +18,7 @@ from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
 from ..samples.synchronize import default_gap
+from ..samples.timestamps import spread_evenly
 
 WINDOW = 2.0
 """s."""
@@ -53,7 +54,7 @@ class MotionMoments:
 
 def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
     """The moments of the windows in which the arm moves, up to the motion's bandwidth."""
-    t = np.asarray(samples.t)
+    t = spread_evenly(np.asarray(samples.t))
     period = float(np.median(np.diff(t)))
     rows = max(2 * round(0.5 * WINDOW / period), 4)
     starts = _moving_windows(t, motion, rows)

@@ -9,6 +9,7 @@ from ..estimation.in_motion import as_stamped
 from ..geometry.arrays import Array
 from ..samples.flange_motion import flange_motion
 from ..samples.samples import Samples
+from ..samples.timestamps import spread_evenly
 from .figures import METHODS, PARTS, WIDTH, drawing, svg_text
 from .signals import envelope
 
@@ -23,7 +24,7 @@ def left_in_motion(calibration: Calibration, samples: Samples) -> str:
     """The norm of force and torque left over time, the most in each moment, and the spectrum of the force."""
     samples = as_stamped(samples)
     motion = flange_motion(samples)
-    t, known = np.asarray(samples.t) - calibration.first_time, motion.inside
+    t, known = spread_evenly(np.asarray(samples.t)) - calibration.first_time, motion.inside
     left = {
         "without inertia": calibration.compensate(samples.wrench, samples.R_base_flange),
         "with inertia": calibration.compensate(samples.wrench, samples.R_base_flange, motion=motion),

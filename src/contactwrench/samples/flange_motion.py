@@ -43,8 +43,8 @@ FEWEST = 8
 class FlangeMotion(Rows):
     """How the flange moves at n moments, (n, 3) each in its own axes: `angular_velocity` rad/s, `angular_acceleration`
     rad/s^2, and the `acceleration` of its origin, m/s^2, without gravity; below `bandwidth` Hz. `R_base_flange`
-    (n, 3, 3) is the orientation on the curve through the poses. `inside` (n,) is False where the filter reaches beyond
-    the recording, or into a gap, and what is there was guessed.
+    (n, 3, 3) is the orientation, the way between interpolated poses bent. `inside` (n,) is False where the filter
+    reaches beyond the recording, or into a gap, and what is there was guessed.
     """
 
     angular_velocity: Array = field(metadata=column(3))
@@ -81,7 +81,9 @@ def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMot
     Raises:
         InputError: no times, no positions, or too few rows to tell a motion.
     """
-    if samples.t is None or samples.position is None or not np.isfinite(samples.position).all():
+    position = np.full((len(samples), 3), np.nan) if samples.position is None else samples.position
+    placed = np.asarray(np.isfinite(position).all(axis=1))
+    if samples.t is None or not placed.any():
         lacking = "times" if samples.t is None else "positions"
         raise InputError(
             f"{samples.source}: found no {lacking}, expected t and the flange's x, y, z in each row, from which its "
@@ -92,8 +94,10 @@ def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMot
         raise InputError(f"{samples.source}: found {len(t)} rows, expected a motion in the order of its times")
     period, node = float(np.median(np.diff(t))), samples.pose_period or 0.0
     steps = np.diff(t)
-    sections = np.split(np.arange(len(t)), np.flatnonzero((steps > default_gap(t)) | (steps <= -period)) + 1)
-    grids = [_on_a_grid(samples, t, rows, period) for rows in sections if len(rows) >= FEWEST]
+    cut = (steps > default_gap(t)) | (steps <= -period) | (np.diff(placed.astype(int)) != 0)
+    sections = np.split(np.arange(len(t)), np.flatnonzero(cut) + 1)
+    known = [rows for rows in sections if len(rows) >= FEWEST and placed[rows[0]]]
+    grids = [_on_a_grid(samples, t, rows, period) for rows in known]
     if not grids:
         raise InputError(f"{samples.source}: found gaps everywhere, expected {FEWEST} rows in a row or more")
     if bandwidth is None:
