@@ -99,7 +99,7 @@ def test_the_remarks_are_comments_and_say_what_is_not_there(name: str) -> None:
     comments = [line for line in text.splitlines() if line.startswith(mark)]
     assert text.startswith("\n".join(comments))
     assert {f"{mark}{remark}" for remark in remarks.splitlines()} <= set(unwrapped(text).splitlines())
-    assert "a calibration finds no moments of inertia: those written are 0, a point mass" in remarks
+    assert "moments of inertia, found or not, are written as 0, a point mass" in remarks
     assert "from the readings of a sensor outside nothing is subtracted, and its bias is not in here" in remarks
     assert max(map(len, text.splitlines())) < 471  # what KRL takes in a line
 

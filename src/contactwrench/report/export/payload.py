@@ -42,7 +42,7 @@ class Payload(Frozen):
             "the plate on the sensor's tool side is weighed with the tool, take it off --sensor-mass",
             "flange axes, here and in the flags, are those whose orientation was recorded: with a turned TCP set then, "
             "the TCP's",
-            "a calibration finds no moments of inertia: those written are 0, a point mass",
+            "moments of inertia, found or not, are written as 0, a point mass",
             "for the robot's own motion, hand guiding and collision detection, and for a sensor inside it; from the "
             "readings of a sensor outside nothing is subtracted, and its bias is not in here",
         ]
