@@ -233,7 +233,9 @@ MAX_SPEED_DEG = {
     "panda": (*np.rad2deg([2.175] * 4), *np.rad2deg([2.61] * 3)),
     "fr3": (*np.rad2deg([2.62] * 4), *np.rad2deg([5.26, 4.18, 5.26])),
 }
-"""deg/s, from the same pages as the limits."""
+"""deg/s: KUKA's brochure of the LBR iiwa; the user manuals of Universal Robots, as joint_limits.yaml of their ROS 2
+description has them; Franka's libfranka, rate_limiting.h, and for the FR3 the largest at any place of a joint.
+"""
 MAX_ACCELERATION = {"panda": (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0), "fr3": (10.0,) * 7}
 """rad/s^2. KUKA and Universal Robots state none."""
 FRANKA_TWISTS, FRANKA_HOME = (0, -90, 90, 90, -90, 90, 90, 0), (0, -45, 0, -135, 0, 90, 45)

@@ -165,13 +165,9 @@ def as_the_wrench_is_stamped(
     s.ring_next = (newest + 1) % size
     if at == newest and not fresh:
         at = (newest + 1) % size
-    wanted = now - s.look_back
-    while at != newest and ring[(at + 1) % size][0] <= wanted:
-        at = (at + 1) % size
+    at, after, share = looked_up(ring, at, newest, now - s.look_back)
     s.ring_at = at
-    older = ring[at]
-    later = older if at == newest else ring[(at + 1) % size]
-    share = max((wanted - older[0]) / (later[0] - older[0]), 0.0) if later[0] > older[0] else 0.0
+    older, later = ring[at], ring[after]
     xb = older[1] + share * (later[1] - older[1])
     yb = older[2] + share * (later[2] - older[2])
     zb = older[3] + share * (later[3] - older[3])
@@ -180,6 +176,19 @@ def as_the_wrench_is_stamped(
     past = min(s.look_back, now - older[0])
     ahead = -s.delay / past if past > 0.0 else 0.0
     return x + ahead * (x - xb), y + ahead * (y - yb), z + ahead * (z - zb)
+
+
+@kernel
+def looked_up(ring: Matrix, at: int, newest: int, wanted: float) -> tuple[int, int, float]:
+    """The entries of a ring before and after a time, `at` or later, and how far it lies between the two: entries begin
+    with their times, s.
+    """
+    size = len(ring)
+    while at != newest and ring[(at + 1) % size][0] <= wanted:
+        at = (at + 1) % size
+    after = at if at == newest else (at + 1) % size
+    older, later = ring[at][0], ring[after][0]
+    return at, after, max((wanted - older) / (later - older), 0.0) if later > older else 0.0
 
 
 @kernel

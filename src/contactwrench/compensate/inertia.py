@@ -14,7 +14,8 @@ from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array
 from ..geometry.orientation import OrientationLike
 from ..samples.flange_motion import FlangeMotion
-from .filters import LowPass, low_pass
+from .bias_tracking import dot
+from .filters import LowPass, looked_up, low_pass
 from .state import OCTAVES_HELD, TERMS, Matrix, Row, Sample, State, kernel
 
 MEMORY = 0.02
@@ -126,21 +127,12 @@ def differentiate(s: State, position: Row, passed: float, known: int) -> None:
 
 
 @kernel
-def exerted(row: Row, terms: Row) -> float:
-    """What an axis, a row of D, shows of a motion."""
-    total = 0.0
-    for k in range(TERMS):
-        total += row[k] * terms[k]
-    return total
-
-
-@kernel
 def jump(s: State, counts: bool) -> None:
     """By how much the model's wrench differs from that at the pose before: on average that is how it changes, and the
     rest the noise of the poses.
     """
     for i in range(6):
-        wrench = exerted(s.D[i], s.terms)
+        wrench = dot(s.D[i], s.terms, TERMS)
         off = wrench - s.inertial[i]
         s.inertial[i] = wrench
         s.trend[i] += CHANGES * (off - s.trend[i])
@@ -161,13 +153,9 @@ def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
         at = newest if fresh else s.motion_at
         if at == s.ring_next and not fresh:
             at = (at + 1) % size
-        wanted = now - max(s.delay - s.pose_period, 0.0)
-        while at != newest and ring[(at + 1) % size][0] <= wanted:
-            at = (at + 1) % size
+        at, after, share = looked_up(ring, at, newest, now - max(s.delay - s.pose_period, 0.0))
         s.motion_at = at
-        older = ring[at]
-        later = older if at == newest else ring[(at + 1) % size]
-        share = max((wanted - older[0]) / (later[0] - older[0]), 0.0) if later[0] > older[0] else 0.0
+        older, later = ring[at], ring[after]
         for k in range(4, 4 + TERMS):
             seen[k - 4] = older[k] + share * (later[k] - older[k])
     else:

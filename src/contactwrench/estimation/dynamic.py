@@ -37,9 +37,9 @@ INERTIA, OFFSET, BIAS, LATE = slice(0, 6), slice(6, 9), slice(9, 15), 15
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """What the motion tells: `inertia` (3, 3), `sensor_offset` (3,), their `covariance` (9, 9) and that with the tool's
-    parameters (9, p), the std (9,) `before` of the same, the noise `variance` (6, b) of a reading by bands, the
-    `weight` (w, 6) of each window, and by how much the readings were `late`, s.
+    """What the motion tells: `inertia` (3, 3) kg m^2 about the centre of mass, sensor axes; `sensor_offset` (3,) m,
+    flange axes; their `covariance` (9, 9) and that with the tool's parameters (9, p), the std (9,) `before` of the
+    same, and the `weight` (w, 6) of each window.
     """
 
     inertia: Array
@@ -47,9 +47,7 @@ class Moved:
     covariance: Array
     with_parameters: Array
     before: Array
-    variance: Array
     weight: Array
-    late: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +114,7 @@ def moved(
     of_motion = inverse[: len(DYNAMIC_PARAMETERS), : len(DYNAMIC_PARAMETERS)]
     with_parameters = follows @ covariance
     total = of_motion + with_parameters @ follows.T
-    return Moved(at.inertia, at.sensor_offset, total, with_parameters, before, variance, weight, at.late)
+    return Moved(at.inertia, at.sensor_offset, total, with_parameters, before, weight)
 
 
 def _inverse(information: Array) -> Array:
