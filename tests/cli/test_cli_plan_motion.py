@@ -122,7 +122,8 @@ def test_bad_use_is_one_line(arguments: tuple[str, ...], complaint: str, capsys:
 @pytest.mark.slow
 def test_what_is_planned_calibrates_the_rig(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """The simulator runs the plan as it is; all nine are found within four std, which are those of the bound for the
-    rig's own noise and tool in the whole recording: 0.97 to 1.15 times, as calibrate takes the noise from what is left.
+    rig's own noise and tool in the whole recording: 0.89 to 1.14 times, as calibrate takes the noise of each axis from
+    what is left below 3 Hz.
     """
     pytest.importorskip("mujoco")
     written_plan, recording, calibration = (tmp_path / name for name in ("plan.csv", "sim.csv", "tool.json"))
@@ -145,4 +146,5 @@ def test_what_is_planned_calibrates_the_rig(capsys: pytest.CaptureFixture[str], 
     of_recording = expected_tool(cw.read(recording)).in_motion
     np.testing.assert_allclose(of_recording[:4], of_rig.noise[:4], rtol=0.15)
     np.testing.assert_array_less(dynamics.std, 1.3 * bound)
-    np.testing.assert_array_less(0.9 * bound, dynamics.std)
+    np.testing.assert_array_less(0.85 * bound, dynamics.std)
+    assert float(np.mean(dynamics.std / bound)) == pytest.approx(1.03, abs=0.06)

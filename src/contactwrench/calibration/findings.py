@@ -64,6 +64,7 @@ class Kind(StrEnum):
     NEGATIVE_MASS = "negative_mass"
     CONTACT_IN_MOTION = "contact_in_motion"
     MOTION_USED = "motion_used"
+    SLOW_SENSOR = "slow_sensor"
     OTHER = "other"
 
     @classmethod

@@ -31,9 +31,11 @@ KNOWN = 0.5
 LITTLE_WEIGHT = 0.25
 """Of a window: it is noisier than most, a push or a shake."""
 MANY = 0.1
-"""Of the windows."""
+"""Of the windows; and of the weight, what is left of the force in motion."""
 CONTRADICTS = 3.0
 """Standard deviations of a stated offset."""
+SLOW_SENSOR, SURELY = 5e-5, 5.0
+"""s^2, of the blur that a filter of first order at 16 Hz has, and standard deviations: it is said."""
 FAR_BEYOND, MEDIAN_OF_SQUARES, LEAST_EXPECTED, TRIMMED = 9.0, 0.79, 0.01, 5
 """Times the expected mean square of three axes, by chance once in 10^5 rows, and its median; of what was expected at
 first; how often what is beyond is left out."""
@@ -69,7 +71,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         raise _at_rest(samples, moments.seconds)
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
-    found = moved(tool, mass, names, calibration.covariance, calibration.noise, moments, stated)
+    found = moved(tool, tool.weight / mass, names, calibration.covariance, calibration.noise, moments, stated)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
@@ -93,7 +95,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
-    findings = (*calibration.findings, *_findings(found, stated, untold, inertia, dynamics))
+    findings = (*calibration.findings, *_findings(found, tool.weight, stated, untold, inertia, dynamics, moments.most))
     return replace(complete, dynamics=dynamics, findings=findings)
 
 
@@ -135,7 +137,9 @@ def as_stamped(samples: Samples) -> Samples:
 
 def _untold(found: Moved, sought: tuple[str, ...]) -> list[str]:
     """The parameters of which the motion says next to nothing, of the first that it was to tell."""
-    untold = np.sqrt(np.diag(found.covariance)) > KNOWN * found.before
+    least = KNOWN * found.before
+    least[: len(INERTIA)] = np.minimum(least[: len(INERTIA)], np.linalg.eigvalsh(found.inertia)[-1])
+    untold = np.sqrt(np.diag(found.covariance)) > least
     return [name for name, is_untold in zip(sought, untold[: len(sought)], strict=True) if is_untold]
 
 
@@ -174,7 +178,13 @@ def _growth(level: Array, squares: Array) -> Array:
 
 
 def _findings(
-    found: Moved, stated: Array | None, untold: list[str], inertia: Array, dynamics: Dynamics
+    found: Moved,
+    weight: float,
+    stated: Array | None,
+    untold: list[str],
+    inertia: Array,
+    dynamics: Dynamics,
+    most: float,
 ) -> Iterator[Finding]:
     off = np.zeros(3) if stated is None else np.abs(found.sensor_offset - stated)
     if off.max() > CONTRADICTS * STATED_OFFSET_STD:
@@ -192,13 +202,27 @@ def _findings(
             "shakes the sensor, or moves on the tool"
         )
         yield Finding.doubtful(Kind.IMPLAUSIBLE_TOOL, text)
-    noisy = float(np.mean(found.weight.min(axis=1) < LITTLE_WEIGHT))
-    if noisy > MANY:
+    noisy, left = float(np.mean(found.weight.min(axis=1) < LITTLE_WEIGHT)), float(np.linalg.norm(found.left[:3]))
+    if left > MANY * weight:
+        text = (
+            f"{left:.2g} N RMS of the force below {most:.2g} Hz is left in motion, {left / weight:.0%} of the weight: "
+            "contact, cables or shaking; what is known of the inertia counts with it"
+        )
+        yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
+    elif noisy > MANY:
         text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: contact, cables or shaking"
         yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
-    least = FLAT * dynamics.bandwidth
-    yield Finding(
-        Kind.MOTION_USED,
-        Severity.NOTE,
-        f"{dynamics.seconds:.3g} s of motion used, up to {least:.2g} Hz, beyond which the poses tell no acceleration",
-    )
+    if found.blur > max(SLOW_SENSOR, SURELY * found.blur_std):
+        corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * found.blur))
+        text = (
+            f"the readings follow the motion as behind a low-pass of first order at {corner:.2g} Hz: set the sensor's "
+            "filter faster, or state it where contact is judged (--sensor-filter)"
+        )
+        yield Finding(Kind.SLOW_SENSOR, Severity.WARNING, text)
+    told = FLAT * dynamics.bandwidth
+    seconds = f"{dynamics.seconds:.3g} s of motion used, up to {most:.2g} Hz, "
+    if most < told:
+        yield Finding(Kind.MOTION_USED, Severity.NOTE, f"{seconds}where nearly all of its acceleration is")
+    else:
+        text = "beyond which the poses tell no acceleration: record them more often, or with more digits"
+        yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)

@@ -25,26 +25,33 @@ WINDOW = 2.0
 BANDS = (0.75, 1.75, 3.25, 5.25, 7.75, 11.0, 15.5, 22.0, 31.0, 44.0, 62.0)
 """Hz, where a band ends and the next begins."""
 FLAT = 0.75
-"""Of the bandwidth: so far the motion is as it was, and it is used."""
-MOST_WINDOWS = 1200
-"""Of twenty minutes; of a longer recording as many, evenly."""
+"""Of the bandwidth: so far the motion is as it was."""
+NEARLY_ALL, LEVER = 0.999, 0.1
+"""Of the power of an acceleration, m from the flange: up to where that is, bands are used. Beyond, a window shows what
+leaks from below, the same in all bands, and would count as often as there are bands.
+"""
+MOST_WINDOWS = 600
+"""Of ten minutes; of a longer recording as many, evenly."""
 MOVING = 0.02
 """rad/s and m/s^2, RMS over a window: slower, the arm stands."""
 ORIENTATION, ONE, MOTION = slice(0, 9), 9, slice(10, 10 + TERMS)
 REGRESSORS = 10 + TERMS
 """The first columns: `R_base_flange` row by row, 1, and the `terms` of the motion."""
-CHANGES, READINGS = slice(REGRESSORS, 2 * REGRESSORS), slice(2 * REGRESSORS, 2 * REGRESSORS + 6)
-"""Then their derivatives, 1/s, and the six of the wrench."""
+CHANGES, BENDS = slice(REGRESSORS, 2 * REGRESSORS), slice(2 * REGRESSORS, 3 * REGRESSORS)
+READINGS = slice(3 * REGRESSORS, 3 * REGRESSORS + 6)
+"""Then their first and second derivatives, 1/s and 1/s^2, and the six of the wrench."""
 
 
 @dataclass(frozen=True, eq=False)
 class MotionMoments:
-    """Of w windows and b bands: `products` (w, b, 50, 50) of the columns and the readings, and how many frequencies,
-    both signs counted, each band has in a window, `count` (b,).
+    """Of w windows of so many `rows`, and b bands up to `most` Hz: `products` (w, b, 72, 72) of the columns and the
+    readings, and how many frequencies, both signs counted, each band has in a window, `count` (b,).
     """
 
     products: Array
     count: Array
+    rows: int
+    most: float
 
     @property
     def seconds(self) -> float:
@@ -53,7 +60,7 @@ class MotionMoments:
 
 
 def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
-    """The moments of the windows in which the arm moves, up to the motion's bandwidth."""
+    """The moments of the windows in which the arm moves, up to where it does, within the motion's bandwidth."""
     t = spread_evenly(np.asarray(samples.t))
     period = float(np.median(np.diff(t)))
     rows = max(2 * round(0.5 * WINDOW / period), 4)
@@ -61,13 +68,15 @@ def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
     if len(starts) > MOST_WINDOWS:
         starts = starts[np.linspace(0, len(starts) - 1, MOST_WINDOWS).astype(int)]
     frequency = np.fft.rfftfreq(rows, period)
-    ends = np.array([*(edge for edge in BANDS if edge < FLAT * motion.bandwidth), np.inf])
+    most = min(FLAT * motion.bandwidth, _where_nearly_all_is(motion, rows, period))
+    ends = np.array([*(edge for edge in BANDS if edge < most), np.inf])
     band = np.searchsorted(ends, frequency, "right")
-    band[frequency > FLAT * motion.bandwidth] = -1
+    band[frequency > most] = -1
     both = np.where(frequency > 0.0, 2.0, 1.0)
     taper = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)[:, None]
     regressors = np.column_stack([motion.R_base_flange.reshape(-1, 9), np.ones(len(t)), motion.terms])
-    columns = np.concatenate([regressors, np.gradient(regressors, t, axis=0), samples.wrench], axis=1)
+    changes = np.gradient(regressors, t, axis=0)
+    columns = np.concatenate([regressors, changes, np.gradient(changes, t, axis=0), samples.wrench], axis=1)
     used = [(b, np.flatnonzero(band == b)) for b in range(len(ends))]
     used = [(b, place) for b, place in used if len(place)]
     products = np.empty((len(starts), len(used), columns.shape[1], columns.shape[1]))
@@ -75,7 +84,18 @@ def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
         seen = np.fft.rfft(columns[start : start + rows] * taper, axis=0, norm="ortho") * np.sqrt(both)[:, None]
         for b, (_, place) in enumerate(used):
             products[k, b] = (seen[place].conj().T @ seen[place]).real
-    return MotionMoments(products, np.array([both[place].sum() for _, place in used]))
+    return MotionMoments(products, np.array([both[place].sum() for _, place in used]), rows, most)
+
+
+def _where_nearly_all_is(motion: FlangeMotion, rows: int, period: float) -> float:
+    """Hz, up to which nearly all of the motion's accelerations lie."""
+    from scipy.signal import welch
+
+    accelerations = np.column_stack([motion.acceleration, LEVER * motion.angular_acceleration])
+    known = accelerations * motion.inside[:, None]
+    frequency, power = welch(known, 1.0 / period, "hann", rows, detrend=False, scaling="spectrum", axis=0)
+    share = np.cumsum(power.sum(axis=1)) / max(float(power.sum()), 1e-300)
+    return float(frequency[int(np.searchsorted(share, NEARLY_ALL))])
 
 
 def _moving_windows(t: Array, motion: FlangeMotion, rows: int) -> NDArray[np.intp]:
