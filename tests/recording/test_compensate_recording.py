@@ -25,6 +25,7 @@ from contactwrench.compensate.filters import LowPass
 from contactwrench.recording import compensate as compensation
 from contactwrench.recording import read as streaming
 from contactwrench.recording.compensate import Treatment, compensated
+from contactwrench.recording.in_order import NOTHING, SATURATED
 from contactwrench.recording.options import Options
 from contactwrench.report.contacts import ContactLog, summary, write_contact_report
 from tests.support.recordings import MATRIX, WRENCH, csv_text, run
@@ -198,7 +199,7 @@ def test_saturated_rows_are_there_and_not_valid(tmp_path: Path, calibration: Cal
     marked[[700, 701, 1500]] = 1.0
     path, layout = write_two_files(tmp_path, marked)
     found = whole(list(compensated(path, layout, calibration, Treatment(delay=LATE))))
-    assert np.flatnonzero([reason == compensation.SATURATED for reason in found.reason]).tolist() == [700, 701, 1500]
+    assert np.flatnonzero([reason == SATURATED for reason in found.reason]).tolist() == [700, 701, 1500]
     assert not found.valid[[700, 701, 1500]].any()
     assert found.valid[[699, 702]].all()
 
@@ -258,7 +259,7 @@ def test_samples_with_something_wrong_are_counted_by_kind_whatever_the_words() -
 
 def test_a_page_without_contacts_says_so(tmp_path: Path) -> None:
     log = ContactLog()
-    list(log.noted([compensation.NOTHING]))
+    list(log.noted([NOTHING]))
     write_contact_report(tmp_path / "r.html", "Contacts", log, ())
     assert "<h3>Contacts</h3><p>None.</p>" in (tmp_path / "r.html").read_text()
     assert "Samples with something wrong" not in (tmp_path / "r.html").read_text()

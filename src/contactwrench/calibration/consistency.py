@@ -211,6 +211,12 @@ def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
     for name in ("motion_noise", "residual_rms", "static_rms", "seconds", "bandwidth"):
         if not (np.asarray(getattr(d, name)) >= 0.0).all():
             raise InputError(f"dynamics.{name} has a number below 0, expected 0 or more")
+    if (imu := d.accelerometer) is not None:
+        _require_shape("dynamics.accelerometer.matrix", imu.matrix, (3, 3))
+        _require_shape("dynamics.accelerometer.bias", imu.bias, (3,))
+        numbers = np.r_[imu.matrix.ravel(), imu.bias, imu.noise, imu.delay]
+        if not (np.abs(numbers) <= LARGEST_NUMBER).all() or not imu.scale > 0.0 or not imu.noise >= 0.0:
+            raise InputError("dynamics.accelerometer has numbers that none has, expected a matrix with an inverse")
     if not (np.array_equal(d.inertia, d.inertia.T) and can_exist(d.inertia)):
         raise InputError("dynamics.inertia is that of no body, expected symmetric, with moments of inertia of a body")
     whole = np.block([[c.covariance, d.with_parameters.T], [d.with_parameters, d.covariance]])

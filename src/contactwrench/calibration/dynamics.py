@@ -20,6 +20,7 @@ import numpy as np
 from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
 from ..geometry.wrench import cross_matrix
 from ..model import MOUNT, RigidTool
+from ..samples.accelerometer import Accelerometer
 from ..samples.flange_motion import FlangeMotion
 from ..samples.motion import PRODUCTS
 
@@ -27,6 +28,8 @@ INERTIA = ("inertia_xx", "inertia_xy", "inertia_xz", "inertia_yy", "inertia_yz",
 SENSOR_OFFSET = ("offset_x", "offset_y", "offset_z")
 DYNAMIC_PARAMETERS = (*INERTIA, *SENSOR_OFFSET)
 TERMS = 12
+ACCELERATION = slice(9, 12)
+"""Places in the terms."""
 
 _UNIT_ALPHA, _UNIT_PRODUCTS, _UNIT_ACCELERATION = np.zeros((TERMS, 3)), np.zeros((TERMS, 3, 3)), np.zeros((TERMS, 3))
 _UNIT_ALPHA[:3], _UNIT_ACCELERATION[9:] = np.eye(3), np.eye(3)
@@ -41,7 +44,7 @@ class Dynamics(Frozen):
     Attributes:
         matrix: D (6, 12), N and N m for each unit of `FlangeMotion.terms`.
         inertia: (3, 3), kg m^2, about the centre of mass, sensor axes.
-        sensor_offset: where the sensor's origin is (3,), m from the flange's, flange axes.
+        sensor_offset: where the sensor's origin is (3,), m from the flange's, or from the accelerometer, flange axes.
         covariance: of inertia xx xy xz yy yz zz and of the offset (9, 9).
         with_parameters: their covariance (9, p) with the calibration's parameters.
         bandwidth: Hz, up to which the motion was told from the noise of the poses.
@@ -49,6 +52,7 @@ class Dynamics(Frozen):
             for each rad/s (2, 2): what drives and links shake.
         residual_rms: in motion (6,), N and N m; `static_rms` (6,) what is left without the inertia.
         seconds: of motion that were used.
+        accelerometer: how the one sits that told the accelerations; None: positions did.
     """
 
     matrix: Matrix
@@ -61,6 +65,7 @@ class Dynamics(Frozen):
     residual_rms: Vector
     static_rms: Vector
     seconds: float
+    accelerometer: Accelerometer | None = None
 
     @cached_property
     def std(self) -> Array:
@@ -160,6 +165,9 @@ def covariance_in_motion(
     total: Array = half + half.transpose(0, 2, 1)
     shaking = np.stack([np.sum(each**2, axis=1) for each in (motion.acceleration, motion.angular_velocity)])
     total[:, range(6), range(6)] += np.repeat((dynamics.motion_noise**2 @ shaking).T, 3, axis=1)
+    if dynamics.accelerometer is not None:
+        of_acceleration = dynamics.accelerometer.noise * dynamics.matrix[:, ACCELERATION]
+        total += of_acceleration @ of_acceleration.T
     return total
 
 

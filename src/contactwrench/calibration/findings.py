@@ -65,6 +65,7 @@ class Kind(StrEnum):
     CONTACT_IN_MOTION = "contact_in_motion"
     MOTION_USED = "motion_used"
     SLOW_SENSOR = "slow_sensor"
+    ACCELEROMETER = "accelerometer"
     OTHER = "other"
 
     @classmethod

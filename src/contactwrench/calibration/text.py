@@ -122,7 +122,8 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
         moments = zip(names, elements(c.dynamics.inertia), std["inertia"], strict=True)
         rows += [_row(name, 1e4 * v, 1e4 * s, "kg cm^2, about com") for name, v, s in moments]
         place = zip("xyz", c.dynamics.sensor_offset, std["sensor_offset"], strict=True)
-        rows += [_row(f"offset_{x}", 1e3 * v, 1e3 * s, "mm, sensor from flange") for x, v, s in place]
+        origin = "flange" if c.dynamics.accelerometer is None else "accelerometer, flange axes"
+        rows += [_row(f"offset_{x}", 1e3 * v, 1e3 * s, f"mm, sensor from {origin}") for x, v, s in place]
     if c.delay is not None and c.delay_std is not None:
         unit = f"ms, wrench after orientation; {applied_or_not(c.delay, c.delay_std)}"
         rows.append(_row("delay", 1e3 * c.delay, 1e3 * c.delay_std, unit))

@@ -191,7 +191,7 @@ def _require_compatible(
     """Raise typer's error for options that contradict each other, by name."""
     tilt = next((f"--{name.replace('_', '-')}" for name, value in tilts.items() if value is not None), "")
     gravity_known = any(stated.partition("=")[0].strip() == "gravity" for stated in known)
-    one, free = "leave one of them out", model == "auto"
+    one, free = "leave one of them out", model in ("auto", "dynamic")
     for contradicts, said in (
         (tilt and not free, f"{tilt} is for model auto, found --model {model}: {one}"),
         (tilt and prior, f"--prior brings its own mounting and base, found {tilt} too: {one}"),

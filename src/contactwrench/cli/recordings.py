@@ -62,6 +62,7 @@ OF_ANY: dict[str, Any] = {
     "frames": _text("BASE,FLANGE", "Of a bag: the frames of tf between which the pose is."),
     "robot": _text("NAME|URDF[:LINK]", "Of a bag: the arm whose joint angles it has, a known one or a URDF."),
     **OF_TABLE,
+    "imu": _text("SOURCE", "An accelerometer on the tool: a topic of the bag, a table, or columns AX,AY,AZ.", "--imu"),
     "base_frame": _text("NAME", "Of the orientations. [default: what a bag, or --robot, says]"),
     "accept_damaged": Annotated[
         bool | None, typer.Option("--accept-damaged", help="Of a damaged bag: read what is left of it, and say so.")

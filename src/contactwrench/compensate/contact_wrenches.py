@@ -161,12 +161,16 @@ def contact_wrenches(
 
 def motion_of(calibration: Calibration, samples: Samples) -> FlangeMotion | None:
     """How the flange moves, where the calibration knows what that does; None where it does not, and for poses. Raises
-    `InputError` for a motion without positions.
+    `InputError` for a motion without positions, or without the accelerometer that the calibration counts from.
     """
     if calibration.dynamics is None or samples.t is None or len(samples) < 2:
         return None
-    dense = samples.position is not None and float(np.median(np.diff(samples.t))) <= DENSE
-    return flange_motion(samples) if dense or is_stream(samples) else None
+    accelerometer, told = calibration.dynamics.accelerometer, samples.position is not None
+    dense = (told or accelerometer is not None) and float(np.median(np.diff(samples.t))) <= DENSE
+    if not dense and not is_stream(samples):
+        return None
+    gravity = calibration.g * calibration.gravity_direction
+    return flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
 
 
 def in_axes(

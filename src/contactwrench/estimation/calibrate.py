@@ -173,7 +173,7 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, sa
     brings, model = "an earlier calibration brings its", question.model
     refuse(
         (not isinstance(prior, Calibration), other),
-        (model != "auto", f"{brings} model, and model {model} is asked for: leave one out"),
+        (model not in ("auto", "dynamic"), f"{brings} model, and model {model} is asked for: leave one out"),
         (gravity_stated, f"{brings} gravity, and gravity is stated too: leave one of them out"),
     )
     rows = min((pose.n for pose in resting_poses(samples)), default=1)

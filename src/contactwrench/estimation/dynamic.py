@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.dynamics import DYNAMIC_PARAMETERS, inertial_jacobian, inertial_matrix, symmetric
+from ..calibration.dynamics import ACCELERATION, DYNAMIC_PARAMETERS, inertial_jacobian, inertial_matrix, symmetric
 from ..geometry.arrays import Array
-from ..model import RigidTool, all_but_the_bias, response, response_jacobian, stepped
+from ..model import RigidTool, all_but_the_bias, response, response_jacobian, response_of, stepped
 from .motion_moments import BENDS, CHANGES, MOTION, ONE, ORIENTATION, REGRESSORS, MotionMoments
 
 GYRATION, GYRATION_STD = 0.05, 0.1
@@ -27,6 +27,10 @@ OFFSET_STD, STATED_OFFSET_STD = 0.1, 5e-4
 """m, of where the sensor is from the flange: unless it is stated, and as a data sheet or a ruler states it."""
 LATE_STD, BLUR_STD = 1e-3, 1e-3
 """s, of what is left of the delay; s^2, of what a filter weakens of a second derivative: one of first order at 4 Hz."""
+TOGETHER_STD, UNKNOWN_STD = 1e-4, 1e-2
+"""s, by which accelerations are ahead of the wrench: of positions, and of an accelerometer whose delay the shaking of
+drives told; and of one whose delay nothing did.
+"""
 PASSES, SETTLED = 30, 1e-3
 """At most; and the standard deviations of a step that is none any more."""
 OF_ITS_OWN = 0.5
@@ -34,7 +38,7 @@ OF_ITS_OWN = 0.5
 LEAST_LEFT = 0.2
 """Of the numbers in a band, whatever the parameters take."""
 LATER = BENDS.stop
-INERTIA, OFFSET, LATE, BLUR = slice(0, 6), slice(6, 9), 9, 10
+INERTIA, OFFSET, LATE, BLUR, AHEAD = slice(0, 6), slice(6, 9), 9, 10, 11
 """Places after the tool's parameters."""
 ANEW = ("weight", "bias_fx", "bias_fy", "bias_fz", "bias_tx", "bias_ty", "bias_tz")
 """Of these what the motion alone would have; of no further interest."""
@@ -45,7 +49,7 @@ class Moved:
     """What the motion tells: `inertia` (3, 3) kg m^2 about the centre of mass, sensor axes; `sensor_offset` (3,) m,
     flange axes; their `covariance` (9, 9) and that with the tool's parameters (9, p), the std (9,) `before` of the
     same, and the `weight` (w, 6) of each window. The RMS `left` (6,) of readings in motion, N and N m, in the bands
-    used, and the filter's `blur`, s^2, with its std.
+    used, and the filter's `blur`, s^2, with its std. By how much an accelerometer is `ahead` of the wrench, s.
     """
 
     inertia: Array
@@ -57,6 +61,7 @@ class Moved:
     left: Array
     blur: float
     blur_std: float
+    ahead: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +73,7 @@ class _Point:
     sensor_offset: Array
     late: float = 0.0
     blur: float = 0.0
+    ahead: float = 0.0
 
     def stepped(self, step: Array, names: tuple[str, ...]) -> _Point:
         of_motion = step[len(names) :]
@@ -77,6 +83,7 @@ class _Point:
             self.sensor_offset + of_motion[OFFSET],
             self.late + float(of_motion[LATE]),
             self.blur + float(of_motion[BLUR]),
+            self.ahead + float(of_motion[AHEAD]),
         )
 
 
@@ -88,6 +95,7 @@ def moved(
     noise: Array,
     moments: MotionMoments,
     sensor_offset: Array | None,
+    ahead_std: float,
 ) -> Moved:
     """The posterior of inertia and offset.
 
@@ -99,6 +107,7 @@ def moved(
         noise: std (6,) by which a pose's reading is off the model, N and N m.
         moments: of the motion.
         sensor_offset: (3,) m, where it is stated.
+        ahead_std: s, of by how much an accelerometer is ahead.
     """
     p, mass = len(names), tool.weight / g
     before = np.r_[np.full(6, mass * GYRATION_STD**2), np.full(3, OFFSET_STD)]
@@ -107,9 +116,9 @@ def moved(
         before[OFFSET] = STATED_OFFSET_STD
     anew = [names.index(name) for name in ANEW]
     stays = [k for k in range(p) if k not in anew]
-    sought = [*anew, *range(p, p + BLUR + 1)]
+    sought = [*anew, *range(p, p + AHEAD + 1)]
     own = slice(len(ANEW), len(ANEW) + len(DYNAMIC_PARAMETERS))
-    prior = np.diag(1.0 / np.r_[np.sqrt(covariance[0, 0]), noise, before, LATE_STD, BLUR_STD] ** 2)
+    prior = np.diag(1.0 / np.r_[np.sqrt(covariance[0, 0]), noise, before, LATE_STD, BLUR_STD, ahead_std] ** 2)
     weight, of_all = np.ones((len(moments.products), 6)), 0.5 * moments.count * len(moments.products)
     off, spent = np.zeros(len(prior)), np.zeros((6, len(moments.count)))
     usual = OF_ITS_OWN * moments.count.sum()
@@ -124,7 +133,7 @@ def moved(
         inverse = _inverse(prior + of_sought.sum(axis=(0, 1)))
         spent = np.einsum("pq,abqp->ab", inverse, of_sought)
         step = inverse @ (np.einsum("aip,abij,aj->p", J[:, :, sought], summed, left) - prior @ off)
-        off, whole = off + step, np.zeros(p + BLUR + 1)
+        off, whole = off + step, np.zeros(p + AHEAD + 1)
         whole[sought] = step
         at = at.stepped(whole, names)
         if float(np.max(np.abs(step) / np.sqrt(np.diag(inverse)))) < SETTLED:
@@ -142,7 +151,8 @@ def moved(
         weight=weight,
         left=np.sqrt(power.sum(axis=2).mean(axis=0) / moments.rows),
         blur=at.blur,
-        blur_std=float(np.sqrt(inverse[-1, -1])),
+        ahead=at.ahead + at.late,
+        blur_std=float(np.sqrt(inverse[BLUR - AHEAD - 1, BLUR - AHEAD - 1])),
     )
 
 
@@ -155,18 +165,21 @@ def _inverse(information: Array) -> Array:
 
 def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Array, Array]:
     """What is left of the readings as a combination (6, 72) of the columns of the moments; and the derivative
-    (6, 66, p + 11) of the combination that is taken from them, by the tool's parameters `names`, and by the rest.
+    (6, 66, p + 12) of the combination that is taken from them, by the tool's parameters `names`, and by the rest.
     """
     p, mass = len(names), at.tool.weight / g
     free = np.zeros((6, REGRESSORS))
     free[:, ORIENTATION], free[:, ONE] = response(at.tool), at.tool.bias
     free[:, MOTION] = inertial_matrix(at.tool, mass, at.inertia, at.sensor_offset)
-    left = np.hstack([-free, at.late * free, -at.blur * free, np.eye(6)])
+    felt = np.zeros((6, REGRESSORS))  # an accelerometer's part: acceleration less gravity
+    felt[:, MOTION][:, ACCELERATION] = of_acceleration = free[:, MOTION][:, ACCELERATION]
+    felt[:, ORIENTATION] = -g * response_of(of_acceleration, at.tool.gravity_direction)
+    left = np.hstack([-free, at.late * free + at.ahead * felt, -at.blur * free, np.eye(6)])
     of_free = np.zeros((6, REGRESSORS, p + len(DYNAMIC_PARAMETERS)))
     of_free[:, ORIENTATION, all_but_the_bias(names)] = response_jacobian(at.tool, names).transpose(1, 2, 0)
     of_free[range(6), ONE, [names.index(name) for name in ANEW[1:]]] = 1.0
     of_free[:, MOTION] = inertial_jacobian(at.tool, mass, at.inertia, at.sensor_offset, names).transpose(1, 0, 2)
-    J = np.zeros((6, LATER, p + BLUR + 1))
+    J = np.zeros((6, LATER, p + AHEAD + 1))
     J[:, :, : p + LATE] = np.concatenate([of_free, -at.late * of_free, at.blur * of_free], axis=1)
-    J[:, CHANGES, p + LATE], J[:, BENDS, p + BLUR] = -free, free
+    J[:, CHANGES, p + LATE], J[:, BENDS, p + BLUR], J[:, CHANGES, p + AHEAD] = -free, free, -felt
     return left, J

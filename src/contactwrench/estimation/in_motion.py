@@ -15,15 +15,19 @@ from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
 from ..model import RigidTool
+from ..samples.accelerometer import Accelerometer, delay_behind, mounted_accelerometer
 from ..samples.delay import is_significant
 from ..samples.flange_motion import FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
-from .dynamic import STATED_OFFSET_STD, Moved, moved
+from ..samples.timestamps import spread_evenly
+from .dynamic import STATED_OFFSET_STD, TOGETHER_STD, UNKNOWN_STD, Moved, moved
 from .motion_moments import FLAT, motion_moments
 from .possible_tool import nearest_possible
 
+ALIGNED = 3
+"""Times that the readings of an accelerometer are put where the motion tells that they belong."""
 LEAST_SECONDS = 4.0
 """Of motion."""
 KNOWN = 0.5
@@ -34,6 +38,8 @@ MANY = 0.1
 """Of the windows; and of the weight, what is left of the force in motion."""
 CONTRADICTS = 3.0
 """Standard deviations of a stated offset."""
+IMPOSSIBLE = 2.0
+"""Standard deviations from the inertia of any body."""
 SLOW_SENSOR, SURELY = 5e-5, 5.0
 """s^2, of the blur that a filter of first order at 16 Hz has, and standard deviations: it is said."""
 FAR_BEYOND, MEDIAN_OF_SQUARES, LEAST_EXPECTED, TRIMMED = 9.0, 0.79, 0.01, 5
@@ -48,39 +54,49 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
 
     Args:
         calibration: of a rigid model, from their stops.
-        samples: with times and positions, free of contact for the most.
-        sensor_offset: where the sensor's origin is (3,), m from the flange's, flange axes; None: it is looked for.
+        samples: with times, and positions or an accelerometer's readings, free of contact for the most.
+        sensor_offset: where the sensor's origin is (3,), m from the flange's or the accelerometer, flange axes; None:
+            it is looked for.
 
     Raises:
-        InputError: no times, no positions, or positions that are not in m.
+        InputError: no times, no positions, or positions that are not in m; an accelerometer that does not follow
+            gravity.
         UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
     """
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
-    if samples.t is not None and samples.position is not None and not is_stream(samples):
+    told = samples.position is not None or samples.accelerometer is not None
+    if samples.t is not None and told and not is_stream(samples):
         raise _at_rest(samples, 0.0)
     samples = as_stamped(samples)
-    motion = flange_motion(samples)
-    shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
-    if shaken > ARM_IS_LARGER:
-        raise InputError(
-            f"{samples.source}: found the flange accelerating at {shaken:.3g} m/s^2 RMS, expected positions in m: are "
-            "they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
-        )
-    moments = motion_moments(samples, motion)
-    if moments.seconds < LEAST_SECONDS:
-        raise _at_rest(samples, moments.seconds)
+    accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
-    found = moved(tool, tool.weight / mass, names, calibration.covariance, calibration.noise, moments, stated)
+    aligned = accelerometer is None or accelerometer.delay != 0.0
+    for _ in range(ALIGNED):
+        motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
+        shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
+        if shaken > ARM_IS_LARGER and accelerometer is None:
+            raise InputError(
+                f"{samples.source}: found the flange accelerating at {shaken:.3g} m/s^2 RMS, expected positions in m: "
+                "are they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
+            )
+        moments = motion_moments(samples, motion)
+        if moments.seconds < LEAST_SECONDS:
+            raise _at_rest(samples, moments.seconds)
+        known = names, calibration.covariance, calibration.noise
+        found = moved(tool, tool.weight / mass, *known, moments, stated, TOGETHER_STD if aligned else UNKNOWN_STD)
+        if accelerometer is None or aligned:
+            break
+        accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
             f"{samples.source}: found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
             "accelerations that the sensor feels: move faster, or take model auto"
         )
-    inertia = found.inertia
+    inertia, moved_by = found.inertia, 0.0
     if not can_exist(inertia):
-        inertia = nearest_possible(inertia, found.covariance[:6, :6], mass)
+        inertia, moved_by = nearest_possible(inertia, found.covariance[:6, :6], mass)
     dynamics = Dynamics(
         matrix=inertial_matrix(tool, mass, inertia, found.sensor_offset),
         inertia=inertia,
@@ -92,11 +108,23 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         residual_rms=np.zeros(6),
         static_rms=np.zeros(6),
         seconds=moments.seconds,
+        accelerometer=accelerometer,
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
-    findings = (*calibration.findings, *_findings(found, tool.weight, stated, untold, inertia, dynamics, moments.most))
+    findings = (*calibration.findings, *_findings(found, tool.weight, stated, untold, moved_by, dynamics, moments.most))
     return replace(complete, dynamics=dynamics, findings=findings)
+
+
+def _accelerometer(calibration: Calibration, samples: Samples) -> Accelerometer | None:
+    """How the accelerometer of samples sits, and how late it is; None where there is none."""
+    if samples.accelerometer is None or samples.t is None:
+        return None
+    gravity = calibration.g * calibration.gravity_direction
+    found = mounted_accelerometer(samples, gravity)
+    angular = flange_motion(samples, accelerometer=found, gravity=gravity).terms[:, :9]
+    late = delay_behind(samples.wrench[:, :3], samples.accelerometer, angular, spread_evenly(samples.t))
+    return replace(found, delay=late)
 
 
 def _at_rest(samples: Samples, seconds: float) -> UnobservableError:
@@ -132,7 +160,9 @@ def as_stamped(samples: Samples) -> Samples:
         return samples
     wrench = WrenchStream(np.asarray(samples.t), samples.wrench, samples.source)
     poses = OrientationStream(np.asarray(samples.t), samples.R_base_flange, samples.position, samples.source)
-    return synchronize(Streams(wrench, poses), delay, std).samples
+    paired = synchronize(Streams(wrench, poses), delay, std)
+    told = None if samples.accelerometer is None else samples.accelerometer[paired.rows]
+    return replace(paired.samples, accelerometer=told)
 
 
 def _untold(found: Moved, sought: tuple[str, ...]) -> list[str]:
@@ -182,7 +212,7 @@ def _findings(
     weight: float,
     stated: Array | None,
     untold: list[str],
-    inertia: Array,
+    moved_by: float,
     dynamics: Dynamics,
     most: float,
 ) -> Iterator[Finding]:
@@ -196,12 +226,12 @@ def _findings(
     if untold:
         text = f"the motion tells nothing of {', '.join(untold)}: what stands there was assumed; turn about every axis"
         yield Finding.weak(Kind.UNCERTAIN_PARAMETER, text)
-    if not np.array_equal(inertia, found.inertia):
-        text = (
-            "no body has the inertia that the readings alone give, the nearest that one can have was taken: something "
-            "shakes the sensor, or moves on the tool"
-        )
+    nearest = "no body has the inertia that the readings alone give, the nearest that one can have was taken"
+    if moved_by > IMPOSSIBLE:
+        text = f"{nearest}, {moved_by:.2g} standard deviations off: something shakes the sensor, or moves on the tool"
         yield Finding.doubtful(Kind.IMPLAUSIBLE_TOOL, text)
+    elif moved_by > 0.0:
+        yield Finding(Kind.IMPLAUSIBLE_TOOL, Severity.NOTE, f"{nearest}, within its standard deviations")
     noisy, left = float(np.mean(found.weight.min(axis=1) < LITTLE_WEIGHT)), float(np.linalg.norm(found.left[:3]))
     if left > MANY * weight:
         text = (
@@ -219,10 +249,30 @@ def _findings(
             "filter faster, or state it where contact is judged (--sensor-filter)"
         )
         yield Finding(Kind.SLOW_SENSOR, Severity.WARNING, text)
+    if dynamics.accelerometer is not None:
+        yield from _of_accelerometer(dynamics.accelerometer)
     told = FLAT * dynamics.bandwidth
     seconds = f"{dynamics.seconds:.3g} s of motion used, up to {most:.2g} Hz, "
-    if most < told:
+    if most < told or dynamics.accelerometer is not None:
         yield Finding(Kind.MOTION_USED, Severity.NOTE, f"{seconds}where nearly all of its acceleration is")
     else:
         text = "beyond which the poses tell no acceleration: record them more often, or with more digits"
         yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)
+
+
+def _of_accelerometer(accelerometer: Accelerometer) -> Iterator[Finding]:
+    if accelerometer.unit is None:
+        text = (
+            f"the accelerometer reads {accelerometer.scale:.3g} for each m/s^2, expected 1, or 0.102 of one in g: "
+            "taken as gravity turns in it"
+        )
+        yield Finding.doubtful(Kind.ACCELEROMETER, text)
+    if accelerometer.mirrors:
+        text = "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
+        yield Finding(Kind.ACCELEROMETER, Severity.WARNING, text)
+    late = f"{1e3 * accelerometer.delay:.2g} ms after the wrench" if accelerometer.delay else "with the wrench"
+    text = (
+        f"accelerations of an accelerometer in {accelerometer.unit or 'its own unit'}, {late}, off by "
+        f"{accelerometer.noise:.2g} m/s^2 at rest; the sensor's offset counts from it"
+    )
+    yield Finding(Kind.ACCELEROMETER, Severity.NOTE, text)

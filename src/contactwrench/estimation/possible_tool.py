@@ -17,9 +17,9 @@ LEAST_SIZE = 1e-4
 """m: a tool is no smaller in any direction."""
 
 
-def nearest_possible(inertia: Array, covariance: Array, mass: float) -> Array:
-    """The inertia (3, 3) of a body that can exist which is nearest in standard deviations: `covariance` (6, 6) of its
-    elements.
+def nearest_possible(inertia: Array, covariance: Array, mass: float) -> tuple[Array, float]:
+    """The inertia (3, 3) of a body that can exist which is nearest in standard deviations, and how many these are:
+    `covariance` (6, 6) of its elements.
     """
     from scipy.optimize import least_squares
 
@@ -36,4 +36,4 @@ def nearest_possible(inertia: Array, covariance: Array, mass: float) -> Array:
     begin = np.linalg.cholesky((vectors * np.maximum(values / mass, 10.0 * LEAST_SIZE**2)) @ vectors.T)
     first = begin[np.tril_indices(3)]
     found = least_squares(lambda lower: whiten @ (elements(inertia_of(lower)) - wanted), first, x_scale="jac")
-    return symmetric(elements(inertia_of(found.x)))
+    return symmetric(elements(inertia_of(found.x))), float(np.sqrt(2.0 * found.cost))

@@ -14,23 +14,23 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
-from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
-from ..samples.synchronize import Synchronized, synchronized
+from ..samples.synchronize import synchronized
 from ..samples.timestamps import spread_evenly
+from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
+from .in_order import NOTHING, InOrder
 from .options import Options
 from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
 from .tables.columns import Advance
@@ -40,8 +40,6 @@ from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
-
-SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +97,15 @@ def compensated(
         ContactWrenchError: as reading, pairing and compensating raise it.
     """
     require_frame(calibration, treatment.output_frame)
+    if calibration.dynamics is None or calibration.dynamics.accelerometer is None:
+        options = replace(options, imu=None)
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
     if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
-    every = _telling(chain([first], pairs), path, options, note)
+    told = _telling(chain([first], pairs), path, options, note)
+    every = (with_accelerations(samples, path, options) for samples in told)
     return _smoothed((_plain(calibration, samples, treatment) for samples in every), treatment)
 
 
@@ -191,7 +192,7 @@ def _paired(
     note: Tell | None,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
-    order, delay = _InOrder(), treatment.applied_delay(calibration)
+    order, delay = InOrder(), treatment.applied_delay(calibration)
     if note is not None and delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
@@ -212,7 +213,8 @@ def _paired(
             fast=None if len(begun) > 1 else False,  # one batch is done before the step is compiled
         )
     for part in chain(begun, parts):
-        yield order.whole(_of_samples(calibration, compensator, part.samples, treatment), part)
+        samples = with_accelerations(part.samples, path, options)
+        yield order.whole(_of_samples(calibration, compensator, samples, treatment), part)
         if note is not None:
             for sentence in part.notes:
                 note(sentence)
@@ -236,57 +238,6 @@ def _of_samples(
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)
-
-
-NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
-
-
-class _InOrder:
-    """Puts what is known of readings, as they are paired, back into the order of the recording.
-
-    Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
-    """
-
-    def __init__(self) -> None:
-        self._begin = 0
-        self._t: list[Array] = [np.empty(0)]
-        self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
-        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
-
-    def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
-        """The same batches; the stamps of their readings are kept."""
-        for streams in recording:
-            wrench = streams.wrench
-            self._t.append(wrench.t)
-            self._saturated.append(np.zeros(len(wrench), dtype=bool) if wrench.saturated is None else wrench.saturated)
-            yield streams
-
-    def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
-        """All rows from where the last call ended up to the first that is not yet known."""
-        t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
-        missing = [_missing(left.reason, t[left.rows - self._begin]) for left in part.left_out]
-        rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
-        known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
-        order = np.argsort(rows, kind="stable")
-        rows, known = rows[order], known.select(order)
-        count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
-        self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
-        done = _flagged(known.select(slice(count)), saturated[:count])
-        self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
-        return done
-
-
-def _missing(reason: str, t: Array) -> ContactWrenches:
-    """Rows without a contact wrench."""
-    n, nan = len(t), np.full((len(t), 6), np.nan)
-    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (Reason(f"left out: {reason}", reason),) * n)
-
-
-def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:
-    """Rows whose recording says that a channel stood at its limit are not valid."""
-    new = saturated & rows.valid
-    reasons = (SATURATED if is_new else reason for is_new, reason in zip(new.tolist(), rows.reason, strict=True))
-    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons)) if new.any() else rows
 
 
 def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Iterator[ContactWrenches]:

@@ -53,6 +53,7 @@ class Options:
     episode: int | None = None
     base_frame: str | None = None
     accept_damaged: bool = False
+    imu: str | None = None
 
     def __post_init__(self) -> None:
         for name, known in (("wrench_frame", ("sensor", "base")), ("sign", ("pull", "reaction"))):

@@ -1,7 +1,4 @@
-"""Recordings of every kind as streams, whole or batch by batch, and as samples.
-
-The suffix tells the reader, which gives the recording in blocks; a whole file is its blocks put together.
-"""
+"""Recordings of every kind, in blocks, as streams and as samples; the suffix tells the reader."""
 
 from __future__ import annotations
 
@@ -17,6 +14,7 @@ import numpy as np
 from ..errors import FileFormatError, InputError
 from ..files import name_of
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
+from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
 from .tables.columns import ROWS, Advance
@@ -139,8 +137,7 @@ def pairs_in_batches(
     """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
 
     None where the orientation has to be brought to the wrench's times: for a bag, two files, or a table in whose first
-    rows a wrench has no orientation of its own. Raises as `read`, and `FileFormatError` at a later wrench
-    without one.
+    rows a wrench has no orientation of its own. Raises as `read`, and `FileFormatError` at a later one without.
     """
     if reader_of(path, options) is not table_blocks:
         return None
@@ -167,7 +164,7 @@ def read_samples(
         tell(f"columns: {columns}")
     paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
     if len(paired) == len(blocks):
-        return _with_doubt(_samples(Table.concatenate(paired), path), path, options, tell)
+        return _completed(_samples(Table.concatenate(paired), path), path, options, tell)
     from ..samples.delay import on_one_clock
 
     if begin is not None:
@@ -180,11 +177,12 @@ def read_samples(
     if tell is not None:
         for note in notes:
             tell(note)
-    return _with_doubt(samples, path, options, tell)
+    return _completed(samples, path, options, tell)
 
 
-def _with_doubt(samples: Samples, path: str | Path, options: Options, tell: Tell | None) -> Samples:
-    """The samples with what is doubtful in how their angles were read; of their times `tell` hears."""
+def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell | None) -> Samples:
+    """With an accelerometer's readings, and what is doubtful in how angles were read; of times `tell` hears."""
+    samples = with_accelerations(samples, path, options)
     if reader_of(path, options) is bag_blocks:
         return samples
     if tell is not None and (said := times_in_doubt(path, options.naming, samples.t)):
@@ -212,6 +210,7 @@ def read(
     episode: int | None = None,
     base_frame: str | None = None,
     accept_damaged: bool = False,
+    imu: str | None = None,
 ) -> Samples:
     """Read a recording: a table (CSV, Parquet, HDF5), two tables, or a bag.
 
@@ -235,6 +234,7 @@ def read(
         episode: which one of a set of recordings.
         base_frame: name of the frame in which the orientations are; None: what a bag, or the robot, says.
         accept_damaged: read what is left of a damaged bag; else it is refused.
+        imu: an accelerometer on the tool: a topic of the bag, a table, or three columns "ax,ay,az" of the table.
 
     Returns:
         Wrenches (n, 6), N and N m, sensor axes, pull sign, each with its `R_base_flange`.
@@ -247,8 +247,8 @@ def read(
     """
     second = None if pose_file is None else Path(pose_file)
     axes, of_bag = (orientation, wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
-    columns, which = (wrench_columns, time_column, units), (hdf5, episode)
-    return read_samples(path, Options(*axes, *of_bag, second, *columns, *which, base_frame, accept_damaged))
+    columns, rest = (wrench_columns, time_column, units, hdf5), (base_frame, accept_damaged, imu)
+    return read_samples(path, Options(*axes, *of_bag, second, *columns, episode, *rest))
 
 
 def _as_streams(block: Block, path: str | Path) -> Streams:

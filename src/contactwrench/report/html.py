@@ -180,7 +180,7 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
 
 def _in_motion(c: Calibration, samples: Samples | None) -> str:
     """What is left while the arm moves, of a calibration that knows the inertia."""
-    if samples is None or c.dynamics is None or samples.t is None or samples.position is None:
+    if samples is None or c.dynamics is None or samples.t is None:
         return ""
     free = contact_free(samples)[0]
     said = (

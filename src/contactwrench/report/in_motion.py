@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..compensate.contact_wrenches import motion_of
 from ..estimation.in_motion import as_stamped
 from ..geometry.arrays import Array
-from ..samples.flange_motion import flange_motion
 from ..samples.samples import Samples
 from ..samples.timestamps import spread_evenly
 from .figures import METHODS, PARTS, WIDTH, drawing, svg_text
@@ -23,8 +23,9 @@ LOWEST = 1e-6
 def left_in_motion(calibration: Calibration, samples: Samples) -> str:
     """The norm of force and torque left over time, the most in each moment, and the spectrum of the force."""
     samples = as_stamped(samples)
-    motion = flange_motion(samples)
-    t, known = spread_evenly(np.asarray(samples.t)) - calibration.first_time, motion.inside
+    motion = motion_of(calibration, samples)
+    t = spread_evenly(np.asarray(samples.t)) - calibration.first_time
+    known = np.ones(len(t), dtype=bool) if motion is None else motion.inside
     left = {
         "without inertia": calibration.compensate(samples.wrench, samples.R_base_flange),
         "with inertia": calibration.compensate(samples.wrench, samples.R_base_flange, motion=motion),

@@ -1,4 +1,5 @@
-"""How the flange moves, from recorded poses: velocities and accelerations by smoothing differentiation.
+"""How the flange moves, from recorded poses: velocities and accelerations by smoothing differentiation; the latter from
+an accelerometer where there is one.
 
 Rotation vectors from each orientation to the next, summed, are a path whose derivative is the angular velocity in
 flange axes. Path and position are differentiated by one symmetric filter, flat up to a bandwidth: below it the arm
@@ -18,6 +19,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Rows, column
 from ..geometry.rotations import rotation_vectors
 from ..geometry.wrench import cross_matrix
+from .accelerometer import Accelerometer
 from .motion import PRODUCTS
 from .samples import Samples
 from .synchronize import default_gap
@@ -35,6 +37,8 @@ OCTAVE_PARTS = 4.0
 AT_REST = 0.02
 """rad/s^2 and m/s^2, RMS: what turns or moves less says nothing of where noise takes over, as of a pure turn the place,
 whose noise, and be it rounding, has the rising spectrum of noise from 0 Hz on."""
+BEFORE_A_MOVE = 0.2
+"""s, in which an arm that rests at an end of a recording turns and moves by less than `AT_REST`, rad/s and m/s."""
 FEWEST = 8
 """Rows of a section between gaps."""
 
@@ -42,7 +46,8 @@ FEWEST = 8
 @dataclass(frozen=True, eq=False)
 class FlangeMotion(Rows):
     """How the flange moves at n moments, (n, 3) each in its own axes: `angular_velocity` rad/s, `angular_acceleration`
-    rad/s^2, and the `acceleration` of its origin, m/s^2, without gravity; below `bandwidth` Hz. `R_base_flange`
+    rad/s^2, and the `acceleration` of its origin, m/s^2, without gravity; below `bandwidth` Hz, but for an acceleration
+    that an accelerometer told, which is that of its own place, whole. `R_base_flange`
     (n, 3, 3) is the orientation, the way between interpolated poses bent. `inside` (n,) is False where the filter
     reaches beyond the recording, or into a gap, and what is there was guessed.
     """
@@ -71,18 +76,31 @@ class FlangeMotion(Rows):
         return terms
 
 
-def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMotion:
+def flange_motion(
+    samples: Samples,
+    bandwidth: float | None = None,
+    accelerometer: Accelerometer | None = None,
+    gravity: Array | None = None,
+) -> FlangeMotion:
     """The motion at the times of samples.
 
     Args:
-        samples: with times and positions.
+        samples: with times and positions, or with an accelerometer's readings.
         bandwidth: Hz; None: where the noise of the poses takes over.
+        accelerometer: how it sits; None: accelerations are those of the positions.
+        gravity: (3,) m/s^2, base axes, which an accelerometer reads too.
 
     Raises:
-        InputError: no times, no positions, or too few rows to tell a motion.
+        InputError: no times, no positions or accelerations, or too few rows to tell a motion.
     """
-    position = np.full((len(samples), 3), np.nan) if samples.position is None else samples.position
+    told = samples.position if accelerometer is None else samples.accelerometer
+    position = np.full((len(samples), 3), np.nan) if told is None else told
     placed = np.asarray(np.isfinite(position).all(axis=1))
+    if accelerometer is not None and not placed.any():
+        raise InputError(
+            f"{samples.source}: found no accelerometer's readings, expected them, as the calibration's inertia counts "
+            "from one: name their source with --imu"
+        )
     if samples.t is None or not placed.any():
         lacking = "times" if samples.t is None else "positions"
         raise InputError(
@@ -97,7 +115,8 @@ def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMot
     cut = (steps > default_gap(t)) | (steps <= -period) | (np.diff(placed.astype(int)) != 0)
     sections = np.split(np.arange(len(t)), np.flatnonzero(cut) + 1)
     known = [rows for rows in sections if len(rows) >= FEWEST and placed[rows[0]]]
-    grids = [_on_a_grid(samples, t, rows, period) for rows in known]
+    place = np.zeros_like(position) if accelerometer is not None else position
+    grids = [_on_a_grid(samples.R_base_flange, place, t, rows, period) for rows in known]
     if not grids:
         raise InputError(f"{samples.source}: found gaps everywhere, expected {FEWEST} rows in a row or more")
     if bandwidth is None:
@@ -107,12 +126,16 @@ def flange_motion(samples: Samples, bandwidth: float | None = None) -> FlangeMot
         motion[rows] = _differentiated(t[rows], signal, period, node, bandwidth)
     R = samples.R_base_flange @ (np.eye(3) + cross_matrix(motion[:, 9:12]))
     acceleration = np.einsum("nij,ni->nj", R, motion[:, 6:9])
+    if accelerometer is not None and gravity is not None:
+        acceleration = np.nan_to_num(accelerometer.acceleration(position, t, R, gravity))
     return FlangeMotion(motion[:, :3], motion[:, 3:6], acceleration, R, motion[:, 12] == 1.0, bandwidth)
 
 
-def _on_a_grid(samples: Samples, t: Array, rows: NDArray[np.intp], period: float) -> tuple[NDArray[np.intp], Array]:
+def _on_a_grid(
+    R_base_flange: Array, position: Array, t: Array, rows: NDArray[np.intp], period: float
+) -> tuple[NDArray[np.intp], Array]:
     """The rows of a section, and path and position (m, 6) on an even grid from the first of them."""
-    R, position = samples.R_base_flange[rows], np.asarray(samples.position)[rows]
+    R, position = R_base_flange[rows], position[rows]
     steps = rotation_vectors(R[:-1].transpose(0, 2, 1) @ R[1:])
     signal = np.column_stack([np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]), position])
     at = t[rows]
@@ -161,10 +184,17 @@ def _differentiated(t: Array, signal: Array, period: float, straight: float, ban
     acceleration = oaconvolve(wide, second[:, None], mode="valid", axes=0)
     off = oaconvolve(wide[:, :3], bent[:, None], mode="valid", axes=0)
     place = np.arange(n)
-    inside = (place >= half // 2) & (place < n - half // 2)  # the outer half of its taps is next to nothing
+    began, ended = (_rests(end, period) for end in (signal, signal[::-1]))
+    inside = (began | (place >= half // 2)) & (ended | (place < n - half // 2))  # its outer taps are next to nothing
     known = np.column_stack([velocity, acceleration, off, inside.astype(np.float64)])
     grid = t[0] + period * place
     return np.stack([np.interp(t, grid, values) for values in known.T], axis=1)
+
+
+def _rests(signal: Array, period: float) -> bool:
+    """Whether the arm rests where a section begins: then it did so before, as the filter takes it to have done."""
+    rows = max(round(BEFORE_A_MOVE / period), 2)
+    return bool(np.abs(signal[min(rows, len(signal) - 1)] - signal[0]).max() < AT_REST * BEFORE_A_MOVE)
 
 
 def _taps(order: int, period: float, straight: float, bandwidth: float) -> Array:

@@ -46,6 +46,7 @@ class Samples(Rows):
         pose_period: s, between the poses that orientation and position were interpolated between; None: each row has
             its own.
         damage: what of a damaged file could not be read, one sentence; empty: nothing.
+        accelerometer: what one on the tool read (n, 3), own axes and unit; NaN: not known.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a time or a load that nobody
@@ -66,6 +67,7 @@ class Samples(Rows):
     damage: str = ""
     came: Array | None = field(default=None, metadata=column())
     pose_period: float | None = None
+    accelerometer: Array | None = field(default=None, metadata=column(3))
 
     def __post_init__(self) -> None:
         super().__post_init__()

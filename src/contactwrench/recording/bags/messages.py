@@ -28,6 +28,13 @@ from .open import Bag, seconds
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
 """Types that hold a wrench, and where in them it is."""
 
+ACCELERATIONS = {
+    "sensor_msgs/msg/Imu": "linear_acceleration.",
+    "geometry_msgs/msg/AccelStamped": "accel.linear.",
+    "geometry_msgs/msg/Vector3Stamped": "vector.",
+}
+"""Types that hold an acceleration, and where in them it is."""
+
 POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.orientation", "pose.position"),
     "geometry_msgs/msg/TransformStamped": ("transform.rotation", "transform.translation"),
@@ -181,6 +188,12 @@ def numbers(
 def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
     """Times (n,) s and wrenches (n, 6) N and N m, as they are written."""
     t, values, _ = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
+    return t, values
+
+
+def accelerations(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
+    """Times (n,) s and accelerations (n, 3), as they are written."""
+    t, values, _ = numbers(bag, topic, logged, tuple(ACCELERATIONS[topic.type] + path for path in XYZ))
     return t, values
 
 

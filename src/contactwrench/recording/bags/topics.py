@@ -6,11 +6,12 @@ from ...assess.robot_arms import Arm
 from ...errors import FileFormatError, InputError, some_of
 from .chunks import Topic
 from .message_layout import written
-from .messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES
+from .messages import ACCELERATIONS, JOINT_STATE, POSES, TRANSFORMS, WRENCHES
 from .open import Bag
 from .transforms import STATIC, tree
 
 WRENCH_FLAG, POSE_FLAG, FRAMES_FLAG, ROBOT_FLAG = "--wrench-topic", "--pose-topic", "--frames", "--robot"
+IMU_FLAG = "--imu"
 
 
 def wrench_topic(bag: Bag, name: str | None) -> Topic:
@@ -18,6 +19,11 @@ def wrench_topic(bag: Bag, name: str | None) -> Topic:
     if name is not None:
         return _named(bag, name, tuple(WRENCHES), WRENCH_FLAG)
     return _only(bag, "a wrench", tuple(WRENCHES), WRENCH_FLAG, "the sensor's readings")
+
+
+def acceleration_topic(bag: Bag, name: str) -> Topic:
+    """The topic of that name. Raises `FileFormatError` naming those there are."""
+    return _named(bag, name, tuple(ACCELERATIONS), IMU_FLAG)
 
 
 def pose_topics(bag: Bag, name: str | None, frames: tuple[str, str] | None, arm: Arm | None) -> tuple[Topic, ...]:

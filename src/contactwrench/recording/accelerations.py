@@ -1,0 +1,77 @@
+"""An accelerometer's readings in a recording: a topic of the bag, a table beside it, or three of its own columns."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import FileFormatError, InputError
+from ..geometry.arrays import Array
+from ..samples.accelerometer import AccelerometerStream, with_accelerometer
+from ..samples.samples import Samples
+from .bags.messages import accelerations
+from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
+from .bags.topics import acceleration_topic
+from .options import Options
+from .tables.columns import Column, listed
+from .tables.roles import time_columns
+from .tables.table import in_seconds, in_si, open_table
+
+OF_AXIS = re.compile(r"(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:eration)?)?)?[/._ ]?([xyz])", re.IGNORECASE)
+"""The column of an axis, as ax, acc_x, accel_x, linear_acceleration.x."""
+
+
+def with_accelerations(samples: Samples, path: str | Path, options: Options) -> Samples:
+    """The samples of a recording with what `options.imu` names beside them, if it does.
+
+    Raises:
+        FileAccessError, FileFormatError: it cannot be read, or holds no accelerations.
+        InputError: it has no times in common with the wrench.
+    """
+    if options.imu is None:
+        return samples
+    if os.path.isfile(options.imu):
+        return with_accelerometer(samples, _of_table(options.imu, None, options))
+    if Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
+        return with_accelerometer(samples, _of_bag(path, options))
+    return with_accelerometer(samples, _of_table(path, options.imu, options))
+
+
+def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:
+    with opened_bag(path, accept_damaged=options.accept_damaged) as bag:
+        topic = acceleration_topic(bag, str(options.imu))
+        parts = [accelerations(bag, topic, part[topic]) for part in messages(bag, (topic,)) if topic in part]
+        t, reading = (np.concatenate(values) for values in zip(*parts, strict=True))
+        return AccelerometerStream(t, reading, f"{path} {topic.name}")
+
+
+def _of_table(path: str | Path, columns: str | None, options: Options) -> AccelerometerStream:
+    """Of a table of its own, or those `columns` of one."""
+    table = open_table(path, options.naming)
+    names = _named_alike(list(table.places)) if columns is None else [name.strip() for name in columns.split(",")]
+    if len(names) != 3 or not set(names) <= table.places.keys():
+        found = f"found {listed(table.places)}"
+        if columns is None:
+            raise FileFormatError(f"{path}: {found}, expected an accelerometer's t, ax, ay, az: rename the columns")
+        raise InputError(f"{path}: {found}, expected --imu to name a file, or three of these columns as ax,ay,az")
+    axes = [Column(table.places[name], name, 1.0, role) for name, role in zip(names, ("ax", "ay", "az"), strict=True)]
+    t = time_columns(table, options.naming)
+    if not t:
+        raise FileFormatError(f"{path}: found no column t, expected the time of each acceleration: add it")
+    times: list[Array] = []
+    reading: list[Array] = []
+    for body in table.told((*t, *axes), None):
+        of_times, of_axes = in_si(body, (t, axes), axes)
+        seconds = in_seconds(of_times, t)
+        times += [] if seconds is None else [seconds]
+        reading.append(of_axes)
+    return AccelerometerStream(np.concatenate(times), np.concatenate(reading), str(path))
+
+
+def _named_alike(names: list[str]) -> list[str]:
+    """The three columns whose names are those of accelerations, in the order of their axes; others: none."""
+    of_axes = {match[1].lower(): name for name in names if (match := OF_AXIS.fullmatch(name))}
+    return [of_axes[axis] for axis in "xyz"] if len(of_axes) == 3 else []

@@ -1,0 +1,184 @@
+"""Model `dynamic` with an accelerometer in place of positions: how it sits is found, and what it tells of the tool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+import contactwrench as cw
+from contactwrench.calibration.dynamics import elements
+from contactwrench.calibration.findings import Finding, Kind, Severity
+from contactwrench.compensate.contact_wrenches import contact_wrenches
+from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
+from contactwrench.samples.accelerometer import AccelerometerStream, mounted_accelerometer, with_accelerometer
+from tests.support.accelerometer import (
+    LATE,
+    NOISE,
+    PLACE,
+    Mounted,
+    accelerometer,
+    calibrated_by_accelerometer,
+    with_readings,
+    without_positions,
+)
+from tests.support.in_motion import pushed
+from tests.support.world import Array
+
+OFTEN = 3.5
+"""Standard deviations."""
+
+
+def _said(calibration: cw.Calibration) -> list[Finding]:
+    return [finding for finding in calibration.findings if finding.kind is Kind.ACCELEROMETER]
+
+
+def _off(calibration: cw.Calibration) -> Array:
+    """By how many std inertia and offset are off; the latter counts from the accelerometer."""
+    d = calibration.dynamics
+    assert d is not None
+    off = np.r_[elements(d.inertia - pushed().settings.inertia), d.sensor_offset - pushed().offset + PLACE]
+    return np.asarray(off / d.std)
+
+
+def test_inertia_and_offset_are_found_and_how_it_sits() -> None:
+    found = calibrated_by_accelerometer()
+    assert np.abs(_off(found)).max() < OFTEN
+    assert found.dynamics is not None
+    assert (found.dynamics.std[6:] < 2e-3).all()
+    sits = found.dynamics.accelerometer
+    assert sits is not None
+    assert sits.matrix == pytest.approx(Mounted().unit * Mounted().axes, abs=0.003 * Mounted().unit)
+    assert sits.bias == pytest.approx(Mounted().zero, abs=0.003)
+    assert sits.delay == pytest.approx(LATE - 0.0015, abs=1e-3)
+    assert sits.noise < 2.0 * NOISE
+    (said,) = _said(found)
+    assert said.severity is Severity.NOTE
+    assert said.text.startswith("accelerations of an accelerometer in g, ")
+    assert said.text.endswith(" m/s^2 at rest; the sensor's offset counts from it")
+    assert "mm, sensor from accelerometer, flange axes" in str(found)
+
+
+@pytest.mark.parametrize(("unit", "name"), [(1.0, "m/s^2"), (1e3 / 9.80665, "mg")])
+def test_its_unit_shows(unit: float, name: str) -> None:
+    found = cw.calibrate(with_readings(Mounted(unit=unit)), "dynamic")
+    assert found.dynamics is not None
+    assert found.dynamics.accelerometer is not None
+    assert found.dynamics.accelerometer.unit == name
+    assert found.verdict == "good"
+
+
+def test_a_unit_that_is_none_is_said() -> None:
+    found = cw.calibrate(with_readings(Mounted(unit=0.3)), "dynamic")
+    (said, _) = _said(found)
+    assert said.severity is Severity.DOUBTFUL
+    assert said.text == (
+        "doubtful: the accelerometer reads 0.3 for each m/s^2, expected 1, or 0.102 of one in g: taken as gravity "
+        "turns in it"
+    )
+    assert np.abs(_off(found)).max() < OFTEN
+
+
+@pytest.mark.parametrize("axes", [[1, 0, 2], [0, 2, 1]])
+def test_exchanged_axes_are_said_and_change_nothing(axes: list[int]) -> None:
+    found = cw.calibrate(with_readings(Mounted(axes=Mounted().axes[axes])), "dynamic")
+    (said, _) = _said(found)
+    assert said.severity is Severity.WARNING
+    assert said.text == (
+        "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
+    )
+    assert found.inertia == pytest.approx(calibrated_by_accelerometer().inertia, abs=1e-9)
+
+
+def test_compensation_leaves_little_in_motion() -> None:
+    found, samples = calibrated_by_accelerometer(), with_readings(Mounted())
+    t = np.asarray(samples.t) - pushed().begin
+    free = (t > 6.0) & (t < 14.0)
+    left = contact_wrenches(found, samples)
+    still = found.compensate(samples.wrench, samples.R_base_flange)
+    rms = np.sqrt(np.mean(left.wrench[free] ** 2, axis=0))
+    assert (np.sqrt(np.mean(still[free] ** 2, axis=0))[:3] > 8.0 * rms[:3]).all()
+    noise = np.r_[np.full(3, 0.05), np.full(3, 0.002)]
+    assert rms == pytest.approx(np.sqrt(np.mean(left.std[free] ** 2, axis=0) + noise**2), rel=0.35)
+
+
+def test_it_is_saved_and_an_edited_one_refused(tmp_path: Path) -> None:
+    path = tmp_path / "tool.json"
+    calibrated_by_accelerometer().save(path)
+    again = cw.Calibration.load(path)
+    assert again.dynamics is not None
+    assert again.dynamics.accelerometer is not None
+    assert calibrated_by_accelerometer().dynamics is not None
+    written = path.read_text()
+    path.write_text(written.replace(f'"noise":{again.dynamics.accelerometer.noise!r}', '"noise":-1.0'))
+    with pytest.raises(FileFormatError) as refused:
+        cw.Calibration.load(path)
+    assert str(refused.value) == (
+        f"{path}: dynamics.accelerometer has numbers that none has, expected a matrix with an inverse: calibrate again "
+        "or restore the file"
+    )
+
+
+def _of(reading: Callable[[AccelerometerStream], Array]) -> Callable[[], object]:
+    stream = accelerometer(pushed(), Mounted())
+    changed = replace(stream, reading=reading(stream))
+    return lambda: cw.calibrate(with_accelerometer(without_positions(), changed), "dynamic")
+
+
+def _later() -> AccelerometerStream:
+    stream = accelerometer(pushed(), Mounted())
+    return replace(stream, t=stream.t + 1e6)
+
+
+def _compensated() -> object:
+    """Of samples without the accelerometer."""
+    return contact_wrenches(calibrated_by_accelerometer(), pushed().samples())
+
+
+REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] = {
+    "of something else": (
+        _of(lambda stream: np.random.default_rng(1).normal(size=stream.reading.shape)),
+        InputError,
+        "run.csv: found accelerations that do not turn with gravity",
+    ),
+    "dead": (
+        _of(lambda stream: np.full(stream.reading.shape, np.nan)),
+        InputError,
+        "imu.csv: found no accelerations at the times of the wrench, expected both on one clock: record them together",
+    ),
+    "another clock": (
+        lambda: with_accelerometer(without_positions(), _later()),
+        InputError,
+        "imu.csv: found no accelerations at the times of the wrench, expected both on one clock: record them together",
+    ),
+    "not there when compensating": (
+        _compensated,
+        InputError,
+        "virtual rig: found no accelerometer's readings, expected them, as the calibration's inertia counts from one: "
+        "name their source with --imu",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_tells_no_acceleration_is_refused(what: str) -> None:
+    asked, error, message = REFUSED[what]
+    with pytest.raises(error) as refused:
+        asked()
+    assert str(refused.value).startswith(message)
+
+
+def test_an_arm_that_did_not_tilt_it_is_refused() -> None:
+    samples = with_readings(Mounted())
+    level = replace(samples, R_base_flange=np.tile(samples.R_base_flange[0], (len(samples), 1, 1)))
+    with pytest.raises(InputError) as refused:
+        mounted_accelerometer(level, np.array([0.0, 0.0, -9.81]))
+    assert str(refused.value) == (
+        "run.csv: found gravity turning too little in the accelerometer, expected stops that tilt it by 10 deg and "
+        "more, both ways: add some"
+    )
