@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
+from scipy.spatial.transform import Rotation
 
 from contactwrench.calibration.dynamics import (
     can_exist,
@@ -215,3 +217,34 @@ def test_a_motion_asks_for_an_inertia_and_for_as_many_moments_as_readings() -> N
         replace(calibration, dynamics=None).compensate(readings, motion.R_base_flange, motion=motion)
     with pytest.raises(InputError, match=r"^found 4 moments of motion, expected 3, one for each reading$"):
         calibration.compensate(readings[:3], motion.R_base_flange[:3], motion=motion)
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="no numba")
+@pytest.mark.parametrize("matrices", [True, False])
+def test_compiled_and_plain_agree_in_motion(matrices: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read-only or not, in a block that is not full, in place, with gaps in the readings and in the motion."""
+    _, calibration = known(3)
+    rng = np.random.default_rng(11)
+    motion, wide = any_motion(1003, rng), rng.normal(size=(1003, 12))
+    alpha, omega = motion.angular_acceleration.copy(), motion.angular_velocity.copy()
+    alpha[7, 1], omega[500], wide[40, 4] = np.nan, np.nan, np.nan
+    motion = replace(motion, angular_acceleration=alpha, angular_velocity=omega)
+    R = motion.R_base_flange
+    orientation = R if matrices else Rotation.from_matrix(R).as_quat()
+    plain = calibration.compensate(wide[:, ::2], orientation, motion=motion)
+    monkeypatch.setattr("contactwrench.subtract.FUSED_FROM", 1)
+    readings = wide[:, ::2].copy()
+    fused = calibration.compensate(readings, orientation, out=readings, motion=motion)
+    assert np.array_equal(np.flatnonzero(np.isnan(plain).any(axis=1)), [7, 40, 500])
+    assert np.array_equal(np.isnan(fused), np.isnan(plain))
+    scale = np.nanmax(np.abs(plain))
+    assert np.nanmax(np.abs(fused - plain)) < 1e-12 * scale
+    assert np.nanmax(np.abs(calibration.compensate(wide[:, ::2], orientation, motion=motion) - plain)) < 1e-12 * scale
+
+
+def test_a_single_reading_takes_a_single_moment_of_motion() -> None:
+    moving, calibration = known(0)
+    motion = any_motion(1, np.random.default_rng(2))
+    contact = calibration.compensate(exerted(moving, motion)[0], motion.R_base_flange[0], motion=motion)
+    assert contact.shape == (6,)
+    assert contact == pytest.approx(np.zeros(6), abs=1e-9)
