@@ -91,7 +91,7 @@ def held_object_text(held: HeldObject) -> str:
         *answer,
         *_axes_lines({"residual rms": held.residual_rms}),
         f"  chi-square {held.chi2:.3g} per degree of freedom, probability {percent(held.probability)}",
-        *(f"{'REFUSED' if f.kind in REFUSALS else 'Warning'}  {f.text}" for f in held.findings),
+        *(f"{'REFUSED' if f.kind in REFUSALS else f.label:<7}  {f.text}" for f in held.findings),
     ]
     return "\n".join(map(visible, lines))
 
