@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from contactwrench.calibration.dynamics import (
     can_exist,
     elements,
+    equal_ellipsoid,
     inertial_jacobian,
     inertial_matrix,
     second_moments,
@@ -248,3 +249,41 @@ def test_a_single_reading_takes_a_single_moment_of_motion() -> None:
     contact = calibration.compensate(exerted(moving, motion)[0], motion.R_base_flange[0], motion=motion)
     assert contact.shape == (6,)
     assert contact == pytest.approx(np.zeros(6), abs=1e-9)
+
+
+def test_an_ellipsoid_has_its_own_semi_axes_turned_flat_and_round() -> None:
+    """Of a solid ellipsoid `I_x = m (b^2 + c^2) / 5`; of a flat one too, whose semi-axis is 0 to what two std make."""
+    turn, mass = random_rotations(1, np.random.default_rng(12))[0], 1.7
+    for a, b, c in ((0.09, 0.05, 0.02), (0.08, 0.04, 0.0), (0.03, 0.03, 0.03)):
+        principal = mass / 5.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+        inertia = turn @ np.diag(principal) @ turn.T
+        found = equal_ellipsoid(mass, inertia, np.diag([0.0, *[1e-10] * 6]))
+        assert found.moments == pytest.approx(principal)
+        assert found.semi_axes == pytest.approx([a, b, c], abs=1e-8)
+        assert (found.axes * found.moments) @ found.axes.T == pytest.approx(inertia)
+        assert (found.low <= found.semi_axes).all()
+        assert (found.high > found.semi_axes).all()
+        assert np.isfinite(found.high).all()
+
+
+def test_the_ellipsoid_is_as_uncertain_as_ellipsoids_of_drawn_tools() -> None:
+    rng = np.random.default_rng(13)
+    turn, mass = random_rotations(1, rng)[0], 2.0
+    inertia = turn @ np.diag([0.002, 0.005, 0.006]) @ turn.T
+    root = rng.normal(size=(7, 7)) * np.r_[0.05, np.full(6, 4e-5)][:, None]
+    found = equal_ellipsoid(mass, inertia, root @ root.T)
+    drawn = []
+    for off in rng.normal(size=(4000, 7)) @ root.T:
+        moments = np.linalg.eigvalsh(inertia + symmetric(off[1:]))
+        drawn.append([*moments, *(5.0 / (mass + off[0]) * (0.5 * moments.sum() - moments))])
+    assert found.moment_std == pytest.approx(np.std(drawn, axis=0)[:3], rel=0.05)
+    assert (found.high**2 - found.low**2) / 4.0 == pytest.approx(np.std(drawn, axis=0)[3:], rel=0.05)
+
+
+def test_the_ellipsoid_of_a_calibration_is_that_of_its_mass_and_inertia() -> None:
+    moving, c = known(2, "mount", noise=1.0)
+    assert c.ellipsoid is not None
+    assert c.mass is not None
+    square = (c.ellipsoid.axes * c.ellipsoid.semi_axes**2) @ c.ellipsoid.axes.T
+    assert square == pytest.approx(5.0 / c.mass * second_moments(moving.inertia), abs=1e-9)
+    assert replace(c, dynamics=None).ellipsoid is None
