@@ -67,6 +67,11 @@ class Dynamics(Frozen):
         """Standard deviations (9,) of `DYNAMIC_PARAMETERS`."""
         return read_only(np.sqrt(np.diag(self.covariance)))
 
+    def with_covariance(self, of_parameters: Array) -> Array:
+        """Covariance (p + 9, p + 9) of the calibration's parameters, whose own is (p, p), and `DYNAMIC_PARAMETERS`."""
+        between = self.with_parameters
+        return np.block([[of_parameters, between.T], [between, self.covariance]])
+
 
 def elements(inertia: Array) -> Array:
     """xx, xy, xz, yy, yz, zz of a symmetric matrix (3, 3)."""
@@ -169,9 +174,7 @@ def matrix_covariance(
 ) -> Array:
     """Covariances (6, 12, 12) of the rows of D, with that of the tool's parameters `names`, `of_tool` (p, p)."""
     J = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names).transpose(1, 0, 2)
-    between = dynamics.with_parameters
-    whole = np.block([[of_tool, between.T], [between, dynamics.covariance]])
-    covariance: Array = J @ whole @ J.transpose(0, 2, 1)
+    covariance: Array = J @ dynamics.with_covariance(of_tool) @ J.transpose(0, 2, 1)
     return covariance
 
 
