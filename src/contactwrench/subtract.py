@@ -256,16 +256,16 @@ def _fused_from_quaternions(quat_xyzw: Array, d: Array, columns: Array) -> int:
 
 
 def _fused_from_matrices(matrices: Array, d: Array, columns: Array) -> int:
-    doubtful = 0
+    dx, dy, dz, doubtful = d[0], d[1], d[2], 0
     for i in range(len(matrices)):
         R = matrices[i]
-        for k in range(3):
-            columns[k * BLOCK + i] = d[0] * R[k] + d[1] * R[3 + k] + d[2] * R[6 + k]
         x, y, z = R[3] * R[7] - R[6] * R[4] - R[2], R[6] * R[1] - R[0] * R[7] - R[5], R[0] * R[4] - R[3] * R[1] - R[8]
         xx = R[0] * R[0] + R[3] * R[3] + R[6] * R[6] - 1.0
         yy = R[1] * R[1] + R[4] * R[4] + R[7] * R[7] - 1.0
         xy = R[0] * R[1] + R[3] * R[4] + R[6] * R[7]
         doubtful += not x * x + y * y + z * z + xx * xx + yy * yy + xy * xy <= SURELY_ROTATION
+        for k in range(3):
+            columns[k * BLOCK + i] = dx * R[k] + dy * R[3 + k] + dz * R[6 + k]
     return doubtful
 
 

@@ -328,7 +328,7 @@ def test_a_robot_is_told_the_inertia_of_all_that_hangs_on_its_flange(name: str) 
 def test_where_a_robot_takes_no_inertia_or_nobody_knows_about_which_point_none_is_written(name: str) -> None:
     text, remarks = written(name, with_particles(0)[0])
     assert not READERS[name](text).inertia.any()
-    unsure = "written as 0, a point mass: about which point this screen counts them, and without their products, is not"
+    unsure = "written as 0, a point mass: sources differ on the point about which this screen counts them, and products"
     assert unsure in remarks or "moments of inertia are not in here: the command takes none" in remarks
 
 

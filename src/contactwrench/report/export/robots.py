@@ -153,8 +153,8 @@ def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
         "".join(f"{line}\n" for line in lines),
         "cm",
         "the mount angle of the robot setup",
-        "moments of inertia, found or not, are written as 0, a point mass: about which point this screen counts them, "
-        "and without their products, is not published",
+        "moments of inertia, found or not, are written as 0, a point mass: sources differ on the point about which "
+        "this screen counts them, and products of inertia have no place in it",
         "MENU, SYSTEM, MOTION, DETAIL of a schedule; PAYLOAD[n] in a program makes schedule n active; the same as "
         "$PLST_GRP1[n].$PAYLOAD, $PAYLOAD_X, ...",
     )
