@@ -27,7 +27,7 @@ PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 EDGES = imports(PACKAGE)
 
-MOST_FILES, MOST_LINES = 269, 41_000
+MOST_FILES, MOST_LINES = 270, 41_500
 """A ratchet: lowered when the package shrinks; raised from 125 and 21,050, from 168 and 27,000, and from 175 and 28,900
 for live/ and lab/, from 244 and 37,300 for creep in recordings, the rig as a source, and what a pose that is off may
 be, and from 247 and 37,752 for what a page and a chunk unpack to, and for arms that move (changelog).
@@ -225,7 +225,8 @@ def test_a_name_that_is_not_there_is_said() -> None:
 def test_a_single_sample_is_compensated_without_compiling_anything() -> None:
     loaded = _loaded_by(
         "import numpy as np\n"
-        "from contactwrench.subtract import compensate, stepper\n"
+        "from contactwrench.calibration.stepper import stepper\n"
+        "from contactwrench.subtract import compensate\n"
         "B, d = np.ones((6, 4)), np.array([0.0, 0.0, -1.0])\n"
         "compensate(B, d, np.ones(6), np.array([0.0, 0.6, 0.0, 0.8]))\n"
         "stepper(B, d)(*np.ones(6), 0.0, 0.6, 0.0, 0.8)"

@@ -1,8 +1,9 @@
-"""Compensation: the contact wrench is the reading less what a free tool would read at that orientation.
+"""Compensation: the contact wrench is the reading less what a free tool would read at that orientation and motion.
 
-Whatever was identified is in B (6, 4): the free wrench is `B @ [r, 1]` with `r = R_base_flange^T d`. A batch takes one
-pass over memory: in numpy by chunks that stay in the cache, or fused by numba (extra `fast`). The step for one sample
-at a time is plain Python floats, which beat numpy there. For a unit quaternion with vector part v and scalar part w,
+Whatever was identified is in B (6, 4): the free wrench is `B @ [r, 1]` with `r = R_base_flange^T d`, and in motion
+`[B D] @ [r, 1, terms]`. A batch takes one pass over memory, in numpy and by numba (extra `fast`) alike: chunk by chunk,
+which stay in the cache, the columns that the matrix multiplies, the product, the difference. For a unit quaternion with
+vector part v and scalar part w,
 
     r = d - w t + v x t,    t = 2 v x d
 """
@@ -14,7 +15,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +29,10 @@ from .geometry.orientation import (
     require_rotations,
     require_unit,
 )
-from .geometry.wrench import cross_matrix, wrench_rows
+from .geometry.wrench import cross_matrix, result_rows, wrench_rows
+
+if TYPE_CHECKING:
+    from .samples.flange_motion import FlangeMotion
 
 CHUNK = 8192
 """Samples of a numpy chunk: its rows fill, and do not overflow, a second-level cache of 1 MiB."""
@@ -38,30 +42,29 @@ x cross y and x and y off unit and square, squares summed. Of the rest the slowe
 """
 FUSED_FROM = 50_000
 """Samples from which compiling and starting threads pays."""
+BLOCK = 32
+"""Samples of a compiled chunk: 64 run alike from the cache, and 1.4 times slower from memory."""
 MAX_THREADS = 8
-
-Step: TypeAlias = Callable[
-    [float, float, float, float, float, float, float, float, float, float],
-    tuple[float, float, float, float, float, float],
-]
 
 
 def compensate(
-    B: Array,
+    matrix: Array,
     gravity_direction: Array,
     wrench: ArrayLike,
     orientation: OrientationLike,
     out: Array | None = None,
+    motion: FlangeMotion | None = None,
 ) -> Array:
     """The contact wrench of readings. A NaN in a reading stays in its row.
 
     Args:
-        B: what was identified, (6, 4).
+        matrix: what was identified, B (6, 4), with a motion [B D] (6, 16).
         gravity_direction: (3,) unit vector, base axes.
         wrench: readings (n, 6), or (6,) of one, N and N m, sensor axes.
         orientation: `R_base_flange` as matrices (n, 3, 3), quaternions x, y, z, w (n, 4) or a scipy Rotation, or one of
             them for all readings. From 50,000 on, matrices that are rotations within 1 % are taken as they are.
         out: (n, 6) float64, C order, which receives the result; it may be `wrench` itself, and shares no memory else.
+        motion: of the flange at the moments of the n readings; None: it is at rest.
 
     Returns:
         (n, 6), or (6,) of one, N and N m, sensor axes.
@@ -72,33 +75,19 @@ def compensate(
     readings, single = wrench_rows(wrench)
     if not len(readings) and out is None:
         return readings.copy()
+    if motion is not None and len(motion) != len(readings):
+        raise InputError(f"found {len(motion)} moments of motion, expected {len(readings)}, one for each reading")
     parts = _orientation_parts(orientation, len(readings))
-    result = np.empty_like(readings) if out is None else _rows_of(out, single, readings, parts)
+    result = np.empty_like(readings) if out is None else result_rows(out, single, readings, parts)
     if len(readings) >= FUSED_FROM and find_spec("numba") is not None:
-        fine = _compensate_fused(B, gravity_direction, readings, parts, result)
+        fine = _compensate_fused(matrix, gravity_direction, readings, parts, motion, result)
     else:
-        fine = _compensate_chunks(B, gravity_direction, readings, parts, result)
+        fine = _compensate_chunks(matrix, gravity_direction, readings, parts, motion, result)
     if not fine:
         (require_unit if parts.shape[1] == 4 else require_rotations)(parts)
     if out is not None:
         return out
     return result[0] if single else result
-
-
-def _rows_of(out: Array, single: bool, readings: Array, parts: Array) -> Array:
-    """`out` as rows like the readings. Raises `InputError` where the result cannot be written there."""
-    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
-        raise InputError(f"out is a {type(out).__name__}, expected {readings.shape} float64, C order")
-    result = out[None] if single and out.shape == (6,) else out
-    if result.shape != readings.shape or result.dtype != np.float64 or not result.flags.c_contiguous:
-        raise InputError(f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order")
-    if not out.flags.writeable:
-        raise InputError("out is read-only, expected an array that can be written to: pass a copy")
-    there, from_there = result.__array_interface__["data"], readings.__array_interface__["data"]
-    in_place = there == from_there and result.strides == readings.strides
-    if np.may_share_memory(result, parts) or (np.may_share_memory(result, readings) and not in_place):
-        raise InputError("out overlaps with what is read, expected wrench itself or memory of its own: pass a copy")
-    return result
 
 
 def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
@@ -118,18 +107,22 @@ def _orientation_parts(orientation: OrientationLike, n: int) -> Array:
     )
 
 
-def _compensate_chunks(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
-    """Fill `result` (n, 6) chunk by chunk; whether every orientation surely is one."""
-    Bt = np.ascontiguousarray(B.T)
+def _compensate_chunks(
+    matrix: Array, d: Array, readings: Array, parts: Array, motion: FlangeMotion | None, out: Array
+) -> bool:
+    """Fill `out` (n, 6) chunk by chunk; whether every orientation surely is one."""
+    transposed = np.ascontiguousarray(matrix.T)
     into_r = _gravity_from_quaternions if parts.shape[1] == 4 else _gravity_from_matrices
-    r_one, free, fine = np.ones((4, CHUNK)), np.empty((CHUNK, 6)), True
+    columns, free, fine = np.ones((len(transposed), CHUNK)), np.empty((CHUNK, 6)), True
     with np.errstate(all="ignore"):
         for start in range(0, len(readings), CHUNK):
             rows = slice(start, min(start + CHUNK, len(readings)))
             m = rows.stop - start
-            fine &= into_r(np.ascontiguousarray(parts[rows].T), gravity_direction, r_one[:3, :m])
-            np.matmul(r_one[:, :m].T, Bt, out=free[:m])
-            np.subtract(readings[rows], free[:m], out=result[rows])
+            fine &= into_r(np.ascontiguousarray(parts[rows].T), d, columns[:3, :m])
+            if motion is not None:
+                columns[4:, :m] = motion.terms_of(rows)
+            np.matmul(columns[:, :m].T, transposed, out=free[:m])
+            np.subtract(readings[rows], free[:m], out=out[rows])
     return fine
 
 
@@ -161,7 +154,9 @@ def _gravity_from_matrices(parts: Array, d: Array, r: Array) -> bool:
     return bool(squares.max() <= SURELY_ROTATION)
 
 
-def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts: Array, result: Array) -> bool:
+def _compensate_fused(
+    matrix: Array, d: Array, readings: Array, parts: Array, motion: FlangeMotion | None, out: Array
+) -> bool:
     """The same by numba, on as many threads as there are cores.
 
     The kernel releases the interpreter and shares nothing, so plain Python threads run it; numba's own threading layers
@@ -171,27 +166,43 @@ def _compensate_fused(B: Array, gravity_direction: Array, readings: Array, parts
 
     from numba import typeof
 
-    types = tuple(map(typeof, (B, gravity_direction, readings, parts, result)))
-    kernel = _compiled(_fused_from_quaternions if parts.shape[1] == 4 else _fused_from_matrices, types)
-    edges = np.linspace(0, len(readings), threads() + 1).astype(int).tolist()
+    moves = [np.empty((0, 3))] * 3
+    if motion is not None:
+        moves = [motion.angular_acceleration, motion.angular_velocity, motion.acceleration]
+    whole = [_unwritten(values) for values in (matrix, d)]
+    of_rows = [*(_unwritten(values) for values in (readings, parts, *moves)), out]
+    kernel = _compiled(tuple(map(typeof, (*whole, *of_rows))))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    edges = np.linspace(0, len(readings), min(MAX_THREADS, cores) + 1).astype(int).tolist()
 
     def doubtful_in(block: tuple[int, int]) -> int:
-        rows = slice(*block)
-        return kernel(B, gravity_direction, readings[rows], parts[rows], result[rows])
+        return kernel(*whole, *(values[slice(*block)] for values in of_rows))
 
-    with ThreadPoolExecutor(threads()) as pool:
+    with ThreadPoolExecutor(len(edges) - 1) as pool:
         return sum(pool.map(doubtful_in, pairwise(edges))) == 0
 
 
-def threads() -> int:
-    """How many run side by side."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(MAX_THREADS, cores)
+def _unwritten(values: Array) -> Array:
+    """A view that cannot be written to, so that one compiled kernel does for arrays that can be and that cannot."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 @cache
-def _compiled(kernel: Callable[..., int], types: tuple[Any, ...]) -> Callable[..., int]:
-    return compiled_by_numba(kernel, types, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def _compiled(types: tuple[Any, ...]) -> Callable[..., int]:
+    return compiled_by_numba(_fused, types, nogil=True, **_options())
+
+
+@cache
+def _options() -> dict[str, Any]:
+    """Of compiling the kernel and what it calls, which is named to numba once."""
+    from numba.extending import register_jitable
+
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
+    for function in (_fused_from_quaternions, _fused_from_matrices, _fused_terms, _fused_product):
+        register_jitable(**options)(function)
+    return options
 
 
 def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **options: Any) -> Callable[..., int]:
@@ -208,89 +219,77 @@ def compiled_by_numba(function: Callable[..., int], types: tuple[Any, ...], **op
     return compiled
 
 
-def _fused_from_quaternions(B, d, readings, quat_xyzw, result):  # type: ignore[no-untyped-def]
+def _fused(
+    matrix: Array, d: Array, readings: Array, parts: Array, alpha: Array, omega: Array, acceleration: Array, out: Array
+) -> int:
+    """Fill `out` of some rows; how many of their orientations are doubtful."""
+    columns, free, doubtful = np.ones(16 * BLOCK), np.empty(6 * BLOCK), 0  # flat, so that the compiler knows each row
+    for start in range(0, len(readings), BLOCK):
+        stop = min(start + BLOCK, len(readings))
+        if parts.shape[1] == 4:
+            doubtful += _fused_from_quaternions(parts[start:stop], d, columns)
+        else:
+            doubtful += _fused_from_matrices(parts[start:stop], d, columns)
+        if matrix.shape[1] == 16:
+            _fused_terms(alpha[start:stop], omega[start:stop], acceleration[start:stop], columns)
+        _fused_product(matrix, columns, free)
+        for i in range(stop - start):
+            for k in range(6):
+                out[start + i, k] = readings[start + i, k] - free[k * BLOCK + i]
+    return doubtful
+
+
+def _fused_from_quaternions(quat_xyzw: Array, d: Array, columns: Array) -> int:
     dx, dy, dz = d[0], d[1], d[2]
     ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz
     doubtful = 0
-    for i in range(len(readings)):
+    for i in range(len(quat_xyzw)):
         x, y, z, w = quat_xyzw[i, 0], quat_xyzw[i, 1], quat_xyzw[i, 2], quat_xyzw[i, 3]
         squared = x * x + y * y + z * z + w * w
         scale = 1.0 / squared
         tx, ty, tz = (y * ez - z * ey) * scale, (z * ex - x * ez) * scale, (x * ey - y * ex) * scale
-        rx = dx - w * tx + y * tz - z * ty
-        ry = dy - w * ty + z * tx - x * tz
-        rz = dz - w * tz + x * ty - y * tx
-        for k in range(6):
-            result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
+        columns[i] = dx - w * tx + y * tz - z * ty
+        columns[BLOCK + i] = dy - w * ty + z * tx - x * tz
+        columns[2 * BLOCK + i] = dz - w * tz + x * ty - y * tx
         doubtful += not abs(squared - 1.0) <= SURELY_UNIT
     return doubtful
 
 
-def _fused_from_matrices(B, d, readings, matrices, result):  # type: ignore[no-untyped-def]
-    dx, dy, dz = d[0], d[1], d[2]
-    doubtful = 0
-    for i in range(len(readings)):
+def _fused_from_matrices(matrices: Array, d: Array, columns: Array) -> int:
+    dx, dy, dz, doubtful = d[0], d[1], d[2], 0
+    for i in range(len(matrices)):
         R = matrices[i]
-        rx = dx * R[0] + dy * R[3] + dz * R[6]
-        ry = dx * R[1] + dy * R[4] + dz * R[7]
-        rz = dx * R[2] + dy * R[5] + dz * R[8]
-        for k in range(6):
-            result[i, k] = readings[i, k] - B[k, 0] * rx - B[k, 1] * ry - B[k, 2] * rz - B[k, 3]
         x, y, z = R[3] * R[7] - R[6] * R[4] - R[2], R[6] * R[1] - R[0] * R[7] - R[5], R[0] * R[4] - R[3] * R[1] - R[8]
         xx = R[0] * R[0] + R[3] * R[3] + R[6] * R[6] - 1.0
         yy = R[1] * R[1] + R[4] * R[4] + R[7] * R[7] - 1.0
         xy = R[0] * R[1] + R[3] * R[4] + R[6] * R[7]
         doubtful += not x * x + y * y + z * z + xx * xx + yy * yy + xy * xy <= SURELY_ROTATION
+        for k in range(3):
+            columns[k * BLOCK + i] = dx * R[k] + dy * R[3 + k] + dz * R[6 + k]
     return doubtful
 
 
-def stepper(B: Array, gravity_direction: Array) -> Step:
-    """Compensation of one sample at a time.
+def _fused_terms(alpha: Array, omega: Array, acceleration: Array, columns: Array) -> None:
+    for i in range(len(omega)):
+        x, y, z = omega[i, 0], omega[i, 1], omega[i, 2]
+        for k, product in enumerate((x * x, x * y, x * z, y * y, y * z, z * z)):
+            columns[(7 + k) * BLOCK + i] = product
+        for k in range(3):
+            columns[(4 + k) * BLOCK + i] = alpha[i, k]
+            columns[(13 + k) * BLOCK + i] = acceleration[i, k]
 
-    Args:
-        B: what was identified, (6, 4).
-        gravity_direction: (3,) unit vector, base axes.
 
-    Returns:
-        `step(fx, fy, fz, tx, ty, tz, qx, qy, qz, qw)`, which gives the contact wrench as six floats. The quaternion of
-        `R_base_flange` must have unit length: it is not checked here.
-    """
-    dx, dy, dz = (float(part) for part in gravity_direction)
-    ex, ey, ez = 2.0 * dx, 2.0 * dy, 2.0 * dz
-    (
-        (b00, b01, b02, b03),
-        (b10, b11, b12, b13),
-        (b20, b21, b22, b23),
-        (b30, b31, b32, b33),
-        (b40, b41, b42, b43),
-        (b50, b51, b52, b53),
-    ) = B.tolist()
-
-    def step(
-        fx: float,
-        fy: float,
-        fz: float,
-        tx: float,
-        ty: float,
-        tz: float,
-        qx: float,
-        qy: float,
-        qz: float,
-        qw: float,
-    ) -> tuple[float, float, float, float, float, float]:
-        sx = qy * ez - qz * ey
-        sy = qz * ex - qx * ez
-        sz = qx * ey - qy * ex
-        x = dx - qw * sx + qy * sz - qz * sy
-        y = dy - qw * sy + qz * sx - qx * sz
-        z = dz - qw * sz + qx * sy - qy * sx
-        return (
-            fx - b00 * x - b01 * y - b02 * z - b03,
-            fy - b10 * x - b11 * y - b12 * z - b13,
-            fz - b20 * x - b21 * y - b22 * z - b23,
-            tx - b30 * x - b31 * y - b32 * z - b33,
-            ty - b40 * x - b41 * y - b42 * z - b43,
-            tz - b50 * x - b51 * y - b52 * z - b53,
-        )
-
-    return step
+def _fused_product(matrix: Array, columns: Array, free: Array) -> None:
+    for k in range(6):
+        row = matrix[k]
+        for i in range(BLOCK):
+            total = 0.0
+            for j in range(4):
+                total += row[j] * columns[j * BLOCK + i]
+            free[k * BLOCK + i] = total
+        if len(row) == 16:
+            for i in range(BLOCK):
+                total = free[k * BLOCK + i]
+                for j in range(4, 16):
+                    total += row[j] * columns[j * BLOCK + i]
+                free[k * BLOCK + i] = total

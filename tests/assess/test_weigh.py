@@ -347,7 +347,7 @@ def test_the_program_prints_a_line_for_one_pose(tmp_path: Path, capsys: pytest.C
     assert lines[3].startswith("  com    on the line (")
     assert lines[3].endswith(" across, sensor axes")
     assert lines[-1] == (
-        "Warning  gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the "
+        "Note     gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the "
         "tool to another pose for the rest"
     )
 

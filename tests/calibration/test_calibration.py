@@ -188,8 +188,8 @@ def test_printed_it_shows_every_parameter_with_its_std(model: str) -> None:
     assert f"model {model}" in text
     in_one_line = " ".join(text.split())
     assert f"Verdict {calibration.verdict}: " in in_one_line
-    for warning in calibration.warnings:
-        assert f"Warning {warning}" in in_one_line
+    for finding in calibration.findings:
+        assert f"{finding.label} {finding.text}" in in_one_line
 
 
 @pytest.mark.slow
@@ -199,7 +199,7 @@ def test_printed_sentences_go_on_under_their_first_word() -> None:
     assert max(len(line) for line in text.splitlines() if str(PANDA) not in line) <= 80
     said = text[text.index("Verdict") :].splitlines()
     assert len(said) > 3
-    assert all(line[:9] in ("Verdict  ", "Warning  ", " " * 9) and line[9] != " " for line in said)
+    assert all(line[:9] in ("Verdict  ", "Warning  ", "Note     ", " " * 9) and line[9] != " " for line in said)
 
 
 def test_the_verdict_states_the_error_to_expect_and_the_largest_std() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.difference import Difference
+from contactwrench.report.text import difference_json, difference_text
 from tests.support.recordings import rx, ry
 from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle
 from tests.support.world import Array, Rig, random_rotations, readings
@@ -315,3 +317,69 @@ def test_two_ways_to_judge_agree() -> None:
     change = _measured(FLAT, 6, "yaw")
     (mounting,) = (group for group in change.groups if group.name == "mounting")
     assert mounting.test.misfit == pytest.approx(change.in_std[list(change.names).index("yaw")] ** 2)
+
+
+def _moving(seed: int) -> cw.Calibration:
+    """A calibration that knows an inertia, its std 1 kg cm^2 and 1 mm, correlated with the weight."""
+    calibration: cw.Calibration = pytest.importorskip("tests.support.moving_tool").known(seed, "mount", noise=1.0)[1]
+    return calibration
+
+
+def _with_inertia(c: cw.Calibration, inertia: Array, offset: Array) -> cw.Calibration:
+    assert c.dynamics is not None
+    moved = replace(c.dynamics, inertia=c.dynamics.inertia + inertia, sensor_offset=c.dynamics.sensor_offset + offset)
+    return replace(c, dynamics=moved)
+
+
+def test_inertia_and_offset_are_compared_where_both_know_them() -> None:
+    a = _moving(2)
+    assert a.dynamics is not None
+    b = _with_inertia(a, 1e-3 * np.diag([1.0, 2.0, 0.0]), np.array([0.0, 0.0, 0.04]))
+    change = a.diff(b)
+    std = np.sqrt(2.0) * a.dynamics.std
+    expected = {"inertia_xx": (1e-3, std[0]), "inertia_yz": (0.0, std[4]), "offset_z": (0.04, std[8])}
+    for name, pair in expected.items():
+        assert _of(change, name) == pytest.approx(pair)
+    units = dict(zip(change.names, change.units, strict=True))
+    assert (units["inertia_yy"], units["offset_x"]) == ("kg m^2", "m")
+    assert change.inertia_known == (True, True)
+    groups = {group.name: group for group in change.groups}
+    assert list(groups) == ["tool", "bias", "mounting", "inertia", "offset", "all"]
+    assert len(groups["all"].parameters) == 10 + 3 + 9
+    inertia = 2.0 * a.dynamics.covariance[:6, :6]
+    by_hand = groups["inertia"].change @ np.linalg.solve(inertia, groups["inertia"].change) / 6.0
+    assert groups["inertia"].test.chi2 == pytest.approx(by_hand)
+    assert not groups["tool"].significant
+    said = [sentence.partition(":")[0] for sentence in change.meaning]
+    assert said == ["the tool's inertia changed", "the sensor's place on the flange changed"]
+    assert "inertia_yy by +20 kg cm^2 (" in change.meaning[0]
+    assert "offset_z by +40 mm (" in change.meaning[1]
+
+
+def test_the_same_tool_twice_in_motion_has_not_changed() -> None:
+    a = _moving(2)
+    change = a.diff(_with_inertia(a, 1e-6 * np.eye(3), np.array([1e-5, 0.0, 0.0])))
+    assert change.meaning[0].startswith("nothing changed beyond the errors of both: ")
+
+
+@pytest.mark.parametrize(("known", "one"), [((True, False), "earlier"), ((False, True), "later")])
+def test_an_inertia_that_one_knows_is_not_compared_and_that_is_said(known: tuple[bool, bool], one: str) -> None:
+    moving = _moving(2)
+    a, b = (moving if yes else replace(moving, dynamics=None) for yes in known)
+    change = a.diff(b)
+    assert change.inertia_known == known
+    assert not any(name.startswith(("inertia", "offset")) for name in change.names)
+    assert [group.name for group in change.groups] == ["tool", "bias", "mounting", "all"]
+    line = f"  inertia and sensor offset are known of the {one} one only, and not compared"
+    assert line in difference_text(change).splitlines()
+    assert json.loads(difference_json(change))["inertia_known"] == list(known)
+
+
+def test_a_changed_inertia_is_printed_in_kg_cm2_and_in_json_in_si() -> None:
+    a = _moving(2)
+    change = a.diff(_with_inertia(a, 1e-3 * np.diag([1.0, 2.0, 0.0]), np.zeros(3)))
+    (line,) = (line for line in difference_text(change).splitlines() if "inertia_yy" in line.split()[:2])
+    assert line.split()[:2] == ["*", "inertia_yy"]
+    assert line.split()[2] == "+20"
+    assert "kg cm^2" in line
+    assert json.loads(difference_json(change))["change"]["inertia_yy"] == pytest.approx(2e-3)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
+from scipy.spatial.transform import Rotation
 
 from contactwrench.calibration.dynamics import (
     can_exist,
     elements,
+    equal_ellipsoid,
     inertial_jacobian,
     inertial_matrix,
     second_moments,
@@ -215,3 +218,72 @@ def test_a_motion_asks_for_an_inertia_and_for_as_many_moments_as_readings() -> N
         replace(calibration, dynamics=None).compensate(readings, motion.R_base_flange, motion=motion)
     with pytest.raises(InputError, match=r"^found 4 moments of motion, expected 3, one for each reading$"):
         calibration.compensate(readings[:3], motion.R_base_flange[:3], motion=motion)
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="no numba")
+@pytest.mark.parametrize("matrices", [True, False])
+def test_compiled_and_plain_agree_in_motion(matrices: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read-only or not, in a block that is not full, in place, with gaps in the readings and in the motion."""
+    _, calibration = known(3)
+    rng = np.random.default_rng(11)
+    motion, wide = any_motion(1003, rng), rng.normal(size=(1003, 12))
+    alpha, omega = motion.angular_acceleration.copy(), motion.angular_velocity.copy()
+    alpha[7, 1], omega[500], wide[40, 4] = np.nan, np.nan, np.nan
+    motion = replace(motion, angular_acceleration=alpha, angular_velocity=omega)
+    R = motion.R_base_flange
+    orientation = R if matrices else Rotation.from_matrix(R).as_quat()
+    plain = calibration.compensate(wide[:, ::2], orientation, motion=motion)
+    monkeypatch.setattr("contactwrench.subtract.FUSED_FROM", 1)
+    readings = wide[:, ::2].copy()
+    fused = calibration.compensate(readings, orientation, out=readings, motion=motion)
+    assert np.array_equal(np.flatnonzero(np.isnan(plain).any(axis=1)), [7, 40, 500])
+    assert np.array_equal(np.isnan(fused), np.isnan(plain))
+    scale = np.nanmax(np.abs(plain))
+    assert np.nanmax(np.abs(fused - plain)) < 1e-12 * scale
+    assert np.nanmax(np.abs(calibration.compensate(wide[:, ::2], orientation, motion=motion) - plain)) < 1e-12 * scale
+
+
+def test_a_single_reading_takes_a_single_moment_of_motion() -> None:
+    moving, calibration = known(0)
+    motion = any_motion(1, np.random.default_rng(2))
+    contact = calibration.compensate(exerted(moving, motion)[0], motion.R_base_flange[0], motion=motion)
+    assert contact.shape == (6,)
+    assert contact == pytest.approx(np.zeros(6), abs=1e-9)
+
+
+def test_an_ellipsoid_has_its_own_semi_axes_turned_flat_and_round() -> None:
+    """Of a solid ellipsoid `I_x = m (b^2 + c^2) / 5`; of a flat one too, whose semi-axis is 0 to what two std make."""
+    turn, mass = random_rotations(1, np.random.default_rng(12))[0], 1.7
+    for a, b, c in ((0.09, 0.05, 0.02), (0.08, 0.04, 0.0), (0.03, 0.03, 0.03)):
+        principal = mass / 5.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+        inertia = turn @ np.diag(principal) @ turn.T
+        found = equal_ellipsoid(mass, inertia, np.diag([0.0, *[1e-10] * 6]))
+        assert found.moments == pytest.approx(principal)
+        assert found.semi_axes == pytest.approx([a, b, c], abs=1e-8)
+        assert (found.axes * found.moments) @ found.axes.T == pytest.approx(inertia)
+        assert (found.low <= found.semi_axes).all()
+        assert (found.high > found.semi_axes).all()
+        assert np.isfinite(found.high).all()
+
+
+def test_the_ellipsoid_is_as_uncertain_as_ellipsoids_of_drawn_tools() -> None:
+    rng = np.random.default_rng(13)
+    turn, mass = random_rotations(1, rng)[0], 2.0
+    inertia = turn @ np.diag([0.002, 0.005, 0.006]) @ turn.T
+    root = rng.normal(size=(7, 7)) * np.r_[0.05, np.full(6, 4e-5)][:, None]
+    found = equal_ellipsoid(mass, inertia, root @ root.T)
+    drawn = []
+    for off in rng.normal(size=(4000, 7)) @ root.T:
+        moments = np.linalg.eigvalsh(inertia + symmetric(off[1:]))
+        drawn.append([*moments, *(5.0 / (mass + off[0]) * (0.5 * moments.sum() - moments))])
+    assert found.moment_std == pytest.approx(np.std(drawn, axis=0)[:3], rel=0.05)
+    assert (found.high**2 - found.low**2) / 4.0 == pytest.approx(np.std(drawn, axis=0)[3:], rel=0.05)
+
+
+def test_the_ellipsoid_of_a_calibration_is_that_of_its_mass_and_inertia() -> None:
+    moving, c = known(2, "mount", noise=1.0)
+    assert c.ellipsoid is not None
+    assert c.mass is not None
+    square = (c.ellipsoid.axes * c.ellipsoid.semi_axes**2) @ c.ellipsoid.axes.T
+    assert square == pytest.approx(5.0 / c.mass * second_moments(moving.inertia), abs=1e-9)
+    assert replace(c, dynamics=None).ellipsoid is None

@@ -74,6 +74,13 @@ def test_a_doubtful_verdict_says_each_of_its_reasons_once(kinds: list[str], reas
     assert verdict_sentences(good())[1:] == said[-1:]
 
 
+def test_a_note_reads_as_a_note_and_all_else_as_a_warning() -> None:
+    findings = [Finding(Kind.MOTION_USED, severity, f"{severity} said") for severity in Severity]
+    lines = describe(replace(good(), findings=tuple(findings))).splitlines()[-len(Severity) :]
+    assert lines[0] == "Note     note said"
+    assert lines[1:] == [f"Warning  {severity} said" for severity in list(Severity)[1:]]
+
+
 def test_the_error_to_expect_counts_what_poses_differ_by() -> None:
     """More poses make the calibration sure, and the next pose no better."""
     assert good().expected_error == pytest.approx(

@@ -43,11 +43,15 @@ def _without(text: str, mark: str) -> str:
 
 
 def ur(text: str) -> Load:
-    """URScript manual: set_payload(m, cog): kg; m, from the tool mount."""
-    call = re.fullmatch(r"set_payload(\(.+\))", _without(text, "#").strip())
+    """URScript manual: set_payload(m, cog): kg; m, from the tool mount; set_target_payload(m, cog, [Ixx, Iyy, Izz, Ixy,
+    Ixz, Iyz]): kg m^2, origin in the CoG, axes those of the tool flange.
+    """
+    call = re.fullmatch(r"set_(?:target_)?payload(\(.+\))", _without(text, "#").strip())
     assert call
-    mass, cog = ast.literal_eval(call.group(1))
-    return Load(mass, np.array(cog))
+    mass, cog, *rest = ast.literal_eval(call.group(1))
+    assert bool(rest) == ("set_target_payload" in call.group())
+    xx, yy, zz, xy, xz, yz = rest[0] if rest else [0.0] * 6
+    return Load(mass, np.array(cog), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 
 
 def franka(text: str) -> Load:
@@ -60,9 +64,18 @@ def franka(text: str) -> Load:
     return Load(float(fields["mass"]), np.array(json.loads(fields["center_of_mass"])), inertia)
 
 
+def _about(axis: int, angle: float) -> Array:
+    """A turn about x, y or z."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    R = np.eye(3)
+    R[i, i] = R[j, j] = np.cos(angle)
+    R[j, i], R[i, j] = np.sin(angle), -np.sin(angle)
+    return R
+
+
 def kuka(text: str) -> Load:
     """KRL, $config.dat: DECL LOAD: M kg, CM FRAME in mm and deg relative to the flange, J in kg m^2 (Beckhoff TF5120,
-    KRC_WriteLoadData).
+    KRC_WriteLoadData) about principal axes that stand by A about z, B about y then, C about x last.
     """
     number = r"(-?\d+\.\d+)"
     frame = r",".join(rf"{axis} {number}" for axis in "XYZABC")
@@ -72,8 +85,10 @@ def kuka(text: str) -> Load:
     )
     assert found
     mass, *rest = map(float, found.groups())
-    assert rest[3:6] == [0.0, 0.0, 0.0]
-    return Load(mass, 1e-3 * np.array(rest[:3]), np.diag(rest[6:]))
+    a, b, c = np.deg2rad(rest[3:6])
+    turns = ((a, 2), (b, 1), (c, 0))
+    R = np.linalg.multi_dot([_about(axis, angle) for angle, axis in turns])
+    return Load(mass, 1e-3 * np.array(rest[:3]), R @ np.diag(rest[6:]) @ R.T)
 
 
 def abb(text: str) -> Load:
@@ -81,8 +96,11 @@ def abb(text: str) -> Load:
     found = re.fullmatch(r"PERS loaddata \w+:=(\[.+\]);", _without(text, "!").strip())
     assert found
     mass, cog, aom, *moments = json.loads(found.group(1))
-    assert aom == [1, 0, 0, 0]
-    return Load(mass, 1e-3 * np.array(cog), np.diag(np.array(moments, dtype=float)))
+    w, *v = aom
+    assert abs(np.linalg.norm(aom) - 1.0) < 1e-8
+    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    R = np.eye(3) + 2.0 * w * K + 2.0 * K @ K
+    return Load(mass, 1e-3 * np.array(cog), R @ np.diag(np.array(moments, dtype=float)) @ R.T)
 
 
 def fanuc(text: str) -> Load:

@@ -15,10 +15,10 @@ from ..geometry.orientation import OrientationLike, rotation_matrices
 from ..geometry.wrench import unit_direction
 from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_axes
 from ..samples.flange_motion import FlangeMotion
-from ..subtract import Step, compensate, stepper
+from ..subtract import compensate
 from .difference import Difference, difference
 from .fields import CalibrationFields
-from .subtract_motion import subtract_motion
+from .stepper import Step, stepper
 from .text import describe, flowed
 
 
@@ -151,17 +151,12 @@ class Calibration(CalibrationFields):
         Raises:
             InputError: shapes that do not pair, what is no rotation, or a motion and no inertia.
         """
-        contact = compensate(self.B, self.gravity_direction, wrench, orientation, out)
+        matrix = self.B
         if motion is not None:
-            self._subtract_inertia(contact, motion)
-        return contact
-
-    def _subtract_inertia(self, contact: Array, motion: FlangeMotion) -> None:
-        if self.dynamics is None:
-            raise InputError("found a motion and no inertia: calibrate with model dynamic, or leave the motion out")
-        if contact.shape != (len(motion), 6):
-            raise InputError(f"found {len(motion)} moments of motion, expected {len(contact)}, one for each reading")
-        subtract_motion(self.dynamics.matrix, motion, contact)
+            if self.dynamics is None:
+                raise InputError("found a motion and no inertia: calibrate with model dynamic, or leave the motion out")
+            matrix = np.hstack([self.B, self.dynamics.matrix])
+        return compensate(matrix, self.gravity_direction, wrench, orientation, out, motion)
 
     def stepper(self) -> Step:
         """A function for one sample of plain floats, under 1 us.

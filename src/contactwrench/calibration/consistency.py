@@ -219,7 +219,7 @@ def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
             raise InputError("dynamics.accelerometer has numbers that none has, expected a matrix with an inverse")
     if not (np.array_equal(d.inertia, d.inertia.T) and can_exist(d.inertia)):
         raise InputError("dynamics.inertia is that of no body, expected symmetric, with moments of inertia of a body")
-    whole = np.block([[c.covariance, d.with_parameters.T], [d.with_parameters, d.covariance]])
+    whole = d.with_covariance(c.covariance)
     _require_covariance("dynamics.covariance, with_parameters and covariance", whole)
     tool = RigidTool(c.weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
     matrix = inertial_matrix(tool, c.mass, d.inertia, d.sensor_offset)

@@ -3,7 +3,8 @@
 The parameters of one calibration correlate, so a change of the tool shows a little in all of them. What a cause moves
 (the tool: weight and com; drift: the bias; a sensor that slipped: the mounting; the stand: gravity) is therefore tested
 as a whole, with the covariance that is left to it whatever the other parameters do: a tool that changed is not read as
-drift.
+drift. What a motion told (inertia, and where the sensor is) counts with the degrees of freedom of the stops, fewer than
+it has.
 """
 
 from __future__ import annotations
@@ -27,16 +28,17 @@ from ..model import (
     yaw_of_mounting,
 )
 from ..statistics import SIGNIFICANCE, MisfitTest, in_standard_deviations, misfit_of_parameters
+from .dynamics import DYNAMIC_PARAMETERS, INERTIA, SENSOR_OFFSET, Dynamics, elements
 from .fields import CalibrationFields
 
 SIGNIFICANT = 3.0
-UNITS = ("N", *["m"] * 3, *["N"] * 3, *["N m"] * 3, "rad", "s")
+UNITS = ("N", *["m"] * 3, *["N"] * 3, *["N m"] * 3, "rad", "s", *["kg m^2"] * 6, *["m"] * 3)
 
 
 @dataclass(frozen=True, eq=False)
 class GroupChange(Frozen):
-    """The parameters that one cause moves: `tool`, `bias`, `mounting`, `gravity`; where a calibration is `affine`,
-    `matrix` for all that gravity does; and `all` of them.
+    """The parameters that one cause moves: `tool`, `bias`, `mounting`, `gravity`, and where both know what a motion
+    told `inertia` and `offset`; where a calibration is `affine`, `matrix` for all that gravity does; and `all` of them.
 
     `parameters` (k names), their `change` (k,) and its `covariance` (k, k); the `test` of no change at all, and whether
     it is `significant` so that all groups together raise a false alarm once in a hundred times.
@@ -58,7 +60,8 @@ class Difference(Frozen):
     `free_wrench` (6,): the largest change of each axis of the free wrench over all orientations (of `R_base_flange`
     in either's own base), N and N m. `mounting_angle` rad between the two mountings, None where one has none;
     `gravity_angle` rad between the two directions of gravity in base axes. `groups`: what one cause moves together,
-    and last all of it. Between mountings on opposite sides of the sensor yaw is left out: its zeros differ.
+    and last all of it. Between mountings on opposite sides of the sensor yaw is left out: its zeros differ. Inertia and
+    sensor offset are among them where both know these: `inertia_known` says it of a and of b.
     """
 
     names: tuple[str, ...]
@@ -69,6 +72,7 @@ class Difference(Frozen):
     mounting_angle: float | None
     gravity_angle: float
     groups: tuple[GroupChange, ...]
+    inertia_known: tuple[bool, bool] = (False, False)
 
     @property
     def significant(self) -> tuple[str, ...]:
@@ -98,7 +102,7 @@ def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
         angle = rotation_angle(a.R_flange_sensor.T @ b.R_flange_sensor)
         if a.sensor_z_along_flange != b.sensor_z_along_flange:
             names.remove("yaw")
-    units = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay"), UNITS, strict=True))
+    units = dict(zip((*LINEAR_PARAMETERS, "yaw", "delay", *DYNAMIC_PARAMETERS), UNITS, strict=True))
     change = {name: after[name][0] - before[name][0] for name in names}
     if "yaw" in change:
         change["yaw"] = _short_way_round(change["yaw"])
@@ -113,6 +117,7 @@ def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
         mounting_angle=angle,
         gravity_angle=float(np.linalg.norm(_turn_of_gravity(a, b))),
         groups=_tested(a, b),
+        inertia_known=(a.dynamics is not None, b.dynamics is not None),
     )
 
 
@@ -122,7 +127,17 @@ def _told(c: CalibrationFields) -> dict[str, tuple[float, float]]:
     values, std = np.hstack([getattr(c, part) for part in parts]), np.hstack([c.std[part] for part in parts])
     names = LINEAR_PARAMETERS[4:] if c.weight is None else (*LINEAR_PARAMETERS, "yaw")
     told = dict(zip(names, zip(values.tolist(), std.tolist(), strict=True), strict=True))
-    return told if c.delay is None or c.delay_std is None else {**told, "delay": (c.delay, c.delay_std)}
+    if c.delay is not None and c.delay_std is not None:
+        told["delay"] = (c.delay, c.delay_std)
+    if c.dynamics is not None:
+        of_motion = zip(_of_motion(c.dynamics), c.dynamics.std.tolist(), strict=True)
+        told |= dict(zip(DYNAMIC_PARAMETERS, of_motion, strict=True))
+    return told
+
+
+def _of_motion(dynamics: Dynamics) -> list[float]:
+    """Values of `DYNAMIC_PARAMETERS`."""
+    return [*elements(dynamics.inertia).tolist(), *dynamics.sensor_offset.tolist()]
 
 
 def _short_way_round(angle: float) -> float:
@@ -143,7 +158,7 @@ def _turn_of_gravity(a: CalibrationFields, b: CalibrationFields) -> Array:
 @dataclass(frozen=True, eq=False)
 class _Part:
     """A group's change (k,), and how it follows the errors of either calibration's parameters (with an `affine` one, of
-    either's B): `of_a` (k, p), `of_b` (k, q).
+    either's B; where both know an inertia, of what a motion told too): `of_a` (k, p), `of_b` (k, q).
     """
 
     name: str
@@ -151,6 +166,11 @@ class _Part:
     change: Array
     of_a: Array
     of_b: Array
+
+    def with_columns(self, a: int, b: int) -> _Part:
+        """The same, of more errors, which it does not follow."""
+        of_a, of_b = (np.pad(of, ((0, 0), (0, n - of.shape[1]))) for of, n in ((self.of_a, a), (self.of_b, b)))
+        return _Part(self.name, self.parameters, self.change, of_a, of_b)
 
 
 def _parts(a: CalibrationFields, b: CalibrationFields) -> list[_Part]:
@@ -174,6 +194,12 @@ def _parts(a: CalibrationFields, b: CalibrationFields) -> list[_Part]:
         axes = np.array(horizontal_axes(a.gravity_direction))
         of_a, of_b = (_of_gravity(c, axes) for c in (a, b))
         parts.append(_Part("gravity", GRAVITY, axes @ _turn_of_gravity(a, b), of_a, of_b))
+    if a.dynamics is not None and b.dynamics is not None:
+        change = np.subtract(_of_motion(b.dynamics), _of_motion(a.dynamics))
+        of_a, of_b = (np.eye(9, len(c.parameters) + 9, len(c.parameters)) for c in (a, b))
+        parts = [part.with_columns(of_a.shape[1], of_b.shape[1]) for part in parts]
+        parts.append(_Part("inertia", INERTIA, change[:6], of_a[:6], of_b[:6]))
+        parts.append(_Part("offset", SENSOR_OFFSET, change[6:], of_a[6:], of_b[6:]))
     return parts
 
 
@@ -208,6 +234,8 @@ def _tested(a: CalibrationFields, b: CalibrationFields) -> tuple[GroupChange, ..
     each = _parts(a, b)
     rigid = a.R_flange_sensor is not None and b.R_flange_sensor is not None
     covariance_a, covariance_b = (c.covariance if rigid else c.B_covariance for c in (a, b))
+    if a.dynamics is not None and b.dynamics is not None:
+        covariance_a, covariance_b = a.dynamics.with_covariance(a.covariance), b.dynamics.with_covariance(b.covariance)
     everything = _Part(
         "all",
         tuple(name for part in each for name in part.parameters),

@@ -22,10 +22,18 @@ WORDS = {
     "bias": "the bias",
     "mounting": "the mounting",
     "gravity": "the base",
+    "inertia": "the tool's inertia",
+    "offset": "the sensor's place on the flange",
     "matrix": "the tool, the mounting or a gain",
 }
 
-UNITS_OF_CHANGES = {**SPOKEN_UNITS, "torque": (1e3, "mN m"), "yaw": (180.0 / np.pi, "deg")}
+UNITS_OF_CHANGES = {
+    **SPOKEN_UNITS,
+    "torque": (1e3, "mN m"),
+    "yaw": (180.0 / np.pi, "deg"),
+    "inertia": (1e4, "kg cm^2"),
+    "offset": (1e3, "mm"),
+}
 
 
 def meaning(change: Difference) -> tuple[str, ...]:
@@ -55,15 +63,15 @@ def meaning(change: Difference) -> tuple[str, ...]:
 def _sentence(change: Difference, group: GroupChange, is_alone: bool) -> str:
     """What happened, where a group changed, and no other where it `is_alone`."""
     improbable = _improbable(group)
-    if group.name == "tool":
-        return _tool(group)
+    if group.name in ("tool", "mounting"):
+        return _tool(group) if group.name == "tool" else _mounting(change, group)
     if group.name == "bias":
         shift = ", ".join(_shown(group, slice(0, 3), slice(3, 6))) or improbable
         if is_alone:
             return f"drift, or a new zero: only the bias changed, {shift}; all else is the same within its errors"
         return f"the bias changed as well: {shift}"
-    if group.name == "mounting":
-        return _mounting(change, group)
+    if group.name in ("inertia", "offset"):
+        return f"{WORDS[group.name]} changed: {_largest(group, slice(0, len(group.parameters)))}, {improbable}"
     if group.name == "gravity":
         apart = f"{np.rad2deg(change.gravity_angle):.3g} deg apart in base axes"
         return f"the base stands otherwise: gravity is {apart} ({improbable})"

@@ -72,6 +72,11 @@ class Dynamics(Frozen):
         """Standard deviations (9,) of `DYNAMIC_PARAMETERS`."""
         return read_only(np.sqrt(np.diag(self.covariance)))
 
+    def with_covariance(self, of_parameters: Array) -> Array:
+        """Covariance (p + 9, p + 9) of the calibration's parameters, whose own is (p, p), and `DYNAMIC_PARAMETERS`."""
+        between = self.with_parameters
+        return np.block([[of_parameters, between.T], [between, self.covariance]])
+
 
 def elements(inertia: Array) -> Array:
     """xx, xy, xz, yy, yz, zz of a symmetric matrix (3, 3)."""
@@ -93,6 +98,48 @@ def second_moments(inertia: Array) -> Array:
     """The integral of rho x x^T about the centre of mass, (3, 3), kg m^2."""
     second: Array = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     return second
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoid(Frozen):
+    """The uniform solid ellipsoid that has a tool's mass and inertia, about its centre of mass.
+
+    Attributes:
+        axes: its principal axes, columns of (3, 3), sensor axes, the least moment first.
+        moments: of inertia about them (3,), kg m^2.
+        moment_std: (3,), kg m^2.
+        semi_axes: (3,), m.
+        low: (3,), m, where two std less of the semi-axes' squares are; 0 where that is below.
+        high: (3,), m, where two std more are.
+    """
+
+    axes: Matrix
+    moments: Vector
+    moment_std: Vector
+    semi_axes: Vector
+    low: Vector
+    high: Vector
+
+
+def equal_ellipsoid(mass: float, inertia: Array, covariance: Array) -> Ellipsoid:
+    """A second moment of a uniform ellipsoid is `m a^2 / 5` (Landau and Lifshitz, Mechanics, section 32): so `a^2` is
+    linear in the inertia, and its std holds for a flat body too, whose semi-axis is near zero.
+
+    Args:
+        mass: kg.
+        inertia: (3, 3), kg m^2, about the centre of mass.
+        covariance: of the mass and inertia xx xy xz yy yz zz, (7, 7).
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    doubled = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+    of_moments = doubled * np.array([elements(np.outer(axis, axis)) for axis in axes.T])
+    squares = 5.0 / mass * (0.5 * moments.sum() - moments)
+    of_squares = 5.0 / mass * (0.5 * elements(np.eye(3)) - of_moments)
+    J = np.column_stack([-squares / mass, of_squares])
+    std = np.sqrt(np.einsum("ij,jk,ik->i", J, covariance, J))
+    low, semi_axes, high = np.sqrt(np.maximum(squares + np.multiply.outer([-2.0, 0.0, 2.0], std), 0.0))
+    moment_std = np.sqrt(np.einsum("ij,jk,ik->i", of_moments, covariance[1:, 1:], of_moments))
+    return Ellipsoid(axes, moments, moment_std, semi_axes, low, high)
 
 
 def inertial_matrix(tool: RigidTool, mass: float, inertia: Array, sensor_offset: Array) -> Array:
@@ -132,9 +179,7 @@ def matrix_covariance(
 ) -> Array:
     """Covariances (6, 12, 12) of the rows of D, with that of the tool's parameters `names`, `of_tool` (p, p)."""
     J = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names).transpose(1, 0, 2)
-    between = dynamics.with_parameters
-    whole = np.block([[of_tool, between.T], [between, dynamics.covariance]])
-    covariance: Array = J @ whole @ J.transpose(0, 2, 1)
+    covariance: Array = J @ dynamics.with_covariance(of_tool) @ J.transpose(0, 2, 1)
     return covariance
 
 

@@ -30,7 +30,7 @@ from ..samples.flange_motion import FlangeMotion
 from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
 from .alternative import Alternative
-from .dynamics import Dynamics, covariance_in_motion, matrix_covariance
+from .dynamics import Dynamics, Ellipsoid, covariance_in_motion, equal_ellipsoid, matrix_covariance
 from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity
 from .observability import Observability
 
@@ -114,6 +114,18 @@ class CalibrationFields(Frozen):
     def sensor_offset(self) -> Array | None:
         """Where the sensor's origin is (3,), m from the flange's, flange axes; None of a calibration of poses."""
         return None if self.dynamics is None else self.dynamics.sensor_offset
+
+    @property
+    def ellipsoid(self) -> Ellipsoid | None:
+        """The uniform one of the tool's mass and inertia; None of a calibration of poses, and of a mass below zero."""
+        if self.dynamics is None or self.mass is None or self.mass <= 0.0:
+            return None
+        weight = self.parameter_names.index("weight")
+        covariance = np.empty((7, 7))
+        covariance[0, 0] = self.covariance[weight, weight] / self.g**2
+        covariance[0, 1:] = covariance[1:, 0] = self.dynamics.with_parameters[:6, weight] / self.g
+        covariance[1:, 1:] = self.dynamics.covariance[:6, :6]
+        return equal_ellipsoid(self.mass, self.dynamics.inertia, covariance)
 
     def _yaw_std(self, index: dict[str, int]) -> float | None:
         if "yaw" in index:

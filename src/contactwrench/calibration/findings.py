@@ -110,6 +110,11 @@ class Finding:
     severity: Severity
     text: str
 
+    @property
+    def label(self) -> str:
+        """What a text for people puts before it."""
+        return "Note" if self.severity is Severity.NOTE else "Warning"
+
     @classmethod
     def weak(cls, kind: Kind, text: str) -> Finding:
         """A finding that says "weak" itself, for those who read warnings only."""

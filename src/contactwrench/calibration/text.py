@@ -43,7 +43,7 @@ def flowed(text: str, columns: int = COLUMNS) -> str:
 
 def describe(calibration: CalibrationFields, missed: str = "") -> str:
     """Every parameter with its standard deviation and unit, the fit, the verdict, with what is `missed` of what was
-    required, and the warnings; a sentence is one line, which `flowed` makes fit.
+    required, and the findings; a sentence is one line, which `flowed` makes fit.
     """
     rows = parameter_rows(calibration)
     width = [max(len(row[k]) for row in rows) for k in range(3)]
@@ -61,7 +61,8 @@ def describe(calibration: CalibrationFields, missed: str = "") -> str:
         others = alternative_rows(calibration)
         lines += [*(f"  {a:<12}  {b:<18}  {c:>7}  {d:>7}   {e} N" for a, b, c, d, e in others), ""]
     head, *reasons = verdict_sentences(calibration, missed)
-    lines += [f"Verdict  {head}: {'; '.join(reasons)}", *(f"Warning  {warning}" for warning in calibration.warnings)]
+    said = [f"{finding.label:<7}  {finding.text}" for finding in calibration.findings]
+    lines += [f"Verdict  {head}: {'; '.join(reasons)}", *said]
     return "\n".join(map(visible, lines))
 
 

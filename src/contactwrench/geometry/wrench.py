@@ -62,3 +62,22 @@ def wrench_rows(wrench: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     if rows.ndim != 2 or rows.shape[1] != 6:
         raise InputError(f"wrench has shape {rows.shape}, expected (n, 6) or (6,): fx fy fz tx ty tz")
     return rows, False
+
+
+def result_rows(out: Array, single: bool, readings: Array, parts: Array) -> Array:
+    """`out` as rows (n, 6) like the readings, which with the orientations' `parts` are read while it is written to.
+
+    Raises `InputError` where the result cannot be written there.
+    """
+    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
+        raise InputError(f"out is a {type(out).__name__}, expected {readings.shape} float64, C order")
+    result = out[None] if single and out.shape == (6,) else out
+    if result.shape != readings.shape or result.dtype != np.float64 or not result.flags.c_contiguous:
+        raise InputError(f"out has shape {out.shape} and type {out.dtype}, expected {readings.shape} float64, C order")
+    if not out.flags.writeable:
+        raise InputError("out is read-only, expected an array that can be written to: pass a copy")
+    there, from_there = result.__array_interface__["data"], readings.__array_interface__["data"]
+    in_place = there == from_there and result.strides == readings.strides
+    if np.may_share_memory(result, parts) or (np.may_share_memory(result, readings) and not in_place):
+        raise InputError("out overlaps with what is read, expected wrench itself or memory of its own: pass a copy")
+    return result

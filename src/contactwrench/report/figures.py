@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..assess.verify import LeftOver
 from ..calibration.calibration import Calibration
+from ..calibration.dynamics import Ellipsoid
 from ..calibration.findings import WEAK_SHARE
 from ..calibration.observability import LEVER
 from ..errors import MissingExtraError
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 WIDTH = 10.0
 """Inches, of a figure as wide as the text."""
+BODY = "#7a5c2e"
+MOST_OF_BAND = 1.6
+"""Of the longest semi-axis: a band that goes further is cut off, so that the axes can be seen."""
 SIDES = (1.0, -1.0)
 DIRECTIONS = 600
 """Of gravity, over which a map is drawn."""
@@ -109,13 +113,14 @@ def places_in_time(calibration: Calibration) -> tuple[NDArray[np.intp], NDArray[
 
 def sensor_axes(calibration: Calibration) -> str:
     """The sensor's axes as seen from ahead and above, the flange's through the same origin, the centre of mass with the
-    way to it along x, y and z, and gravity on it in the first pose; nothing where the model has no mounting.
+    way to it along x, y and z, and gravity on it in the first pose; nothing where the model has no mounting. With the
+    inertia the ellipsoid that has it, and the centre of mass within its 95 % ellipse.
     """
     c, com, R = calibration, calibration.com, calibration.R_flange_sensor
     if c.weight is None or com is None or R is None or not c.fitted_poses:
         return ""
-    onto_paper = np.array([[-0.80, -0.42], [0.86, -0.36], [0.0, 1.0]])
-    reach = max(float(np.linalg.norm(com)), 0.01)
+    onto_paper, body = np.array([[-0.80, -0.42], [0.86, -0.36], [0.0, 1.0]]), c.ellipsoid
+    reach = max(float(np.linalg.norm(com)), 0.01, 0.0 if body is None else float(body.semi_axes.max()))
     down = gravity_in_flange(c.fitted_poses[0].R_base_flange[None], c.gravity_direction)[0] @ R
     steps = np.array([np.where(np.arange(3) < k, com, 0.0) for k in range(4)]) @ onto_paper
     arrows = [(f"flange {'xyz'[k]}", np.zeros(3), 0.6 * R[k], "#9aa2a9", ":") for k in range(3)]
@@ -123,7 +128,10 @@ def sensor_axes(calibration: Calibration) -> str:
     arrows += [(f"{three_digits(c.weight)} N", com, 0.6 * down, "#1f262d", "-")]
     with drawing(1, (3.9, 4.6)) as (figure, (ax,)):
         ax.plot(steps[:, 0], steps[:, 1], ":", color="#1b6e9c", lw=1.2)
-        ax.plot(*steps[3], "o", ms=8, color="#1b6e9c")
+        ax.plot(*steps[3], "o", ms=8 if body is None else 3, color="#1b6e9c")
+        if body is not None:
+            _draw_body(ax, body, steps[3], onto_paper)
+            ax.plot(*(steps[3] + _outline(_com_square(c), onto_paper)).T, color="#1b6e9c", lw=0.9)
         for name, start, way, colour, style in arrows:
             tail, tip, beyond = ((start + length * reach * way) @ onto_paper for length in (0.0, 1.0, 1.15))
             ax.annotate("", tip, tail, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.4, "ls": style})
@@ -135,6 +143,39 @@ def sensor_axes(calibration: Calibration) -> str:
         ax.margins(0.08)
         ax.set_axis_off()
         return svg_text(figure)
+
+
+def _draw_body(ax: Axes, body: Ellipsoid, com: Array, onto_paper: Array) -> None:
+    """The ellipsoid around the centre of mass (2,) on paper, its semi-axes, and the band that two std make of it."""
+    from matplotlib.patches import Polygon
+
+    def outline(semi_axes: Array) -> Array:
+        return com + _outline((body.axes * semi_axes**2) @ body.axes.T, onto_paper)
+
+    ax.plot(*outline(body.semi_axes).T, color=BODY, lw=1.2)
+    ax.plot(*outline(np.minimum(body.high, MOST_OF_BAND * body.semi_axes.max())).T, alpha=0.0)  # room for the band
+    band = np.concatenate([outline(body.low), outline(body.high)[::-1]])
+    ax.add_artist(Polygon(band, color=BODY, alpha=0.2, lw=0))
+    for half in (body.semi_axes * body.axes).T @ onto_paper:
+        ax.plot(*np.stack([com - half, com + half]).T, color=BODY, lw=0.7)
+
+
+def _com_square(c: Calibration) -> Array:
+    """Of the 95 % ellipsoid of the centre of mass the matrix (3, 3), m^2, of its semi-axes' squares: as seen from any
+    side, it holds with 95 %, by Student's t of two dimensions, whose quantile `k ((1 - p)^(-2 / k) - 1)` is exact.
+    """
+    k, place = c.dof, c.parameter_names.index("com_x")
+    reach = -2.0 * np.log(0.05) if k <= 0.0 else k * (0.05 ** (-2.0 / k) - 1.0)
+    square: Array = reach * c.covariance[place : place + 3, place : place + 3]
+    return square
+
+
+def _outline(square: Array, onto_paper: Array) -> Array:
+    """The rim (181, 2) on paper of an ellipsoid, whose semi-axes' squares `square` (3, 3) has, flat ones too."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    squares, axes = np.linalg.eigh(onto_paper.T @ square @ onto_paper)
+    rim: Array = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ (np.sqrt(np.maximum(squares, 0.0)) * axes).T
+    return rim
 
 
 def std_over_orientations(calibration: Calibration) -> str:

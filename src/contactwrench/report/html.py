@@ -73,11 +73,12 @@ def _section(section: Section) -> str:
     head = " · ".join(f"{name} <b>{escape(value).replace('+00:00', ' UTC')}</b>" for name, value in stated)
     drawn = figures.sensor_axes(c)
     axes = "The sensor's axes, the flange's (dotted), the centre of mass, and the weight in the first pose."
+    axes += in_motion.BODY if c.ellipsoid is not None else ""
     return (
         f"<section><h2>{escape(section.title)}</h2><p class='unit'>{head}</p>{paragraphs_html(section.paragraphs)}"
         f"{_verdict(c, section.missed)}"
         f"<div class='side-by-side'><div><h3>Parameters</h3>{_parameters(c)}</div>"
-        f"<div>{figure_html(drawn, axes) if drawn else ''}</div></div>"
+        f"<div>{figure_html(drawn, axes) if drawn else ''}{_principal(c)}</div></div>"
         f"<h3>Fit</h3>{_fit(c)}{_assumptions(c)}{_alternatives(c)}{_signals(c, section.samples)}"
         f"{_in_motion(c, section.samples)}{_left_out(c)}"
         f"{''.join(_poses(c)) if c.fitted_poses else many}{_provenance(c)}</section>\n"
@@ -213,6 +214,11 @@ def _left_out(c: Calibration) -> str:
 def _parameters(c: Calibration) -> str:
     rows = ([name, value, f"+- {std}" if std else "", unit] for name, value, std, unit in parameter_rows(c))
     return plain_table(["", "value", "std", "unit"], rows, "unit")
+
+
+def _principal(c: Calibration) -> str:
+    """Of the ellipsoid the moments and semi-axes, where the inertia is known."""
+    return "" if c.ellipsoid is None else plain_table(in_motion.PRINCIPAL, in_motion.principal_rows(c.ellipsoid))
 
 
 def _fit(c: Calibration) -> str:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..calibration.calibration import Calibration
+from ..calibration.dynamics import Ellipsoid
 from ..compensate.contact_wrenches import motion_of
 from ..estimation.in_motion import as_stamped
 from ..geometry.arrays import Array
 from ..samples.samples import Samples
 from ..samples.timestamps import spread_evenly
+from ..statistics import meaningful_digits
 from .figures import METHODS, PARTS, WIDTH, drawing, svg_text
 from .signals import envelope
 
@@ -18,6 +20,25 @@ LONGEST_WINDOW = 4.0
 """s, of which spectra are averaged."""
 LOWEST = 1e-6
 """Of a logarithmic scale."""
+
+
+BODY = (
+    " Brown: the uniform solid ellipsoid of the same mass and inertia, with its principal axes; the band is two std "
+    "of its semi-axes, cut off where that is far more. Around the centre of mass its 95 % ellipse, where it "
+    "is large enough to be seen."
+)
+PRINCIPAL = ("principal axis", "moment, kg cm²", "semi-axis, mm", "± 2 std")
+
+
+def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str, str]]:
+    """Of each principal axis, sensor axes, the moment with its std, and the semi-axis with what two std make of it."""
+    rows = []
+    for k, axis in enumerate(body.axes.T):
+        along = ", ".join(f"{part:.2f}" for part in axis * np.sign(axis[np.argmax(np.abs(axis))]))
+        moment = " +- ".join(meaningful_digits(1e4 * float(body.moments[k]), 1e4 * float(body.moment_std[k])))
+        low, middle, high = (f"{1e3 * float(of[k]):.2g}" for of in (body.low, body.semi_axes, body.high))
+        rows.append((along, moment, middle, f"{low} to {high}"))
+    return rows
 
 
 def left_in_motion(calibration: Calibration, samples: Samples) -> str:

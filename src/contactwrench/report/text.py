@@ -30,7 +30,13 @@ NOTABLE_CLOCK = 0.5
 """s by which stamps in headers may differ from the bag's own before it is said."""
 MOST_FRAMES, MOST_EPISODES = 60, 10
 _MILLI = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
-_SPOKEN = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg"), "N m": (1e3, "mN m"), "s": (1e3, "ms")}
+_SPOKEN = {
+    "m": (1e3, "mm"),
+    "rad": (180.0 / np.pi, "deg"),
+    "N m": (1e3, "mN m"),
+    "s": (1e3, "ms"),
+    "kg m^2": (1e4, "kg cm^2"),
+}
 
 
 def json_text(values: Any) -> str:
@@ -91,7 +97,7 @@ def held_object_text(held: HeldObject) -> str:
         *answer,
         *_axes_lines({"residual rms": held.residual_rms}),
         f"  chi-square {held.chi2:.3g} per degree of freedom, probability {percent(held.probability)}",
-        *(f"{'REFUSED' if f.kind in REFUSALS else 'Warning'}  {f.text}" for f in held.findings),
+        *(f"{'REFUSED' if f.kind in REFUSALS else f.label:<7}  {f.text}" for f in held.findings),
     ]
     return "\n".join(map(visible, lines))
 
@@ -133,13 +139,16 @@ def difference_text(change: Difference) -> str:
     """What the changes mean; each with its standard deviation, in the units that people speak, * marking more than
     three of them.
     """
-    lines = [*change.meaning, "", f"  {'':<9} {'change':>10}    {'std':<9} {'unit':<5} {'in std':>7}"]
+    lines = [*change.meaning, "", f"  {'':<10} {'change':>10}    {'std':<9} {'unit':<7} {'in std':>7}"]
     for name, unit, value, std, ratio in zip(
         change.names, change.units, change.change, change.std, change.in_std, strict=True
     ):
         factor, spoken = _SPOKEN.get(unit, (1.0, unit))
         mark = "*" if name in change.significant else " "
-        lines.append(f"{mark} {name:<9} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken:<5} {ratio:>+7.1f}")
+        lines.append(f"{mark} {name:<10} {factor * value:>+10.4g} +- {factor * std:<9.2g} {spoken:<7} {ratio:>+7.1f}")
+    if change.inertia_known in ((True, False), (False, True)):
+        one = "earlier" if change.inertia_known[0] else "later"
+        lines.append(f"  inertia and sensor offset are known of the {one} one only, and not compared")
     if change.gravity_angle > 0.0:
         lines.append(f"  gravity is {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes")
     if change.mounting_angle is not None:
@@ -155,8 +164,8 @@ def difference_text(change: Difference) -> str:
 
 
 def difference_json(change: Difference) -> str:
-    """`change`, `std` and `in_std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle`, `significant`, the
-    joint test of each group, and the `meaning` in words.
+    """`change`, `std` and `in_std` by parameter, `free_wrench`, `mounting_angle`, `gravity_angle`, `inertia_known` of
+    each, `significant`, the joint test of each group, and the `meaning` in words.
     """
     return json_text(
         {
@@ -166,6 +175,7 @@ def difference_json(change: Difference) -> str:
             "free_wrench": change.free_wrench,
             "mounting_angle": change.mounting_angle,
             "gravity_angle": change.gravity_angle,
+            "inertia_known": change.inertia_known,
             "significant": change.significant,
             "in_std": dict(zip(change.names, change.in_std.tolist(), strict=True)),
             "groups": {group.name: {"parameters": group.parameters, **_test(group)} for group in change.groups},

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, Rows, Vector, column
@@ -155,11 +156,11 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
 
 
 def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> float:
-    """s, by which an accelerometer's readings (n, 3) are later than forces (n, 3) at times t (n,), where that shows; else
-    0. A rigid tool has both alike, gravity included: less what goes with the `angular` terms (n, k), one is a fixed
+    """s, by which an accelerometer's readings (n, 3) are later than forces (n, 3) at times t (n,); 0 where that does not
+    show. A rigid tool has both alike, gravity included: less what goes with the `angular` terms (n, k), one is a fixed
     matrix times the other.
     """
-    known = np.isfinite(reading).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1))
     period, n = float(np.median(np.diff(t))), len(t)
     frequency = np.fft.rfftfreq(2 * n, period)
     compared = (frequency > SLOWEST) & (frequency < FASTEST)

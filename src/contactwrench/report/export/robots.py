@@ -9,8 +9,9 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
 from ...recording.base_frames import AGAINST_CONTROLLER
-from .payload import fixed, payload_on_flange
+from .payload import fixed, payload_on_flange, principal_axes
 from .target import Parameters, Setup, Target, commented
+from .tool import roll_pitch_yaw
 
 NEEDS = "--sensor-offset, --sensor-mass, --sensor-com"
 USES = ("sensor_offset", "sensor_mass", "sensor_com")
@@ -23,26 +24,40 @@ def _listed(vector: Vector, scale: float = 1.0, digits: int = 9, between: str = 
     return between.join(fixed(part, digits) for part in (scale * vector).tolist())
 
 
+NOT_TAKEN = "moments of inertia are not in here: the command takes none"
+FLANGE_AXES = "in flange axes"
+
+
 def _mm(com: Vector) -> str:
     return _listed(com, IN_MM, 6)
 
 
 def _ur(calibration: Calibration, setup: Setup) -> Parameters:
-    """URScript manual: set_payload(m, cog), kg and m from the tool mount (set_target_payload: the same); payload and
-    force: universal-robots.com, SW10_6 prod-scriptmanual set_target_payload; set_gravity: article 7th-axis gravity
-    settings, (0, 0, 9.82) on an upright base, the acceleration that holds the robot up.
+    """URScript manual: set_payload(m, cog), kg and m from the tool mount; set_target_payload(m, cog, inertia): matrix
+    elements Ixx, Iyy, Izz, Ixy, Ixz, Iyz, kg m^2, with origin in the CoG and the axes aligned with the tool flange's;
+    payload and force: universal-robots.com, SW10_6 prod-scriptmanual set_target_payload; set_gravity: article 7th-axis
+    gravity settings, (0, 0, 9.82) on an upright base, the acceleration that holds the robot up.
     """
     payload = payload_on_flange(calibration, setup, "ur")
     mass, cog = fixed(payload.mass, 8), _listed(payload.com)
     R_controller_base = AGAINST_CONTROLLER.get(str(calibration.provenance.get("base_frame")), np.eye(3))
     upward = -calibration.g * R_controller_base @ calibration.gravity_direction
     x, y, z = (f"{part:.2f}" for part in (IN_MM * payload.com).tolist())
-    return payload.parameters(
+    body, other = (
         f"set_payload({mass}, [{cog}])\n",
+        "where set_payload is deprecated, set_target_payload takes the same",
+    )
+    if payload.inertia is not None:
+        moments = _listed(payload.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+        body = f"set_target_payload({mass}, [{cog}], [{moments}])\n"
+        other = "a controller without set_target_payload takes set_payload with the first"
+    return payload.parameters(
+        body,
         "m",
         f"set_gravity([{_listed(upward, digits=6)}])",
+        payload.inertia_written(f"{FLANGE_AXES}: xx, yy, zz, xy, xz, yz"),
         f"PolyScope, Installation, Payload: {payload.mass:.3f} kg, CX {x} mm, CY {y} mm, CZ {z} mm",
-        "where set_payload is deprecated, set_target_payload takes the same two arguments",
+        f"{other} two arguments",
         "ur_msgs/srv/SetPayload: mass and center_of_gravity are these numbers",
         "setting a payload zeroes the force reading: do it with the tool free; get_tcp_force() has the payload "
         "subtracted already, so subtract nothing from it again",
@@ -50,37 +65,52 @@ def _ur(calibration: Calibration, setup: Setup) -> Parameters:
 
 
 def _franka(calibration: Calibration, setup: Setup) -> Parameters:
-    """frankaemika/libfranka include/franka/robot.h (setLoad), robot_state.h (m_total) and issue 48 (what stays on the
+    """frankaemika/libfranka include/franka/robot.h (setLoad), robot_state.h (m_total; I_load: with respect to the
+    centre of mass, in the flange's axes as F_x_Cload is) and issue 48 (what stays on the
     flange is set in Desk); frankaemika/franka_ros2 franka_msgs/srv/SetLoad.srv.
     """
     payload = payload_on_flange(calibration, setup, "franka")
-    mass, com, inertia = fixed(payload.mass, 8), _listed(payload.com), ", ".join(["0.0"] * 9)
+    mass, com = fixed(payload.mass, 8), _listed(payload.com)
+    inertia = _listed(np.zeros(9) if payload.inertia is None else payload.inertia.T.ravel())
     return payload.parameters(
         f"mass: {mass}\ncenter_of_mass: [{com}]\nload_inertia: [{inertia}]\n",
         "m",
         "no setting of libfranka",
+        payload.inertia_written(FLANGE_AXES),
         f"libfranka: robot.setLoad({mass}, {{{com}}}, {{{inertia}}}); inertia about the centre of mass, column by "
         "column, kg m^2",
         "franka_msgs/srv/SetLoad; in ROS 1 center_of_mass is called F_x_center_load",
         "what stays on the flange may as well be Desk's end effector, with these numbers; the robot adds the two "
         "(m_total = m_ee + m_load): never both",
-        "whether a robot takes moments of inertia of 0 is not published: should it refuse, write 0.001 on the diagonal",
+        *(
+            [
+                "whether a robot takes moments of inertia of 0 is not published: should it refuse, write 0.001 on the "
+                "diagonal"
+            ]
+            * (payload.inertia is None)
+        ),
         "O_T_EE is the end effector's orientation: recorded with another F_T_EE than the flange's own axes (a Franka "
-        "Hand: turned by -45 deg about z), turn center_of_mass by the rotation in F_T_EE",
+        "Hand: turned by -45 deg about z), turn center_of_mass and load_inertia by the rotation in F_T_EE",
     )
 
 
 def _kuka(calibration: Calibration, setup: Setup) -> Parameters:
     """KRL's LOAD in $config.dat; frames and names: Beckhoff TF5120, KRC_WriteLoadData (M; X, Y, Z and A, B, C relative
-    to the flange; JX, JY, JZ); LoadData of the LBR iiwa: examples of Sunrise.Connectivity (kg, mm).
+    to the flange: of the principal inertia axes; JX, JY, JZ); A, B, C turn about z, y and x in turn, and the origin is
+    the centre of mass: KUKA, MA KR IONTEC, load centre of gravity; LoadData of the LBR iiwa: examples of
+    Sunrise.Connectivity (kg, mm).
     """
     payload = payload_on_flange(calibration, setup, "kuka")
     mass, com = fixed(payload.mass, 8), (IN_MM * payload.com).tolist()
     x, y, z = (fixed(part, 6) for part in com)
+    moments, R = (np.zeros(3), np.eye(3)) if payload.inertia is None else principal_axes(payload.inertia)
+    a, b, c = (fixed(part, 6) for part in np.rad2deg(roll_pitch_yaw(R))[::-1].tolist())
+    jx, jy, jz = (fixed(part, 9) for part in moments.tolist())
     return payload.parameters(
-        f"LOAD_DATA[1]={{M {mass},CM {{X {x},Y {y},Z {z},A 0.0,B 0.0,C 0.0}},J {{X 0.0,Y 0.0,Z 0.0}}}}\n",
+        f"LOAD_DATA[1]={{M {mass},CM {{X {x},Y {y},Z {z},A {a},B {b},C {c}}},J {{X {jx},Y {jy},Z {jz}}}}}\n",
         "mm",
         "$ROBROOT",
+        payload.inertia_written("principal ones: A, B, C turn the flange's axes onto theirs"),
         "$config.dat of a KR C, with the number of your tool for 1, or by hand as the tool's load data (M; X, Y, Z mm; "
         "A, B, C deg; JX, JY, JZ kg m^2); $LOAD=LOAD_DATA[1] makes it active",
         f"LBR iiwa, Sunrise: LoadData load = new LoadData(); load.setMass({mass}); "
@@ -90,14 +120,20 @@ def _kuka(calibration: Calibration, setup: Setup) -> Parameters:
 
 def _abb(calibration: Calibration, setup: Setup) -> Parameters:
     """RAPID reference manual, loaddata and tooldata: kg, mm, quaternion q1..q4, kg m^2; the centre of gravity of a
-    tool's load is in the wrist's coordinates, that of a payload in the tool's; all inertia 0: a point mass.
+    tool's load is in the wrist's coordinates, that of a payload in the tool's; aom: the principal axes, with their
+    origin in the centre of gravity (ros-industrial/abb_robot_driver_interfaces, LoadData.msg); all inertia 0: a point.
     """
+    from scipy.spatial.transform import Rotation
+
     payload = payload_on_flange(calibration, setup, "abb")
+    moments, R = (np.zeros(3), np.eye(3)) if payload.inertia is None else principal_axes(payload.inertia)
+    aom = np.roll(Rotation.from_matrix(R).as_quat(), 1)
     return payload.parameters(
         f"PERS loaddata tool_with_sensor:=[{fixed(payload.mass, 8)},[{_listed(payload.com, IN_MM, 6, ',')}],"
-        "[1,0,0,0],0,0,0];\n",
+        f"[{_listed(aom, between=',')}],{_listed(moments, between=',')}];\n",
         "mm",
         "Gravity Alpha with Gravity Beta (topic Motion, type Robot)",
+        payload.inertia_written("principal ones: the quaternion turns the flange's axes onto theirs"),
         "the third part (tload) of your tooldata, which counts in the wrist's coordinates, tool0; GripLoad counts in "
         "the active tool's: there only with tool0",
     )
@@ -105,7 +141,8 @@ def _abb(calibration: Calibration, setup: Setup) -> Parameters:
 
 def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
     """The screen MOTION/PAYLOAD SET (kg, cm, kgf cm s^2; x up, y right and z out of the faceplate of an arm at zero,
-    the axes of tool frame 0): Lincoln Electric, Setting robot payload.
+    the axes of tool frame 0): Lincoln Electric, Setting robot payload. About which point the inertia counts, the centre
+    of mass or the faceplate, differs from source to source, and products of inertia have no place.
     """
     payload = payload_on_flange(calibration, setup, "fanuc")
     centre = zip("XYZ", (IN_CM * payload.com).tolist(), strict=True)
@@ -116,6 +153,8 @@ def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
         "".join(f"{line}\n" for line in lines),
         "cm",
         "the mount angle of the robot setup",
+        "moments of inertia, found or not, are written as 0, a point mass: sources differ on the point about which "
+        "this screen counts them, and products of inertia have no place in it",
         "MENU, SYSTEM, MOTION, DETAIL of a schedule; PAYLOAD[n] in a program makes schedule n active; the same as "
         "$PLST_GRP1[n].$PAYLOAD, $PAYLOAD_X, ...",
     )
@@ -132,6 +171,7 @@ def _xarm(calibration: Calibration, setup: Setup) -> Parameters:
         f"arm.set_tcp_load({fixed(payload.mass, 8)}, [{_mm(payload.com)}])\n",
         "mm",
         f"arm.set_gravity_direction([{_listed(calibration.gravity_direction)}])",
+        NOT_TAKEN,
         f"UFACTORY's own sensor also takes arm.set_ft_sensor_load_offset([{own}]): tool's mass, centre of mass (mm) "
         "and offset (N, N m) in the sensor's axes. What the firmware makes of axes and signs is not published: use it "
         "only if arm.get_ft_sensor_data() then reads about 0 in several orientations of the free tool",
@@ -150,6 +190,7 @@ def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
         f"robot.SetLoadWeight(0, {mass})\nrobot.SetLoadCoord({_mm(payload.com)})\n",
         "mm",
         "robot.SetRobotInstallAngle(yangle, zangle)",
+        NOT_TAKEN,
         f"an SDK before load numbers takes robot.SetLoadWeight({mass})",
         f"a sensor that the controller reads: robot.SetForceSensorPayload({fixed(payload.tool_mass, 8)}), "
         f"robot.SetForceSensorPayloadCog({_mm(payload.tool_com)}): the tool alone, from the sensor's origin in its "
