@@ -157,7 +157,7 @@ class Compensator:
             raise InputError(TAKEN)
         said, result = self._runner.step(reading, turn, t, heat, place)
         if self._settings.knows_inertia:
-            self._std = read_only(self._runner.sample.wrench_std)
+            self._std = self._runner.std()
         if said != ASK:
             return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
         events, fault, detail, channel, judged = self._runner.told()

@@ -127,6 +127,10 @@ class Plain:
         take(self.state, sample, self._ring, turn.size)
         return sample.said, read_only(sample.wrench)
 
+    def std(self) -> Array:
+        """Of the last contact wrench (6,), in motion."""
+        return read_only(self.sample.wrench_std)
+
     def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
         """A pose without a reading."""
         sample = self.sample
@@ -165,7 +169,7 @@ class Compiled:
         self.state: Any = self._record.view(np.recarray)[0]
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
-        self._position = self.sample.position
+        self._position, self._std = self.sample.position, self.sample.wrench_std
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
         self._told = [self._samples[name] for name in TOLD]
         self._time, self._temperature, self._passed, self._said = (
@@ -185,6 +189,10 @@ class Compiled:
         self._time[0], self._temperature[0] = t, temperature
         self._advance(self._record, self._samples, self._ring, width, 0)
         return self._said.item(), np.frombuffer(self._wrench.tobytes())
+
+    def std(self) -> Array:
+        """Of the last contact wrench (6,), in motion."""
+        return np.frombuffer(self._std.tobytes())
 
     def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
         """A pose without a reading."""

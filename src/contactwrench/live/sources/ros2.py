@@ -105,7 +105,7 @@ class Ros2:
         else:
             p, q = inner.position, inner.orientation
             turn: Four = (q.x, q.y, q.z, q.w)
-            position: Three = (p.x, p.y, p.z)
+            position: Three | None = (p.x, p.y, p.z) if p.x or p.y or p.z else None  # nobody filled it in
             batch.samples.append(Sample(arrival, device, None, turn, position))
 
     def _made(self) -> tuple[Subscription, str]:
