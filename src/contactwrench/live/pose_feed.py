@@ -27,9 +27,8 @@ class PoseFeed:
     """The poses of one robot.
 
     They are given as they came, and not as the track interpolates them for readings: between poses that is a straight
-    line, and all acceleration would be at its ends. None is given before its own time has come, so that readings which
-    wait for each other find the same poses as those that do not: what noise there is in accelerations is fast, and a
-    low-pass takes it out where each of them lasts equally long.
+    line, and all acceleration would be at its ends. None is given to a reading of before it, though both came together:
+    the noise of accelerations is fast, and a low-pass takes it out only where each of them lasts equally long.
 
     Args:
         compensator: that takes them.
@@ -71,7 +70,7 @@ class PoseFeed:
         if self._known == -inf:
             return f"stale: the motion is not known yet, {ENOUGH} poses in a row tell it"
         age = now - self._newest
-        return f"stale: the position is {age:.2f} s old" if age > longest else ""
+        return f"stale: the position is {age:.2f} s old" if age > longest + CLOSEST else ""
 
     def _give(self, t: float, pose: Sample, longest: float) -> None:
         """By the robot's own clock: the line that its times lie on moves as more of them are known, and by arrivals a
