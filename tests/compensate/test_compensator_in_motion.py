@@ -122,10 +122,18 @@ def test_poses_by_themselves_tell_what_those_beside_readings_do(fast: bool) -> N
             again.pose(R, place, t, since)
         again.pose(R, none, t, 0.0)
         again.pose(2.0 * R, place, t, 0.0)
+        again.pose(R, place, np.nan, 0.0)
         for compensator in (alone, again):
             found = compensator(s.wrench[k], R, t)
             assert found.wrench == pytest.approx(expected.wrench[k], abs=1e-12)
             assert found.std == pytest.approx(expected.std[k], nan_ok=True)
+    alone.pose(s.R_base_flange[900], s.position[900], float(s.t[799]), 0.0)
+    alone.pose(s.R_base_flange[900], s.position[900], float(s.t[800]), np.nan)
+    found = alone(s.wrench[800], s.R_base_flange[800], float(s.t[800]))
+    standing = alone(s.wrench[801], s.R_base_flange[801], float(s.t[801]))
+    assert found.valid
+    assert standing.valid
+    assert np.linalg.norm(standing.wrench) > np.linalg.norm(expected.wrench[-1])
     with pytest.raises(InputError, match=r"^position has shape \(2,\), expected \(3,\)$"):
         alone.pose(s.R_base_flange[0], [0.0, 0.0], 9.0, 0.002)
 

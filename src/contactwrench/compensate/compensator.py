@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from importlib.util import find_spec
-from math import ceil, inf, nan
+from math import ceil, inf, isnan, nan
 from threading import get_ident
 from typing import Any
 
@@ -175,14 +175,14 @@ class Compensator:
         Args:
             orientation, position: as of a reading; what is none is passed over.
             t: s, by the clock of the readings.
-            passed: s since the pose before, by the robot's own clock; infinite: nothing is to be told from that one.
+            passed: s since the pose before, by the robot's own clock; inf, NaN: nothing is to be told from that one.
 
         Raises:
             InputError: a shape, no numbers, or a call while another runs.
         """
         turn, place = numbers(orientation, "orientation"), numbers(position, "position")
         require_one(NOT_KNOWN, turn, place)
-        self._runner.pose(turn, place, t, passed)
+        self._runner.pose(turn, place, t, inf if isnan(passed) else passed)
 
     @by_one_thread
     def run(

@@ -93,9 +93,9 @@ def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take a pose that comes by itself, `sample.passed` s after the one before."""
     position, R = sample.position, s.R
     squared = from_quaternion(sample.orientation, R) if width == 4 else from_matrix(sample.orientation, R)
-    place = position[0] + position[1] + position[2]
+    known = position[0] + position[1] + position[2] + sample.time
     s.pose_repeats += sample.passed
-    if abs(squared - 1.0) <= SQUARED_TOLERANCE and place - place == 0.0:
+    if abs(squared - 1.0) <= SQUARED_TOLERANCE and known - known == 0.0:
         s.poses_alone = True
         repeats = SLOWEST_POSES if s.poses == 0 else min(REPEATED * s.pose_period, SLOWEST_POSES)
         follow_pose(s, sample, ring, s.pose_repeats, repeats)
@@ -112,7 +112,7 @@ def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float, repeats: 
         new = new or position[k] != last[k]
     for k in range(9):
         new = new or R[k] != before[k]
-    if not new:
+    if not new or passed <= 0.0:
         return
     known = s.poses
     s.poses = min(s.poses + 1, 3) if passed < 2.0 * SLOWEST_POSES else 0
