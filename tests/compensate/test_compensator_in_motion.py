@@ -98,6 +98,64 @@ def test_a_position_that_is_not_known_is_an_arm_at_rest() -> None:
         compensator.run(s.wrench, s.R_base_flange, s.t, position=np.zeros(4))
 
 
+def test_where_positions_come_again_the_motion_is_known_again() -> None:
+    s = recorded(free())
+    place = s.position.copy()
+    place[1400:1410] = np.nan
+    found = running(True).run(s.wrench, s.R_base_flange, s.t, position=place)
+    assert np.isfinite(found.wrench).all()
+    assert np.isfinite(found.std[100:]).all()
+    assert rms(found.wrench[1415:]) < 0.05
+
+
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+def test_poses_by_themselves_tell_what_those_beside_readings_do(fast: bool) -> None:
+    """Also where each is sent three times, and others are no poses."""
+    s, none = recorded(free()), np.full(3, np.nan)
+    beside, alone, again = (running(fast, delay=0.0) for _ in range(3))
+    passed = np.diff(s.t, prepend=-np.inf)
+    expected = beside.run(s.wrench[:800], s.R_base_flange[:800], s.t[:800], position=s.position[:800])
+    for k in range(800):
+        R, place, t = s.R_base_flange[k], s.position[k], float(s.t[k])
+        alone.pose(R, place, t, passed[k])
+        for since in (passed[k], 0.0, 0.0):
+            again.pose(R, place, t, since)
+        again.pose(R, none, t, 0.0)
+        again.pose(2.0 * R, place, t, 0.0)
+        again.pose(R, place, np.nan, 0.0)
+        for compensator in (alone, again):
+            found = compensator(s.wrench[k], R, t)
+            assert found.wrench == pytest.approx(expected.wrench[k], abs=1e-12)
+            assert found.std == pytest.approx(expected.std[k], nan_ok=True)
+    alone.pose(s.R_base_flange[900], s.position[900], float(s.t[799]), 0.0)
+    alone.pose(s.R_base_flange[900], s.position[900], float(s.t[800]), np.nan)
+    found = alone(s.wrench[800], s.R_base_flange[800], float(s.t[800]))
+    standing = alone(s.wrench[801], s.R_base_flange[801], float(s.t[801]))
+    assert found.valid
+    assert standing.valid
+    assert np.linalg.norm(standing.wrench) > np.linalg.norm(expected.wrench[-1])
+    with pytest.raises(InputError, match=r"^position has shape \(2,\), expected \(3,\)$"):
+        alone.pose(s.R_base_flange[0], [0.0, 0.0], 9.0, 0.002)
+
+
+def test_an_arm_that_stops_hard_is_at_rest_when_its_pose_repeats() -> None:
+    """From 3 m/s^2 within one pose: a pose that repeats may also be one that is sent again."""
+    cal, R = of_exact_poses(), recorded(free()).R_base_flange[0]
+    compensator = cw.Compensator(cal, rate=250.0, lowpass=20.0, delay=0.0, fast=False)
+    period = 0.004
+    t = period * np.arange(200)
+    x = np.where(t < 0.4, 1.5 * (t - 0.4) ** 2, 0.0)
+    exerted = np.r_[-cal.mass * ([3.0, 0.0, 0.0] @ R @ cal.R_flange_sensor), np.zeros(3)]
+    exerted[3:] = np.cross(cal.com, exerted[:3])
+    left = []
+    for k, now in enumerate(t.tolist()):
+        compensator.pose(R, [x[k], 0.0, 0.0], now, period if k else np.inf)
+        left.append(compensator(cal.predict(R) + (now < 0.4) * exerted, R, now).wrench[:3])
+    assert np.abs(left[90:100]).max() < 0.01
+    assert np.linalg.norm(left, axis=1).max() > 1.0
+    assert np.abs(left[125:]).max() < 0.02
+
+
 def test_an_arm_that_does_not_turn_is_a_motion_too() -> None:
     """Nothing but the acceleration is felt; `is_stream` looks at turns alone."""
     cal = of_exact_poses()

@@ -158,6 +158,17 @@ def test_what_is_not_valid_says_why_and_shows_no_number(browser: Any) -> None:
         assert set(page.locator("#numbers .value").all_inner_texts()) == {"–"}
 
 
+def test_it_says_whether_inertia_is_subtracted(browser: Any) -> None:
+    moment = snapshot(Phase.RUN)
+    assert moment.running is not None
+    said = {None: "", True: " The tool's inertia is subtracted.", False: " The tool's inertia is not subtracted."}
+    with showing(moment) as (hub, server), opened(browser, server.url) as page:
+        for inertia, text in said.items():
+            running = msgspec.structs.replace(moment.running, inertia=inertia)
+            hub.publish(msgspec.json.encode(msgspec.structs.replace(moment, running=running)))
+            seen(page, "#run-text", f"Calibration gripper.json.{text} 12 readings were not valid.")
+
+
 def test_news_that_stop_are_marked_and_come_back(browser: Any) -> None:
     with showing(snapshot(Phase.RUN)) as (hub, server), opened(browser, server.url) as page:
         seen(page, "#link", "● live")

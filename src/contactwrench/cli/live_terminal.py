@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..live.page import Hub
 
 WORDS = {Command.NEXT: "Enter: go on"}
+INERTIA = {None: "", True: " The tool's inertia is subtracted.", False: " The tool's inertia is not subtracted."}
 
 
 class Terminal:
@@ -70,4 +71,4 @@ def instruction(snapshot: Snapshot) -> str:
             return f"Fit: {fit.refusal}" if fit.refusal else f"Fit: verdict {fit.verdict}; sign {fit.sign}."
         case Phase.VERIFY:
             return f"Verify: {snapshot.verified or f'{len(snapshot.checks)} of 2 new poses taken'}."
-    return "Running."
+    return f"Running.{INERTIA[None if snapshot.running is None else snapshot.running.inertia]}"

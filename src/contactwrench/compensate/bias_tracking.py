@@ -74,6 +74,13 @@ def start(s: State, mean: Array, covariance: Array, H: Array, between: Array, R_
             row[: len(numbers)] = numbers
 
 
+def start_anew(s: State, mean: Array, variance: Array, R_base_flange: Array) -> None:
+    """From now on the offset is a mean (6,) of free readings with a variance (6,), at the temperature of now."""
+    start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R_base_flange, float(s.time))
+    if s.first_temperature == s.first_temperature:
+        s.first_temperature = s.temperature
+
+
 def poses_differ_by(s: State, between: Array) -> None:
     """Another variance (6,) of what poses differ by, from now on."""
     for k, variance in enumerate(between.tolist()):

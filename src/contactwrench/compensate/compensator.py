@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from importlib.util import find_spec
-from math import ceil, inf, nan
+from math import ceil, inf, isnan, nan
 from threading import get_ident
 from typing import Any
 
@@ -18,22 +18,21 @@ from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
-from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start, track
+from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start_anew, track
 from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of
-from .filters import LowPass, delay_of
-from .inertia import gains_of_poses, noisier_in_motion, use_inertia
+from .filters import LowPass, delay_of, use_low_pass
+from .inertia import gains_of_poses, known_motion, placed, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
-from .runner import TAKEN, Compiled, Plain, by_one_thread, given, results_of
-from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, RATE_FOUND, TERMS, State
+from .runner import TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
+from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
 LEAST_LOOK_BACK = 0.02
 """s: over which the arm's turn is taken that a pose which comes late is carried on with."""
-NOWHERE = read_only(np.full(3, nan))
 DENSEST = 10_000.0
 """Hz: the ring of past orientations has room for this many a second."""
 
@@ -102,11 +101,10 @@ class Compensator:
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
         use_inertia(s, calibration)
-        s.dof = calibration.dof
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
-        s.follows_bias = drift is not None
+        s.dof, s.follows_bias = calibration.dof, drift is not None
         of_an_hour = six_numbers(None if drift is None else with_torques(drift), "drift", WALK)
         s.walk = [std * std / HOUR for std in of_an_hour]
         self._steps = Compiled if fast or (fast is None and find_spec("numba")) else Plain
@@ -117,8 +115,8 @@ class Compensator:
         s = deepcopy(self._settings)
         self._noise = known_noise(self._calibration, self._stated, self._rate)
         track(s, self._calibration, between_poses(self._calibration, self._noise.of_sample * s.knows_noise))
-        room = 2 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
-        self._runner = self._steps(s, np.zeros((room, 4 + TERMS * s.knows_inertia)))
+        room = 4 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
+        self._runner = self._steps(s, np.zeros((room, OF_DOWN + OF_MOTION * s.knows_inertia)))
         self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
         self._use_noise(None)
@@ -151,29 +149,40 @@ class Compensator:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
         reading, turn = numbers(wrench, "wrench"), numbers(orientation, "orientation")
-        if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
-            raise InputError(
-                f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
-            )
+        place = NOT_KNOWN[:3] if position is None else placed(self._calibration, position)
+        require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None else number(temperature, "temperature")
         if vars(self).setdefault("owner", me := get_ident()) != me:  # as `by_one_thread`, without another call
             raise InputError(TAKEN)
-        place = NOWHERE if position is None else numbers(position, "position")
-        if place.shape != (3,):
-            raise InputError(f"position has shape {place.shape}, expected (3,)")
         said, result = self._runner.step(reading, turn, t, heat, place)
+        if self._settings.knows_inertia:
+            self._std = self._runner.std()
         if said != ASK:
-            std = read_only(self._runner.sample.wrench_std) if self._settings.knows_inertia else self._std
-            return ContactWrench(result, std, float(t), True, None, said == TOUCHING)
+            return ContactWrench(result, self._std, float(t), True, None, said == TOUCHING)
         events, fault, detail, channel, judged = self._runner.told()
         if events:
             self._attend(events)
-        if self._settings.knows_inertia:
-            self._std = read_only(self._runner.sample.wrench_std)
         contact = None if judged == NOT_JUDGED else bool(judged)
         std = self._std if fault <= SAME or fault >= BACK else NOT_KNOWN
         return ContactWrench(result, std, float(t), fault <= SAME, reason_of(fault, detail, channel), contact)
+
+    @by_one_thread
+    def pose(self, orientation: ArrayLike, position: ArrayLike, t: float, passed: float) -> None:
+        """Take a pose that comes at a time of its own; readings then come without a position. It tells the motion at
+        the pose before it. At most two poses may be ahead of the next reading: more are not kept.
+
+        Args:
+            orientation, position: as of a reading; what is none is passed over.
+            t: s, by the clock of the readings.
+            passed: s since the pose before, by the robot's own clock; inf, NaN: nothing is to be told from that one.
+
+        Raises:
+            InputError: a shape, no numbers, or a call while another runs.
+        """
+        turn, place = numbers(orientation, "orientation"), placed(self._calibration, position)
+        require_one(NOT_KNOWN, turn, place)
+        self._runner.pose(turn, place, t, inf if isnan(passed) else passed)
 
     @by_one_thread
     def run(
@@ -199,13 +208,9 @@ class Compensator:
         Raises:
             InputError: shapes that do not pair, else as for a single reading.
         """
-        readings, _ = wrench_rows(wrench)
-        moving = (
-            ()
-            if motion is None
-            else (motion.terms, noisier_in_motion(self._calibration, np.asarray(orientation), motion))
-        )
-        samples, width = given(readings, orientation, t, temperature, position, *moving)
+        moving = () if motion is None else known_motion(self._calibration, orientation, motion)
+        place = None if position is None else placed(self._calibration, position)
+        samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
         contacts: list[Contact] = []
         covariances, taken = [self._covariance()], 0
         while taken < len(samples):
@@ -229,9 +234,7 @@ class Compensator:
         s, before = self._runner.state, self.drift
         require_let_go(s)
         mean, variance, R = free_mean(self._calibration, samples, self._noise if s.knows_noise else None)
-        start(s, mean, np.diag(variance), np.zeros((6, s.parameters)), np.zeros(6), R, float(s.time))
-        if s.first_temperature == s.first_temperature:
-            s.first_temperature = s.temperature
+        start_anew(s, mean, variance, R)
         s.spoiled, s.fresh, s.touching, s.run = True, WRENCH_ALONE, False, 0
         of_calibration = self._calibration.wrench_covariance(R).diagonal() + np.array(s.between)
         return Zero(mean - before, np.sqrt(of_calibration + variance))
@@ -259,7 +262,7 @@ class Compensator:
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""
         s = self._runner.state
-        if events & COVARIANCE:
+        if events & COVARIANCE and not s.knows_inertia:
             self._std = read_only(s.wrench_std)
         if events & ENDED:
             self._last_contact = self._contact(float(s.release))
@@ -274,10 +277,8 @@ class Compensator:
 
     def _use_rate(self, rate: float) -> None:
         s = self._runner.state
-        for low_pass, into in ((self._lowpass, s.lowpass), (self._sensor, s.sensor)):
-            sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
-            for row, section in zip(into, sections, strict=False):
-                row[:] = section
+        use_low_pass(self._lowpass, rate, s.lowpass)
+        use_low_pass(self._sensor, rate, s.sensor)
         s.longest_gap, s.interval, s.stamps = max(GAP_SECONDS, GAP_SAMPLES / rate), 1.0 / rate, INTERVALS
         if s.knows_noise:
             self._noise = known_noise(self._calibration, self._stated, rate)

@@ -136,6 +136,13 @@ def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:
     return result
 
 
+def use_low_pass(low_pass: LowPass | None, rate: float, into: Matrix) -> None:
+    """Write its sections at a rate, Hz, as the kernel has them; nothing for none."""
+    sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
+    for row, section in zip(into, sections, strict=False):
+        row[:] = section
+
+
 def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:
     """The calibration's delay where its data tell it from zero, else 0; less the lag of a filter that is made up for by
     itself: what was estimated from a motion contains it.
@@ -165,7 +172,7 @@ def as_the_wrench_is_stamped(
     s.ring_next = (newest + 1) % size
     if at == newest and not fresh:
         at = (newest + 1) % size
-    at, after, share = looked_up(ring, at, newest, now - s.look_back)
+    at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
     s.ring_at = at
     older, later = ring[at], ring[after]
     xb = older[1] + share * (later[1] - older[1])
@@ -179,15 +186,15 @@ def as_the_wrench_is_stamped(
 
 
 @kernel
-def looked_up(ring: Matrix, at: int, newest: int, wanted: float) -> tuple[int, int, float]:
-    """The entries of a ring before and after a time, `at` or later, and how far it lies between the two: entries begin
-    with their times, s.
+def looked_up(ring: Matrix, column: int, at: int, newest: int, wanted: float) -> tuple[int, int, float]:
+    """The entries of a ring before and after a time, `at` or later, and how far it lies between the two. In `column`
+    they have their times, s.
     """
     size = len(ring)
-    while at != newest and ring[(at + 1) % size][0] <= wanted:
+    while at != newest and ring[(at + 1) % size][column] <= wanted:
         at = (at + 1) % size
     after = at if at == newest else (at + 1) % size
-    older, later = ring[at][0], ring[after][0]
+    older, later = ring[at][column], ring[after][column]
     return at, after, max((wanted - older) / (later - older), 0.0) if later > older else 0.0
 
 

@@ -1,22 +1,26 @@
 """What a moving tool exerts, sample by sample: from one pose to the next its velocity, from those its acceleration.
 
-Of three poses the second difference belongs to the one in the middle, so what is known now is of one pose ago; it is
-looked up as far back as the delay asks for less that. Nothing is smoothed here: the low-pass of the contact wrench
-takes reading and model alike. Differences multiply the noise of poses; what jumps from pose to pose is that noise, and
-widens the test.
+Of three poses the second difference belongs to the one in the middle, so what is known now is of one pose ago. It is
+kept with that pose's time, and looked up at the wrench's: a pose may come with a reading, or by itself. Nothing is
+smoothed here: the low-pass of the contact wrench takes reading and model alike. Differences multiply the noise of
+poses; what jumps from pose to pose is that noise, and widens the test.
 """
 
 from __future__ import annotations
 
+from math import inf, nan
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..geometry.arrays import Array
-from ..geometry.orientation import OrientationLike
+from ..errors import InputError
+from ..geometry.arrays import Array, numbers
 from ..samples.flange_motion import FlangeMotion
 from .bias_tracking import dot
+from .faults import SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
-from .state import OCTAVES_HELD, TERMS, Matrix, Row, Sample, State, kernel
+from .state import OCTAVES_HELD, OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
 
 MEMORY = 0.02
 """Of the mean over jumps, the share of the newest: fifty poses."""
@@ -28,12 +32,17 @@ KINDS = (slice(0, 3), slice(3, 9), slice(9, 12))
 """Of terms: angular acceleration, products of the angular velocity, acceleration."""
 SLOWEST_POSES = 0.1
 """s: between poses; an arm that stands states none, or the same."""
+REPEATED = 2.5
+"""Periods: for so long a pose that comes by itself may be one that is sent again; after that the arm stands."""
 
 
-def noisier_in_motion(calibration: Calibration, orientation: OrientationLike, motion: FlangeMotion) -> Array:
-    """By how much the variance (n, 6) of a contact wrench grows in a motion, orientations as of `wrench_std`."""
-    growth = calibration.wrench_std(orientation, motion) ** 2 - calibration.wrench_std(orientation) ** 2
-    return np.maximum(growth, 0.0)
+def known_motion(calibration: Calibration, orientation: ArrayLike, motion: FlangeMotion) -> tuple[Array, Array]:
+    """The terms (n, 12) of a motion, and by how much the variance (n, 6) of a contact wrench grows in it, orientations
+    as of `wrench_std`.
+    """
+    turns = np.asarray(orientation)
+    growth = calibration.wrench_std(turns, motion) ** 2 - calibration.wrench_std(turns) ** 2
+    return motion.terms, np.maximum(growth, 0.0)
 
 
 def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
@@ -64,36 +73,94 @@ def use_inertia(s: State, calibration: Calibration) -> None:
         s.uncertain = [[3.0 * float(np.linalg.eigvalsh(C[kind, kind])[-1]) for kind in KINDS] for C in of_units]
 
 
+def placed(calibration: Calibration, position: ArrayLike) -> Array:
+    """Positions of the flange. Raises `InputError` where the calibration's inertia does not count from there."""
+    if calibration.dynamics is not None and calibration.dynamics.accelerometer is not None:
+        raise InputError(
+            "found a position, and a calibration whose inertia counts from an accelerometer, expected a motion: "
+            "compensate the whole recording with --imu, or calibrate by positions"
+        )
+    return numbers(position, "position")
+
+
 @kernel
-def follow_motion(s: State, sample: Sample, fresh: bool) -> None:
-    """Take a new pose, and what it says of the `terms` at the pose before; or the terms where they are known."""
+def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
+    """Take what a sample says of the motion: its terms where they are known, or a pose. With neither the arm is at
+    rest, unless poses come by themselves.
+    """
     if sample.motion[0] == sample.motion[0]:
         for k in range(TERMS):
             s.terms[k] = sample.motion[k]
-        return
+        keep_terms(s, ring, sample.time, fresh)
+    elif sample.position[0] == sample.position[0]:
+        follow_pose(s, sample, ring, inf if fresh else sample.time - s.pose_time, SLOWEST_POSES)
+    elif not s.poses_alone:
+        s.pose_time, s.pose_period = nan, 0.0
+        begin_at_rest(s, ring, sample.time)
+
+
+@kernel
+def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
+    """Take a pose that comes by itself, `sample.passed` s after the one before."""
+    position, R = sample.position, s.R
+    squared = from_quaternion(sample.orientation, R) if width == 4 else from_matrix(sample.orientation, R)
+    known = position[0] + position[1] + position[2] + sample.time
+    s.pose_repeats += sample.passed
+    if abs(squared - 1.0) <= SQUARED_TOLERANCE and known - known == 0.0:
+        s.poses_alone = True
+        repeats = SLOWEST_POSES if s.poses == 0 else min(REPEATED * s.pose_period, SLOWEST_POSES)
+        follow_pose(s, sample, ring, s.pose_repeats, repeats)
+
+
+@kernel
+def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float, repeats: float) -> None:
+    """Take a pose, `s.R` and `sample.position`, and what it says of the terms at the pose before, `passed` s ago; the
+    same one again counts as one after so many s.
+    """
     position, last, R, before = sample.position, s.last_position, s.R, s.pose_R
-    if position[0] != position[0]:
-        fresh = True
-    new = fresh
+    new = not passed < repeats
     for k in range(3):
         new = new or position[k] != last[k]
     for k in range(9):
         new = new or R[k] != before[k]
-    passed = sample.time - s.pose_time
-    if not new and passed < SLOWEST_POSES:
+    if not new or passed <= 0.0:
         return
     known = s.poses
-    s.poses = 0 if fresh or not passed < 2.0 * SLOWEST_POSES else min(s.poses + 1, 3)
+    s.poses = min(s.poses + 1, 3) if passed < 2.0 * SLOWEST_POSES else 0
     if s.poses == 0:
-        for k in range(TERMS):
-            s.terms[k] = 0.0
+        begin_at_rest(s, ring, sample.time)
     else:
         differentiate(s, position, passed, known)
-    s.pose_time = sample.time
+    if s.poses > 1:
+        keep_terms(s, ring, s.pose_time, fresh=False)
+    s.pose_time, s.pose_repeats = sample.time, 0.0
     for k in range(3):
         last[k] = position[k]
     for k in range(9):
         before[k] = R[k]
+
+
+@kernel
+def begin_at_rest(s: State, ring: Matrix, now: float) -> None:
+    """Nothing is known of a motion, or there is none."""
+    for k in range(TERMS):
+        s.terms[k] = 0.0
+    keep_terms(s, ring, now, fresh=True)
+
+
+@kernel
+def keep_terms(s: State, ring: Matrix, when: float, fresh: bool) -> None:
+    """Put the terms, which are those of a moment, into the ring; a `fresh` one forgets what was before."""
+    newest = 0 if fresh else s.motion_next
+    if fresh:
+        s.motion_at = 0
+    elif s.motion_at == newest:
+        s.motion_at = (newest + 1) % len(ring)
+    s.motion_next = (newest + 1) % len(ring)
+    entry = ring[newest]
+    entry[OF_DOWN] = when
+    for k in range(TERMS):
+        entry[OF_DOWN + 1 + k] = s.terms[k]
 
 
 @kernel
@@ -142,25 +209,16 @@ def jump(s: State, counts: bool) -> None:
 
 @kernel
 def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
-    """The terms at the moment of the wrench, behind the sensor's own filter, into `s.seen`. `ring` has the newest entry
-    for this sample already.
+    """The terms at the moment of the wrench, behind the sensor's own filter, into `s.seen`: between two poses whose
+    terms are known, else the newest.
     """
-    size, seen = len(ring), s.seen
-    newest = (s.ring_next - 1) % size
-    if s.delay > 0.0:
-        for k in range(TERMS):
-            ring[newest][4 + k] = s.terms[k]
-        at = newest if fresh else s.motion_at
-        if at == s.ring_next and not fresh:
-            at = (at + 1) % size
-        at, after, share = looked_up(ring, at, newest, now - max(s.delay - s.pose_period, 0.0))
-        s.motion_at = at
-        older, later = ring[at], ring[after]
-        for k in range(4, 4 + TERMS):
-            seen[k - 4] = older[k] + share * (later[k] - older[k])
-    else:
-        for k in range(TERMS):
-            seen[k] = s.terms[k]
+    seen, first = s.seen, OF_DOWN + 1
+    newest = (s.motion_next - 1) % len(ring)
+    at, after, share = looked_up(ring, OF_DOWN, s.motion_at, newest, now - s.delay)
+    s.motion_at = at
+    older, later = ring[at], ring[after]
+    for k in range(TERMS):
+        seen[k] = older[first + k] + share * (later[first + k] - older[first + k])
     low_pass(s.sensor, s.motion_memory, seen, TERMS, fresh)
 
 

@@ -28,10 +28,10 @@ MOMENT = 1.0
 """s: what takes longer is said."""
 TAKEN = "found a call from a second thread, expected one: give each a Compensator of its own, or begin anew, reset()"
 ROWS_AT_ONCE = 128
-NOT_KNOWN = [nan] * TERMS
-"""Of a motion."""
+NOT_KNOWN, NOT_GROWN = [nan] * TERMS, [nan] * 6
+"""Of a motion, and by how much it widens a variance."""
 TOLD = ("events", "fault", "detail", "channel", "contact")
-GIVEN = ("reading", "orientation", "time", "temperature", "position", "motion", "motion_variance")
+GIVEN = ("reading", "orientation", "time", "temperature", "position", "passed", "motion", "motion_variance")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
@@ -45,6 +45,16 @@ def by_one_thread(method: Function) -> Function:
         return method(self, *args, **named)
 
     return owned  # type: ignore[return-value]
+
+
+def require_one(reading: Array, turn: Array, place: Array) -> None:
+    """Raise `InputError` for what is no single reading, orientation and position by its shapes."""
+    if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
+        raise InputError(
+            f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
+        )
+    if place.shape != (3,):
+        raise InputError(f"position has shape {place.shape}, expected (3,)")
 
 
 def given(
@@ -73,7 +83,7 @@ def given(
     samples = np.zeros(n, SAMPLE)
     samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(-1, width)
     samples["time"], samples["temperature"], samples["position"] = times, heats, places
-    samples["motion"], samples["motion_variance"] = moving or (nan, nan)
+    samples["passed"], (samples["motion"], samples["motion_variance"]) = nan, moving or (nan, nan)
     return samples, width
 
 
@@ -111,18 +121,30 @@ class Plain:
     def step(self, reading: Array, turn: Array, t: float, temperature: float, place: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
-        sample.position, sample.motion = place.tolist(), NOT_KNOWN
+        sample.position, sample.motion, sample.motion_variance = place.tolist(), NOT_KNOWN, NOT_GROWN
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
         take(self.state, sample, self._ring, turn.size)
         return sample.said, read_only(sample.wrench)
+
+    def std(self) -> Array:
+        """Of the last contact wrench (6,), in motion."""
+        return read_only(self.sample.wrench_std)
+
+    def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
+        """A pose without a reading."""
+        sample = self.sample
+        sample.orientation, sample.position = turn.ravel().tolist(), place.tolist()
+        sample.time, sample.passed = t, passed
+        take(self.state, sample, self._ring, turn.size)
+        sample.passed = nan
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the first with an event or before; how many are taken."""
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
-            sample.position, sample.motion, sample.motion_variance = moved
+            sample.position, sample.passed, sample.motion, sample.motion_variance = moved
             take(self.state, sample, self._ring, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
@@ -147,10 +169,12 @@ class Compiled:
         self.state: Any = self._record.view(np.recarray)[0]
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
-        self._position = self.sample.position
+        self._position, self._std = self.sample.position, self.sample.wrench_std
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
         self._told = [self._samples[name] for name in TOLD]
-        self._time, self._temperature, self._said = (self._samples[name] for name in ("time", "temperature", "said"))
+        self._time, self._temperature, self._passed, self._said = (
+            self._samples[name] for name in ("time", "temperature", "passed", "said")
+        )
 
     def told(self) -> tuple[Any, ...]:
         """`TOLD` of the last sample."""
@@ -165,6 +189,19 @@ class Compiled:
         self._time[0], self._temperature[0] = t, temperature
         self._advance(self._record, self._samples, self._ring, width, 0)
         return self._said.item(), np.frombuffer(self._wrench.tobytes())
+
+    def std(self) -> Array:
+        """Of the last contact wrench (6,), in motion."""
+        return np.frombuffer(self._std.tobytes())
+
+    def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
+        """A pose without a reading."""
+        width = turn.size
+        self._position[...] = place
+        self._turns[width][...] = turn
+        self._time[0], self._passed[0] = t, passed
+        self._advance(self._record, self._samples, self._ring, width, 0)
+        self._passed[0] = nan
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the end or the first with an event; how many are taken."""

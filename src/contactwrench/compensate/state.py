@@ -27,6 +27,8 @@ INTERVALS = 24
 """Between stamps, from which the rate is taken."""
 TERMS = 12
 """Of a motion, that a moving tool's wrench is linear in."""
+OF_DOWN, OF_MOTION = 4, 1 + TERMS
+"""Numbers that a ring has of the direction of down, and behind those of a motion: the time first."""
 OCTAVES_HELD = 7
 """Of numbers of samples for which a pose is held."""
 SECTIONS = 2
@@ -53,13 +55,16 @@ def numbers(*shape: int, fill: float = 0.0) -> Any:
 
 @dataclass(slots=True)
 class Sample:
-    """A sample: what is given, and what the step makes of it."""
+    """A sample: what is given, and what the step makes of it. Where `passed` is no NaN it is a pose without a reading,
+    so many s after the pose before.
+    """
 
     reading: Row = numbers(6)
     orientation: Row = numbers(9)
     time: float = nan
     temperature: float = nan
     position: Row = numbers(3, fill=nan)
+    passed: float = nan
     motion: Row = numbers(TERMS, fill=nan)
     motion_variance: Row = numbers(6, fill=nan)
     wrench: Row = numbers(6)
@@ -126,9 +131,11 @@ class State:
     motion_noise: Row = numbers(4)
     uncertain: Matrix = numbers(6, 3)
     pose_gain: Row = numbers(OCTAVES_HELD, fill=1.0)
+    poses_alone: bool = False
     poses: int = 0
     pose_time: float = nan
     pose_period: float = 0.0
+    pose_repeats: float = 0.0
     pose_R: Row = numbers(9)
     last_position: Row = numbers(3)
     rate: Row = numbers(6)
@@ -139,6 +146,7 @@ class State:
     pose_noise: Row = numbers(6)
     of_motion: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)
+    motion_next: int = 0
     motion_at: int = 0
 
     # Faults of the reading and of the orientation.

@@ -9,7 +9,7 @@ from .contact_detection import end_contact, far, judge, readings_held, renew_cov
 from .contact_wrenches import NOT_JUDGED
 from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
-from .inertia import follow_motion, noise_of_motion, terms_then
+from .inertia import follow_motion, noise_of_motion, take_pose, terms_then
 from .state import INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
@@ -27,9 +27,12 @@ ASK = 2
 def take(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take one sample, with an orientation of `width` 4 or 9 numbers.
 
-    `ring` (k, 4): times and directions of down, for a delay.
+    `ring` (k, 4 or 17): times and directions of down, for a delay; times and terms of the motion.
     """
     sample.events, sample.contact = 0, NOT_JUDGED
+    if sample.passed == sample.passed:
+        take_pose(s, sample, ring, width)
+        return
     fault, detail, channel = unreadable(s, sample, width)
     if fault == FINE:
         fault, detail, channel = follow(s, sample, ring)
@@ -122,7 +125,7 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     warmer = warmed_by(s, sample.temperature)
     reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
     if s.knows_inertia:
-        follow_motion(s, sample, fresh_pose)
+        follow_motion(s, sample, ring, fresh_pose)
         terms_then(s, ring, sample.time, fresh_pose)
     for k in range(6):
         B = s.B[k]

@@ -37,18 +37,19 @@ class PoseTrack:
         self._period = 0.0
         self._changed, self._usual, self._speed, self._steady = -inf, 0.0, 0.0, False
 
-    def add(self, t: float, orientation: Four, position: Three | None) -> None:
+    def add(self, t: float, orientation: Four, position: Three | None) -> bool:
         """A pose at `t` s: the quaternion x, y, z, w of the flange in base axes, and its place, m. One that is no
-        orientation is passed over, so that the one before it grows old.
+        orientation, and False, is passed over, so that the one before it grows old.
         """
         if (turn := unit(orientation)) is None:
-            return
+            return False
         if self._poses:
             last, before, _ = self._poses[-1]
             if 0.0 < (step := t - last) < MOST_AGE:
                 self._period += FORGETS * (step - self._period) if self._period else step
             self._watch(t, turn, before)
         self._poses.append((t, turn, position or NO_PLACE))
+        return True
 
     def _watch(self, t: float, orientation: Four, before: Four) -> None:
         """Note how fast it turns, where it has turned at all, and whether too fast to stop before the next pose."""

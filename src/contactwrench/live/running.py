@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, nan
 from typing import Any
@@ -14,22 +15,35 @@ from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import Contact as ContactEnded
 from ..compensate.contact_wrenches import ContactWrench
 from ..compensate.faults import Reason
+from ..compensate.filters import delay_of
 from ..errors import InputError
 from ..geometry.orientation import from_quat_xyzw
-from ..samples.delay import is_significant
 from ..samples.samples import Samples
 from .history import History
+from .pose_feed import NEEDED, PoseFeed
+from .pose_track import UNKNOWN
 from .sink import Reading
 from .snapshot import Contact, Running
-from .source import Four, Six
+from .source import Four, Sample, Six
 
 CONTACTS_SHOWN = 20
 ZERO_OVER = 0.5
 """s of readings that a new zero is taken from."""
-OF_SENSOR, OF_ROBOT = ("stuck", "overload"), ("stale", "frozen")
-"""Why contact wrenches are not valid, by the device whose fault it is, where that does not say so itself."""
+OF_SENSOR, OF_ROBOT = ("stuck", "overload"), ("stale", "frozen", "no_motion")
+"""Why contact wrenches are not valid, or what is not subtracted, by the device whose fault it is, where that does not
+say so itself.
+"""
 SAID_AGAIN = 1.0
 """s without the fault before it is said again."""
+SUBTRACTED = "the tool's inertia is subtracted: the robot's poses tell how the arm moves"
+NOT_SUBTRACTED = (
+    "the robot's poses have no {}: the tool's inertia is not subtracted, and reads as contact while the arm "
+    "accelerates; let it send {}"
+)
+OF_ACCELEROMETER = (
+    "the calibration's inertia counts from an accelerometer, which a session does not read: it is not subtracted, and "
+    "reads as contact while the arm accelerates; calibrate by positions"
+)
 
 
 @dataclass(frozen=True)
@@ -50,21 +64,33 @@ class Runner:
         self.calibration, self.sign = calibration, sign
         given: dict[str, Any] = {"lowpass": options.lowpass, "drift": options.drift, "ranges": ranges or options.ranges}
         self._compensator = Compensator(calibration, delay=0.0, **given)
+        self.delay = delay_of(calibration)
+        """s by which the wrench is stamped later than the orientation that goes with it."""
+        dynamics = calibration.dynamics
+        of_positions = dynamics is not None and dynamics.accelerometer is None
+        self._feed = PoseFeed(self._compensator, self.delay) if of_positions else None
         self._contacts: deque[tuple[float, float, float]] = deque(maxlen=CONTACTS_SHOWN)
         self._invalid, self._touching = 0, False
         self._seen: dict[str, float] = {}
-        self._said: list[tuple[str, str]] = []
+        self._said = [("no_motion", OF_ACCELEROMETER)] if dynamics is not None and not of_positions else []
         self._ended: list[ContactEnded] = []
 
-    @property
-    def delay(self) -> float:
-        """Seconds by which the wrench is stamped later than the orientation that goes with it."""
-        c = self.calibration
-        applied = c.delay is not None and c.delay_std is not None and is_significant(c.delay, c.delay_std)
-        return c.delay if applied and c.delay is not None else 0.0
+    def came(self, poses: Sequence[tuple[float, Sample]]) -> None:
+        """Poses with their times, s, those that the next readings lie among."""
+        if self._feed is None:
+            return
+        before = self._feed.lacks
+        self._feed.add(poses)
+        if (lacks := self._feed.lacks) is not None and lacks != before:
+            missing = NOT_SUBTRACTED.format(lacks, NEEDED.get(lacks))
+            self._said.append(("no_motion", missing) if lacks else ("inertia", SUBTRACTED))
 
-    def step(self, reading: Reading, orientation: Four, why: str) -> ContactWrench:
-        """The contact wrench of a reading; `why` there is no valid one: its flaw, or that the orientation is old."""
+    def step(self, reading: Reading, orientation: Four, why: str, longest: float) -> ContactWrench:
+        """The contact wrench of a reading; `why` there is no valid one: its flaw, or that the orientation is old, as a
+        pose is from `longest` s on.
+        """
+        if self._feed is not None and (doubt := self._feed.doubt(reading.t - self.delay, reading.t, longest)):
+            orientation, why = UNKNOWN, why or doubt
         wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
         made = self._compensator(wrench, np.array(orientation), reading.t)
         if why:
@@ -120,7 +146,8 @@ class Runner:
         """For a person; `saved`: the calibration's file, where it was written."""
         drift: Any = tuple(self._compensator.drift.tolist())
         source = saved or str(self.calibration.provenance.get("source", ""))
-        return Running(tuple(self._contacts), drift, self._invalid, source)
+        lacks = None if self._feed is None else self._feed.lacks
+        return Running(tuple(self._contacts), drift, self._invalid, source, None if lacks is None else not lacks)
 
 
 def shown_contact_wrench(made: ContactWrench) -> Contact:

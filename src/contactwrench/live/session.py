@@ -125,8 +125,11 @@ class Session:
         if self._robot is self._sensor:
             poses = readings
         turns = [(when, pose) for when, pose in poses if pose.orientation is not None and not pose.flaw]
-        for when, pose in turns:
-            self._track.add(when, pose.orientation or NOT_TURNED, pose.position)
+        known = [
+            each for each in turns if self._track.add(each[0], each[1].orientation or NOT_TURNED, each[1].position)
+        ]
+        if self._runner is not None:
+            self._runner.came(known)
         turn = self._turn([(when, each) for when, each in readings if each.wrench is not None or each.flaw], turns)
         if turn.readings:
             self._history.add(turn)
@@ -157,7 +160,7 @@ class Session:
             if not why and orientation[0] != orientation[0]:
                 word = "frozen" if self._track.frozen(when) else "stale"
                 why = f"{word}: the orientation is {age:.2f} s old" if age < inf else f"{word}: no orientation has come"
-            judged.append(runner.step(reading, orientation, why))
+            judged.append(runner.step(reading, orientation, why, self._track.stale_after))
         said, ended = ([], ()) if runner is None else runner.happened()
         if readings:
             self._happened(said, readings[-1].t)

@@ -35,9 +35,9 @@ class Command(StrEnum):
 
 class Event(msgspec.Struct, frozen=True):
     """Something that happened at `t` s since 1970. `kind`: `connected`, `silent`, `down`, `back`, a
-    kind of note of a source, `stale`, `contact`, `released`, `pose`, `pose_refused`, `push`, `fit`, `verified`,
-    `saved`, `zero`, `record`, `phase`, `sink`, `refusal`; `severity`: `note`, `warning` or `error`; `device`: its URI,
-    or empty.
+    kind of note of a source, `stale`, `inertia`, `no_motion`, `contact`, `released`, `pose`, `pose_refused`, `push`,
+    `fit`, `verified`, `saved`, `zero`, `record`, `phase`, `sink`, `refusal`; `severity`: `note`, `warning` or `error`;
+    `device`: its URI, or empty.
     """
 
     t: float
@@ -151,13 +151,15 @@ class Check(msgspec.Struct, frozen=True):
 
 class Running(msgspec.Struct, frozen=True):
     """While it runs: contacts that ended (onset s since 1970, duration s, largest force N), the latest last; `drift`
-    (6,) N and N m of the bias since the calibration.
+    (6,) N and N m of the bias since the calibration; `inertia`: whether the tool's is subtracted, None: the calibration
+    has none, or no pose has come.
     """
 
     contacts: tuple[tuple[float, float, float], ...]
     drift: Six
     invalid: int
     calibration: str
+    inertia: bool | None = None
 
 
 class Output(msgspec.Struct, frozen=True):

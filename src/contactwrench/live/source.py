@@ -10,6 +10,8 @@ from typing import NamedTuple, Protocol
 
 from ..errors import ContactWrenchError
 
+TAKEN_FOR_THE_FLANGE = "taken for the flange's in base axes"
+"""What a source says that cannot tell whose pose it is."""
 _SINCE_1970 = time.time() - time.monotonic()
 
 Six = tuple[float, float, float, float, float, float]

@@ -156,8 +156,8 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
 
 
 def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> float:
-    """s, by which an accelerometer's readings (n, 3) are later than forces (n, 3) at times t (n,); 0 where that does not
-    show. A rigid tool has both alike, gravity included: less what goes with the `angular` terms (n, k), one is a fixed
+    """s, by which an accelerometer's readings (n, 3) are later than forces (n, 3) at times t (n,); 0 where none shows.
+    A rigid tool has both alike, gravity included: less what goes with the `angular` terms (n, k), one is a fixed
     matrix times the other.
     """
     known: NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1))

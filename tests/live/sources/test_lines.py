@@ -114,6 +114,23 @@ def test_standard_input_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
         source.close()
 
 
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [(f"{WRENCH},qx,qy,qz,qw", {"pose": "taken for the flange's in base axes"}), (WRENCH, {})],
+    ids=["with a pose", "a wrench alone"],
+)
+def test_whose_pose_it_is_lines_cannot_tell(columns: str, said: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    to_read, to_write = os.pipe()
+    with io.FileIO(to_read) as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        numbers = ",".join(["0"] * columns.count(",") + ["1"])
+        os.write(to_write, f"t,{columns}\n1,{numbers}\n".encode())
+        source = source_of("stdin:")
+        assert source.open().settings == said
+        os.close(to_write)
+        source.close()
+
+
 @given(st.binary(max_size=200))
 def test_any_bytes_are_read(data: bytes) -> None:
     LinesDecoder(Naming(), None).feed(data + b"\n", 0.0, Batch())

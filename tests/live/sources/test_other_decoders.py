@@ -10,6 +10,7 @@ import threading
 from contextlib import suppress
 from importlib import import_module
 from time import sleep
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,7 +24,8 @@ from contactwrench.lab.netft import NetFt
 from contactwrench.live.devices import probed
 from contactwrench.live.source import Batch, NoteKind
 from contactwrench.live.sources import ft300, netft, rsi
-from contactwrench.live.uri import source_of
+from contactwrench.live.sources.ros2 import Ros2
+from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
 from tests.support.devices import KINDS, numbered, read, refusal
 
@@ -91,6 +93,16 @@ def test_late_answers_are_told() -> None:
     assert [(note.kind, note.number) for note in batch.notes] == [(NoteKind.LATE, 2)]
     assert batch.samples[0].position == pytest.approx((0.001, 0.002, 0.003))
     assert batch.samples[0].joints == pytest.approx((np.pi / 2,))
+
+
+def test_a_place_that_nobody_filled_in_is_none() -> None:
+    """As of a publisher of orientations: no flange is at the base's origin."""
+    topic, batch, turn = Ros2(parsed("ros2://pose")), Batch(), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    for x in (0.0, 0.4):
+        message = SimpleNamespace(position=SimpleNamespace(x=x, y=0.0, z=0.0), orientation=turn)
+        topic._sample(message, 1.0, batch)
+    assert [sample.position for sample in batch.samples] == [None, (0.4, 0.0, 0.0)]
+    assert [sample.orientation for sample in batch.samples] == [(0.0, 0.0, 0.0, 1.0)] * 2
 
 
 @given(st.lists(st.integers(0, 200), max_size=6), st.lists(st.integers(-32768, 32767), min_size=6, max_size=6))

@@ -12,7 +12,7 @@ import msgspec
 from ...errors import InputError
 from ...recording.tables.columns import Naming
 from ...recording.tables.layout import cells, layout_of
-from ..source import About, Batch, Note, NoteKind, now
+from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, Note, NoteKind, now
 from ..uri import Uri
 from .columns import NamedColumns
 from .reader import AnyLink, Reader
@@ -157,7 +157,8 @@ class _Lines(Reader[AnyLink]):
                 decoder.feed(data, now(), early)
         wrench, orientation = _any(early, "wrench"), _any(early, "orientation")
         name = f"lines of {self.uri.partition('?')[0]}"
-        return About(name, wrench, orientation, self._rate, listens=self.WHOLE)
+        settings = {"pose": TAKEN_FOR_THE_FLANGE} if orientation else {}
+        return About(name, wrench, orientation, self._rate, settings=settings, listens=self.WHOLE)
 
     def _fresh(self) -> LinesDecoder:
         return LinesDecoder(self._naming, self._rate, self._columns, self.WHOLE)

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from ...errors import MissingExtraError
 from ..counter import Counter
-from ..source import About, Batch, DeviceError, Four, Sample, Six, Three, now
+from ..source import TAKEN_FOR_THE_FLANGE, About, Batch, DeviceError, Four, Sample, Six, Three, now
 from ..uri import Uri
 from .transport import PATIENCE, Deadline
 
@@ -65,7 +65,7 @@ class Ros2:
             raise self._error(f"messages of {made.type_name or 'nobody'}", "check the topic and ROS_DOMAIN_ID")
         self._counter = Counter(1e-6, step=None)
         wrench = made.type_name in WRENCHES
-        settings = {"message": made.type_name, "by": by}
+        settings = {"message": made.type_name, "by": by} | ({} if wrench else {"pose": TAKEN_FOR_THE_FLANGE})
         return About(f"ROS 2 topic {self._topic}", wrench, not wrench, settings=settings)
 
     def read(self, timeout: float) -> Batch:
@@ -105,7 +105,7 @@ class Ros2:
         else:
             p, q = inner.position, inner.orientation
             turn: Four = (q.x, q.y, q.z, q.w)
-            position: Three = (p.x, p.y, p.z)
+            position: Three | None = (p.x, p.y, p.z) if p.x or p.y or p.z else None  # nobody filled it in
             batch.samples.append(Sample(arrival, device, None, turn, position))
 
     def _made(self) -> tuple[Subscription, str]:

@@ -92,7 +92,7 @@ class Rsi(Reader[Udp]):
         missing = self._link.error("no robot that sends", "its RSI datagrams", "start the program with RSI_MOVECORR")
         first = self._first(deadline, missing, FIRST)
         step = min(b.device - a.device for a, b in pairwise(first.samples))
-        settings = {"pose": "of $TOOL in $BASE: with a turned $TOOL it is not the flange's"}
+        settings = {"pose": "of $TOOL in $BASE: with a $TOOL that is turned or shifted it is not the flange's"}
         rate = round(1.0 / step, 3)
         return About("KUKA RSI", wrench=False, orientation=True, rate=rate, settings=settings, listens=True)
 

@@ -355,10 +355,12 @@ function showSix(id, values, stds, invalid) {
   });
 }
 
+const INERTIA = { true: " The tool's inertia is subtracted.", false: " The tool's inertia is not subtracted." };
+
 function showRun(now) {
   const running = now.running;
   if (!running) return;
-  set("run-text", `Calibration ${running.calibration}. ${running.invalid} readings were not valid.`
+  set("run-text", `Calibration ${running.calibration}.${INERTIA[running.inertia] || ""} ${running.invalid} readings were not valid.`
     + (now.recording ? ` Recording to ${now.recording}.` : ""));
   const contacts = running.contacts.slice(-10).reverse();
   list("contacts", contacts.length ? contacts : [null], () => make("li", "what"), (item, contact) => set(item.children[0], contact
