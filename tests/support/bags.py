@@ -80,7 +80,7 @@ def quaternion(R: Array) -> dict[str, float]:
 
 @lru_cache(maxsize=10_000)
 def _quaternion(R: bytes) -> list[float]:
-    """Of a matrix by its bytes: tests write the same poses again and again, and scipy takes its time for a single one."""
+    """Of a matrix by its bytes: tests write the same poses again and again, and scipy is slow with a single one."""
     xyzw: list[float] = Rotation.from_matrix(np.frombuffer(R).reshape(3, 3)).as_quat().tolist()
     return xyzw
 

@@ -31,18 +31,16 @@ def moving_flange(arm: Arm, joints: Array, velocity: Array, acceleration: Array)
     links = zip(arm.offset[:-1], arm.R_before, arm.axis, joints.T, velocity.T, acceleration.T, strict=True)
     for offset, before, axis, q, speed, faster in links:
         K = cross_matrix(axis)
-        # Of the turn I + sin q K + (1 - cos q) K^2, and of the two vectors, all that does not depend on q.
-        still = np.column_stack([before, before @ K, before @ K @ K, before @ axis, offset])
-        carried = still.T @ R
-        position, v, a = _carried(carried[:, 10], position, v, a, omega, alpha)
-        R = carried[:, :3] + np.sin(q) * carried[:, 3:6] + (1.0 - np.cos(q)) * carried[:, 6:9]
-        along = carried[:, 9]
-        turning = along * speed
+        # All of the turn I + sin q K + (1 - cos q) K^2, and of both vectors, that does not depend on q.
+        still = np.column_stack([before, before @ K, before @ K @ K, before @ axis, offset]).T @ R
+        position, v, a = _carried(still[:, 10], position, v, a, omega, alpha)
+        R = still[:, :3] + np.sin(q) * still[:, 3:6] + (1.0 - np.cos(q)) * still[:, 6:9]
+        along, turning = still[:, 9], still[:, 9] * speed
         alpha = alpha + along * faster + _cross(omega, turning)
         omega = omega + turning
-    carried = np.column_stack([arm.R_last_flange, arm.offset[-1]]).T @ R
-    position, v, a = _carried(carried[:, 3], position, v, a, omega, alpha)
-    R = carried[:, :3]
+    still = np.column_stack([arm.R_last_flange, arm.offset[-1]]).T @ R
+    position, v, a = _carried(still[:, 3], position, v, a, omega, alpha)
+    R = still[:, :3]
     omega, alpha, a = (np.einsum("jin,jn->ni", R, each) for each in (omega, alpha, a))
     motion = FlangeMotion(omega, alpha, a, R.transpose(2, 0, 1), np.full(len(joints), fill_value=True))
     return MovingFlange(motion, np.ascontiguousarray(position.T), np.sqrt(np.einsum("in,in->n", v, v)))
@@ -56,7 +54,5 @@ def _carried(lever: Array, position: Array, v: Array, a: Array, omega: Array, al
 
 def _cross(a: Array, b: Array) -> Array:
     """`a x b` (3, n); numpy's own takes three times as long."""
-    product = np.empty(a.shape)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(a[j] * b[k], a[k] * b[j], out=product[i])
+    product: Array = a[[1, 2, 0]] * b[[2, 0, 1]] - a[[2, 0, 1]] * b[[1, 2, 0]]
     return product

@@ -142,9 +142,8 @@ def _apart(R: Array, angle: float) -> list[int]:
     most = 1.0 + 2.0 * np.cos(angle)  # the trace of the rotation from one to the other
     kept, left = [], np.arange(len(flat))
     while len(left):
-        first, others = int(left[0]), left[1:]
-        kept.append(first)
-        left = others[flat[others] @ flat[first] <= most]
+        kept.append(int(left[0]))
+        left = left[1:][flat[left[1:]] @ flat[left[0]] <= most]
     return kept
 
 

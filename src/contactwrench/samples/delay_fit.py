@@ -8,7 +8,6 @@ outside it (contacts) count less.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,21 +83,13 @@ def thinned(means: WrenchStream) -> WrenchStream:
     return means.select(slice(None, None, -(-len(means) // SCANNED)))
 
 
-def scans(motion: ArmMotion, means: WrenchStream, delays: Array, downs: tuple[Array | None, ...]) -> list[Scan]:
-    """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms; under gravity along each of
-    `downs` (3,).
+def scan(motion: ArmMotion, thin: WrenchStream, delays: Array, states: list[Array], down: Array | None) -> Scan:
+    """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms; under gravity along `down` (3,).
 
-    The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
-    and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
-    rest at no delay first, then at the best of some.
+    `states` are the motion's at the `thin` means, for each delay. Where down is None, the base's three axes explain the
+    wrench in its place, and down is what they have in common: the first singular vector of their coefficients. Contacts
+    are told from the rest at no delay first, then at the best of some.
     """
-    thin = thinned(means)
-    # Looked at four times, and a fifth of the work: once for all weights and directions.
-    states = [motion.state_at(thin.t - delay) for delay in delays]
-    return [_scan(motion, thin, delays, states, down) for down in downs]
-
-
-def _scan(motion: ArmMotion, thin: WrenchStream, delays: Array, states: list[Array], down: Array | None) -> Scan:
     weight = np.ones(len(thin))
 
     def reweighted(delay: float, weight: Array) -> Array:
@@ -107,7 +98,7 @@ def _scan(motion: ArmMotion, thin: WrenchStream, delays: Array, states: list[Arr
             weight = _weight(residual, _variance(residual, thin, weight if weight.min() < 1.0 else None))
         return weight
 
-    def misfits(states: Iterable[Array]) -> Array:
+    def misfits(states: list[Array]) -> Array:
         residuals = (_explained(state, thin.wrench, down, weight)[0] for state in states)
         return np.array([np.log(_variance(residual, thin, weight)).sum() for residual in residuals])
 
@@ -116,7 +107,7 @@ def _scan(motion: ArmMotion, thin: WrenchStream, delays: Array, states: list[Arr
     misfit = misfits(states)
     best = float(delays[misfit.argmin()])
     near = best + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
-    best = float(near[misfits(motion.state_at(thin.t - delay) for delay in near).argmin()])
+    best = float(near[misfits([motion.state_at(thin.t - delay) for delay in near]).argmin()])
     if down is None:
         of_axes = _explained(motion.state_at(thin.t - best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
         noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
@@ -227,8 +218,7 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > SAME * size[0], size, np.inf)
-    scaled = columns / size
-    values, vectors = np.linalg.eigh(_sums(scaled, scaled))
+    values, vectors = np.linalg.eigh(_sums(scaled := columns / size, scaled))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
     return _times(columns, unit), unit
