@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -100,7 +101,7 @@ def test_an_edited_file_is_refused_or_compensates_as_before(
             if edit == value:
                 continue
             put(*place, by=edit)(document)
-            path.write_text(json.dumps(document))
+            path.write_bytes(msgspec.json.encode(document))
             put(*place, by=value)(document)
             try:
                 loaded = cw.Calibration.load(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ import pytest
 import contactwrench as cw
 from contactwrench.assess import motion_design
 from contactwrench.assess.plan import Expected, expected_tool
+from contactwrench.assess.plan_motion import DynamicPlan, plan_motion
 from contactwrench.calibration.dynamics import DYNAMIC_PARAMETERS, elements
 from contactwrench.model import RigidTool
 from contactwrench.simulate.settings import Settings
-from tests.assess.test_plan_motion import information, planned
+from tests.assess.test_plan_motion import information
 from tests.assess.test_robot_arms import urdf_of
 from tests.support.recordings import PAPER, run, written
 
@@ -120,12 +122,21 @@ def test_bad_use_is_one_line(arguments: tuple[str, ...], complaint: str, capsys:
 
 
 @pytest.mark.slow
-def test_what_is_planned_calibrates_the_rig(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_what_is_planned_calibrates_the_rig(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The simulator runs the plan as it is; all nine are found within four std, which are those of the bound for the
     rig's own noise and tool in the whole recording: 0.89 to 1.14 times, as calibrate takes the noise of each axis from
     what is left below 3 Hz.
     """
     pytest.importorskip("mujoco")
+    plans: list[DynamicPlan] = []
+
+    def kept(*arguments: Any, **stated: Any) -> DynamicPlan:
+        plans.append(plan_motion(*arguments, **stated))
+        return plans[-1]
+
+    monkeypatch.setattr("contactwrench.assess.plan_motion.plan_motion", kept)
     written_plan, recording, calibration = (tmp_path / name for name in ("plan.csv", "sim.csv", "tool.json"))
     run(capsys, "plan", "--dynamic", "--robot", "iiwa7", "-o", written_plan)
     assert run(capsys, "simulate", "--trajectory", written_plan, "-o", recording).status == 0
@@ -134,7 +145,7 @@ def test_what_is_planned_calibrates_the_rig(capsys: pytest.CaptureFixture[str], 
     assert "\nVerdict  good: " in done.out
     dynamics = cw.Calibration.load(calibration).dynamics
     assert dynamics is not None
-    rig, plan, rate = Settings(), planned(), 200.0
+    (plan,), rig, rate = plans, Settings(), 200.0
     tool, noise = rig.tool, rig.sensor.noise
     true = np.r_[tool.mass * GYRATION_OF_RIG**2 * elements(np.eye(3)), 0.0, 0.0, rig.mounting.height]
     found = np.r_[elements(dynamics.inertia), dynamics.sensor_offset]

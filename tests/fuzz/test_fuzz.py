@@ -16,7 +16,8 @@ from tests.fuzz.runs import Run
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("ROS 1 lz4", "MCAP zstd", "sqlite3", "folder meta", "CSV", "Parquet snappy", "HDF5", "JSON", "URDF")
-MUTATIONS = 4
+MUTATIONS = 2
+"""Of each kind: that all the machinery works. How much is found is up to `make fuzz`, and to the tests of each kind."""
 
 
 @pytest.mark.slow

@@ -237,12 +237,18 @@ def test_an_episode_index_that_is_no_number_is_refused(tmp_path: Path) -> None:
             assert str(caught.value) == f"{path}: {said}"
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("whole") / "good.parquet"
+    pq.write_table(robot_learning_set(), path, row_group_size=20)
+    return path.read_bytes()
+
+
 @pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_sets_are_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:
-    pq.write_table(robot_learning_set(), tmp_path / "good.parquet", row_group_size=20)
-    content = bytearray((tmp_path / "good.parquet").read_bytes())
+def test_damaged_sets_are_refused_in_one_line(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
+    content = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, len(content) - 1))
         content[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))

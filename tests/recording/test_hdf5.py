@@ -291,10 +291,15 @@ def test_files_that_are_no_hdf5(tmp_path: Path) -> None:
     )
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return demonstrations(tmp_path_factory.mktemp("whole")).read_bytes()
+
+
 @given(data=st.data())
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_files_are_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:
-    content = bytearray(demonstrations(tmp_path).read_bytes())
+def test_damaged_files_are_refused_in_one_line(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
+    content = bytearray(whole)
     if data.draw(st.booleans()):
         content = content[: data.draw(st.integers(0, len(content)))]
     for _ in range(data.draw(st.integers(0, 3))):

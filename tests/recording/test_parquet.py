@@ -217,11 +217,16 @@ def test_files_that_are_no_parquet(tmp_path: Path) -> None:
     assert str(found.value) == f"{other}: found other columns than in a.parquet, expected the same: name one file"
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return stored(tmp_path_factory.mktemp("whole"), columns(), row_group_size=20).read_bytes()
+
+
 @pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_files_are_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:
-    content = bytearray(stored(tmp_path, columns(), row_group_size=20).read_bytes())
+def test_damaged_files_are_refused_in_one_line(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
+    content = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, len(content) - 1))
         content[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))

@@ -47,13 +47,14 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def second(session: Session, R: Rotation, start: float, push: Array | float = 0.0, seed: int = 0) -> list[Array | None]:
     """A second of readings at 500 Hz, poses at 100 Hz, at rest."""
-    rng, found = np.random.default_rng(seed), []
+    found = []
+    wrench = free(R) + push * np.ones(6) + NOISE * np.random.default_rng(seed).normal(size=(500, 6))
+    x, y, z, w = R.as_quat().tolist()
     for k in range(500):
         t = start + k / 500.0
         if k % 5 == 0:
-            x, y, z, w = R.as_quat().tolist()
             session.orientations.hear(t, (x, y, z, w))
-        found.append(session.read(t, free(R) + push * np.ones(6) + NOISE * rng.normal(size=6)))
+        found.append(session.read(t, wrench[k]))
     return found
 
 

@@ -6,6 +6,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,14 @@ def wrench_fields(wrench: Array) -> dict[str, Any]:
 
 
 def quaternion(R: Array) -> dict[str, float]:
-    return vector(Rotation.from_matrix(R).as_quat())
+    return vector(_quaternion(R.tobytes()))
+
+
+@lru_cache(maxsize=10_000)
+def _quaternion(R: bytes) -> list[float]:
+    """Of a matrix by its bytes: tests write the same poses again and again, and scipy is slow with a single one."""
+    xyzw: list[float] = Rotation.from_matrix(np.frombuffer(R).reshape(3, 3)).as_quat().tolist()
+    return xyzw
 
 
 def wrench_stamped(t: float, wrench: Array, topic: str = "/wrench", frame: str = "ft_sensor") -> Message:

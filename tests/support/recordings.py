@@ -54,7 +54,7 @@ def generic_rotations(n: int, seed: int = 0) -> Array:
 def csv_text(header: Iterable[str], rows: Iterable[ArrayLike], delimiter: str = ",", end: str = "\n") -> str:
     """A table as text, every number in its shortest exact form."""
     lines = [delimiter.join(header)]
-    lines += [delimiter.join(repr(float(value)) for value in np.ravel(row)) for row in rows]
+    lines += [delimiter.join(map(repr, np.ravel(row).astype(np.float64).tolist())) for row in rows]
     return end.join([*lines, ""])
 
 

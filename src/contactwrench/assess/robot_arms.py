@@ -140,10 +140,10 @@ def _apart(R: Array, angle: float) -> list[int]:
     """The rotations (n, 3, 3), first come first kept, that are at least `angle` from every one kept before."""
     flat = R.reshape(-1, 9)
     most = 1.0 + 2.0 * np.cos(angle)  # the trace of the rotation from one to the other
-    kept: list[int] = []
-    for index, rotation in enumerate(flat):
-        if not kept or (flat[kept] @ rotation).max() <= most:
-            kept.append(index)
+    kept, left = [], np.arange(len(flat))
+    while len(left):
+        kept.append(int(left[0]))
+        left = left[1:][flat[left[1:]] @ flat[left[0]] <= most]
     return kept
 
 

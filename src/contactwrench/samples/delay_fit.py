@@ -83,14 +83,13 @@ def thinned(means: WrenchStream) -> WrenchStream:
     return means.select(slice(None, None, -(-len(means) // SCANNED)))
 
 
-def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | None) -> Scan:
+def scan(motion: ArmMotion, thin: WrenchStream, delays: Array, states: list[Array], down: Array | None) -> Scan:
     """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms; under gravity along `down` (3,).
 
-    The means must be known at all of them. Where down is None, the base's three axes explain the wrench in its place,
-    and down is what they have in common: the first singular vector of their coefficients. Contacts are told from the
-    rest at no delay first, then at the best of some.
+    `states` are the motion's at the `thin` means, for each delay. Where down is None, the base's three axes explain the
+    wrench in its place, and down is what they have in common: the first singular vector of their coefficients. Contacts
+    are told from the rest at no delay first, then at the best of some.
     """
-    thin = thinned(means)
     weight = np.ones(len(thin))
 
     def reweighted(delay: float, weight: Array) -> Array:
@@ -99,17 +98,16 @@ def scan(motion: ArmMotion, means: WrenchStream, delays: Array, down: Array | No
             weight = _weight(residual, _variance(residual, thin, weight if weight.min() < 1.0 else None))
         return weight
 
-    def misfits(delays: Array) -> Array:
-        states = (motion.state_at(thin.t - delay) for delay in delays)
+    def misfits(states: list[Array]) -> Array:
         residuals = (_explained(state, thin.wrench, down, weight)[0] for state in states)
         return np.array([np.log(_variance(residual, thin, weight)).sum() for residual in residuals])
 
     weight = reweighted(0.0, weight)
-    weight = reweighted(float(delays[misfits(delays).argmin()]), weight)
-    misfit = misfits(delays)
+    weight = reweighted(float(delays[misfits(states).argmin()]), weight)
+    misfit = misfits(states)
     best = float(delays[misfit.argmin()])
     near = best + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
-    best = float(near[misfits(near).argmin()])
+    best = float(near[misfits([motion.state_at(thin.t - delay) for delay in near]).argmin()])
     if down is None:
         of_axes = _explained(motion.state_at(thin.t - best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
         noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
@@ -220,7 +218,7 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > SAME * size[0], size, np.inf)
-    values, vectors = np.linalg.eigh(_sums(columns / size, columns / size))
+    values, vectors = np.linalg.eigh(_sums(scaled := columns / size, scaled))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
     return _times(columns, unit), unit

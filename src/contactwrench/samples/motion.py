@@ -69,7 +69,7 @@ class ArmMotion:
 
     def _area_until(self, t: Array) -> Array:
         place = self._place(t)
-        curve, slope, start = np.moveaxis(self.area[place], 1, 0)
+        curve, slope, start = np.moveaxis(self.area.take(place, axis=0), 1, 0)
         since = (t - self.t[place])[:, None]
         area: Array = start + since * (slope + since * curve)
         return area
