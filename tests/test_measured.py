@@ -14,9 +14,11 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.assess.verify import verify
+from contactwrench.calibration.findings import Kind
 from contactwrench.estimation.noise import readings_of, stated_noise
 from contactwrench.estimation.priors import Question
 from contactwrench.estimation.rigid import estimated
+from contactwrench.samples.accelerometer import mounted_accelerometer
 from tests.support.recordings import run
 from tests.support.rigs import rotation_angle
 
@@ -30,6 +32,8 @@ AXIA = DATA / "axia80_7"
 TASK_RUNS = DATA / "task_runs"
 
 needs_kuka = pytest.mark.skipif(not KUKA.exists(), reason=f"{KUKA} is not at hand")
+SWING = [DATA / "kuka_atigamma" / f"1-baseline_{what}.csv" for what in ("wrench", "orientations", "accel")]
+
 needs_axia = pytest.mark.skipif(not AXIA.exists(), reason=f"{AXIA} is not at hand")
 needs_task_runs = pytest.mark.skipif(not TASK_RUNS.exists(), reason=f"{TASK_RUNS} is not at hand")
 
@@ -164,3 +168,52 @@ def test_the_stated_weight_lies_within_three_std_from_rows_and_from_means(
         assert calibration.weight is not None
         assert abs(calibration.weight - weight) < 3.0 * calibration.std["weight"]
         assert calibration.std["weight"] < 0.05 * weight
+
+
+@needs_kuka
+def test_a_swing_without_positions_is_calibrated_by_an_accelerometer(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """An arm that turns about one axis, with the tool of the static poses: what one axis leaves untold is named, and
+    free motion is free of contact, half of which is contact without the inertia.
+    """
+    tool, swing = tmp_path / "tool.json", tmp_path / "swing.json"
+    assert run(capsys, "calibrate", KUKA, "-o", tool).status == 0
+    wrench, pose, imu = SWING
+    recording = ("--wrench", wrench, "--pose", pose, "--imu", imu)
+    assert run(capsys, "calibrate", *recording, "--prior", tool, "--model", "dynamic", "-o", swing).status == 0
+    found = cw.Calibration.load(swing)
+    dynamics = found.dynamics
+    assert dynamics is not None
+    assert dynamics.accelerometer is not None
+    assert dynamics.accelerometer.unit == "g"
+    assert not dynamics.accelerometer.mirrors
+    assert dynamics.accelerometer.delay == pytest.approx(0.0065, abs=0.001)
+    assert found.verdict == "weak"
+    untold = next(finding.text for finding in found.findings if finding.kind is Kind.UNCERTAIN_PARAMETER)
+    assert "the motion tells nothing of inertia_xx, " in untold
+    assert "offset_y" in untold
+    assert dynamics.residual_rms[0] < 0.8 * dynamics.static_rms[0]
+    shares = []
+    for calibration in (tool, swing):
+        contact = tmp_path / f"{calibration.stem}.csv"
+        assert run(capsys, "compensate", *recording, "-c", calibration, "--contact", "-o", contact).status == 0
+        header, *rows = contact.read_text().splitlines()
+        place = header.split(",").index("contact")
+        shares.append(np.mean([row.split(",")[place] == "1" for row in rows]))
+    assert shares[0] > 0.4
+    assert shares[1] <= 0.01
+
+
+@needs_kuka
+def test_its_accelerometer_sits_as_in_the_static_poses() -> None:
+    """Whose readings beside each pose tell it by themselves."""
+    columns = np.genfromtxt(KUKA, delimiter=",", names=True)
+    reading = np.stack([columns[name] for name in ("ax", "ay", "az")], axis=1)
+    force = _kuka().R_base_flange[:, 2] * 9.81  # against gravity
+    least_squares = np.linalg.lstsq(np.column_stack([force, np.ones(len(force))]), reading, rcond=None)[0]
+    wrench, pose, imu = SWING
+    samples = cw.read(wrench, pose_file=pose, imu=str(imu))
+    sits = mounted_accelerometer(samples, np.array([0.0, 0.0, -9.81]))
+    assert sits.matrix == pytest.approx(least_squares[:3].T, abs=0.004)
+    assert sits.bias == pytest.approx(least_squares[3], abs=0.01)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.errors import InputError
-from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
+from contactwrench.samples.flange_motion import RINGING, FlangeMotion, flange_motion
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.samples.synchronize import synchronize
 from tests.support.world import Array, random_rotations
@@ -193,6 +193,20 @@ def test_terms_are_what_the_wrench_is_linear_in() -> None:
     omega, alpha, change = np.array([[1.0, 2.0, 3.0]]), np.array([[4.0, 5.0, 6.0]]), np.array([[7.0, 8.0, 9.0]])
     motion = FlangeMotion(omega, alpha, change, np.eye(3)[None], np.ones(1, np.bool_))
     assert motion.terms.tolist() == [[4.0, 5.0, 6.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 7.0, 8.0, 9.0]]
+
+
+def test_what_shakes_an_arm_goes_on_when_it_has_stopped() -> None:
+    """By a moment of motion it falls by e in `RINGING` s; of moments that nobody put in order it is what they are."""
+    t = np.arange(3000) / 1000.0
+    turning = np.where(t < 1.0, 0.3 * np.sin(2.0 * np.pi * 2.0 * np.minimum(t, 1.0)), 0.0)
+    R = Rotation.from_rotvec(np.outer(turning, [0.0, 0.6, 0.8])).as_matrix()
+    motion = flange_motion(cw.Samples(np.zeros((3000, 6)), R, t, np.zeros((3000, 3))), 20.0)
+    stirred = motion.stirred[:, 1]
+    assert stirred[1300] / stirred[1300 + round(1000 * RINGING)] == pytest.approx(np.e, rel=0.01)
+    assert motion.angular_velocity[1300] == pytest.approx(np.zeros(3), abs=1e-3)
+    assert stirred.max() < np.sum(motion.angular_velocity**2, axis=1).max()
+    alone = FlangeMotion(*([np.array([[1.0, 2.0, 2.0]])] * 3), np.eye(3)[None], np.ones(1, np.bool_))
+    assert alone.stirred.tolist() == [[9.0, 9.0]]
 
 
 def test_what_tells_no_motion_is_refused_word_for_word() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, numbers
-from ..samples.flange_motion import FlangeMotion
+from ..samples.flange_motion import RINGING, FlangeMotion
 from .bias_tracking import dot
 from .faults import SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
@@ -237,13 +237,16 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     turning = terms[3] + terms[6] + terms[8]
     spun = terms[0] * terms[0] + terms[1] * terms[1] + terms[2] * terms[2]
     pushed = terms[9] * terms[9] + terms[10] * terms[10] + terms[11] * terms[11]
+    stirred, newest = s.stirred, min(s.interval / RINGING, 1.0)
+    stirred[0] += newest * (pushed - stirred[0])
+    stirred[1] += newest * (turning - stirred[1])
     for k in range(6):
         if sample.motion_variance[k] == sample.motion_variance[k]:
             variance = sample.motion_variance[k]
         else:
             of_acceleration, of_speed, known = noise[2 * (k // 3)], noise[2 * (k // 3) + 1], s.uncertain[k]
             variance = s.pose_gain[octave] * s.pose_noise[k] + (poses_old * s.trend[k]) ** 2
-            variance += of_acceleration * of_acceleration * pushed + of_speed * of_speed * turning
+            variance += of_acceleration * of_acceleration * stirred[0] + of_speed * of_speed * stirred[1]
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         s.of_motion[k] = variance
         most = max(most, variance / (s.systematic[k][k] + s.noise_left[k]))

@@ -143,6 +143,7 @@ class State:
     seen: Row = numbers(TERMS)
     inertial: Row = numbers(6)
     trend: Row = numbers(6)
+    stirred: Row = numbers(2)
     pose_noise: Row = numbers(6)
     of_motion: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)

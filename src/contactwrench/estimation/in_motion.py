@@ -182,7 +182,7 @@ def _with_what_is_left(c: Calibration, dynamics: Dynamics, samples: Samples, mot
     left = c.compensate(samples.wrench, samples.R_base_flange, motion=motion)[known]
     of_speed = np.sum(motion.angular_velocity[known] ** 2, axis=1)
     of_acceleration = np.sum(motion.acceleration[known] ** 2, axis=1)
-    level = np.column_stack([np.ones(len(left)), of_acceleration, of_speed])
+    level = np.column_stack([np.ones(len(left)), motion.stirred[known]])
     noise = [_growth(level, np.mean(left[:, axes] ** 2, axis=1)) for axes in (slice(0, 3), slice(3, 6))]
     moving = of_speed + of_acceleration > 0.1 * np.mean(of_speed + of_acceleration)
     rms = (np.sqrt(np.mean(each[moving] ** 2, axis=0)) for each in (left, still))
