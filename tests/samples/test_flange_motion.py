@@ -205,7 +205,8 @@ def test_what_shakes_an_arm_goes_on_when_it_has_stopped() -> None:
     assert stirred[1300] / stirred[1300 + round(1000 * RINGING)] == pytest.approx(np.e, rel=0.01)
     assert motion.angular_velocity[1300] == pytest.approx(np.zeros(3), abs=1e-3)
     assert stirred.max() < np.sum(motion.angular_velocity**2, axis=1).max()
-    alone = FlangeMotion(*([np.array([[1.0, 2.0, 2.0]])] * 3), np.eye(3)[None], np.ones(1, np.bool_))
+    moment = np.array([[1.0, 2.0, 2.0]])
+    alone = FlangeMotion(moment, moment, moment, np.eye(3)[None], np.ones(1, np.bool_))
     assert alone.stirred.tolist() == [[9.0, 9.0]]
 
 
