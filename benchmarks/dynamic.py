@@ -9,13 +9,15 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.dynamics import elements
-from contactwrench.compensate.contact_wrenches import contact_wrenches
+from contactwrench.compensate.contact_wrenches import ContactWrenches, contact_wrenches
 from contactwrench.compensate.filters import delay_of
 from contactwrench.samples.flange_motion import FlangeMotion
-from tests.support.in_motion import RAMP, moving
+from contactwrench.simulate.trajectory import Push
+from tests.support.in_motion import RAMP, Moving, moving
 from tests.support.moving_tool import known
 from tests.support.world import Array, random_rotations
 
@@ -32,6 +34,8 @@ FORCE_NOISE, TORQUE_NOISE = 0.05, 0.002
 """N and N m, of a reading of `tests.support.in_motion.TOOL`."""
 INTERVAL = 1.96
 """Standard deviations, of a 95 % interval."""
+FREE_SECONDS, PUSHES, PUSH = 600.0, 48, 5.0
+"""s; and N."""
 SAMPLES = 1_000_000
 BYTES_OF_SAMPLE = 64
 
@@ -151,6 +155,45 @@ def accuracy(cell: Cell, found: Found) -> Iterator[Row]:
     yield Row("bandwidth of the motion, median", float(np.median(found.get("bandwidth"))), "Hz")
 
 
+def online(cell: Cell, seed: int) -> Iterator[Row]:
+    """A `Compensator` behind the low-pass, reading by reading: ten minutes of free motion, and a minute with pushes."""
+    shaken = f"arm.vibration={list(cell.vibration)}"
+    begun = moving(seed, shaken, stops=STOPS, seconds=SECONDS, rate=RATE)
+    poses = cell.pose_rate, cell.noise_deg, cell.noise_m
+    calibration = cw.calibrate(begun.samples(*poses), "dynamic")
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(PUSHES, 3))
+    forces = PUSH * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    pushes = tuple(Push(2.0 + 1.2 * k, 2.25 + 1.2 * k, force) for k, force in enumerate(forces))
+    free = moving(seed + 1, shaken, stops=0, seconds=FREE_SECONDS, rate=RATE)
+    pushed = moving(seed + 2, shaken, stops=0, seconds=4.0 + 1.2 * PUSHES, rate=RATE, pushes=pushes)
+    judged = cell == JUDGED
+    rows = _by_compensator(calibration, free, cell)
+    still = np.asarray(free.recorded.t > RAMP)
+    left = float(np.sqrt(np.mean(rows.wrench[still, :3] ** 2)))
+    yield Row("contact force in free motion", left / _filtered_noise(), "x noise", most=2.5 if judged else None)
+    std = np.sqrt(np.mean(rows.std[still, :3] ** 2) + _filtered_noise() ** 2)
+    yield Row("the same over what its std says", left / float(std), "")
+    yield Row("contacts in ten minutes of free motion", float(len(rows.contacts)), "", most=1.0)
+    rows, t = _by_compensator(calibration, pushed, cell), pushed.recorded.t - pushed.begin
+    felt = [np.flatnonzero((t >= push.t_start) & (t < push.t_end) & (rows.contact == 1)) for push in pushes]
+    after = np.array([t[k[0]] - p.t_start if len(k) else np.inf for k, p in zip(felt, pushes, strict=True)])
+    what = f"pushes of {PUSH:g} N felt within 20 ms"
+    remark = f"median {1e3 * float(np.median(after)):.0f} ms, latest {1e3 * after.max():.0f}"
+    yield Row(what, 100.0 * float(np.mean(after <= 0.02)), "%", 95.0 if judged else None, remark=remark)
+
+
+def _by_compensator(calibration: cw.Calibration, motion: Moving, cell: Cell) -> ContactWrenches:
+    """Poses are held from one to the next."""
+    rec, rng = motion.recorded, np.random.default_rng(9)
+    held = (np.arange(len(rec.t)) // round(RATE / (cell.pose_rate or RATE))) * round(RATE / (cell.pose_rate or RATE))
+    turn = Rotation.from_rotvec(np.deg2rad(cell.noise_deg) * rng.normal(size=(len(rec.t), 3))).as_matrix()
+    R, position = rec.R_base_flange @ turn, rec.position + cell.noise_m * rng.normal(size=rec.position.shape)
+    noise = np.repeat([FORCE_NOISE, TORQUE_NOISE], 3)
+    compensator = cw.Compensator(calibration, rate=RATE, lowpass=LOW_PASS, noise=noise)
+    return compensator.run(rec.wrench, R[held], rec.t, position=position[held])
+
+
 def identification() -> Iterator[Row]:
     """From samples to a calibration."""
     whole = moving(1, stops=8, seconds=30.0, rate=RATE)
@@ -186,6 +229,8 @@ def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     n, seed = (max(TRIALS // 10, 2), DEVELOPMENT) if quick else (TRIALS, BLIND)
     for k, cell in enumerate(CELLS):
         yield f"Dynamic: {cell.name}", _judged(pool, cell, n, (seed, k))
+    for cell in CELLS:
+        yield f"Dynamic: online, {cell.name}", online(cell, seed)
     yield "Dynamic: identification", identification()
     yield "Dynamic: batch compensation with a motion, quaternions", batch(SAMPLES)
 

@@ -11,7 +11,7 @@ from ..estimation.in_motion import as_stamped
 from ..geometry.arrays import Array
 from ..samples.samples import Samples
 from ..samples.timestamps import spread_evenly
-from ..statistics import meaningful_digits
+from ..statistics import meaningful_digits, two_digits
 from .figures import METHODS, PARTS, WIDTH, drawing, svg_text
 from .signals import envelope
 
@@ -36,7 +36,7 @@ def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str, str]]:
     for k, axis in enumerate(body.axes.T):
         along = ", ".join(f"{part:.2f}" for part in axis * np.sign(axis[np.argmax(np.abs(axis))]))
         moment = " +- ".join(meaningful_digits(1e4 * float(body.moments[k]), 1e4 * float(body.moment_std[k])))
-        low, middle, high = (f"{1e3 * float(of[k]):.2g}" for of in (body.low, body.semi_axes, body.high))
+        low, middle, high = (two_digits(1e3 * float(of[k])) for of in (body.low, body.semi_axes, body.high))
         rows.append((along, moment, middle, f"{low} to {high}"))
     return rows
 
