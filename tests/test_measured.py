@@ -190,7 +190,7 @@ def test_a_swing_without_positions_is_calibrated_by_an_accelerometer(
     assert not dynamics.accelerometer.mirrors
     assert dynamics.accelerometer.delay == pytest.approx(0.0065, abs=0.001)
     assert found.verdict == "weak"
-    untold = next(finding.text for finding in found.findings if finding.kind is Kind.UNCERTAIN_PARAMETER)
+    untold = next(finding.text for finding in found.findings if finding.kind is Kind.UNTOLD_BY_MOTION)
     assert "the motion tells nothing of inertia_xx, " in untold
     assert "offset_y" in untold
     assert dynamics.residual_rms[0] < 0.8 * dynamics.static_rms[0]

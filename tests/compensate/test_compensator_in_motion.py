@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import lru_cache
 from typing import Any
 
@@ -106,6 +107,28 @@ def test_where_positions_come_again_the_motion_is_known_again() -> None:
     assert np.isfinite(found.wrench).all()
     assert np.isfinite(found.std[100:]).all()
     assert rms(found.wrench[1415:]) < 0.05
+
+
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+@pytest.mark.parametrize("place", [[0.5, np.nan, 0.6], [np.inf, 0.0, 0.6], [0.5, 0.0, 1e200]])
+def test_a_place_that_nobody_reaches_is_none_and_forgotten(fast: bool, place: list[float]) -> None:
+    s = recorded(free())
+    places = s.position.copy()
+    places[1400] = place
+    found = running(fast).run(s.wrench, s.R_base_flange, s.t, position=places)
+    assert np.isfinite(found.std[100:]).all()
+    assert rms(found.wrench[1415:]) < 0.05
+
+
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+def test_poses_without_an_inertia_change_nothing(fast: bool) -> None:
+    s = recorded(free())
+    still = dataclasses.replace(of_exact_poses(), dynamics=None)
+    told, untold = (cw.Compensator(still, rate=RATE, fast=fast) for _ in range(2))
+    for k in range(600):
+        told.pose(s.R_base_flange[k], s.position[k], s.t[k], 1.0 / RATE)
+        one, other = (each(s.wrench[k], s.R_base_flange[k], s.t[k]) for each in (told, untold))
+        assert np.array_equal(one.wrench, other.wrench, equal_nan=True)
 
 
 @pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])

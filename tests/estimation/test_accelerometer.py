@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
@@ -16,7 +17,13 @@ from contactwrench.calibration.dynamics import elements
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.compensate.contact_wrenches import contact_wrenches
 from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
-from contactwrench.samples.accelerometer import AccelerometerStream, mounted_accelerometer, with_accelerometer
+from contactwrench.samples.accelerometer import (
+    AccelerometerStream,
+    delay_behind,
+    mounted_accelerometer,
+    with_accelerometer,
+)
+from contactwrench.samples.flange_motion import flange_motion
 from tests.support.accelerometer import (
     LATE,
     NOISE,
@@ -27,7 +34,8 @@ from tests.support.accelerometer import (
     with_readings,
     without_positions,
 )
-from tests.support.in_motion import pushed
+from tests.support.in_motion import calibrated, pushed
+from tests.support.recordings import run
 from tests.support.world import Array
 
 OFTEN = 3.5
@@ -93,6 +101,89 @@ def test_exchanged_axes_are_said_and_change_nothing(axes: list[int]) -> None:
         "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
     )
     assert found.inertia == pytest.approx(calibrated_by_accelerometer().inertia, abs=1e-9)
+
+
+@pytest.mark.parametrize("late", [0.010, 0.030])
+def test_poses_that_are_ahead_of_the_wrench_are_found_to_be(late: float) -> None:
+    """No position tells their delay: what turns does, once gravity and acceleration are both the accelerometer's."""
+    samples = with_readings(Mounted())
+    rows = round(late * pushed().settings.recording.rate)
+    place = np.minimum(np.arange(len(samples)) + rows, len(samples) - 1)
+    found = cw.calibrate(replace(samples, R_base_flange=samples.R_base_flange[place]), "dynamic")
+    assert found.delay == pytest.approx(late + 0.0015, abs=0.002)
+    assert np.abs(_off(found)).max() < OFTEN
+
+
+def test_half_of_its_readings_tell_its_delay_too() -> None:
+    stream = accelerometer(pushed(), Mounted())
+    later = stream.t > 0.5 * pushed().begin
+    half = with_accelerometer(without_positions(), stream.select(later))
+    found = cw.calibrate(half, "dynamic").dynamics
+    assert found is not None
+    assert found.accelerometer is not None
+    assert found.accelerometer.delay == pytest.approx(LATE - 0.0015, abs=1e-3)
+    (said, _) = _said(cw.calibrate(half, "dynamic"))
+    assert said.severity is Severity.DOUBTFUL
+    assert said.text == (
+        "doubtful: the accelerometer read in 67% of the recording, so that fewer stops tell how it sits than the std "
+        "says: record it from begin to end"
+    )
+
+
+def test_an_arm_that_is_carried_to_and_fro_has_a_good_one() -> None:
+    """As fast as it can, without a turn: no mean of the accelerometer is gravity alone."""
+    samples = with_readings(Mounted())
+    t = np.asarray(samples.t)
+    carried = 3.0 * np.sin(2.0 * np.pi * 0.8 * t)[:, None] * [0.6, 0.0, 0.8] * (t > 0.4 * t[-1])[:, None]
+    felt = np.einsum("nji,nj->ni", samples.R_base_flange, carried) @ Mounted().axes.T * Mounted().unit
+    shaken = replace(samples, accelerometer=np.asarray(samples.accelerometer) + felt)
+    sits = mounted_accelerometer(shaken, np.array([0.0, 0.0, -9.80665]))
+    assert sits.matrix == pytest.approx(Mounted().unit * Mounted().axes, abs=0.03 * Mounted().unit)
+
+
+@pytest.mark.parametrize("every", [25, 50])
+def test_slow_readings_of_the_wrench_tell_no_delay(every: int) -> None:
+    """20 and 10 Hz."""
+    few = slice(None, None, every)
+    samples = with_readings(Mounted()).select(few)
+    angular = np.zeros((len(samples), 9))
+    assert delay_behind(samples.wrench[:, :3], np.asarray(samples.accelerometer), angular, np.asarray(samples.t)) == 0.0
+
+
+def test_a_motion_by_positions_is_refused() -> None:
+    samples = pushed().samples()
+    with pytest.raises(InputError) as refused:
+        calibrated_by_accelerometer().compensate(samples.wrench, samples.R_base_flange, motion=flange_motion(samples))
+    assert str(refused.value) == (
+        "found a motion by positions, and a calibration by an accelerometer, expected both by one: take the motion "
+        "that contactwrench.compensate.contact_wrenches.motion_of(calibration, samples) gives"
+    )
+
+
+def test_an_offset_from_it_is_compared_with_none_from_the_flange() -> None:
+    told = calibrated().diff(calibrated_by_accelerometer())
+    assert "inertia" in [group.name for group in told.groups]
+    assert "offset" not in [group.name for group in told.groups]
+    assert "offset_x" not in told.names
+
+
+def test_another_base_that_is_stated_changes_no_contact(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Judged reading by reading."""
+    found, samples = calibrated_by_accelerometer(), with_readings(Mounted()).select(slice(5000, 7000))
+    found.save(tmp_path / "tool.json")
+    turn = Rotation.from_euler("xyz", [20.0, -150.0, 70.0], degrees=True).as_matrix()
+    names = "t,fx,fy,fz,tx,ty,tz,qx,qy,qz,qw,ax,ay,az"
+    contact = []
+    for name, base in (("here", np.eye(3)), ("turned", turn)):
+        quaternions = Rotation.from_matrix(base @ samples.R_base_flange).as_quat()
+        columns = [np.asarray(samples.t), samples.wrench, quaternions, np.asarray(samples.accelerometer)]
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack(columns), "%.12g", ",", header=names, comments="")
+        down = ",".join(f"{part:.12f}" for part in base @ found.gravity_direction)
+        how = ("--imu", "ax,ay,az", f"--gravity={down}", "--contact", "-o", tmp_path / f"{name}_out.csv")
+        assert run(capsys, "compensate", tmp_path / f"{name}.csv", "-c", tmp_path / "tool.json", *how).status == 0
+        rows = (tmp_path / f"{name}_out.csv").read_text().splitlines()[1:]
+        contact.append([[float(part or "nan") for part in row.split(",")[1:7]] for row in rows])
+    np.testing.assert_allclose(contact[1], contact[0], atol=1e-6)
 
 
 def test_compensation_leaves_little_in_motion() -> None:

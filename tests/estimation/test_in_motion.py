@@ -74,7 +74,7 @@ def test_a_stated_offset_is_taken_and_leaves_the_verdict_good() -> None:
     assert found.dynamics is not None
     assert found.dynamics.std[6:].max() <= 5e-4
     assert found.verdict == "good"
-    assert not _of_kind(found, Kind.UNCERTAIN_PARAMETER)
+    assert not _of_kind(found, Kind.UNTOLD_BY_MOTION)
 
 
 def test_a_stated_offset_that_the_motion_contradicts_is_said() -> None:
@@ -232,13 +232,13 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
         lambda: cw.calibrate(replace(pushed().samples(), position=None), "dynamic"),
         InputError,
         "virtual rig: found no positions, expected t and the flange's x, y, z in each row, from which its acceleration "
-        "is taken: record them, or calibrate and compensate without inertia",
+        "is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "no times": (
         lambda: cw.calibrate(replace(_at_rest(), t=None), "dynamic"),
         InputError,
         "virtual rig: found no times, expected t and the flange's x, y, z in each row, from which its acceleration is "
-        "taken: record them, or calibrate and compensate without inertia",
+        "taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "positions in mm": (
         lambda: cw.calibrate(_scaled(1000.0), "dynamic"),
@@ -276,7 +276,7 @@ def _about_one_joint(joint: int) -> cw.Samples:
 
 def test_a_turn_about_one_axis_leaves_parameters_untold_and_names_them() -> None:
     found = with_motion(cw.calibrate(pushed().samples()), _about_one_joint(6), None)
-    (said,) = _of_kind(found, Kind.UNCERTAIN_PARAMETER)
+    (said,) = _of_kind(found, Kind.UNTOLD_BY_MOTION)
     assert said.severity is Severity.WEAK
     untold = "inertia_xx, inertia_xy, inertia_yy, offset_z"
     assert (

@@ -86,9 +86,11 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
     without = _table(tmp_path / "other.csv", {"t": T, "a": T})
     timeless = _table(tmp_path / "timeless.csv", _axes("ax", "ay", "az"))
     later = _table(tmp_path / "later.csv", {"t": T + 100.0, **_axes("ax", "ay", "az")})
+    two = _table(tmp_path / "two.csv", {"t": T, **_axes("a/ax", "a/ay", "a/az"), **_axes("b/ax", "b/ay", "b/az")})
+    both, missing = "t, a/ax, a/ay, a/az, b/ax, b/ay, b/az", tmp_path / "missing.csv"
     columns = "t, fx, fy, fz, tx, ty, tz, qx, qy, qz, qw"
     for file, imu, message in (
-        (path, str(without), f"{without}: found t, a, expected an accelerometer's t, ax, ay, az: rename the columns"),
+        (path, str(without), f"{without}: found t, a, expected one accelerometer's t, ax, ay, az: rename the columns"),
         (path, str(timeless), f"{timeless}: found no column t, expected the time of each acceleration: add it"),
         (
             path,
@@ -99,8 +101,10 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
         (
             path,
             "ax,ay,az",
-            f"{path}: found {columns}, expected --imu to name a file, or three of these columns as ax,ay,az",
+            f"{path}: found no column ax, expected a file, or three of {columns} as ax,ay,az",
         ),
+        (path, str(two), f"{two}: found {both}, expected one accelerometer's t, ax, ay, az: rename the columns"),
+        (path, str(missing), f"{missing}: there is no such file, expected a readable file: check the path"),
         (
             bag,
             "/wrench",
@@ -125,3 +129,25 @@ def test_a_calibration_with_a_prior_needs_no_stops_but_a_motion(
     )
     assert done.status == 2
     assert "--prior brings its model, found --model yaw: leave one of them out" in done.err
+
+
+def test_places_that_nobody_filled_in_are_none(tmp_path: Path) -> None:
+    assert np.isnan(np.asarray(cw.read(_bag(tmp_path / "run.mcap")).position)).all()
+
+
+def test_angular_accelerations_beside_them_are_not_taken(tmp_path: Path) -> None:
+    others = {f"angular_acceleration.{axis}": T for axis in "xyz"}
+    linear = _axes(*(f"linear_acceleration.{axis}" for axis in "xyz"))
+    imu = _table(tmp_path / "imu.csv", {"t": T, **linear, **others})
+    assert cw.read(_recording(tmp_path / "run.csv"), imu=str(imu)).accelerometer == pytest.approx(READING, abs=1e-9)
+
+
+def test_one_that_is_not_used_is_noted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    from tests.support.in_motion import pushed
+
+    cw.calibrate(pushed().samples()).save(tmp_path / "tool.json")
+    path = _recording(tmp_path / "run.csv", **_axes("ax", "ay", "az"))
+    done = run(capsys, "compensate", path, "-c", tmp_path / "tool.json", "--imu", "ax,ay,az", "-o", tmp_path / "o.csv")
+    said = "--imu is not used: the calibration has no inertia that counts from an accelerometer"
+    assert said in " ".join(done.err.split())

@@ -17,6 +17,7 @@ from ..model import GRAVITY, MOUNT, free_wrench, gravity_in_flange, horizontal_a
 from ..samples.flange_motion import FlangeMotion
 from ..subtract import compensate
 from .difference import Difference, difference
+from .dynamics import require_same_place
 from .fields import CalibrationFields
 from .stepper import Step, stepper
 from .text import describe, flowed
@@ -155,6 +156,7 @@ class Calibration(CalibrationFields):
         if motion is not None:
             if self.dynamics is None:
                 raise InputError("found a motion and no inertia: calibrate with model dynamic, or leave the motion out")
+            require_same_place(self.dynamics, motion)
             matrix = np.hstack([self.B, self.dynamics.matrix])
         return compensate(matrix, self.gravity_direction, wrench, orientation, out, motion)
 

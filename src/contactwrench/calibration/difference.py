@@ -61,7 +61,8 @@ class Difference(Frozen):
     in either's own base), N and N m. `mounting_angle` rad between the two mountings, None where one has none;
     `gravity_angle` rad between the two directions of gravity in base axes. `groups`: what one cause moves together,
     and last all of it. Between mountings on opposite sides of the sensor yaw is left out: its zeros differ. Inertia and
-    sensor offset are among them where both know these: `inertia_known` says it of a and of b.
+    sensor offset are among them where both know these, the latter from the flange: `inertia_known` says it of a and
+    of b.
     """
 
     names: tuple[str, ...]
@@ -132,6 +133,8 @@ def _told(c: CalibrationFields) -> dict[str, tuple[float, float]]:
     if c.dynamics is not None:
         of_motion = zip(_of_motion(c.dynamics), c.dynamics.std.tolist(), strict=True)
         told |= dict(zip(DYNAMIC_PARAMETERS, of_motion, strict=True))
+        if c.dynamics.accelerometer is not None:  # from which the offset counts, wherever it is
+            told = {name: value for name, value in told.items() if name not in SENSOR_OFFSET}
     return told
 
 
@@ -199,7 +202,8 @@ def _parts(a: CalibrationFields, b: CalibrationFields) -> list[_Part]:
         of_a, of_b = (np.eye(9, len(c.parameters) + 9, len(c.parameters)) for c in (a, b))
         parts = [part.with_columns(of_a.shape[1], of_b.shape[1]) for part in parts]
         parts.append(_Part("inertia", INERTIA, change[:6], of_a[:6], of_b[:6]))
-        parts.append(_Part("offset", SENSOR_OFFSET, change[6:], of_a[6:], of_b[6:]))
+        if a.dynamics.accelerometer is None and b.dynamics.accelerometer is None:
+            parts.append(_Part("offset", SENSOR_OFFSET, change[6:], of_a[6:], of_b[6:]))
     return parts
 
 

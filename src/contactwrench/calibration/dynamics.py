@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Matrix, Vector, read_only
 from ..geometry.wrench import cross_matrix
 from ..model import MOUNT, RigidTool
@@ -76,6 +77,19 @@ class Dynamics(Frozen):
         """Covariance (p + 9, p + 9) of the calibration's parameters, whose own is (p, p), and `DYNAMIC_PARAMETERS`."""
         between = self.with_parameters
         return np.block([[of_parameters, between.T], [between, self.covariance]])
+
+
+def require_same_place(dynamics: Dynamics, motion: FlangeMotion) -> None:
+    """Raise `InputError` for a motion of another place than the inertia counts from."""
+    of, needs = (
+        ("an accelerometer" if by_one else "positions")
+        for by_one in (motion.of_accelerometer, dynamics.accelerometer is not None)
+    )
+    if of != needs:
+        raise InputError(
+            f"found a motion by {of}, and a calibration by {needs}, expected both by one: take the motion that "
+            "contactwrench.compensate.contact_wrenches.motion_of(calibration, samples) gives"
+        )
 
 
 def elements(inertia: Array) -> Array:
@@ -201,6 +215,7 @@ def covariance_in_motion(
         of_rest: derivative (n, 6, p) of the free wrench at rest.
         motion: of n moments.
     """
+    require_same_place(dynamics, motion)
     of_terms = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names)
     J = (motion.terms @ of_terms.reshape(TERMS, -1)).reshape(-1, *of_terms.shape[1:])
     of_tool, own = J[:, :, : len(names)], J[:, :, len(names) :]

@@ -64,6 +64,7 @@ class Kind(StrEnum):
     NEGATIVE_MASS = "negative_mass"
     CONTACT_IN_MOTION = "contact_in_motion"
     MOTION_USED = "motion_used"
+    UNTOLD_BY_MOTION = "untold_by_motion"
     SLOW_SENSOR = "slow_sensor"
     ACCELEROMETER = "accelerometer"
     OTHER = "other"

@@ -73,7 +73,9 @@ def calibrate(
     sensor_offset: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,Z", help="dynamic: the sensor's origin, m from the flange, flange axes. [default: found]"
+            metavar="X,Y,Z",
+            help="dynamic: the sensor's origin, m from the flange, or with --imu from the accelerometer, flange axes. "
+            "[default: found]",
         ),
     ] = None,
     noise: Annotated[

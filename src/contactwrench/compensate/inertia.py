@@ -30,6 +30,8 @@ CHANGES = 0.25
 """Of the mean over jumps that says how the wrench changes: four poses."""
 KINDS = (slice(0, 3), slice(3, 9), slice(9, 12))
 """Of terms: angular acceleration, products of the angular velocity, acceleration."""
+FURTHEST = 1e3
+"""m, from the base: no arm's flange."""
 SLOWEST_POSES = 0.1
 """s: between poses; an arm that stands states none, or the same."""
 REPEATED = 2.5
@@ -92,7 +94,7 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
         for k in range(TERMS):
             s.terms[k] = sample.motion[k]
         keep_terms(s, ring, sample.time, fresh)
-    elif sample.position[0] == sample.position[0]:
+    elif placed_anywhere(sample):
         follow_pose(s, sample, ring, inf if fresh else sample.time - s.pose_time, SLOWEST_POSES)
     elif not s.poses_alone:
         s.pose_time, s.pose_period = nan, 0.0
@@ -100,13 +102,21 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
 
 
 @kernel
+def placed_anywhere(sample: Sample) -> bool:
+    """Whether its position is a place that an arm reaches, at a time."""
+    for part in sample.position:
+        if not abs(part) < FURTHEST:
+            return False
+    return abs(sample.time) < inf
+
+
+@kernel
 def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take a pose that comes by itself, `sample.passed` s after the one before."""
-    position, R = sample.position, s.R
+    R = s.R
     squared = from_quaternion(sample.orientation, R) if width == 4 else from_matrix(sample.orientation, R)
-    known = position[0] + position[1] + position[2] + sample.time
     s.pose_repeats += sample.passed
-    if abs(squared - 1.0) <= SQUARED_TOLERANCE and known - known == 0.0:
+    if abs(squared - 1.0) <= SQUARED_TOLERANCE and placed_anywhere(sample):
         s.poses_alone = True
         repeats = SLOWEST_POSES if s.poses == 0 else min(REPEATED * s.pose_period, SLOWEST_POSES)
         follow_pose(s, sample, ring, s.pose_repeats, repeats)

@@ -136,8 +136,10 @@ class Plain:
         sample = self.sample
         sample.orientation, sample.position = turn.ravel().tolist(), place.tolist()
         sample.time, sample.passed = t, passed
-        take(self.state, sample, self._ring, turn.size)
-        sample.passed = nan
+        try:
+            take(self.state, sample, self._ring, turn.size)
+        finally:
+            sample.passed = nan
 
     def advance(self, samples: NDArray[np.void], width: int, begin: int) -> int:
         """Take samples from `begin` on, to the first with an event or before; how many are taken."""

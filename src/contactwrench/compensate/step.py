@@ -31,7 +31,8 @@ def take(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """
     sample.events, sample.contact = 0, NOT_JUDGED
     if sample.passed == sample.passed:
-        take_pose(s, sample, ring, width)
+        if s.knows_inertia:
+            take_pose(s, sample, ring, width)
         return
     fault, detail, channel = unreadable(s, sample, width)
     if fault == FINE:

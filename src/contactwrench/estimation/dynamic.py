@@ -27,9 +27,9 @@ OFFSET_STD, STATED_OFFSET_STD = 0.1, 5e-4
 """m, of where the sensor is from the flange: unless it is stated, and as a data sheet or a ruler states it."""
 LATE_STD, BLUR_STD = 1e-3, 1e-3
 """s, of what is left of the delay; s^2, of what a filter weakens of a second derivative: one of first order at 4 Hz."""
-TOGETHER_STD, UNKNOWN_STD = 1e-4, 1e-2
+TOGETHER_STD, UNKNOWN_STD = 1e-4, 3e-2
 """s, by which accelerations are ahead of the wrench: of positions, and of an accelerometer whose delay the shaking of
-drives told; and of one whose delay nothing did.
+drives told; and of one whose delay nothing did, as of a wrench whose delay nothing did.
 """
 PASSES, SETTLED = 30, 1e-3
 """At most; and the standard deviations of a step that is none any more."""
@@ -49,7 +49,8 @@ class Moved:
     """What the motion tells: `inertia` (3, 3) kg m^2 about the centre of mass, sensor axes; `sensor_offset` (3,) m,
     flange axes; their `covariance` (9, 9) and that with the tool's parameters (9, p), the std (9,) `before` of the
     same, and the `weight` (w, 6) of each window. The RMS `left` (6,) of readings in motion, N and N m, in the bands
-    used, and the filter's `blur`, s^2, with its std. By how much an accelerometer is `ahead` of the wrench, s.
+    used, and the filter's `blur`, s^2, with its std. By how much an accelerometer is `ahead` of the wrench, and the
+    wrench `late` beside the poses, s, with its std.
     """
 
     inertia: Array
@@ -62,11 +63,13 @@ class Moved:
     blur: float
     blur_std: float
     ahead: float
+    late: float
+    late_std: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Where Gauss and Newton are."""
+    """Where Gauss and Newton are; an accelerometer is late or ahead by itself, `apart` from the rest."""
 
     tool: RigidTool
     inertia: Array
@@ -74,6 +77,7 @@ class _Point:
     late: float = 0.0
     blur: float = 0.0
     ahead: float = 0.0
+    apart: bool = False
 
     def stepped(self, step: Array, names: tuple[str, ...]) -> _Point:
         of_motion = step[len(names) :]
@@ -84,6 +88,7 @@ class _Point:
             self.late + float(of_motion[LATE]),
             self.blur + float(of_motion[BLUR]),
             self.ahead + float(of_motion[AHEAD]),
+            self.apart,
         )
 
 
@@ -95,7 +100,7 @@ def moved(
     noise: Array,
     moments: MotionMoments,
     sensor_offset: Array | None,
-    ahead_std: float,
+    ahead_std: float | None = None,
 ) -> Moved:
     """The posterior of inertia and offset.
 
@@ -107,18 +112,20 @@ def moved(
         noise: std (6,) by which a pose's reading is off the model, N and N m.
         moments: of the motion.
         sensor_offset: (3,) m, where it is stated.
-        ahead_std: s, of by how much an accelerometer is ahead.
+        ahead_std: s, of by how much an accelerometer is ahead of the wrench; None: positions told the accelerations.
     """
+    late_std, ahead_std = (LATE_STD, TOGETHER_STD) if ahead_std is None else (UNKNOWN_STD, ahead_std)
     p, mass = len(names), tool.weight / g
     before = np.r_[np.full(6, mass * GYRATION_STD**2), np.full(3, OFFSET_STD)]
-    at = _Point(tool, mass * GYRATION**2 * np.eye(3), np.zeros(3) if sensor_offset is None else sensor_offset)
+    begin = np.zeros(3) if sensor_offset is None else sensor_offset
+    at = _Point(tool, mass * GYRATION**2 * np.eye(3), begin, apart=late_std == UNKNOWN_STD)
     if sensor_offset is not None:
         before[OFFSET] = STATED_OFFSET_STD
     anew = [names.index(name) for name in ANEW]
     stays = [k for k in range(p) if k not in anew]
     sought = [*anew, *range(p, p + AHEAD + 1)]
     own = slice(len(ANEW), len(ANEW) + len(DYNAMIC_PARAMETERS))
-    prior = np.diag(1.0 / np.r_[np.sqrt(covariance[0, 0]), noise, before, LATE_STD, BLUR_STD, ahead_std] ** 2)
+    prior = np.diag(1.0 / np.r_[np.sqrt(covariance[0, 0]), noise, before, late_std, BLUR_STD, ahead_std] ** 2)
     weight, of_all = np.ones((len(moments.products), 6)), 0.5 * moments.count * len(moments.products)
     off, spent = np.zeros(len(prior)), np.zeros((6, len(moments.count)))
     usual = OF_ITS_OWN * moments.count.sum()
@@ -151,7 +158,9 @@ def moved(
         weight=weight,
         left=np.sqrt(power.sum(axis=2).mean(axis=0) / moments.rows),
         blur=at.blur,
-        ahead=at.ahead + at.late,
+        ahead=at.ahead,
+        late=at.late,
+        late_std=float(np.sqrt(inverse[LATE - AHEAD - 1, LATE - AHEAD - 1])),
         blur_std=float(np.sqrt(inverse[BLUR - AHEAD - 1, BLUR - AHEAD - 1])),
     )
 
@@ -174,12 +183,13 @@ def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Ar
     felt = np.zeros((6, REGRESSORS))  # an accelerometer's part: acceleration less gravity
     felt[:, MOTION][:, ACCELERATION] = of_acceleration = free[:, MOTION][:, ACCELERATION]
     felt[:, ORIENTATION] = -g * response_of(of_acceleration, at.tool.gravity_direction)
-    left = np.hstack([-free, at.late * free + at.ahead * felt, -at.blur * free, np.eye(6)])
+    of_poses = free - felt if at.apart else free
+    left = np.hstack([-free, at.late * of_poses + at.ahead * felt, -at.blur * free, np.eye(6)])
     of_free = np.zeros((6, REGRESSORS, p + len(DYNAMIC_PARAMETERS)))
     of_free[:, ORIENTATION, all_but_the_bias(names)] = response_jacobian(at.tool, names).transpose(1, 2, 0)
     of_free[range(6), ONE, [names.index(name) for name in ANEW[1:]]] = 1.0
     of_free[:, MOTION] = inertial_jacobian(at.tool, mass, at.inertia, at.sensor_offset, names).transpose(1, 0, 2)
     J = np.zeros((6, LATER, p + AHEAD + 1))
     J[:, :, : p + LATE] = np.concatenate([of_free, -at.late * of_free, at.blur * of_free], axis=1)
-    J[:, CHANGES, p + LATE], J[:, BENDS, p + BLUR], J[:, CHANGES, p + AHEAD] = -free, free, -felt
+    J[:, CHANGES, p + LATE], J[:, BENDS, p + BLUR], J[:, CHANGES, p + AHEAD] = -of_poses, free, -felt
     return left, J

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, inertial_matrix
-from ..calibration.findings import Finding, Kind, Severity
+from ..calibration.findings import Kind
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
@@ -22,8 +21,9 @@ from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
-from .dynamic import STATED_OFFSET_STD, TOGETHER_STD, UNKNOWN_STD, Moved, moved
-from .motion_moments import FLAT, motion_moments
+from .dynamic import TOGETHER_STD, UNKNOWN_STD, Moved, moved
+from .findings_of_motion import of_motion
+from .motion_moments import motion_moments
 from .possible_tool import nearest_possible
 
 ALIGNED = 3
@@ -32,16 +32,6 @@ LEAST_SECONDS = 4.0
 """Of motion."""
 KNOWN = 0.5
 """Of what was thinkable before: a std that is larger was not told by the motion."""
-LITTLE_WEIGHT = 0.25
-"""Of a window: it is noisier than most, a push or a shake."""
-MANY = 0.1
-"""Of the windows; and of the weight, what is left of the force in motion."""
-CONTRADICTS = 3.0
-"""Standard deviations of a stated offset."""
-IMPOSSIBLE = 2.0
-"""Standard deviations from the inertia of any body."""
-SLOW_SENSOR, SURELY = 5e-5, 5.0
-"""s^2, of the blur that a filter of first order at 16 Hz has, and standard deviations: it is said."""
 FAR_BEYOND, MEDIAN_OF_SQUARES, LEAST_EXPECTED, TRIMMED = 9.0, 0.79, 0.01, 5
 """Times the expected mean square of three axes, by chance once in 10^5 rows, and its median; of what was expected at
 first; how often what is beyond is left out."""
@@ -67,12 +57,14 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
         raise _at_rest(samples, 0.0)
+    late = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or np.inf) else 0.0
     samples = as_stamped(samples)
     accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
-    aligned = accelerometer is None or accelerometer.delay != 0.0
-    for _ in range(ALIGNED):
+    shaken_std = None if accelerometer is None else TOGETHER_STD
+    ahead_std = UNKNOWN_STD if accelerometer is not None and not accelerometer.delay else shaken_std
+    for k in range(ALIGNED):
         motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
         shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
         if shaken > ARM_IS_LARGER and accelerometer is None:
@@ -84,10 +76,12 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         if moments.seconds < LEAST_SECONDS:
             raise _at_rest(samples, moments.seconds)
         known = names, calibration.covariance, calibration.noise
-        found = moved(tool, tool.weight / mass, *known, moments, stated, TOGETHER_STD if aligned else UNKNOWN_STD)
-        if accelerometer is None or aligned:
+        found = moved(tool, tool.weight / mass, *known, moments, stated, ahead_std)
+        if accelerometer is None or k == ALIGNED - 1:
             break
         accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
+        late += found.late
+        samples = _shifted(samples, found.late)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
@@ -111,8 +105,12 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         accelerometer=accelerometer,
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
+    if accelerometer is not None:
+        complete = replace(complete, delay=late, delay_std=found.late_std)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
-    findings = (*calibration.findings, *_findings(found, tool.weight, stated, untold, moved_by, dynamics, moments.most))
+    read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
+    said = of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)
+    findings = (*calibration.findings, *said)
     return replace(complete, dynamics=dynamics, findings=findings)
 
 
@@ -141,7 +139,9 @@ def with_earlier_inertia(calibration: Calibration, earlier: Calibration) -> Cali
     known = earlier.dynamics
     matrix = inertial_matrix(tool_of(calibration), calibration.mass, known.inertia, known.sensor_offset)
     apart = np.zeros((len(DYNAMIC_PARAMETERS), len(calibration.parameters)))
-    return replace(calibration, dynamics=replace(known, matrix=matrix, with_parameters=apart))
+    untold = (finding for finding in earlier.findings if finding.kind is Kind.UNTOLD_BY_MOTION)
+    dynamics = replace(known, matrix=matrix, with_parameters=apart)
+    return replace(calibration, dynamics=dynamics, findings=(*calibration.findings, *untold))
 
 
 def tool_of(calibration: Calibration) -> RigidTool:
@@ -158,6 +158,11 @@ def as_stamped(samples: Samples) -> Samples:
     in_rows = samples.pose_period is None and samples.t is not None
     if not in_rows or delay is None or std is None or not is_significant(delay, std):
         return samples
+    return _shifted(samples, delay, std)
+
+
+def _shifted(samples: Samples, delay: float, std: float | None = None) -> Samples:
+    """The samples with the orientation of so many s earlier; an accelerometer's readings stay with the wrench."""
     wrench = WrenchStream(np.asarray(samples.t), samples.wrench, samples.source)
     poses = OrientationStream(np.asarray(samples.t), samples.R_base_flange, samples.position, samples.source)
     paired = synchronize(Streams(wrench, poses), delay, std)
@@ -205,74 +210,3 @@ def _growth(level: Array, squares: Array) -> Array:
         found = nnls(level[kept] / unit, squares[kept])[0]
         expected = np.maximum(level / unit @ found, least)
     return np.asarray(np.sqrt(found / unit)[1:])
-
-
-def _findings(
-    found: Moved,
-    weight: float,
-    stated: Array | None,
-    untold: list[str],
-    moved_by: float,
-    dynamics: Dynamics,
-    most: float,
-) -> Iterator[Finding]:
-    off = np.zeros(3) if stated is None else np.abs(found.sensor_offset - stated)
-    if off.max() > CONTRADICTS * STATED_OFFSET_STD:
-        text = (
-            f"the stated sensor offset is {1e3 * off.max():.2g} mm or more off what the motion tells: it counts from "
-            "the flange's origin to the sensor's, in flange axes; measure it again, or leave it out"
-        )
-        yield Finding.doubtful(Kind.CONTRADICTS_PRIOR, text)
-    if untold:
-        text = f"the motion tells nothing of {', '.join(untold)}: what stands there was assumed; turn about every axis"
-        yield Finding.weak(Kind.UNCERTAIN_PARAMETER, text)
-    nearest = "no body has the inertia that the readings alone give, the nearest that one can have was taken"
-    if moved_by > IMPOSSIBLE:
-        text = f"{nearest}, {moved_by:.2g} standard deviations off: something shakes the sensor, or moves on the tool"
-        yield Finding.doubtful(Kind.IMPLAUSIBLE_TOOL, text)
-    elif moved_by > 0.0:
-        yield Finding(Kind.IMPLAUSIBLE_TOOL, Severity.NOTE, f"{nearest}, within its standard deviations")
-    noisy, left = float(np.mean(found.weight.min(axis=1) < LITTLE_WEIGHT)), float(np.linalg.norm(found.left[:3]))
-    if left > MANY * weight:
-        text = (
-            f"{left:.2g} N RMS of the force below {most:.2g} Hz is left in motion, {left / weight:.0%} of the weight: "
-            "contact, cables or shaking; what is known of the inertia counts with it"
-        )
-        yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
-    elif noisy > MANY:
-        text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: contact, cables or shaking"
-        yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
-    if found.blur > max(SLOW_SENSOR, SURELY * found.blur_std):
-        corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * found.blur))
-        text = (
-            f"the readings follow the motion as behind a low-pass of first order at {corner:.2g} Hz: set the sensor's "
-            "filter faster, or state it where contact is judged (--sensor-filter)"
-        )
-        yield Finding(Kind.SLOW_SENSOR, Severity.WARNING, text)
-    if dynamics.accelerometer is not None:
-        yield from _of_accelerometer(dynamics.accelerometer)
-    told = FLAT * dynamics.bandwidth
-    seconds = f"{dynamics.seconds:.3g} s of motion used, up to {most:.2g} Hz, "
-    if most < told or dynamics.accelerometer is not None:
-        yield Finding(Kind.MOTION_USED, Severity.NOTE, f"{seconds}where nearly all of its acceleration is")
-    else:
-        text = "beyond which the poses tell no acceleration: record them more often, or with more digits"
-        yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)
-
-
-def _of_accelerometer(accelerometer: Accelerometer) -> Iterator[Finding]:
-    if accelerometer.unit is None:
-        text = (
-            f"the accelerometer reads {accelerometer.scale:.3g} for each m/s^2, expected 1, or 0.102 of one in g: "
-            "taken as gravity turns in it"
-        )
-        yield Finding.doubtful(Kind.ACCELEROMETER, text)
-    if accelerometer.mirrors:
-        text = "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
-        yield Finding(Kind.ACCELEROMETER, Severity.WARNING, text)
-    late = f"{1e3 * accelerometer.delay:.2g} ms after the wrench" if accelerometer.delay else "with the wrench"
-    text = (
-        f"accelerations of an accelerometer in {accelerometer.unit or 'its own unit'}, {late}, off by "
-        f"{accelerometer.noise:.2g} m/s^2 at rest; the sensor's offset counts from it"
-    )
-    yield Finding(Kind.ACCELEROMETER, Severity.NOTE, text)

@@ -68,6 +68,8 @@ def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
     if len(starts) > MOST_WINDOWS:
         starts = starts[np.linspace(0, len(starts) - 1, MOST_WINDOWS).astype(int)]
     frequency = np.fft.rfftfreq(rows, period)
+    if not len(starts):
+        return MotionMoments(np.empty((0, 1, READINGS.stop, READINGS.stop)), np.ones(1), rows, 0.0)
     most = min(FLAT * motion.bandwidth, _where_nearly_all_is(motion, rows, period))
     ends = np.array([*(edge for edge in BANDS if edge < most), np.inf])
     band = np.searchsorted(ends, frequency, "right")

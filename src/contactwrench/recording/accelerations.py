@@ -17,10 +17,13 @@ from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
 from .bags.topics import acceleration_topic
 from .options import Options
 from .tables.columns import Column, listed
+from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
+from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
+from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.roles import time_columns
 from .tables.table import in_seconds, in_si, open_table
 
-OF_AXIS = re.compile(r"(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:eration)?)?)?[/._ ]?([xyz])", re.IGNORECASE)
+OF_AXIS = re.compile(r"(?!.*angular)(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:eration)?)?)?[/._ ]?([xyz])", re.IGNORECASE)
 """The column of an axis, as ax, acc_x, accel_x, linear_acceleration.x."""
 
 
@@ -33,7 +36,9 @@ def with_accelerations(samples: Samples, path: str | Path, options: Options) -> 
     """
     if options.imu is None:
         return samples
-    if os.path.isfile(options.imu):
+    suffix = Path(options.imu).suffix.lower()
+    names_a_table = suffix and suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5)
+    if names_a_table or os.path.exists(options.imu):
         return with_accelerometer(samples, _of_table(options.imu, None, options))
     if Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
         return with_accelerometer(samples, _of_bag(path, options))
@@ -44,7 +49,8 @@ def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:
     with opened_bag(path, accept_damaged=options.accept_damaged) as bag:
         topic = acceleration_topic(bag, str(options.imu))
         parts = [accelerations(bag, topic, part[topic]) for part in messages(bag, (topic,)) if topic in part]
-        t, reading = (np.concatenate(values) for values in zip(*parts, strict=True))
+        t = np.concatenate([np.empty(0), *(times for times, _ in parts)])
+        reading = np.concatenate([np.empty((0, 3)), *(values for _, values in parts)])
         return AccelerometerStream(t, reading, f"{path} {topic.name}")
 
 
@@ -52,11 +58,13 @@ def _of_table(path: str | Path, columns: str | None, options: Options) -> Accele
     """Of a table of its own, or those `columns` of one."""
     table = open_table(path, options.naming)
     names = _named_alike(list(table.places)) if columns is None else [name.strip() for name in columns.split(",")]
-    if len(names) != 3 or not set(names) <= table.places.keys():
+    lacking = [name for name in names if name not in table.places]
+    if len(names) != 3 or lacking:
         found = f"found {listed(table.places)}"
         if columns is None:
-            raise FileFormatError(f"{path}: {found}, expected an accelerometer's t, ax, ay, az: rename the columns")
-        raise InputError(f"{path}: {found}, expected --imu to name a file, or three of these columns as ax,ay,az")
+            raise FileFormatError(f"{path}: {found}, expected one accelerometer's t, ax, ay, az: rename the columns")
+        none = f"no column {lacking[0]}" if lacking else f"{len(names)} names in --imu"
+        raise InputError(f"{path}: found {none}, expected a file, or three of {listed(table.places)} as ax,ay,az")
     axes = [Column(table.places[name], name, 1.0, role) for name, role in zip(names, ("ax", "ay", "az"), strict=True)]
     t = time_columns(table, options.naming)
     if not t:
@@ -72,6 +80,8 @@ def _of_table(path: str | Path, columns: str | None, options: Options) -> Accele
 
 
 def _named_alike(names: list[str]) -> list[str]:
-    """The three columns whose names are those of accelerations, in the order of their axes; others: none."""
-    of_axes = {match[1].lower(): name for name in names if (match := OF_AXIS.fullmatch(name))}
-    return [of_axes[axis] for axis in "xyz"] if len(of_axes) == 3 else []
+    """The three columns whose names are those of accelerations, in the order of their axes; none of any others, and of
+    those of several instruments.
+    """
+    matches = [(match[1].lower(), name) for name in names if (match := OF_AXIS.fullmatch(name))]
+    return [name for _, name in sorted(matches)] if sorted(axis for axis, _ in matches) == list("xyz") else []

@@ -97,8 +97,10 @@ def compensated(
         ContactWrenchError: as reading, pairing and compensating raise it.
     """
     require_frame(calibration, treatment.output_frame)
-    if calibration.dynamics is None or calibration.dynamics.accelerometer is None:
+    if options.imu is not None and (calibration.dynamics is None or calibration.dynamics.accelerometer is None):
         options = replace(options, imu=None)
+        if note is not None:
+            note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
@@ -228,7 +230,7 @@ def _of_samples(
     """The contact wrenches of samples with times, judged where there is a compensator."""
     if compensator is None or samples.t is None:
         return replace(_plain(calibration, samples, treatment), judged=True)
-    motion = motion_of(calibration, samples)
+    motion = motion_of(calibration.with_gravity(treatment.gravity), samples)
     rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t), motion=motion)
     wrench, std, frame, point = rows.wrench, rows.std, treatment.output_frame, treatment.point
     if frame != "sensor" or point is not None:

@@ -36,6 +36,8 @@ LEAST_TURN = 0.02
 """Of gravity squared, about the second of the axes over which it is spread: 8 deg to each side."""
 EVERY_WAY = 0.05
 """The same about the third: from there on an instrument that mirrors shows."""
+MEDIAN_OF_THREE = 1.538
+"""Of the length of three normal numbers, in their std."""
 MOST_UNEXPLAINED = 0.15
 """Of gravity, RMS."""
 SLOWEST, FASTEST = 5.0, 100.0
@@ -144,14 +146,14 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
             )
         left = np.linalg.norm(reading - specific_force @ matrix.T - bias, axis=1) / told
         weight = 1.0 / (off**2 + np.maximum(left / BEYOND, 0.0) ** 2)
-    unexplained = float(np.sqrt(np.average(left**2, weights=1.0 / off**2)))
-    if unexplained > MOST_UNEXPLAINED * g:
+    unexplained = float(np.sqrt(np.average(left**2, weights=weight)))
+    if (share := min(unexplained / g, 1.0)) > MOST_UNEXPLAINED:
         raise InputError(
-            f"{samples.source}: found accelerations that do not turn with gravity ({unexplained / g:.0%} of it is "
-            "left), expected an accelerometer fixed to the tool: name another source"
+            f"{samples.source}: found accelerations that do not turn with gravity ({share:.0%} of it "
+            "is left), expected an accelerometer fixed to the tool: name another source"
         )
     at_rest = off < 2.0 * REST
-    noise = np.sqrt(np.mean(left[at_rest] ** 2) / 3.0) if at_rest.any() else unexplained
+    noise = np.median(left[at_rest]) / MEDIAN_OF_THREE if at_rest.any() else unexplained
     return Accelerometer(matrix, bias, max(float(noise), REST / 10.0))
 
 
@@ -160,12 +162,16 @@ def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> floa
     A rigid tool has both alike, gravity included: less what goes with the `angular` terms (n, k), one is a fixed
     matrix times the other.
     """
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1))
-    period, n = float(np.median(np.diff(t))), len(t)
+    run = _longest_run(np.asarray(np.isfinite(reading).all(axis=1)))
+    force, reading, angular, t = (each[run] for each in (force, reading, angular, t))
+    period, n = float(np.median(np.diff(t))) if len(t) > 1 else np.inf, len(t)
+    reach = int(LONGEST / period)
+    if reach < 2 or n < 4 * reach:
+        return 0.0
     frequency = np.fft.rfftfreq(2 * n, period)
     compared = (frequency > SLOWEST) & (frequency < FASTEST)
-    columns = np.where(known[:, None], np.hstack([angular, force, reading]), 0.0)
-    columns = (columns - columns[known].mean(axis=0)) * (np.hanning(n) * known)[:, None]
+    columns = np.hstack([angular, force, reading])
+    columns = (columns - columns.mean(axis=0)) * np.hanning(n)[:, None]
     seen = np.fft.rfft(columns, 2 * n, axis=0)[compared]
     both = np.concatenate([seen.real, seen.imag])
     explaining, left = both[:, : angular.shape[1]], both[:, angular.shape[1] :]
@@ -176,7 +182,6 @@ def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> floa
     alike = np.fft.irfft(of_reading.conj()[:, :, None] * of_force[:, None, :], axis=0)
     own = np.fft.irfft(of_reading.conj()[:, :, None] * of_reading[:, None, :], axis=0)[0]
     power = float(np.fft.irfft(np.sum(np.abs(of_force) ** 2, axis=1))[0])
-    reach = int(LONGEST / period)
     lags = np.arange(-reach, reach + 1)
     explained = np.einsum("kab,ac,kcb->k", alike[-lags], np.linalg.pinv(own), alike[-lags]) / max(power, 1e-300)
     best = int(np.argmax(explained[1:-1])) + 1
@@ -185,6 +190,13 @@ def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> floa
     if here < LEAST_ALIKE or not bend < 0.0:
         return 0.0
     return float(period * (lags[best] + 0.5 * (before - after) / bend))
+
+
+def _longest_run(known: NDArray[np.bool_]) -> slice:
+    """Of rows (n,) the longest that are known one after the other."""
+    edges = np.flatnonzero(np.diff(np.r_[False, known, False].astype(int)))
+    runs = edges.reshape(-1, 2)
+    return slice(*runs[np.argmax(runs[:, 1] - runs[:, 0])].tolist()) if len(runs) else slice(0)
 
 
 def _means(samples: Samples, gravity: Array) -> tuple[Array, Array, Array]:

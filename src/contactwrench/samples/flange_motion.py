@@ -53,6 +53,7 @@ class FlangeMotion(Rows):
     (n, 3, 3) is the orientation, the way between interpolated poses bent. `inside` (n,) is False where the filter
     reaches beyond the recording, or into a gap, and what is there was guessed. `stirring` (n, 2): the mean square of
     acceleration and angular speed over the last `RINGING` s, m^2/s^4 and rad^2/s^2; None: as at the moment.
+    `of_accelerometer`: whether one told the accelerations, which are then those of its place.
     """
 
     angular_velocity: Array = field(metadata=column(3))
@@ -62,6 +63,7 @@ class FlangeMotion(Rows):
     inside: NDArray[np.bool_] = field(metadata=column(kind=np.bool_))
     bandwidth: float = FASTEST
     stirring: Array | None = field(default=None, metadata=column(2))
+    of_accelerometer: bool = False
 
     @property
     def stirred(self) -> Array:
@@ -102,6 +104,8 @@ def flange_motion(
     Raises:
         InputError: no times, no positions or accelerations, or too few rows to tell a motion.
     """
+    if accelerometer is not None and gravity is None:
+        raise InputError("found an accelerometer and no gravity, expected both: it reads gravity too")
     told = samples.position if accelerometer is None else samples.accelerometer
     position = np.full((len(samples), 3), np.nan) if told is None else told
     placed = np.asarray(np.isfinite(position).all(axis=1))
@@ -114,7 +118,7 @@ def flange_motion(
         lacking = "times" if samples.t is None else "positions"
         raise InputError(
             f"{samples.source}: found no {lacking}, expected t and the flange's x, y, z in each row, from which its "
-            "acceleration is taken: record them, or calibrate and compensate without inertia"
+            "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia"
         )
     t = spread_evenly(samples.t)
     if len(t) < FEWEST or not np.median(np.diff(t)) > 0.0:
@@ -138,7 +142,16 @@ def flange_motion(
     if accelerometer is not None and gravity is not None:
         acceleration = np.nan_to_num(accelerometer.acceleration(position, t, R, gravity))
     stirring = _remembered(_squares(acceleration, motion[:, :3]), period)
-    return FlangeMotion(motion[:, :3], motion[:, 3:6], acceleration, R, motion[:, 12] == 1.0, bandwidth, stirring)
+    return FlangeMotion(
+        motion[:, :3],
+        motion[:, 3:6],
+        acceleration,
+        R,
+        motion[:, 12] == 1.0,
+        bandwidth,
+        stirring,
+        accelerometer is not None,
+    )
 
 
 def _squares(acceleration: Array, angular_velocity: Array) -> Array:

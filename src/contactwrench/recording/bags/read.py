@@ -184,9 +184,11 @@ def _streams(
     t = np.concatenate([np.empty(0), *(t for t, _ in readings)])
     values = np.concatenate([np.empty((0, 6)), *(values for _, values in readings)])
     poses = Poses.concatenate([part for part in placed if len(part)] or [_NO_POSES])
+    position = np.asarray(poses.position)
+    position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # no flange is at 0, 0, 0 of its base
     return Streams(
         WrenchStream(t, values, f"{bag.path} {wrench.name}"),
-        OrientationStream(poses.t, poses.R_base_flange, poses.position, f"{bag.path} {source}"),
+        OrientationStream(poses.t, poses.R_base_flange, position, f"{bag.path} {source}"),
         read_as,
         bag.damage.said,
     )

@@ -1,0 +1,118 @@
+"""What a motion says of itself beside the numbers: contact, slow sensors, an accelerometer, what it leaves untold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..calibration.dynamics import Dynamics
+from ..calibration.findings import Finding, Kind, Severity
+from ..geometry.arrays import Array
+from ..samples.accelerometer import Accelerometer
+from .dynamic import STATED_OFFSET_STD, Moved
+from .motion_moments import FLAT
+
+LITTLE_WEIGHT = 0.25
+"""Of a window: it is noisier than most, a push or a shake."""
+MANY = 0.1
+"""Of the windows; and of the weight, what is left of the force in motion."""
+CONTRADICTS = 3.0
+"""Standard deviations of a stated offset."""
+MOST_OF_IT = 0.9
+"""Of the recording, in which an accelerometer is to have read."""
+IMPOSSIBLE = 2.0
+"""Standard deviations from the inertia of any body."""
+SLOW_SENSOR, SURELY = 5e-5, 5.0
+"""s^2, of the blur that a filter of first order at 16 Hz has, and standard deviations: it is said."""
+
+
+def of_motion(
+    found: Moved,
+    weight: float,
+    stated: Array | None,
+    untold: list[str],
+    moved_by: float,
+    dynamics: Dynamics,
+    most: float,
+    read: float,
+) -> Iterator[Finding]:
+    """What there is to say.
+
+    Args:
+        found: by the motion.
+        weight: N.
+        stated: sensor offset (3,), m, or None.
+        untold: parameters of which the motion tells next to nothing.
+        moved_by: standard deviations from what was found to the nearest inertia of a body.
+        dynamics: that come of it.
+        most: Hz, up to which the motion was used.
+        read: share of the recording in which an accelerometer read.
+    """
+    off = np.zeros(3) if stated is None else np.abs(found.sensor_offset - stated)
+    if off.max() > CONTRADICTS * STATED_OFFSET_STD:
+        origin = "the flange's origin" if dynamics.accelerometer is None else "the accelerometer"
+        text = (
+            f"the stated sensor offset is {1e3 * off.max():.2g} mm or more off what the motion tells: it counts from "
+            f"{origin} to the sensor's, in flange axes; measure it again, or leave it out"
+        )
+        yield Finding.doubtful(Kind.CONTRADICTS_PRIOR, text)
+    if untold:
+        text = f"the motion tells nothing of {', '.join(untold)}: what stands there was assumed; turn about every axis"
+        yield Finding.weak(Kind.UNTOLD_BY_MOTION, text)
+    nearest = "no body has the inertia that the readings alone give, the nearest that one can have was taken"
+    if moved_by > IMPOSSIBLE:
+        text = f"{nearest}, {moved_by:.2g} standard deviations off: something shakes the sensor, or moves on the tool"
+        yield Finding.doubtful(Kind.IMPLAUSIBLE_TOOL, text)
+    elif moved_by > 0.0:
+        yield Finding(Kind.IMPLAUSIBLE_TOOL, Severity.NOTE, f"{nearest}, within its standard deviations")
+    noisy, left = float(np.mean(found.weight.min(axis=1) < LITTLE_WEIGHT)), float(np.linalg.norm(found.left[:3]))
+    if left > MANY * weight:
+        text = (
+            f"{left:.2g} N RMS of the force below {most:.2g} Hz is left in motion, {left / weight:.0%} of the weight: "
+            "contact, cables or shaking; what is known of the inertia counts with it"
+        )
+        yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
+    elif noisy > MANY:
+        text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: contact, cables or shaking"
+        yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
+    if found.blur > max(SLOW_SENSOR, SURELY * found.blur_std):
+        corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * found.blur))
+        text = (
+            f"the readings follow the motion as behind a low-pass of first order at {corner:.2g} Hz: set the sensor's "
+            "filter faster, or state it where contact is judged (--sensor-filter)"
+        )
+        yield Finding(Kind.SLOW_SENSOR, Severity.WARNING, text)
+    if dynamics.accelerometer is not None:
+        yield from _of_accelerometer(dynamics.accelerometer, read)
+    told = FLAT * dynamics.bandwidth
+    seconds = f"{dynamics.seconds:.3g} s of motion used, up to {most:.2g} Hz, "
+    if most < told or dynamics.accelerometer is not None:
+        yield Finding(Kind.MOTION_USED, Severity.NOTE, f"{seconds}where nearly all of its acceleration is")
+    else:
+        text = "beyond which the poses tell no acceleration: record them more often, or with more digits"
+        yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)
+
+
+def _of_accelerometer(accelerometer: Accelerometer, read: float) -> Iterator[Finding]:
+    if read < MOST_OF_IT:
+        text = (
+            f"the accelerometer read in {read:.0%} of the recording, so that fewer stops tell how it sits than the std "
+            "says: record it from begin to end"
+        )
+        yield Finding.doubtful(Kind.ACCELEROMETER, text)
+    if accelerometer.unit is None:
+        text = (
+            f"the accelerometer reads {accelerometer.scale:.3g} for each m/s^2, expected 1, or 0.102 of one in g: "
+            "taken as gravity turns in it"
+        )
+        yield Finding.doubtful(Kind.ACCELEROMETER, text)
+    if accelerometer.mirrors:
+        text = "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
+        yield Finding(Kind.ACCELEROMETER, Severity.WARNING, text)
+    late = f"{1e3 * accelerometer.delay:.2g} ms after the wrench" if accelerometer.delay else "with the wrench"
+    text = (
+        f"accelerations of an accelerometer in {accelerometer.unit or 'its own unit'}, {late}, off by "
+        f"{accelerometer.noise:.2g} m/s^2 at rest; the sensor's offset counts from it"
+    )
+    yield Finding(Kind.ACCELEROMETER, Severity.NOTE, text)
