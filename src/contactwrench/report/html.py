@@ -22,7 +22,7 @@ from ..model import AXES
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
 from ..samples.still_segments import still_segments
-from ..statistics import counted, three_digits
+from ..statistics import three_digits
 from ..version import __version__
 from . import figures, in_motion, signals
 
@@ -174,7 +174,7 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
     numbered = " Hatched: stretches that were left out, by the numbers below." if hatched else ""
     return "<h3>The recording</h3>" + figure_html(
         signals.signals_over_time(c, free, still),
-        f"Green: {counted(len(still.accepted), 'part')}, {seconds:.3g} s in all, in which arm and reading were still; "
+        f"Green: the {len(still.accepted)} stretches, {seconds:.3g} s in all, in which arm and reading were still; "
         f"those at one orientation are one pose.{numbered} The angle is that from where the arm began.",
     )
 
