@@ -142,7 +142,7 @@ def test_angular_accelerations_beside_them_are_not_taken(tmp_path: Path) -> None
     assert cw.read(_recording(tmp_path / "run.csv"), imu=str(imu)).accelerometer == pytest.approx(READING, abs=1e-9)
 
 
-def test_one_that_is_not_used_is_noted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_one_that_is_not_used_or_cut_off_is_noted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     from tests.support.in_motion import pushed
 
@@ -151,3 +151,7 @@ def test_one_that_is_not_used_is_noted(capsys: pytest.CaptureFixture[str], tmp_p
     done = run(capsys, "compensate", path, "-c", tmp_path / "tool.json", "--imu", "ax,ay,az", "-o", tmp_path / "o.csv")
     said = "--imu is not used: the calibration has no inertia that counts from an accelerometer"
     assert said in " ".join(done.err.split())
+    imu = _table(tmp_path / "imu.csv", {"t": T, **_axes("ax", "ay", "az")})
+    imu.write_text(imu.read_text().rstrip("\n"))
+    done = run(capsys, "compensate", path, "-c", tmp_path / "tool.json", "--imu", imu, "-o", tmp_path / "o2.csv")
+    assert f"Note: {imu}: the last line has no line end: its last number may be cut off\n" in done.err

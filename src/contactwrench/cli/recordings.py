@@ -134,8 +134,9 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         if "file" in READING[name] and not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
         result = verb(**values, **{name: recordings})
-        noise = Path(values.get("noise") or "")
-        options.note_ends(*recordings.files, recordings.options.pose_file, noise if noise.is_file() else None)
+        stated = (Path(text) for text in (recordings.options.imu, values.get("noise")) if text)
+        beside = [path for path in stated if path.is_file()]
+        options.note_ends(*recordings.files, recordings.options.pose_file, *beside)
         return result
 
     return options.spelled(

@@ -114,11 +114,12 @@ def moved(
         sensor_offset: (3,) m, where it is stated.
         ahead_std: s, of by how much an accelerometer is ahead of the wrench; None: positions told the accelerations.
     """
+    apart = ahead_std is not None
     late_std, ahead_std = (LATE_STD, TOGETHER_STD) if ahead_std is None else (UNKNOWN_STD, ahead_std)
     p, mass = len(names), tool.weight / g
     before = np.r_[np.full(6, mass * GYRATION_STD**2), np.full(3, OFFSET_STD)]
     begin = np.zeros(3) if sensor_offset is None else sensor_offset
-    at = _Point(tool, mass * GYRATION**2 * np.eye(3), begin, apart=late_std == UNKNOWN_STD)
+    at = _Point(tool, mass * GYRATION**2 * np.eye(3), begin, apart=apart)
     if sensor_offset is not None:
         before[OFFSET] = STATED_OFFSET_STD
     anew = [names.index(name) for name in ANEW]

@@ -62,8 +62,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
-    shaken_std = None if accelerometer is None else TOGETHER_STD
-    ahead_std = UNKNOWN_STD if accelerometer is not None and not accelerometer.delay else shaken_std
+    ahead_std = None if accelerometer is None else TOGETHER_STD if accelerometer.delay else UNKNOWN_STD
     for k in range(ALIGNED):
         motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
         shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))

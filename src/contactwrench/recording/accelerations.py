@@ -16,7 +16,7 @@ from .bags.messages import accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
 from .bags.topics import acceleration_topic
 from .options import Options
-from .tables.columns import Column, listed
+from .tables.columns import AS_NAMED, Column, Naming, listed
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
@@ -39,10 +39,10 @@ def with_accelerations(samples: Samples, path: str | Path, options: Options) -> 
     suffix = Path(options.imu).suffix.lower()
     names_a_table = suffix and suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5)
     if names_a_table or os.path.exists(options.imu):
-        return with_accelerometer(samples, _of_table(options.imu, None, options))
+        return with_accelerometer(samples, _of_table(options.imu, None, AS_NAMED))
     if Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
         return with_accelerometer(samples, _of_bag(path, options))
-    return with_accelerometer(samples, _of_table(path, options.imu, options))
+    return with_accelerometer(samples, _of_table(path, options.imu, options.naming))
 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:
@@ -54,9 +54,9 @@ def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:
         return AccelerometerStream(t, reading, f"{path} {topic.name}")
 
 
-def _of_table(path: str | Path, columns: str | None, options: Options) -> AccelerometerStream:
+def _of_table(path: str | Path, columns: str | None, naming: Naming) -> AccelerometerStream:
     """Of a table of its own, or those `columns` of one."""
-    table = open_table(path, options.naming)
+    table = open_table(path, naming)
     names = _named_alike(list(table.places)) if columns is None else [name.strip() for name in columns.split(",")]
     lacking = [name for name in names if name not in table.places]
     if len(names) != 3 or lacking:
@@ -66,7 +66,7 @@ def _of_table(path: str | Path, columns: str | None, options: Options) -> Accele
         none = f"no column {lacking[0]}" if lacking else f"{len(names)} names in --imu"
         raise InputError(f"{path}: found {none}, expected a file, or three of {listed(table.places)} as ax,ay,az")
     axes = [Column(table.places[name], name, 1.0, role) for name, role in zip(names, ("ax", "ay", "az"), strict=True)]
-    t = time_columns(table, options.naming)
+    t = time_columns(table, naming)
     if not t:
         raise FileFormatError(f"{path}: found no column t, expected the time of each acceleration: add it")
     times: list[Array] = []

@@ -27,17 +27,17 @@ BODY = (
     "of its semi-axes, cut off where that is far more. Around the centre of mass its 95 % ellipse, where it "
     "is large enough to be seen."
 )
-PRINCIPAL = ("principal axis", "moment, kg cm²", "semi-axis, mm", "± 2 std")
+PRINCIPAL = ("principal axis", "moment, kg cm²", "semi-axis, mm")
 
 
-def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str, str]]:
-    """Of each principal axis, sensor axes, the moment with its std, and the semi-axis with what two std make of it."""
+def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str]]:
+    """Of each principal axis, sensor axes, the moment with its std, and the semi-axis, or what two std make of it."""
     rows = []
     for k, axis in enumerate(body.axes.T):
         along = ", ".join(f"{part:.2f}" for part in axis * np.sign(axis[np.argmax(np.abs(axis))]))
         moment = " +- ".join(meaningful_digits(1e4 * float(body.moments[k]), 1e4 * float(body.moment_std[k])))
-        low, middle, high = (two_digits(1e3 * float(of[k])) for of in (body.low, body.semi_axes, body.high))
-        rows.append((along, moment, middle, f"{low} to {high}"))
+        low, high = (two_digits(1e3 * float(of[k])) for of in (body.low, body.high))
+        rows.append((along, moment, low if low == high else f"{low} to {high}"))
     return rows
 
 
