@@ -71,6 +71,10 @@ class Estimate:
         return float(np.sqrt(np.sum(self.residuals[:, 3:] ** 2) / freedom))
 
 
+IN_DOUBT = 1.0 / 20.0
+"""Probability of a rival from which on a decision is in doubt."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beliefs:
     """Probabilities once the readings are known: that each pose is `outlying` (n,); of each kind of the bias' motion,

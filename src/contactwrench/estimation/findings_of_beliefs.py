@@ -11,22 +11,16 @@ from ..geometry.arrays import Array
 from ..samples.poses import Pose
 from ..statistics import counted, two_digits
 from .bias_drift import in_words
-from .estimate import Beliefs, Estimate, RigidEstimate
+from .estimate import IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING
-from .outliers import odds_of_a_level_alone
+from .outliers import alike, probability_of_a_level
 from .priors import Question
-
-IN_DOUBT = 1.0 / 20.0
-"""Probability of a rival from which on a decision is in doubt."""
 
 LARGE_SHARE = 0.25
 """Of the poses: where more are left out, the result hangs on which."""
 
 LIKE_CONTACTS = 0.3
 """Of the poses: so few after a step may as well be in contact, all in the same way."""
-
-MOST_SCATTER = 3.0
-"""Times the variance of the noise: errors that scatter less are alike."""
 
 FEW_POSES = 4
 MOST_NAMED = 6
@@ -101,17 +95,11 @@ def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
     if out > LARGE_SHARE * len(names):
         text = f"{out} of {len(names)} poses were left out: record more, free of contact"
         found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
-    elif out > 1 and _alike(estimate.errors[~estimate.kept] / estimate.noise):
+    elif out > 1 and alike(estimate.errors[~estimate.kept] / estimate.noise):
         off = _force_and_torque(estimate.errors[~estimate.kept].mean(axis=0))
         text = f"the {out} poses left out are all off by the same, {off}: if that is backlash, the bias lies between"
         found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     return found
-
-
-def _alike(errors: Array) -> bool:
-    """Whether errors (k, 6) in units of the noise differ from each other by no more than that."""
-    off = errors - errors.mean(axis=0)
-    return float(np.sum(off**2)) < MOST_SCATTER * 6.0 * (len(errors) - 1.0)
 
 
 def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> list[Finding]:
@@ -130,10 +118,8 @@ def _poses_in_doubt(estimate: Estimate, beliefs: Beliefs, names: list[str]) -> l
             "one more pose"
         )
     out = np.flatnonzero(~estimate.kept)
-    if (
-        len(out) == 1
-        and odds_of_a_level_alone(len(names), 0.5 * estimate.errors[out[0]], estimate.weight_scale) > IN_DOUBT
-    ):
+    level = probability_of_a_level(len(names), estimate.errors[out], estimate.noise, estimate.weight_scale)
+    if len(out) == 1 and level > IN_DOUBT:
         texts.append(
             f"{names[out[0]]} was left out of {len(names)}: if it is off by backlash, the bias is off by half of that; "
             "record more poses"

@@ -32,8 +32,14 @@ TWO_LEVELS = 0.4
 LEVEL_SHARE = 0.02
 """Of the weight: how far a level is off, the scale of a half-normal prior."""
 
+MOST_SCATTER = 3.0
+"""Times the variance of the noise: errors that scatter less are alike."""
+
 WIDTHS = np.geomspace(3.5, 3500.0, 7)
 """Of the wide distribution, times the noise: one for all such poses, or one for each."""
+
+WAYS_TO_TOUCH = 3.0
+"""As widely off, each in its own way, or all by the same: alike before the readings."""
 
 CLEAN_SHARE = 2.0 / 3.0
 SUBSETS, OF_SUBSET = 120, 4
@@ -65,14 +71,26 @@ def log_prior_two_levels(n: int, k: int) -> float:
     return float(np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0))
 
 
-def odds_of_a_level_alone(n: int, halfway: Array, weight: float) -> float:
-    """Before the readings: that one of n poses, which is off by twice the wrench `halfway` (6,), is on a level by
-    itself, against that it is in contact. A tool of that `weight` (N) has only so much backlash.
+def probability_of_a_level(n: int, errors: Array, scale: Array, weight: float) -> float:
+    """That those of n poses that are off by `errors` (k, 6), of noise `scale` (6,), are on a level of their own and not
+    in contact, as far as no reading tells: they are all off by the same. A tool of that `weight` (N) has only so much
+    backlash.
     """
+    k = len(errors)
+    if not k or not alike(errors / scale):
+        return 0.0
+    halfway = 0.5 * errors.mean(axis=0)
     force = max(float(np.linalg.norm(halfway[:3])), float(np.linalg.norm(halfway[3:])) / LEVER)
     share = force / (LEVEL_SHARE * max(abs(weight), 1e-12))
-    before = TWO_LEVELS * 0.5 ** (n - 1.0) / np.exp(log_prior_outlying(n, 1))
-    return float(before * np.exp(-0.5 * share**2))
+    of_level = np.log(TWO_LEVELS) - (n - 1.0) * np.log(2.0) - 0.5 * share**2
+    of_contact = log_prior_outlying(n, k) - (np.log(WAYS_TO_TOUCH) if k > 1 else 0.0)
+    return float(1.0 / (1.0 + np.exp(min(of_contact - of_level, 700.0))))
+
+
+def alike(errors: Array) -> bool:
+    """Whether errors (k, 6) in units of the noise differ from each other by no more than that."""
+    off = errors - errors.mean(axis=0)
+    return float(np.sum(off**2)) <= MOST_SCATTER * 6.0 * (len(errors) - 1.0)
 
 
 def log_density_outlying(errors: Array) -> float:
@@ -86,7 +104,7 @@ def log_density_outlying(errors: Array) -> float:
     spread = 1.0 + k * WIDTHS**2
     alike = -0.5 * (np.sum((errors - mean) ** 2) + k * (mean @ mean) / spread) - 3.0 * np.log(spread)
     options = [np.logaddexp.reduce(of_each.sum(axis=0)), apart, np.logaddexp.reduce(alike)]
-    return float(np.logaddexp.reduce(options) - np.log(3.0 * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
+    return float(np.logaddexp.reduce(options) - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
 
 
 def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever: float) -> NDArray[np.bool_]:

@@ -17,12 +17,12 @@ from ..model import (
     wrench_matrix,
 )
 from .bias_drift import Drift
-from .estimate import Beliefs, RigidEstimate
+from .estimate import IN_DOUBT, Beliefs, RigidEstimate
 from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
 from .orientation_errors import of_orientation
-from .outliers import odds_of_a_level_alone
+from .outliers import probability_of_a_level
 from .posterior import deleted_errors
 from .priors import rows_of
 from .tables import Problem, Table, explained
@@ -30,10 +30,8 @@ from .tables import Problem, Table, explained
 FEWEST_DOF = 2.0
 """With fewer an axis alone says next to nothing."""
 
-STEP_NOT_EXCLUDED = 0.2
-"""Of the squared error of a last pose that was left out, in the variance of the bias: caution, beyond its odds, so
-that a bias that did step there is within some 3 std.
-"""
+NOT_EXCLUDED = 1.96**-2.0
+"""Of the square of what a rival in doubt would make of the bias, in its variance: the 95 % interval reaches it."""
 
 DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT)
 """Errors that a new orientation has anew."""
@@ -104,8 +102,8 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
 
 def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Array:
     """What joins the covariance (6, 6) of the bias where a pose was left out as in contact, by the probability of that:
-    where it is the last, a step before it reads the same, and where it is one of few, a second level that it is on by
-    itself. What no reading excludes is in the std.
+    where it is the last, a step before it reads the same, and where all of them are off alike, a second level that they
+    are on. What no reading excludes is in the std.
     """
     added, stepping = np.zeros((6, 6)), any(drift.kind is Kind.BIAS_STEPPED for drift in problem.kernels.drifts)
     for table, here in _members(tables):
@@ -113,11 +111,12 @@ def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Ar
         if not len(out):
             continue
         left, known = explained(problem, table, table.best)
-        off, share = left[out[-1]] - known[out[-1]], float(weight[here].sum())
+        off, share = (left - known)[out], float(weight[here].sum())
         if stepping and out[-1] == len(left) - 1:
-            added += share * STEP_NOT_EXCLUDED * np.outer(off, off)
-        if len(out) == 1:
-            added += share * odds_of_a_level_alone(len(left), 0.5 * off, table.tool.weight) * np.outer(off, off) / 4.0
+            added += share * NOT_EXCLUDED * np.outer(off[-1], off[-1])
+        scale, halfway = np.sqrt(table.members.variance[table.best]), 0.5 * off.mean(axis=0)
+        level = probability_of_a_level(len(left), off, scale, table.tool.weight)
+        added += share * max(level, NOT_EXCLUDED * (level > IN_DOUBT)) * np.outer(halfway, halfway)
     return added
 
 
