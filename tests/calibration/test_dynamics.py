@@ -186,15 +186,19 @@ def test_the_variance_in_motion_is_that_of_drawn_tools() -> None:
     assert c.wrench_std(motion.R_base_flange, motion) == pytest.approx(np.std(wrenches, axis=0), rel=0.06)
 
 
-def test_what_shakes_adds_to_the_variance_in_proportion() -> None:
+def test_what_shakes_goes_through_the_centre_of_mass() -> None:
     _, c = known(2, "mount", noise=1.0)
     assert c.dynamics is not None
+    assert c.com is not None
     noise = np.array([[0.1, 0.2], [0.003, 0.004]])
     shaken = replace(c, dynamics=replace(c.dynamics, motion_noise=noise))
     motion = any_motion(3, np.random.default_rng(9))
     more = shaken.wrench_std(motion.R_base_flange, motion) ** 2 - c.wrench_std(motion.R_base_flange, motion) ** 2
     squares = np.column_stack([np.sum(motion.acceleration**2, axis=1), np.sum(motion.angular_velocity**2, axis=1)])
-    assert more == pytest.approx(np.repeat(squares @ (noise**2).T, 3, axis=1), rel=1e-9)
+    force, torque = (squares @ (noise**2).T).T
+    assert more[:, :3] == pytest.approx(np.tile(force[:, None], 3), rel=1e-9)
+    of_force = np.sum(c.com**2) - c.com**2
+    assert more[:, 3:] == pytest.approx(torque[:, None] + np.multiply.outer(force, of_force), rel=1e-9)
 
 
 def test_elements_and_matrices_are_each_other() -> None:

@@ -88,6 +88,56 @@ def test_poses_that_are_slow_and_noisy_widen_the_std_and_make_no_contact() -> No
     assert rms(found.wrench) < 2.0 * float(np.sqrt(np.mean(np.sum(found.std[250:, :3] ** 2, axis=1))))
 
 
+SHAKING, RATE_OF_ALARMS = 0.5, 0.01
+"""N for each m/s^2 of the arm, of a force through the centre of mass; and per sample."""
+
+
+def shaken(fast: bool, *, through_com: bool, beside: float = 0.0) -> Any:
+    """Free motion in which forces shake the tool, and the torques of those forces, or as large ones of their own; and
+    all along a torque `beside` about the centre of mass. The calibration knows of the forces.
+    """
+    s, known, rng = recorded(free()), of_exact_poses(), np.random.default_rng(4)
+    motion = flange_motion(s)
+    size = SHAKING * np.sqrt(motion.stirred[:, :1])
+    force, other = size * rng.normal(size=(2, len(s), 3))
+    torque = np.cross(known.com, force if through_com else other) + beside * np.array([0.6, 0.0, 0.8])
+    dynamics = dataclasses.replace(known.dynamics, motion_noise=np.array([[SHAKING, 0.0], [0.0, 0.0]]))
+    calibration = dataclasses.replace(known, dynamics=dynamics)
+    noise = np.repeat([0.05, 0.002], 3)
+    compensator = cw.Compensator(calibration, rate=RATE, noise=noise, false_alarm_rate=RATE_OF_ALARMS, fast=fast)
+    return compensator.run(s.wrench + np.hstack([force, torque]), s.R_base_flange, s.t, position=s.position)
+
+
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+def test_what_shakes_the_tool_keeps_the_rate_of_false_alarms(fast: bool) -> None:
+    found = shaken(fast, through_com=True)
+    alarms = np.mean(found.statistic[500:-500] > found.threshold[500:-500])
+    assert 0.2 * RATE_OF_ALARMS < alarms < 3.0 * RATE_OF_ALARMS
+
+
+def test_a_torque_that_shaking_does_not_make_stands_out() -> None:
+    """Of no more than the forces' own."""
+    lever = float(np.linalg.norm(of_exact_poses().com))
+    found = shaken(True, through_com=True, beside=0.5 * SHAKING * lever)
+    assert np.mean((found.contact == 1)[500:-500]) > 0.9
+    assert np.mean((shaken(True, through_com=False).contact == 1)[500:-500]) > 0.5
+
+
+def test_torques_of_their_own_are_learned_as_such() -> None:
+    """A calibration takes what torques have about the centre of mass for a noise of its own."""
+    arm = moving(7, "arm.vibration=[0.1, 0.2]", stops=8, seconds=12.0, rate=RATE)
+    s = recorded(arm)
+    through = cw.calibrate(s, "dynamic").dynamics
+    size = 0.02 * np.sqrt(flange_motion(s).stirred[:, :1])
+    torques = size * np.random.default_rng(5).normal(size=(len(s), 3))
+    beside = cw.calibrate(dataclasses.replace(s, wrench=s.wrench + np.hstack([0.0 * torques, torques])), "dynamic")
+    assert through is not None
+    assert beside.dynamics is not None
+    assert through.motion_noise[0].max() > 0.1
+    assert through.motion_noise[1].max() < 0.002
+    assert beside.dynamics.motion_noise[1].max() == pytest.approx(0.02, rel=0.15)
+
+
 def test_a_position_that_is_not_known_is_an_arm_at_rest() -> None:
     s = recorded(free())
     compensator = running(delay=0.0)

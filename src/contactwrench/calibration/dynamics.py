@@ -49,8 +49,9 @@ class Dynamics(Frozen):
         covariance: of inertia xx xy xz yy yz zz and of the offset (9, 9).
         with_parameters: their covariance (9, p) with the calibration's parameters.
         bandwidth: Hz, up to which the motion was told from the noise of the poses.
-        motion_noise: std of the wrench, force and torque, that is there for each m/s^2 of the sensor's acceleration and
-            for each rad/s (2, 2), RMS over the last `RINGING` s: what drives and links shake.
+        motion_noise: std, N and N m, of the force and of the torque about the centre of mass that is there for each
+            m/s^2 of the sensor's acceleration and for each rad/s (2, 2), RMS over the last `RINGING` s, in the
+            direction in which it is largest: what drives and links shake.
         residual_rms: in motion (6,), N and N m; `static_rms` (6,) what is left without the inertia.
         seconds: of motion that were used.
         accelerometer: how the one sits that told the accelerations; None: positions did.
@@ -223,10 +224,11 @@ def covariance_in_motion(
     half += 0.5 * own @ dynamics.covariance @ own.transpose(0, 2, 1)
     half += own @ dynamics.with_parameters @ (of_rest + of_tool).transpose(0, 2, 1)
     total: Array = half + half.transpose(0, 2, 1)
-    total[:, range(6), range(6)] += np.repeat(motion.stirred @ dynamics.motion_noise.T**2, 3, axis=1)
-    if dynamics.accelerometer is not None:
-        of_acceleration = dynamics.accelerometer.noise * dynamics.matrix[:, ACCELERATION]
-        total += of_acceleration @ of_acceleration.T
+    force, torque = dynamics.motion_noise**2 @ motion.stirred.T
+    of_tool = force / mass**2 + (0.0 if dynamics.accelerometer is None else dynamics.accelerometer.noise**2)
+    of_acceleration = dynamics.matrix[:, ACCELERATION]
+    total += of_tool[:, None, None] * (of_acceleration @ of_acceleration.T)
+    total[:, range(3, 6), range(3, 6)] += torque[:, None]
     return total
 
 

@@ -17,6 +17,7 @@ from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, LEARNED, LEARNING, SAME
 from .noise import SampleNoise
+from .shaking import whiten_shaking
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OCTAVES, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
@@ -105,6 +106,8 @@ def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
         s.noise_left[k] = min(s.noise_filtered[k] * held, s.noise_variance[k]) if settled else s.noise_variance[k]
         s.wrench_std[k] = sqrt(s.systematic[k][k] + s.noise_left[k]) if s.knows_noise else nan
     whiten(s.systematic, s.noise_left, s.whitening)
+    if s.knows_inertia:
+        whiten_shaking(s)
     dof = satterthwaite(s.whitening, s.systematic, s.dof)
     s.fire, s.end, s.begin = threshold_at(s.fires, dof), threshold_at(s.ends, dof), threshold_at(s.begins, dof)
     for k in range(9):

@@ -8,6 +8,7 @@ poses; what jumps from pose to pose is that noise, and widens the test.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, nan
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..calibration.calibration import Calibration
 from ..errors import InputError
 from ..geometry.arrays import Array, numbers
-from ..samples.flange_motion import RINGING, FlangeMotion
+from ..samples.flange_motion import FlangeMotion
 from .bias_tracking import dot
 from .faults import SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
@@ -39,11 +40,11 @@ REPEATED = 2.5
 
 
 def known_motion(calibration: Calibration, orientation: ArrayLike, motion: FlangeMotion) -> tuple[Array, Array]:
-    """The terms (n, 12) of a motion, and by how much the variance (n, 6) of a contact wrench grows in it, orientations
-    as of `wrench_std`.
+    """The terms (n, 12) of a motion, and by how much the variance (n, 6) of a contact wrench grows in it, but for what
+    shakes; orientations as of `wrench_std`.
     """
-    turns = np.asarray(orientation)
-    growth = calibration.wrench_std(turns, motion) ** 2 - calibration.wrench_std(turns) ** 2
+    turns, unshaken = np.asarray(orientation), replace(motion, stirring=np.zeros((len(motion), 2)))
+    growth = calibration.wrench_std(turns, unshaken) ** 2 - calibration.wrench_std(turns) ** 2
     return motion.terms, np.maximum(growth, 0.0)
 
 
@@ -68,9 +69,10 @@ def use_inertia(s: State, calibration: Calibration) -> None:
     """What the kernel needs of a calibration that knows it. Three times the largest variance of a kind of term is no
     less than what all of them make together (Cauchy and Schwarz).
     """
-    if calibration.dynamics is not None:
+    if calibration.dynamics is not None and calibration.mass is not None:
         s.knows_inertia, s.D = True, calibration.dynamics.matrix.tolist()
-        s.motion_noise = calibration.dynamics.motion_noise.ravel().tolist()
+        force, torque = calibration.dynamics.motion_noise
+        s.shaking = [(force / calibration.mass).tolist(), torque.tolist()]
         of_units = calibration.covariance_of_terms()
         s.uncertain = [[3.0 * float(np.linalg.eigvalsh(C[kind, kind])[-1]) for kind in KINDS] for C in of_units]
 
@@ -230,36 +232,3 @@ def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
     for k in range(TERMS):
         seen[k] = older[first + k] + share * (later[first + k] - older[first + k])
     low_pass(s.sensor, s.motion_memory, seen, TERMS, fresh)
-
-
-@kernel
-def noise_of_motion(s: State, sample: Sample) -> float:
-    """By what share the variance of a contact wrench grows in motion, on the axis where it grows most; writes the
-    variances, `s.of_motion`: what is not known of the inertia, what shakes, the noise of poses behind the low-pass, and
-    by how much the terms are older than the wrench.
-    """
-    terms, noise, most = s.seen, s.motion_noise, 0.0
-    held, octave = s.pose_period / s.interval, 0
-    while octave < OCTAVES_HELD - 1 and held > 1.5:
-        held, octave = 0.5 * held, octave + 1
-    age = sample.time - s.pose_time + s.pose_period - s.delay
-    poses_old = max(age, 0.0) / s.pose_period if s.pose_period > 0.0 else 0.0
-    turning = terms[3] + terms[6] + terms[8]
-    spun = terms[0] * terms[0] + terms[1] * terms[1] + terms[2] * terms[2]
-    pushed = terms[9] * terms[9] + terms[10] * terms[10] + terms[11] * terms[11]
-    stirred, newest = s.stirred, min(s.interval / RINGING, 1.0)
-    stirred[0] += newest * (pushed - stirred[0])
-    stirred[1] += newest * (turning - stirred[1])
-    for k in range(6):
-        if sample.motion_variance[k] == sample.motion_variance[k]:
-            variance = sample.motion_variance[k]
-        else:
-            of_acceleration, of_speed, known = noise[2 * (k // 3)], noise[2 * (k // 3) + 1], s.uncertain[k]
-            variance = s.pose_gain[octave] * s.pose_noise[k] + (poses_old * s.trend[k]) ** 2
-            variance += of_acceleration * of_acceleration * stirred[0] + of_speed * of_speed * stirred[1]
-            variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
-        s.of_motion[k] = variance
-        most = max(most, variance / (s.systematic[k][k] + s.noise_left[k]))
-    if most > 1.0:
-        s.spoiled = True
-    return most

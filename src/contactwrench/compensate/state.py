@@ -128,7 +128,6 @@ class State:
     # The tool's inertia, and how the flange moves, as in inertia.py.
     knows_inertia: bool = False
     D: Matrix = numbers(6, TERMS)
-    motion_noise: Row = numbers(4)
     uncertain: Matrix = numbers(6, 3)
     pose_gain: Row = numbers(OCTAVES_HELD, fill=1.0)
     poses_alone: bool = False
@@ -143,12 +142,18 @@ class State:
     seen: Row = numbers(TERMS)
     inertial: Row = numbers(6)
     trend: Row = numbers(6)
-    stirred: Row = numbers(2)
     pose_noise: Row = numbers(6)
-    of_motion: Row = numbers(6)
     motion_memory: Matrix = numbers(2 * SECTIONS, TERMS)
     motion_next: int = 0
     motion_at: int = 0
+
+    # What shakes it, as in shaking.py.
+    shaking: Matrix = numbers(2, 2)
+    stirred: Row = numbers(2)
+    shaken: float = 0.0
+    of_motion: Row = numbers(6)
+    shaken_whitened: Matrix = numbers(6, 3)
+    shaken_gram: Matrix = numbers(3, 3)
 
     # Faults of the reading and of the orientation.
     last_reading: Row = numbers(6)

@@ -9,7 +9,8 @@ from .contact_detection import end_contact, far, judge, readings_held, renew_cov
 from .contact_wrenches import NOT_JUDGED
 from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
-from .inertia import follow_motion, noise_of_motion, take_pose, terms_then
+from .inertia import follow_motion, take_pose, terms_then
+from .shaking import noise_of_motion, statistic_in_motion
 from .state import INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
@@ -142,13 +143,14 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
 @kernel
 def weigh(s: State, sample: Sample) -> None:
     """The statistic of the contact wrench and its std; in motion both know what is noisier then."""
-    sample.statistic = statistic_of(sample.wrench, s.whitening)
-    for k in range(6):
-        sample.wrench_std[k] = s.wrench_std[k]
     if s.knows_inertia:
-        sample.statistic /= 1.0 + noise_of_motion(s, sample)
+        sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
         for k in range(6):
             sample.wrench_std[k] = sqrt(s.wrench_std[k] ** 2 + s.of_motion[k])
+    else:
+        sample.statistic = statistic_of(sample.wrench, s.whitening)
+        for k in range(6):
+            sample.wrench_std[k] = s.wrench_std[k]
 
 
 @kernel

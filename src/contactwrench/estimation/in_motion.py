@@ -187,20 +187,21 @@ def _with_what_is_left(c: Calibration, dynamics: Dynamics, samples: Samples, mot
     of_speed = np.sum(motion.angular_velocity[known] ** 2, axis=1)
     of_acceleration = np.sum(motion.acceleration[known] ** 2, axis=1)
     level = np.column_stack([np.ones(len(left)), motion.stirred[known]])
-    noise = [_growth(level, np.mean(left[:, axes] ** 2, axis=1)) for axes in (slice(0, 3), slice(3, 6))]
+    about_com = left[:, 3:] - np.cross(tool_of(c).com, left[:, :3])
+    noise = [_growth(level, each) for each in (left[:, :3], about_com)]
     moving = of_speed + of_acceleration > 0.1 * np.mean(of_speed + of_acceleration)
     rms = (np.sqrt(np.mean(each[moving] ** 2, axis=0)) for each in (left, still))
     residual, static = rms
     return replace(dynamics, motion_noise=np.array(noise), residual_rms=residual, static_rms=static)
 
 
-def _growth(level: Array, squares: Array) -> Array:
-    """The std (2,) for each m/s^2 and rad/s, by least squares of none below zero, without what is far beyond them: a
-    push.
+def _growth(level: Array, left: Array) -> Array:
+    """The std (2,) for each m/s^2 and rad/s of what is left (n, 3), in the direction in which most is: mean squares by
+    least squares of none below zero, without what is far beyond them, a push.
     """
     from scipy.optimize import nnls
 
-    unit = np.mean(level**2, axis=0) ** 0.5 + 1e-30
+    squares, unit = np.mean(left**2, axis=1), np.mean(level**2, axis=0) ** 0.5 + 1e-30
     expected = np.sum(level / unit, axis=1)
     expected *= np.median(squares / expected) / MEDIAN_OF_SQUARES
     least, found = LEAST_EXPECTED * expected, np.zeros(3)
@@ -208,4 +209,6 @@ def _growth(level: Array, squares: Array) -> Array:
         kept = squares <= FAR_BEYOND * expected
         found = nnls(level[kept] / unit, squares[kept])[0]
         expected = np.maximum(level / unit @ found, least)
-    return np.asarray(np.sqrt(found / unit)[1:])
+    principal = np.linalg.eigvalsh(left[kept].T @ left[kept])
+    most = principal[-1] / max(float(principal.mean()), 1e-300)
+    return np.asarray(np.sqrt(most * found / unit)[1:])

@@ -1,0 +1,104 @@
+"""The test for contact while the arm moves: what is noisier then, and in which directions.
+
+Drives and links shake the tool as a whole: an acceleration that no pose has, alike in all directions. Its wrench is a
+force through the centre of mass, so forces and torques are noisy together, three numbers and not six; a contact whose
+force goes elsewhere still stands out. Taken for six independent axes that noise would pass the threshold ten times too
+often. What the torque about the centre of mass has beside that, and all else that grows in motion, is taken to grow on
+every axis as on the one where it grows most.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from ..samples.flange_motion import RINGING
+from .state import Sample, State, kernel
+
+LINEAR = 9
+"""Of the terms, the first of the flange's acceleration."""
+
+
+@kernel
+def whiten_shaking(s: State) -> None:
+    """The wrench of a shaking acceleration along each axis, whitened as the contact wrench at rest is, and its Gram
+    matrix.
+    """
+    whitened, gram = s.shaken_whitened, s.shaken_gram
+    for i in range(6):
+        row = s.whitening[i]
+        for axis in range(3):
+            total = 0.0
+            for k in range(i + 1):
+                total += row[k] * s.D[k][LINEAR + axis]
+            whitened[i][axis] = total
+    for axis in range(3):
+        for other in range(axis + 1):
+            total = 0.0
+            for i in range(6):
+                total += whitened[i][axis] * whitened[i][other]
+            gram[axis][other] = total
+
+
+@kernel
+def noise_of_motion(s: State, sample: Sample) -> float:
+    """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
+    most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
+    shakes, what is not known of the inertia, the noise of poses behind the low-pass, and by how much the terms are
+    older than the wrench.
+    """
+    terms, most, in_all = s.seen, 0.0, 0.0
+    held, octave = s.pose_period / s.interval, 0
+    while octave < len(s.pose_gain) - 1 and held > 1.5:
+        held, octave = 0.5 * held, octave + 1
+    age = sample.time - s.pose_time + s.pose_period - s.delay
+    poses_old = max(age, 0.0) / s.pose_period if s.pose_period > 0.0 else 0.0
+    turning = terms[3] + terms[6] + terms[8]
+    spun = terms[0] * terms[0] + terms[1] * terms[1] + terms[2] * terms[2]
+    pushed = terms[9] * terms[9] + terms[10] * terms[10] + terms[11] * terms[11]
+    stirred, newest = s.stirred, min(s.interval / RINGING, 1.0)
+    stirred[0] += newest * (pushed - stirred[0])
+    stirred[1] += newest * (turning - stirred[1])
+    of_tool, of_torque = s.shaking[0], s.shaking[1]
+    s.shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1]
+    torque = of_torque[0] ** 2 * stirred[0] + of_torque[1] ** 2 * stirred[1]
+    for k in range(6):
+        if sample.motion_variance[k] == sample.motion_variance[k]:
+            variance = sample.motion_variance[k]
+        else:
+            known = s.uncertain[k]
+            variance = s.pose_gain[octave] * s.pose_noise[k] + (poses_old * s.trend[k]) ** 2
+            variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
+        if k > 2:
+            variance += torque
+        x, y, z = s.D[k][LINEAR], s.D[k][LINEAR + 1], s.D[k][LINEAR + 2]
+        s.of_motion[k] = variance + s.shaken * (x * x + y * y + z * z)
+        at_rest = s.systematic[k][k] + s.noise_left[k]
+        most, in_all = max(most, variance / at_rest), max(in_all, s.of_motion[k] / at_rest)
+    if in_all > 1.0:
+        s.spoiled = True
+    return most
+
+
+@kernel
+def statistic_in_motion(s: State, sample: Sample, growth: float) -> float:
+    """`f^T C^-1 f` of a contact wrench f, for C = (1 + growth) S + shaken L L^T: S its covariance at rest, L (6, 3) the
+    wrenches of a shaking acceleration (inversion lemma, in axes whitened by S).
+    """
+    wrench, gram, power = sample.wrench, s.shaken_gram, s.shaken / (1.0 + growth)
+    squared = x = y = z = 0.0
+    for i in range(6):
+        row, along, white = s.whitening[i], s.shaken_whitened[i], 0.0
+        for k in range(i + 1):
+            white += row[k] * wrench[k]
+        squared += white * white
+        x, y, z = x + along[0] * white, y + along[1] * white, z + along[2] * white
+    # Cholesky of 1 + power * gram, and forward substitution.
+    a = sqrt(1.0 + power * gram[0][0])
+    b, c = power * gram[1][0] / a, power * gram[2][0] / a
+    d = sqrt(1.0 + power * gram[1][1] - b * b)
+    e = (power * gram[2][1] - c * b) / d
+    g = sqrt(1.0 + power * gram[2][2] - c * c - e * e)
+    x = x / a
+    y = (y - b * x) / d
+    z = (z - c * x - e * y) / g
+    return (squared - power * (x * x + y * y + z * z)) / (1.0 + growth)
