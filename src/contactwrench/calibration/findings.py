@@ -33,6 +33,7 @@ class Kind(StrEnum):
     POSES_ON_THE_WAY = "poses_on_the_way"
     POSE_LEFT_OUT = "pose_left_out"
     POSE_IN_DOUBT = "pose_in_doubt"
+    TILT_IN_DOUBT = "tilt_in_doubt"
     BIAS_STEPPED = "bias_stepped"
     BIAS_DRIFTED = "bias_drifted"
     BIAS_WANDERED = "bias_wandered"
@@ -89,6 +90,7 @@ DOUBT_OF_KIND = {
     Kind.SIGN_NOT_CONFIRMED: Doubt.ASSUMPTION,
     Kind.ANGLES_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
+    Kind.TILT_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.IMPLAUSIBLE_TOOL: Doubt.ASSUMPTION,
     Kind.LEANING_BASE: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,

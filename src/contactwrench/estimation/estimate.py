@@ -81,7 +81,8 @@ class Beliefs:
     `moved`, of which `drift` is the likeliest, by `change` (n, 6) N and N m from the last bias; of each kind of
     error that goes `with_orientation`, a bias in two `levels` (n, 6) among them, by which it is off their middle; that
     mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
-    `any_base`.
+    `any_base`. By how many std the answer would be off, were the less likely of exactly nominal or not so,
+    `off_by_mounting` and `off_by_base`; 0 where it is not in doubt.
     """
 
     outlying: Array
@@ -92,6 +93,8 @@ class Beliefs:
     levels: Array
     mounting_exact: float
     base_exact: float
+    off_by_mounting: float
+    off_by_base: float
     any_mounting: float
     any_base: float
 

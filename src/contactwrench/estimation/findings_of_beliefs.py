@@ -19,8 +19,11 @@ from .priors import Question
 LARGE_SHARE = 0.25
 """Of the poses: where more are left out, the result hangs on which."""
 
-LIKE_CONTACTS = 0.3
-"""Of the poses: so few after a step may as well be in contact, all in the same way."""
+LIKE_CONTACTS, FEW_LIKE_CONTACTS = 0.3, 2
+"""Of the poses, and poses: so few after a step may as well be in contact, all in the same way."""
+
+DECIDES = 2.0
+"""Standard deviations by which the answer is off in a rival's case, from which on the rival matters."""
 
 FEW_POSES = 4
 MOST_NAMED = 6
@@ -70,6 +73,24 @@ def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> lis
         *_bias_moved(beliefs, names, poses),
         *_with_orientation(beliefs, names),
         *_anywhere(estimate, beliefs),
+        *_tilt_in_doubt(beliefs),
+    ]
+
+
+def _tilt_in_doubt(beliefs: Beliefs) -> list[Finding]:
+    """Where it decides the answer whether the mounting, or the base, is exactly nominal, and that is not settled."""
+    each = (
+        ("the sensor's z is exactly parallel to the flange's", beliefs.mounting_exact, beliefs.off_by_mounting),
+        ("gravity is exactly in the stated direction", beliefs.base_exact, beliefs.off_by_base),
+    )
+    return [
+        DOUBTFUL(
+            Kind.TILT_IN_DOUBT,
+            f"whether {what} decides the answer, with a probability of {_percent(exact)} that it is: the other way the "
+            f"answer is {off:.1f} std off; tilt the tool further, about more than one axis, or state it with --known",
+        )
+        for what, exact, off in each
+        if off > DECIDES
     ]
 
 
@@ -133,7 +154,7 @@ def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> 
         return []
     text = in_words(drift, beliefs.change, moved, names, poses[0].t_start, poses[-1].t_end)
     after = len(names) - (drift.first_after or 0)
-    if drift.kind is Kind.BIAS_STEPPED and after <= LIKE_CONTACTS * len(names):
+    if drift.kind is Kind.BIAS_STEPPED and after <= max(LIKE_CONTACTS * len(names), FEW_LIKE_CONTACTS):
         alike = "poses that touch something alike would look the same: record more after it"
         return [DOUBTFUL(drift.kind, f"{text}; {alike}")]
     return [(WARNING if moved >= 1.0 - IN_DOUBT else DOUBTFUL)(drift.kind, text)]

@@ -33,6 +33,9 @@ FEWEST_DOF = 2.0
 NOT_EXCLUDED = 1.96**-2.0
 """Of the square of what a rival in doubt would make of the bias, in its variance: the 95 % interval reaches it."""
 
+OF_TOOL = slice(0, 10)
+"""Of the parameters: weight, com, bias."""
+
 DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT)
 """Errors that a new orientation has anew."""
 
@@ -45,6 +48,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
     log_all = np.concatenate([table.members.log_evidence for table in tables])
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
     steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
+    own_variance = np.zeros_like(steps)
     for table, here in _members(tables):
         m, share = table.members, weight[here]
         mean, own = _last_bias(problem, table)
@@ -58,10 +62,12 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
         C[:, columns, bias] = to_bias.transpose(0, 2, 1)
         C[:, bias, bias] = -to_bias @ of_mean.transpose(0, 2, 1) + (own[:, None] * m.variance)[:, :, None] * np.eye(6)
         within += np.tensordot(share, C, 1)
+        own_variance[here] = np.einsum("mpp->mp", C)
     step = weight @ steps
     moved = stepped(tool, step, names)
     axes = small_change_about(tool, moved, names)
     off = steps - step
+    alternatives = _off_by_exactness(tables, weight, off**2 + own_variance)
     covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
     of_axes = axes @ _of_axes(problem, first) @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes, 1)
@@ -96,8 +102,23 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
-        beliefs=_beliefs(problem, tables, weight, errors),
+        beliefs=_beliefs(problem, tables, weight, errors, alternatives),
     )
+
+
+def _off_by_exactness(tables: list[Table], weight: Array, squared: Array) -> tuple[float, float]:
+    """Of mounting and base: by how many std the weight, com or bias is off, RMS, where that one is exactly nominal and
+    was mostly taken not to be, or the other way round; 0 where that is not in doubt. `squared` (m, p): how far the
+    parameters of each member are off the mean.
+    """
+    exact = np.array([table.hypotheses[h].exact for table in tables for h in table.members.hypothesis])
+    total, off = weight @ squared[:, OF_TOOL], []
+    for is_exact in exact.T:
+        rival = is_exact if weight[is_exact].sum() < 0.5 else ~is_exact
+        share = float(weight[rival].sum())
+        of_rival = weight[rival] @ squared[rival, OF_TOOL] / max(share, IN_DOUBT)
+        off.append(float(np.sqrt(np.max(of_rival / np.maximum(total, 1e-300)))) * (share > IN_DOUBT))
+    return off[0], off[1]
 
 
 def _of_other_causes(problem: Problem, tables: list[Table], weight: Array) -> Array:
@@ -235,7 +256,9 @@ def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, le
     return float(np.sum(residuals[known] ** 2 / readings.variance[known])) / left
 
 
-def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array) -> Beliefs:
+def _beliefs(
+    problem: Problem, tables: list[Table], weight: Array, errors: Array, alternatives: tuple[float, float]
+) -> Beliefs:
     """Probabilities, read off the members."""
     judged = problem.question.model == "auto" and problem.question.earlier is None
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
@@ -269,6 +292,8 @@ def _beliefs(problem: Problem, tables: list[Table], weight: Array, errors: Array
         levels=likeliest({Kind.TWO_LEVELS})[1],
         mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
         base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
+        off_by_mounting=alternatives[0] * judged,
+        off_by_base=alternatives[1] * judged,
         any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)) * judged,
         any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)) * judged,
     )
