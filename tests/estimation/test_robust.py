@@ -9,6 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from benchmarks.errors import NOISE as OF_MEAN
+from benchmarks.errors import usual_rig
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import AmbiguityError
 from tests.support.poses import SIX_SPREAD
@@ -303,6 +305,17 @@ def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_bac
         ) in calibration.warnings
         between = rig.bias[:3] + 0.5 * apart[:3]
         assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
+
+
+@pytest.mark.parametrize("seed", [64, 1, 2, 3, 4, 5])
+def test_one_of_six_poses_in_contact_is_found_though_it_bends_the_fit(seed: int) -> None:
+    """100 std: with the noise that it makes itself, it is not far off the other five."""
+    rng = np.random.default_rng(seed)
+    rig, R = usual_rig(rng), random_rotations(6, rng)
+    wrench, push, touching = noisy_readings(rig, R, OF_MEAN, rng), rng.normal(size=6), int(rng.integers(6))
+    wrench[touching] += 100.0 * OF_MEAN * push / np.linalg.norm(push)
+    calibration = cw.calibrate(cw.Samples(wrench, R))
+    assert [pose.rejected is not None for pose in calibration.poses] == [k == touching for k in range(6)]
 
 
 def test_several_poses_left_out_alike_may_be_on_the_other_side_of_backlash_too() -> None:

@@ -9,8 +9,10 @@ evidence beside everything else (posterior.py).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +50,9 @@ CONCENTRATIONS, FINALISTS = 2, 12
 MOST_CONCENTRATIONS = 20
 VARIANCE_PASSES = 3
 FEWEST_POSES = 5
+LogPrior: TypeAlias = Callable[[int, int], float]
+"""Logarithm of the probability that of n poses a given set of k is left out."""
+
 OF_GROUPS = np.repeat(np.eye(2), 3, axis=0)
 """(6, 2): sums over the forces, and over the torques."""
 
@@ -107,16 +112,19 @@ def log_density_outlying(errors: Array) -> float:
     return float(np.logaddexp.reduce(options) - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
 
 
-def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever: float) -> NDArray[np.bool_]:
-    """The poses (n,) that belong together: `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which
-    `information` (q, q) and `pull` (q,) are known; `lever` m compares a torque with a force.
+def likely_clean(
+    J: Array, errors: Array, information: Array, pull: Array, lever: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The poses (n,) that belong together, where the others are outliers, and where they are on a level of their own:
+    `errors` (n, 6) linear in the parameters by `J` (n, 6, q), of which `information` (q, q) and `pull` (q,) are known;
+    `lever` m compares a torque with a force.
 
     In the order in which the poses are off the best trimmed fit, those are left out that the evidence of a steady bias
     would leave out.
     """
     n = len(errors)
     if n < FEWEST_POSES:
-        return np.ones(n, dtype=bool)
+        return np.ones(n, dtype=bool), np.ones(n, dtype=bool)
     h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, FEWEST_POSES))
     problem = _Trimmed(J, errors, information, pull, lever, h)
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
@@ -124,13 +132,8 @@ def likely_clean(J: Array, errors: Array, information: Array, pull: Array, lever
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
     fits = problem.fit(best)
     first = int(np.argmin(fits.score))
-    clean: NDArray[np.bool_] = best[first]
-    distance = fits.distance[first]
-    for _ in range(MOST_CONCENTRATIONS):
-        before, (clean, distance) = clean, problem.likeliest(distance)
-        if (clean == before).all():
-            break
-    return clean
+    clean, distance = best[first], fits.distance[first]
+    return problem.settled(clean, distance, log_prior_outlying), problem.settled(clean, distance, log_prior_two_levels)
 
 
 def _subsets(n: int) -> NDArray[np.bool_]:
@@ -191,7 +194,15 @@ class _Trimmed:
                 break
         return kept
 
-    def likeliest(self, distance: Array) -> tuple[NDArray[np.bool_], Array]:
+    def settled(self, clean: NDArray[np.bool_], distance: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
+        """The likeliest set, from one that is near, and the distances from its fit."""
+        for _ in range(MOST_CONCENTRATIONS):
+            before, (clean, distance) = clean, self.likeliest(distance, log_prior)
+            if (clean == before).all():
+                break
+        return clean
+
+    def likeliest(self, distance: Array, log_prior: LogPrior) -> tuple[NDArray[np.bool_], Array]:
         """Of the sets that leave out the poses furthest off, by `distance` (n,), the one of the largest evidence, and
         the distances from its fit.
         """
@@ -206,8 +217,7 @@ class _Trimmed:
         for k, mask in enumerate(masks):
             z = fits.left[k, ~mask] / np.sqrt(np.repeat(fits.variance[:, k], 3))
             density = log_density_outlying(z) if k else 0.0
-            prior = np.logaddexp(log_prior_outlying(n, k), log_prior_two_levels(n, k))
-            evidence[k] += prior + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
+            evidence[k] += log_prior(n, k) + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
         best = int(np.argmax(evidence))
         return masks[best], fits.distance[best]
 

@@ -42,12 +42,12 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             tables[key] = settled(problem, start, kept, hypotheses, among)
         return tables[key]
 
-    clean = _clean_poses(problem, best)
+    clean, on_a_level = _clean_poses(problem, best)
     for _ in range(3):
-        if clean.all() or not np.isfinite(log_prior_outlying(len(clean), int(np.sum(~clean)))):
+        if clean.all():
             break
         rival = tried(clean, best.tool)
-        again = _clean_poses(problem, rival)
+        again, _ = _clean_poses(problem, rival)
         best = max(best, rival, key=lambda table: table.log_evidence)
         if (again == clean).all():
             break
@@ -63,7 +63,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
             now = better
     found = sorted(tables.values(), key=lambda table: -table.log_evidence)
     first = found[0]
-    proposed = {kept.tobytes(): kept for kept in (clean, *(table.kept for table in found[:MOST_AS_LEVELS]))}
+    proposed = {kept.tobytes(): kept for kept in (on_a_level, *(table.kept for table in found[:MOST_AS_LEVELS]))}
     of_levels = [
         settled(_as_two_levels(problem, kept), first.tool, everything, hypotheses)
         for kept in proposed.values()
@@ -81,7 +81,8 @@ def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
     return replace(problem, kernels=kernels_of(len(kept), [two_levels(~kept)], [log_prior], steady=False))
 
 
-def _clean_poses(problem: Problem, table: Table) -> NDArray[np.bool_]:
+def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """As `likely_clean` has them, linearised at the table's tool."""
     J = wrench_jacobian(table.tool, problem.R_base_flange, problem.names)
     priors = priors_at(table.tool, problem.names, table.hypotheses[-1:], problem.question)
     q, columns = len(problem.names), problem.columns
@@ -93,7 +94,8 @@ def _clean_poses(problem: Problem, table: Table) -> NDArray[np.bool_]:
 def _flips(problem: Problem, table: Table) -> list[NDArray[np.bool_]]:
     """Sets of poses that differ in one: the kept pose furthest off, the pose left out that is nearest."""
     member, m = table.best, table.members
-    distance = deleted_distances(problem, table)
+    distance, dof = deleted_distances(problem, table), float(m.dof[member].sum())
+    distance = distance * max(dof - 6.0, 1.0) / np.maximum(dof - distance, 1e-3)  # in noise that counts it is less
     sets = []
     kept = table.kept
     worst = int(np.argmax(np.where(kept, distance, -np.inf)))
