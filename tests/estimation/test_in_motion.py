@@ -286,11 +286,18 @@ def test_a_turn_about_one_axis_leaves_parameters_untold_and_names_them() -> None
     assert np.abs(_off(found, pushed())).max() < OFTEN
 
 
+def _of_no_body(too_much: float) -> cw.Samples:
+    """Torques as of a tool whose moment about the sensor's z is larger by so many kg m^2, and no other."""
+    samples, R = pushed().samples(), pushed().settings.R_flange_sensor
+    motion = flange_motion(samples)
+    alpha, omega = motion.angular_acceleration @ R, motion.angular_velocity @ R
+    added = np.array([0.0, 0.0, too_much])
+    torque = -added * alpha - np.cross(omega, added * omega)
+    return replace(samples, wrench=samples.wrench + np.hstack([0.0 * torque, torque]))
+
+
 def test_an_inertia_of_no_body_is_mended_and_said() -> None:
-    """The arm's positions are two and a half times what they are, so that the tool is felt to go further than it does;
-    with three fifths of them no body has what is found either, but chance might be why.
-    """
-    found = cw.calibrate(_scaled(2.5), "dynamic")
+    found = cw.calibrate(_of_no_body(0.01), "dynamic")
     (said,) = _of_kind(found, Kind.IMPLAUSIBLE_TOOL)
     assert said.severity is Severity.DOUBTFUL
     assert "no body has the inertia that the readings alone give, the nearest that one can have was taken" in said.text

@@ -67,6 +67,9 @@ class Kind(StrEnum):
     MOTION_USED = "motion_used"
     UNTOLD_BY_MOTION = "untold_by_motion"
     SLOW_SENSOR = "slow_sensor"
+    NOT_RIGID = "not_rigid"
+    POSITIONS_IN_DOUBT = "positions_in_doubt"
+    SLOW_POSES = "slow_poses"
     ACCELEROMETER = "accelerometer"
     OTHER = "other"
 
@@ -91,6 +94,8 @@ DOUBT_OF_KIND = {
     Kind.ANGLES_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.POSE_IN_DOUBT: Doubt.ASSUMPTION,
     Kind.TILT_IN_DOUBT: Doubt.ASSUMPTION,
+    Kind.POSITIONS_IN_DOUBT: Doubt.ASSUMPTION,
+    Kind.SLOW_POSES: Doubt.ASSUMPTION,
     Kind.IMPLAUSIBLE_TOOL: Doubt.ASSUMPTION,
     Kind.LEANING_BASE: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,

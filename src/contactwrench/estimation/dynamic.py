@@ -20,6 +20,7 @@ from ..calibration.dynamics import ACCELERATION, DYNAMIC_PARAMETERS, inertial_ja
 from ..geometry.arrays import Array
 from ..model import RigidTool, all_but_the_bias, response, response_jacobian, response_of, stepped
 from .motion_moments import BENDS, CHANGES, MOTION, ONE, ORIENTATION, REGRESSORS, MotionMoments
+from .rigidity import BeyondRigid, beyond_rigid
 
 GYRATION, GYRATION_STD = 0.05, 0.1
 """m: of the inertia before anything moved, the mass at so far from its centre, and its std."""
@@ -50,7 +51,7 @@ class Moved:
     flange axes; their `covariance` (9, 9) and that with the tool's parameters (9, p), the std (9,) `before` of the
     same, and the `weight` (w, 6) of each window. The RMS `left` (6,) of readings in motion, N and N m, in the bands
     used, and the filter's `blur`, s^2, with its std. By how much an accelerometer is `ahead` of the wrench, and the
-    wrench `late` beside the poses, s, with its std.
+    wrench `late` beside the poses, s, with its std. What goes `beyond` a rigid tool, which is in the covariance.
     """
 
     inertia: Array
@@ -65,6 +66,7 @@ class Moved:
     ahead: float
     late: float
     late_std: float
+    beyond: BeyondRigid
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,9 @@ def moved(
     follows[:, stays] = -(inverse @ each[:, :, sought][..., stays].sum(axis=(0, 1)))[own]
     of_motion = inverse[own, own] - np.outer(inverse[own, 0], inverse[own, 0]) * prior[0, 0]
     follows[:, 0] = inverse[own, 0] * prior[0, 0]
+    beyond = beyond_rigid(left, weight, variance, moments)
+    if beyond.shows:
+        of_motion = beyond.ratio * of_motion
     return Moved(
         inertia=at.inertia,
         sensor_offset=at.sensor_offset,
@@ -162,6 +167,7 @@ def moved(
         ahead=at.ahead,
         late=at.late,
         late_std=float(np.sqrt(inverse[LATE - AHEAD - 1, LATE - AHEAD - 1])),
+        beyond=beyond,
         blur_std=float(np.sqrt(inverse[BLUR - AHEAD - 1, BLUR - AHEAD - 1])),
     )
 

@@ -1,4 +1,6 @@
-"""What a motion says of itself beside the numbers: contact, slow sensors, an accelerometer, what it leaves untold."""
+"""What a motion says of itself beside the numbers: contact, slow sensors, an accelerometer, what it leaves untold, and
+positions or a tool that are not what they were taken for.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,7 @@ from ..geometry.arrays import Array
 from ..samples.accelerometer import Accelerometer
 from .dynamic import STATED_OFFSET_STD, Moved
 from .motion_moments import FLAT
+from .rigidity import PositionsRead
 
 LITTLE_WEIGHT = 0.25
 """Of a window: it is noisier than most, a push or a shake."""
@@ -23,6 +26,16 @@ MOST_OF_IT = 0.9
 """Of the recording, in which an accelerometer is to have read."""
 IMPOSSIBLE = 2.0
 """Standard deviations from the inertia of any body."""
+NOT_RIGID = 1e-3
+"""Of what the motion makes felt, as a share: less, though it shows in a long recording, matters to nobody."""
+OTHERWISE, SURELY_OTHERWISE, ALMOST = 0.08, 8.0, 0.35
+"""Of the matrix between true accelerations and those of the positions: what is no rounding of it, in std too, and how
+far it may be off one that only exchanges axes. The sensor's filter and delay make some hundredths.
+"""
+STANDS = 1e-6
+"""m: a column that changes less is no position of a moving flange."""
+ENOUGH_POSES = 8.0
+"""For each period of the fastest motion used: with 5 of them std were up to ten times too small, with 12 they hold."""
 SLOW_SENSOR, SURELY = 5e-5, 5.0
 """s^2, of the blur that a filter of first order at 16 Hz has, and standard deviations: it is said."""
 
@@ -83,6 +96,12 @@ def of_motion(
             "filter faster, or state it where contact is judged (--sensor-filter)"
         )
         yield Finding(Kind.SLOW_SENSOR, Severity.WARNING, text)
+    if found.beyond.shows and found.beyond.share > NOT_RIGID:
+        text = (
+            f"{found.beyond.share:.2%} of what the motion makes felt follows it as no rigid tool does: something "
+            "swings on the tool, or the motion is told too slowly or late; it is counted in the std of the inertia"
+        )
+        yield Finding.doubtful(Kind.NOT_RIGID, text)
     if dynamics.accelerometer is not None:
         yield from _of_accelerometer(dynamics.accelerometer, read)
     told = FLAT * dynamics.bandwidth
@@ -92,6 +111,48 @@ def of_motion(
     else:
         text = "beyond which the poses tell no acceleration: record them more often, or with more digits"
         yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)
+
+
+def of_poses(read: PositionsRead, position: Array, rate: float, most: float) -> Iterator[Finding]:
+    """What the poses of a motion are not: as the forces say, and by what they are themselves.
+
+    Args:
+        read: how the forces say that they are read.
+        position: (n, 3) m.
+        rate: Hz, of the poses.
+        most: Hz, up to which the motion was used.
+    """
+    off = np.abs(read.matrix - np.eye(3))
+    still = [axis for axis, span in zip("xyz", np.ptp(position, axis=0), strict=True) if span < STANDS]
+    if still:
+        text = (
+            f"the position's {' and '.join(still)} never changes: is that its column? accelerations along it are lost"
+        )
+        yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
+    elif np.any((off > OTHERWISE) & (off > SURELY_OTHERWISE * read.std)):
+        text = (
+            f"the forces in motion go with positions that are {_in_words(read.matrix)}: check the columns x, y, z, "
+            "their unit, and that they are of the same flange, base and time as the orientations"
+        )
+        yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
+    if rate < ENOUGH_POSES * most:
+        text = (
+            f"poses came at {rate:.3g} Hz, and the arm moved at up to {most:.2g} Hz: what lies between them is guessed "
+            f"and in no std: record them at {ENOUGH_POSES * most:.2g} Hz or faster, or move more slowly"
+        )
+        yield Finding.doubtful(Kind.SLOW_POSES, text)
+
+
+def _in_words(matrix: Array) -> str:
+    """What true positions are of those given, by the matrix between their accelerations."""
+    exchanged, scale = np.round(matrix), float(np.trace(matrix)) / 3.0
+    if np.abs(matrix - exchanged).max() < ALMOST and np.abs(exchanged @ exchanged.T - np.eye(3)).max() == 0.0:
+        each = ["-"[: int(row.sum() < 0.0)] + "xyz"[int(np.argmax(np.abs(row)))] for row in exchanged]
+        if each != ["x", "y", "z"]:
+            return f"{', '.join(each)} of those given"
+    if np.abs(matrix - scale * np.eye(3)).max() < OTHERWISE * scale:
+        return f"{scale:.3g} times those given"
+    return "not those given"
 
 
 def _of_accelerometer(accelerometer: Accelerometer, read: float) -> Iterator[Finding]:

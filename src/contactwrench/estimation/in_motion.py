@@ -16,18 +16,19 @@ from ..geometry.ranges import ON_FLANGE
 from ..model import RigidTool
 from ..samples.accelerometer import Accelerometer, delay_behind, mounted_accelerometer
 from ..samples.delay import is_significant
-from ..samples.flange_motion import FlangeMotion, flange_motion
+from ..samples.flange_motion import SLOWEST, FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
 from .dynamic import TOGETHER_STD, UNKNOWN_STD, Moved, moved
-from .findings_of_motion import of_motion
-from .motion_moments import motion_moments
+from .findings_of_motion import of_motion, of_poses
+from .motion_moments import FLAT, motion_moments
 from .possible_tool import nearest_possible
+from .rigidity import positions_read
 
-ALIGNED = 3
-"""Times that the readings of an accelerometer are put where the motion tells that they belong."""
+ALIGNED, LEAST_LATE = 3, 2e-4
+"""Times that readings are put where the motion tells that they belong; and s, which matter to nobody."""
 LEAST_SECONDS = 4.0
 """Of motion."""
 KNOWN = 0.5
@@ -59,10 +60,13 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         raise _at_rest(samples, 0.0)
     late = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or np.inf) else 0.0
     samples = as_stamped(samples)
+    if samples.accelerometer is None:
+        _require_places(samples)
     accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
     tool = tool_of(calibration)
     names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
     ahead_std = None if accelerometer is None else TOGETHER_STD if accelerometer.delay else UNKNOWN_STD
+    aligned = accelerometer is not None
     for k in range(ALIGNED):
         motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
         shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
@@ -76,12 +80,19 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
             raise _at_rest(samples, moments.seconds)
         known = names, calibration.covariance, calibration.noise
         found = moved(tool, tool.weight / mass, *known, moments, stated, ahead_std)
-        if accelerometer is None or k == ALIGNED - 1:
+        told_late = abs(found.late) > LEAST_LATE and is_significant(found.late, found.late_std)
+        if k == ALIGNED - 1 or (accelerometer is None and not told_late):
             break
-        accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
-        late += found.late
+        if accelerometer is not None:
+            accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
+        late, aligned = late + found.late, True
         samples = _shifted(samples, found.late)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
+    if np.linalg.eigvalsh(found.inertia)[-1] < 0.0:
+        raise InputError(
+            f"{samples.source}: found moments of inertia below zero, expected those of a body: are the torques' sign "
+            "and unit those of the forces?"
+        )
     if set(INERTIA) <= set(untold):
         raise UnobservableError(
             f"{samples.source}: found no excitation of {', '.join(untold)}: the arm turns too slowly, expected angular "
@@ -104,13 +115,31 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         accelerometer=accelerometer,
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
-    if accelerometer is not None:
+    if aligned:
         complete = replace(complete, delay=late, delay_std=found.late_std)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
     said = of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)
-    findings = (*calibration.findings, *said)
-    return replace(complete, dynamics=dynamics, findings=findings)
+    findings = [*calibration.findings, *said]
+    if accelerometer is None:
+        where_it_moves = flange_motion(samples, max(moments.most / FLAT, SLOWEST))
+        positions = positions_read(complete, samples, where_it_moves)
+        findings += of_poses(positions, np.asarray(samples.position), 1.0 / _pose_period(samples), moments.most)
+    return replace(complete, dynamics=dynamics, findings=tuple(findings))
+
+
+def _require_places(samples: Samples) -> None:
+    """Raise `InputError` where nobody filled in the positions."""
+    if samples.position is not None and not np.nan_to_num(samples.position).any():
+        raise InputError(
+            f"{samples.source}: found positions that are all 0, expected the flange's x, y, z: name their columns, "
+            "name an accelerometer with --imu, or take model auto"
+        )
+
+
+def _pose_period(samples: Samples) -> float:
+    """s, between poses, of samples with times."""
+    return samples.pose_period or float(np.median(np.diff(spread_evenly(np.asarray(samples.t)))))
 
 
 def _accelerometer(calibration: Calibration, samples: Samples) -> Accelerometer | None:
@@ -166,7 +195,7 @@ def _shifted(samples: Samples, delay: float, std: float | None = None) -> Sample
     poses = OrientationStream(np.asarray(samples.t), samples.R_base_flange, samples.position, samples.source)
     paired = synchronize(Streams(wrench, poses), delay, std)
     told = None if samples.accelerometer is None else samples.accelerometer[paired.rows]
-    return replace(paired.samples, accelerometer=told)
+    return replace(paired.samples, accelerometer=told, pose_period=samples.pose_period)
 
 
 def _untold(found: Moved, sought: tuple[str, ...]) -> list[str]:

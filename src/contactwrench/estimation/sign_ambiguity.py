@@ -52,7 +52,8 @@ NOT_CONFIRMED = Finding.doubtful(
 
 def checked(estimate: RigidEstimate, readings: PoseReadings, question: Question) -> tuple[Finding, ...]:
     """What there is to say of the sign. Raises `UnobservableError` and `AmbiguityError` where the estimate may not be
-    returned. The sign is judged with and without the poses left out: whoever leaves out enough explains any sign.
+    returned. The sign is judged with and without the poses left out, with them under any mounting: whoever leaves out
+    enough explains any sign.
     """
     stated, tool = question.gravity_direction, estimate.tool
     if estimate.weight_z is not None:
@@ -70,7 +71,8 @@ def checked(estimate: RigidEstimate, readings: PoseReadings, question: Question)
         std = float(np.sqrt(np.linalg.eigvalsh(estimate.covariance[-2:, -2:])[-1]))
         require_stated_side(tool, stated, std, estimate.force_left)
     if not estimate.kept.all():
-        check_sign(estimate, readings, model, question)
+        any_mounting = question.model == "auto" and model == "yaw"
+        check_sign(estimate, readings, "mount" if any_mounting else model, question)
     findings = check_sign(estimate, kept, model, question)
     require_positive_weight(tool.weight, stated, estimate.force_left)
     return findings

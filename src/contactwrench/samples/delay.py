@@ -204,7 +204,7 @@ def with_delay_of_rows(samples: Samples) -> Samples:
     """Samples of a motion whose rows each came with an orientation, with the delay of their wrench behind it: the rows
     stay as they are. Where their stamps are none of one clock, nothing is known of it.
     """
-    if samples.t is None or samples.delay is not None:
+    if samples.t is None or samples.delay is not None or samples.pose_period is not None:
         return samples
     wrench = WrenchStream(samples.t, samples.wrench, samples.source, samples.load_mass, samples.saturated)
     orientation = OrientationStream(samples.t, samples.R_base_flange, samples.position, samples.source)

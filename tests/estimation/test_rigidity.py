@@ -1,0 +1,135 @@
+"""Motions that are not what they are taken for: positions of other axes, late, too slow, at one place; a tool that is
+not rigid; torques of the other sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import contactwrench as cw
+from contactwrench.calibration.findings import Kind, Severity
+from contactwrench.errors import InputError
+from contactwrench.estimation.in_motion import as_stamped
+from contactwrench.estimation.rigidity import positions_read
+from contactwrench.samples.flange_motion import flange_motion
+from tests.support.in_motion import Moving, moving
+from tests.support.world import Array
+
+RATE = 500.0
+NOT_RIGID = "of what the motion makes felt follows it as no rigid tool does"
+
+
+@lru_cache
+def arm(seed: int = 7) -> Moving:
+    return moving(seed, stops=8, seconds=14.0, rate=RATE)
+
+
+@lru_cache
+def clean(seed: int = 7) -> cw.Samples:
+    return arm(seed).samples()
+
+
+def doubts(samples: cw.Samples) -> dict[Kind, str]:
+    calibration = cw.calibrate(samples, "dynamic")
+    found = {f.kind: f.text for f in calibration.findings if f.severity is Severity.DOUBTFUL}
+    assert (calibration.verdict == "good") == (not found)
+    return found
+
+
+def placed(change: Callable[[Array], Array]) -> cw.Samples:
+    samples = clean()
+    assert samples.position is not None
+    return replace(samples, position=change(samples.position))
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_a_rigid_tool_and_its_own_positions_are_not_in_doubt(seed: int) -> None:
+    assert doubts(clean(seed)) == {}
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        (np.diag([-1.0, 1.0, 1.0]), "-x, y, z of those given"),
+        (np.eye(3)[[1, 0, 2]], "y, x, z of those given"),
+        (np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), "y, -x, z of those given"),
+        (1.25 * np.eye(3), "0.8 times those given"),
+    ],
+    ids=["mirrored", "exchanged", "turned", "scaled"],
+)
+def test_positions_of_other_axes_are_told_by_the_forces(matrix: Array, words: str) -> None:
+    text = doubts(placed(lambda position: position @ matrix.T))[Kind.POSITIONS_IN_DOUBT]
+    assert text == (
+        f"doubtful: the forces in motion go with positions that are {words}: check the columns x, y, z, their unit, "
+        "and that they are of the same flange, base and time as the orientations"
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_matrix_between_given_and_true_positions_is_found(seed: int) -> None:
+    """Of the stops' calibration: no inertia has been fitted to the wrong positions yet."""
+    matrix = np.eye(3) + 0.4 * np.random.default_rng(seed).normal(size=(3, 3))
+    samples = as_stamped(placed(lambda position: position @ np.linalg.inv(matrix).T))
+    calibration = cw.calibrate(clean())
+    read = positions_read(calibration, samples, flange_motion(samples))
+    assert read.matrix == pytest.approx(matrix, abs=0.05)
+
+
+def test_a_column_of_positions_that_stands_is_in_doubt_and_three_are_refused() -> None:
+    text = doubts(placed(lambda position: position * [1.0, 1.0, 0.0]))[Kind.POSITIONS_IN_DOUBT]
+    assert text == "doubtful: the position's z never changes: is that its column? accelerations along it are lost"
+    with pytest.raises(InputError) as caught:
+        cw.calibrate(placed(lambda position: 0.0 * position), "dynamic")
+    assert str(caught.value) == (
+        f"{clean().source}: found positions that are all 0, expected the flange's x, y, z: name their columns, name an "
+        "accelerometer with --imu, or take model auto"
+    )
+
+
+def test_torques_of_the_other_sign_are_named() -> None:
+    samples = clean()
+    still = samples.wrench.mean(axis=0)
+    other = np.hstack([samples.wrench[:, :3], 2.0 * still[3:] - samples.wrench[:, 3:]])
+    with pytest.raises(InputError) as caught:
+        cw.calibrate(replace(samples, wrench=other), "dynamic")
+    assert str(caught.value) == (
+        f"{samples.source}: found moments of inertia below zero, expected those of a body: are the torques' sign and "
+        "unit those of the forces?"
+    )
+
+
+def test_poses_too_slow_for_the_motion_are_in_doubt_and_a_hundred_a_second_are_not() -> None:
+    slow = doubts(arm().samples(10.0))
+    assert slow[Kind.SLOW_POSES].startswith("doubtful: poses came at 10 Hz, and the arm moved at up to ")
+    assert slow[Kind.SLOW_POSES].endswith(" Hz or faster, or move more slowly")
+    assert doubts(arm().samples(100.0)) == {}
+
+
+def test_what_swings_on_the_tool_is_in_doubt() -> None:
+    """0.2 kg that hangs on the tool by a spring of 3 Hz, moved by the arm's own acceleration."""
+    samples = clean()
+    acceleration = flange_motion(samples).acceleration
+    pole = np.exp((-0.1 + 1j) * 2.0 * np.pi * 3.0 / RATE)
+    swings = lfilter([abs(1.0 - pole) ** 2], [1.0, -2.0 * pole.real, abs(pole) ** 2], acceleration, axis=0)
+    found = doubts(replace(samples, wrench=samples.wrench - 0.2 * np.hstack([swings, 0.0 * swings])))
+    assert NOT_RIGID in found[Kind.NOT_RIGID]
+
+
+@pytest.mark.parametrize("late", [0.006, -0.01])
+def test_a_wrench_that_is_late_by_little_is_aligned_by_the_motion(late: float) -> None:
+    """Beside the sensor's own filter, which is one too."""
+    samples, of_sensor = clean(), cw.calibrate(clean(), "dynamic").delay
+    assert samples.t is not None
+    assert of_sensor is not None
+    behind = np.stack([np.interp(samples.t - late, samples.t, values) for values in samples.wrench.T], axis=1)
+    calibration = cw.calibrate(replace(samples, wrench=behind), "dynamic")
+    assert calibration.delay == pytest.approx(of_sensor + late, abs=2e-4)
+    assert calibration.verdict == "good"
+    assert calibration.dynamics is not None
+    assert calibration.dynamics.residual_rms[:3] == pytest.approx(0.05, rel=0.15)
