@@ -40,6 +40,23 @@ def test_free_motion_is_no_contact(rate: int, most: float, tf: bool, folder: Pat
     assert found.session.lacking == ""
 
 
+@pytest.mark.parametrize(
+    ("tells", "least", "most"),
+    [
+        (Arm(50), 0.5, 0.65),
+        (Arm(20), 1.4, 1.8),
+        (Arm(500, scatter=1e-4), 0.9, 1.4),
+        (Arm(100, scatter=1e-4), 0.4, 0.7),
+        (Arm(500, scatter=2e-5), 0.1, 0.3),
+    ],
+)
+def test_poses_that_are_slow_or_stamped_wrong_leave_more(tells: Arm, least: float, most: float, folder: Path) -> None:
+    """As the page has it. The test for contact is blunter then, and free motion hardly ever counts as one."""
+    found = felt(tells, folder)
+    assert least < found.rms() < most
+    assert found.contact[found.between(MOVES)].mean() < 0.1
+
+
 @pytest.mark.parametrize("tf", [True, False])
 def test_a_push_in_motion_is_felt(tf: bool, folder: Path) -> None:
     arm = swung(5.0)

@@ -46,7 +46,7 @@ NOTHING_MISSING = (np.inf, np.inf)
 class Arm:
     """How it tells its poses: `rate` in a second, by `tf` or as a topic's; `placed`: with positions; `late`: s by which
     readings are stamped later, and `apart`: ms, one transform of tf than the other; `lost`, `position_lost`: s in which
-    poses, or their positions, do not come; from `anew` s on stamps begin anew.
+    poses, or their positions, do not come; from `anew` s on stamps begin anew; `scatter`: s, std of the poses' stamps.
     """
 
     rate: int = 500
@@ -57,6 +57,7 @@ class Arm:
     lost: tuple[float, float] = NOTHING_MISSING
     position_lost: tuple[float, float] = NOTHING_MISSING
     anew: float = np.inf
+    scatter: float = 0.0
 
     def stamp(self, t: float) -> float:
         """Of the recording's time, s."""
@@ -65,11 +66,13 @@ class Arm:
     def told_to(self, session: Session, arm: Moving) -> Callable[[int], None]:
         """What tells the pose at a row, if it is one that the arm tells."""
         rec, every = arm.recorded, round(1000 / self.rate)
+        scatter = self.scatter * np.random.default_rng(0).normal(size=len(rec.t))
         flange = np.tile(np.eye(4), (len(rec.t), 1, 1))
         flange[:, :3, :3], flange[:, :3, 3] = rec.R_base_flange, rec.position
 
         def send(row: int) -> None:
             t = float(rec.t[row])
+            stamp = self.stamp(t) + float(scatter[row])
             if self.lost[0] <= t < self.lost[1]:
                 return
             if self.tf:
@@ -78,11 +81,11 @@ class Arm:
                 links = [("world", "elbow", elbow, 0), ("elbow", "wrist", wrist, self.apart)]
                 for parent, child, T, apart in links:
                     if (row - apart) % every == 0:
-                        session.transforms([Transform(parent, child, self.stamp(t), *taken_apart(T))], False)
+                        session.transforms([Transform(parent, child, stamp, *taken_apart(T))], False)
             elif row % every == 0:
                 q, place = taken_apart(flange[row])
                 has = self.placed and not self.position_lost[0] <= t < self.position_lost[1]
-                session.pose(Pose(self.stamp(t), q, place if has else None))
+                session.pose(Pose(stamp, q, place if has else None))
 
         if self.tf:
             held = [Transform("world", "base_link", 0.0, *taken_apart(HELD[0]))]
