@@ -132,11 +132,16 @@ class Rig:
             assert time.monotonic() < end, "waited in vain"
             time.sleep(0.01)
 
-    def say(self, transforms: list[tuple[str, str, Rotation]], t: float, static: bool = False) -> None:
-        """Transforms on tf."""
+    def say(
+        self, transforms: list[tuple[str, str, Rotation]], t: float, static: bool = False, places: Any = ()
+    ) -> None:
+        """Transforms on tf, at 0, 0, 0 or at `places` (n, 3), m."""
         message = TFMessage()
-        for parent, child, R in transforms:
+        at_all = places if len(places) else np.zeros((len(transforms), 3))
+        for (parent, child, R), place in zip(transforms, at_all, strict=True):
             each = TransformStamped(child_frame_id=child)
+            at = each.transform.translation
+            at.x, at.y, at.z = np.asarray(place, dtype=float).tolist()
             each.header.frame_id = parent
             each.header.stamp.sec, each.header.stamp.nanosec = stamp_of(t)
             q = each.transform.rotation

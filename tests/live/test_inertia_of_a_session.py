@@ -107,6 +107,17 @@ def test_a_motion_that_is_old_is_not_subtracted(lost: str) -> None:
     assert unknown[-1] == "stale: the motion is not known yet, 3 poses in a row tell it"
 
 
+def test_positions_that_are_no_numbers_grow_old() -> None:
+    nowhere = (np.nan, np.nan, np.nan)
+
+    def spoilt(robot: Batch) -> Batch:
+        return Batch([each._replace(position=nowhere) if each.device > 2.5 else each for each in robot.samples])
+
+    found = fed((now, sensor, spoilt(robot)) for now, sensor, robot in Devices(500).turns(swung()))
+    assert not found.between(2.53, 4.0).valid.any()
+    assert str(found.between(2.53, 4.0).reason[0]).startswith("stale: the position is 0.03 s old")
+
+
 def test_the_offset_of_a_tcp_is_undone() -> None:
     """A TCP 0.2 m off, and turned, whose place has other accelerations than the flange's."""
     arm = swung()

@@ -1,4 +1,4 @@
-"""Orientations by their stamps, and a tf chain composed: against scipy and elementary cases."""
+"""Poses by their stamps, and a tf chain composed: against scipy, matrices and elementary cases."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from contactwrench.compensate.faults import Reason
 from contactwrench.geometry.quaternions import Quat
+from contactwrench_ros import chain as composing
 from contactwrench_ros.chain import Chain, Transform
-from contactwrench_ros.track import Track
+from contactwrench_ros.track import Pose, Track, filled_in
+from tests.support.ros_motion import any_placements
+from tests.support.world import Array
 
 
 def quat(rotation: Rotation) -> Quat:
@@ -91,9 +94,9 @@ def turns(t: float) -> list[Rotation]:
     return [held[0], Rotation.from_rotvec([0.3 * t, 0.0, 0.0]), Rotation.from_rotvec([0.0, 0.8 * t, 0.1]), held[1]]
 
 
-def heard(chain: Chain, t: float, which: slice, static: bool = False) -> tuple[float, Quat] | None:
+def heard(chain: Chain, t: float, which: slice, static: bool = False) -> Pose | None:
     links = list(zip(LINKS, turns(t), strict=True))[which]
-    return chain.hear([Transform(*link, t, quat(turn)) for link, turn in links], static, 0.1)
+    return chain.hear([Transform(*link, t, quat(turn), (0.0, 0.0, 0.1)) for link, turn in links], static, 0.1)
 
 
 STATIC_ONES, MOVING = (slice(0, 1), slice(3, 4)), slice(1, 3)
@@ -131,8 +134,79 @@ def test_links_that_come_at_different_times_are_interpolated_at_the_older() -> N
     poses = [pose for pose in found if pose is not None]
     assert len(poses) > 190
     assert all(b[0] > a[0] for a, b in pairwise(poses))
-    for t, q in poses:
+    for t, q, _ in poses:
         assert angle(q, turns(t)[1] * turns(t)[2] * turns(t)[3]) < 1e-6
+    placed = [pose.t for pose in poses if pose.place is not None]
+    assert np.diff(placed) == pytest.approx(0.01)
+
+
+def composed(up: int, down: int, seed: int) -> tuple[Pose | None, Array]:
+    """The pose by a chain that goes so many links up from the base and so many down to the flange, of which two move
+    and the others are static, and by a product of matrices (4, 4).
+    """
+    rng, n = np.random.default_rng(seed), up + down
+    placements, true = any_placements(n, rng), np.eye(4)
+    for k, T in enumerate(placements):
+        true = true @ (np.linalg.inv(T) if k < up else T)
+    frames, links = ["base", *(f"frame_{k}" for k in range(1, n)), "tool0"], list[Transform]()
+    for k, T in enumerate(placements):
+        parent, child = (frames[k + 1], frames[k]) if k < up else (frames[k], frames[k + 1])
+        x, y, z = T[:3, 3].tolist()
+        links.append(Transform(parent, child, 5.0, quat(Rotation.from_matrix(T[:3, :3])), (x, y, z)))
+    moving = set(rng.choice(n, 2, replace=False).tolist())
+    chain = Chain("base", "tool0")
+    assert chain.hear([each for k, each in enumerate(links) if k not in moving], True, 0.1) is None
+    return chain.hear([links[k] for k in moving], False, 0.1), true
+
+
+def off(found: Pose | None, true: Array) -> float:
+    """By how much it is off, rad and m."""
+    assert found is not None
+    assert found.place is not None
+    turn = angle(found.quat_xyzw, Rotation.from_matrix(true[:3, :3]))
+    return max(turn, float(np.abs(np.array(found.place) - true[:3, 3]).max()))
+
+
+@given(st.integers(0, 3), st.integers(0, 3), st.integers(0, 10_000))
+def test_a_chain_composes_any_rotations_and_translations(up: int, down: int, seed: int) -> None:
+    if up + down >= 2:
+        assert off(*composed(up, down, seed)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"), [("rotated", lambda q, v: v), ("inverse", lambda q: q), ("product", lambda p, q: q)]
+)
+def test_a_chain_that_composes_wrongly_is_found(name: str, fault: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(composing, name, fault)
+    assert all(off(*composed(2, 2, seed)) > 1e-3 for seed in range(5))
+
+
+@pytest.mark.parametrize(
+    "place", [(0.0, 0.0, 0.0), (0.5, float("nan"), 0.0), (float("inf"), 0.0, 0.0), (2e3, 0.0, 0.0)]
+)
+def test_a_place_that_is_none(place: tuple[float, float, float]) -> None:
+    assert filled_in(place) is None
+    assert filled_in((0.0, 0.0, 0.3)) == (0.0, 0.0, 0.3)
+
+
+def test_a_chain_of_rotations_alone_has_no_place() -> None:
+    chain, q = Chain("base_link", "tool0"), quat(Rotation.random(random_state=1))
+    found = chain.hear([Transform("base_link", "tool0", 1.0, q, (0.0, 0.0, 0.0))], False, 0.1)
+    assert found == (1.0, q, None)
+
+
+def test_a_static_one_that_is_no_orientation_is_named() -> None:
+    chain, q = Chain("base_link", "tool0"), quat(Rotation.identity())
+    chain.hear([Transform("arm", "tool0", 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.1))], True, 0.1)
+    assert chain.hear([Transform("base_link", "arm", 1.0, q, (0.1, 0.0, 0.0))], False, 0.1) is None
+    assert chain.trouble() == "tf arm -> tool0 is the one that is behind"
+
+
+def test_a_clock_that_begins_anew_is_followed_by_the_chain() -> None:
+    chain, q = Chain("base_link", "tool0"), quat(Rotation.identity())
+    for t in (100.0, 100.01, 1.0, 1.01):
+        found = chain.hear([Transform("base_link", "tool0", t, q, (0.1, 0.0, 0.0))], False, 0.1)
+        assert found == (t, q, (0.1, 0.0, 0.0))
 
 
 def test_a_link_that_stops_stops_the_chain_and_is_named() -> None:

@@ -1,7 +1,7 @@
-"""The orientation of one frame in another from tf: the chain of transforms between them, composed.
+"""The pose of one frame in another from tf: the chain of transforms between them, composed.
 
 tf2's own buffer is not in every ROS for Python, and answers for any two frames at any time; here it is two frames, and
-a composed orientation as soon as every moving transform of the chain has been heard anew.
+a composed pose as soon as every moving transform of the chain has been heard anew.
 """
 
 from __future__ import annotations
@@ -11,28 +11,37 @@ from dataclasses import dataclass, field
 from math import inf
 
 from contactwrench.compensate.faults import Reason
-from contactwrench.geometry.quaternions import Quat, inverse, product
+from contactwrench.geometry.quaternions import Quat, inverse, product, rotated, unit
+from contactwrench.live.source import Three
 
-from .track import BEGUN_ANEW, Track
+from .track import BEGUN_ANEW, ORIGIN, Pose, Track, filled_in
 
 
 @dataclass(frozen=True)
 class Transform:
-    """What tf says: how `child` stands in `parent` at `t` s."""
+    """What tf says of `child` in `parent` at `t` s: how it is turned, and its `place`, m, in the axes of `parent`."""
 
     parent: str
     child: str
     t: float
     quat_xyzw: Quat
+    place: Three
 
 
 @dataclass
 class Link:
-    """A child's parent and its orientations in it; of a static one (`fixed`) the last counts at any time."""
+    """A child's parent and its poses in it; of a static one (`fixed`) the last counts at any time."""
 
     parent: str
     track: Track = field(default_factory=Track)
-    fixed: Quat | None = None
+    fixed: tuple[Quat, Three] | None = None
+
+    def at(self, t: float, stale_after: float) -> tuple[Quat, Three] | None:
+        """The child's orientation and place in its parent, m, at a time, s; None: they are not known."""
+        if self.fixed is not None:
+            return self.fixed
+        turn = self.track.at(t, stale_after)
+        return None if isinstance(turn, Reason) else (turn, self.track.place(t))
 
 
 class Chain:
@@ -42,10 +51,12 @@ class Chain:
         self.base, self.flange = base.removeprefix("/"), flange.removeprefix("/")
         self.links: dict[str, Link] = {}
         self.path: list[tuple[Link, bool]] = []
-        self.until = -inf
+        self.until = self.placed = -inf
 
-    def hear(self, transforms: Iterable[Transform], static: bool, stale_after: float) -> tuple[float, Quat] | None:
-        """Take transforms in; the newest orientation (t s, `R_base_flange`) that all of them give, if it is a new one.
+    def hear(self, transforms: Iterable[Transform], static: bool, stale_after: float) -> Pose | None:
+        """Take transforms in; the newest pose of the flange in the base that all of them give, if it is a new one. It
+        has a place where every moving transform was heard anew since the last that had one: between two stamps a
+        transform is interpolated along a straight line, whose ends are no acceleration of the arm's.
 
         Args:
             transforms: of a message.
@@ -58,14 +69,15 @@ class Chain:
             if link is None or link.parent != parent:
                 link = self.links[child] = Link(parent)
                 self.path = []
-            link.fixed = each.quat_xyzw if static else None
+            turn = unit(each.quat_xyzw)
+            link.fixed = (turn, each.place) if static and turn is not None else None
             if not static:
-                link.track.hear(each.t, each.quat_xyzw)
+                link.track.hear(each.t, each.quat_xyzw, each.place)
         self.path = self.path or self._path()
         return self._composed(stale_after)
 
     def trouble(self) -> str:
-        """Why there is no orientation, or which transform is behind; empty: nothing is known to be wrong."""
+        """Why there is no pose, or which transform is behind; empty: nothing is known to be wrong."""
         if not self.path:
             connected = f"found no tf chain from {self.base} to {self.flange}"
             known = ", ".join(sorted({*self.links, *(link.parent for link in self.links.values())})[:12])
@@ -96,18 +108,28 @@ class Chain:
             line.append(link.parent)
         return line
 
-    def _composed(self, stale_after: float) -> tuple[float, Quat] | None:
+    def _composed(self, stale_after: float) -> Pose | None:
         moving = self._moving()
         if not moving or not all(link.track.times for link in moving):
             return None
         newest = min(link.track.times[-1] for link in moving)
-        if newest <= self.until and newest > self.until - BEGUN_ANEW:
+        if newest <= self.until - BEGUN_ANEW:
+            self.until = self.placed = -inf
+        if newest <= self.until:
             return None
         R: Quat = (0.0, 0.0, 0.0, 1.0)
+        x, y, z = ORIGIN
         for link, upwards in self.path:
-            turn = link.track.at(newest, stale_after) if link.fixed is None else link.fixed
-            if isinstance(turn, Reason):
+            if (found := link.at(newest, stale_after)) is None:
                 return None
-            R = product(R, inverse(turn) if upwards else turn)
+            turn, (a, b, c) = found
+            if upwards:
+                turn = inverse(turn)
+                a, b, c = rotated(turn, (-a, -b, -c))
+            a, b, c = rotated(R, (a, b, c))
+            x, y, z, R = x + a, y + b, z + c, product(R, turn)
         self.until = newest
-        return newest, R
+        if not all(link.track.newest(newest) > self.placed for link in moving):
+            return Pose(newest, R, None)
+        self.placed = newest
+        return Pose(newest, R, filled_in((x, y, z)))

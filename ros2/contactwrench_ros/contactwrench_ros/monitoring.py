@@ -47,12 +47,13 @@ class Tally:
         self.of_period["faults"] += 1
         self.last = reason
 
-    def status(self, seconds: float, idle: str, trouble: str, more: dict[str, str]) -> Status:
+    def status(self, seconds: float, note: str, trouble: str, more: dict[str, str]) -> Status:
         """The period that ends now, of so many seconds; the next begins.
 
         Args:
             seconds: since the last call.
-            idle: why nothing is published although nothing is wrong; empty: something should be.
+            note: what is to be known though no reading is at fault: why nothing is published, or what is not
+                subtracted; empty: nothing.
             trouble: of the orientation's source, for when it is stale.
             more: further figures.
         """
@@ -73,6 +74,6 @@ class Tally:
         if now["faults"]:
             level = WARN if now["published"] else ERROR
             return Status(level, f"{now['faults']} of {now['readings']} readings not compensated: {why}", values)
-        if idle:
-            return Status(WARN, idle, values)
+        if note:
+            return Status(WARN, note, values)
         return Status(OK, f"contact wrenches at {now['published'] / seconds:.0f} Hz", values)

@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from contactwrench.assess.robot_arms import flange_orientation
+from contactwrench.assess.robot_arms import flange_pose
 from contactwrench.errors import ContactWrenchError, visible
 from contactwrench.recording.bags.messages import joint_places
 from contactwrench.recording.urdf import arm_of
@@ -32,6 +32,7 @@ from .capturing import SECONDS
 from .chain import Transform
 from .parameters import PARAMETERS, Parameter
 from .session import Answer, Session
+from .track import Pose, filled_in
 
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Sensor QoS with room for 1 s at 1 kHz: a process that waits for its turn misses more than the usual 5 readings."""
@@ -94,27 +95,28 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         return self.session.settings
 
     def listen_to_tf(self) -> None:
-        """Orientations from /tf and /tf_static."""
+        """Poses from /tf and /tf_static."""
         from tf2_msgs.msg import TFMessage
 
         def heard(message: TFMessage, static: bool) -> None:
             transforms = []
             for each in message.transforms:
-                q, header = each.transform.rotation, each.header
-                t, quat = seconds(header.stamp), (q.x, q.y, q.z, q.w)
-                transforms.append(Transform(header.frame_id, each.child_frame_id, t, quat))
+                p, q, header = each.transform.translation, each.transform.rotation, each.header
+                t, quat, place = seconds(header.stamp), (q.x, q.y, q.z, q.w), (p.x, p.y, p.z)
+                transforms.append(Transform(header.frame_id, each.child_frame_id, t, quat, place))
             self.session.transforms(transforms, static)
 
         self.create_subscription(TFMessage, "/tf", lambda message: heard(message, False), 100)
         self.create_subscription(TFMessage, "/tf_static", lambda message: heard(message, True), STATIC)
 
     def listen_to_pose(self) -> None:
-        """Orientations from a PoseStamped."""
+        """Poses from a PoseStamped."""
 
         def heard(message: PoseStamped) -> None:
-            q, frame = message.pose.orientation, message.header.frame_id.removeprefix("/")
+            p, q, frame = message.pose.position, message.pose.orientation, message.header.frame_id.removeprefix("/")
             if frame in ("", self.settings["base_frame"].removeprefix("/")):
-                self.session.orientations.hear(seconds(message.header.stamp), (q.x, q.y, q.z, q.w))
+                place = filled_in((p.x, p.y, p.z))
+                self.session.pose(Pose(seconds(message.header.stamp), (q.x, q.y, q.z, q.w), place))
             else:
                 said = f"poses are in {frame}, expected base_frame {self.settings['base_frame']}: passed over"
                 self.get_logger().error(said, throttle_duration_sec=10.0)
@@ -122,15 +124,17 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         self.create_subscription(PoseStamped, self.settings["pose_topic"], heard, SENSOR)
 
     def listen_to_joints(self) -> None:
-        """Orientations from joint angles. Raises `ContactWrenchError` for an arm that is not known."""
+        """Poses from joint angles. Raises `ContactWrenchError` for an arm that is not known."""
         arm = arm_of(self.settings["urdf"])
 
         def heard(message: JointState) -> None:
             places = joint_places(message.name, arm)
             if places is None or len(message.position) != len(message.name):
                 return  # a gripper's, or a part of the arm's
-            R = flange_orientation(arm, np.array([message.position])[:, places])
-            self.session.orientations.hear(seconds(message.header.stamp), tuple(Rotation.from_matrix(R[0]).as_quat()))
+            R, position = flange_pose(arm, np.array([message.position])[:, places])
+            x, y, z, w = Rotation.from_matrix(R[0]).as_quat().tolist()
+            a, b, c = position[0].tolist()
+            self.session.pose(Pose(seconds(message.header.stamp), (x, y, z, w), filled_in((a, b, c))))
 
         self.create_subscription(JointState, self.settings["joint_topic"], heard, SENSOR)
 
@@ -163,6 +167,8 @@ class ContactWrenchNode(Node):  # type: ignore[misc]
         array = DiagnosticArray(status=[said])
         array.header.stamp = self.get_clock().now().to_msg()
         self.diagnostics.publish(array)
+        if lacking := self.session.lacking:
+            self.get_logger().warning(lacking, once=True)
 
     def on_parameters(self, changes: list[Any]) -> SetParametersResult:
         """Take what can be meant, refuse the rest with one line."""

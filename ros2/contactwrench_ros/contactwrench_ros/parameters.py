@@ -27,7 +27,7 @@ PARAMETERS = {
     "save_to": Parameter("", "file that ~/finish_calibration writes; empty: the calibration is not kept", live=True),
     "wrench_topic": Parameter("/wrench", "WrenchStamped with the raw reading, in sensor axes"),
     "sign": Parameter("pull", "of the readings: pull, a free tool reads its weight downwards; or reaction, the other"),
-    "pose_source": Parameter("tf", "where the orientation of the flange is from: tf, pose or joints"),
+    "pose_source": Parameter("tf", "where the pose of the flange is from: tf, pose or joints"),
     "pose_topic": Parameter("/pose", "PoseStamped of the flange in the base, for pose_source pose"),
     "joint_topic": Parameter("/joint_states", "JointState, for pose_source joints"),
     "urdf": Parameter("", "for pose_source joints: the arm, FILE.urdf[:LINK], or a name such as ur5e"),

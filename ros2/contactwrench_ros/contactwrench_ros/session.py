@@ -21,8 +21,9 @@ from contactwrench.recording.base_frames import in_base_of_recording
 from .capturing import Reading, calibrated, captured, described, require_still, samples_of
 from .chain import Chain, Transform
 from .monitoring import Status, Tally
+from .motion import Motion
 from .parameters import POSE_SOURCES
-from .track import Track
+from .track import Pose, Track
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Session:
         self.captures: list[cw.Samples] | None = None
         self.calibration: cw.Calibration | None = None
         self.compensator: cw.Compensator | None = None
+        self.motion: Motion | None = None
         self.contact: bool | None = None
         self.note: str | None = None
         if settings["calibration"]:
@@ -76,12 +78,24 @@ class Session:
         if compensator is None or changes.keys() & {"lowpass", "drift", "noise"}:
             compensator = compensator_of(self.calibration, settings)
         require_frame(self.calibration, settings["output_frame"])
-        self.settings, self.compensator = settings, compensator
+        self.settings = settings
+        if compensator is not self.compensator:
+            self._compensate(self.calibration, compensator)
+
+    def _compensate(self, calibration: cw.Calibration, compensator: cw.Compensator) -> None:
+        """From now on, with these."""
+        self.calibration, self.compensator = calibration, compensator
+        self.motion = None if calibration.dynamics is None else Motion(compensator, calibration.dynamics)
 
     def transforms(self, transforms: Sequence[Transform], static: bool) -> None:
         """Take what tf says."""
         if (found := self.chain.hear(transforms, static, self.settings["stale_after"])) is not None:
-            self.orientations.hear(*found)
+            self.pose(found)
+
+    def pose(self, pose: Pose) -> None:
+        """Take a pose of the flange in the base; one that is no newer than the last is passed over."""
+        if self.orientations.hear(pose.t, pose.quat_xyzw) and self.motion is not None:
+            self.motion.hear(pose)
 
     def read(self, t: float, wrench: Sequence[float] | Array) -> Array | None:
         """The contact wrench (6,), N and N m, in the axes asked for, of a reading at `t` s; None: there is no valid
@@ -96,6 +110,9 @@ class Session:
         if self.gathered is not None:
             self.gathered.append(Reading(t, reading, quat))
         if self.compensator is None:
+            return None
+        if self.motion and (unknown := self.motion.doubt(t, self.settings["stale_after"])) is not None:
+            self.tally.fault(unknown)
             return None
         try:
             now = self.compensator(reading, quat, t)
@@ -158,21 +175,29 @@ class Session:
                 calibration.save(path)
         except ContactWrenchError as error:
             return Answer(False, str(error))
-        self.calibration, self.compensator, self.captures = calibration, compensator, None
+        self._compensate(calibration, compensator)
+        self.captures = None
         saved = f"saved to {path}" if path else "not saved, as the parameter save_to is empty"
         return Answer(True, f"{described(calibration)}; {saved}")
 
     def status(self, seconds: float) -> Status:
         """For /diagnostics, of the last so many seconds."""
         more = {"contact": str(self.contact), "calibration": str(self.settings["calibration"] or "none")}
+        if self.calibration is not None:
+            more["inertia subtracted"] = self.motion.subtracted if self.motion else "no, the calibration knows none"
         if self.captures is not None:
             more["poses captured"] = str(len(self.captures))
         if self.compensator is not None:
             drift = zip(AXES, self.compensator.drift.tolist(), strict=True)
             more |= {f"drift {axis}": f"{value:.4g}" for axis, value in drift}
-        idle = "" if self.compensator else "no calibration: ~/start_calibration, ~/capture, ~/finish_calibration"
+        none = "" if self.compensator else "no calibration: ~/start_calibration, ~/capture, ~/finish_calibration"
         trouble = self.chain.trouble() if self.settings["pose_source"] == "tf" else ""
-        return self.tally.status(seconds, idle, trouble, more)
+        return self.tally.status(seconds, none or self.lacking, trouble, more)
+
+    @property
+    def lacking(self) -> str:
+        """Why the tool's inertia is not subtracted although the calibration knows it; empty: it is."""
+        return self.motion.lacking if self.motion else ""
 
     def _taken(self) -> list[Reading]:
         readings, self.gathered = self.gathered or [], None

@@ -1,42 +1,82 @@
-"""Orientations by their stamps: asked for between two of them, or a little after the last, and when they are stale."""
+"""Poses by their stamps: asked for between two of them, or a little after the last, and when they are stale."""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from math import inf
+from typing import NamedTuple
 
 from contactwrench.compensate.faults import Reason
+from contactwrench.compensate.inertia import FURTHEST
 from contactwrench.geometry.quaternions import Quat, between, unit
+from contactwrench.live.source import Three
 
 KEPT = 2000
-"""Orientations: 2 s of the fastest arm's."""
+"""Poses: 2 s of the fastest arm's."""
 LOOK_BACK = 0.02
 """s: over which the turn is taken that is carried on after the last orientation; over less, jitter of stamps counts."""
 BEGUN_ANEW = 10.0
 """s by which a stamp is earlier than the last when a clock began anew; tf2 keeps as much."""
 STALE = "stale orientation"
+ORIGIN: Three = (0.0, 0.0, 0.0)
+
+
+class Pose(NamedTuple):
+    """Of a flange in its base at `t` s: `R_base_flange`, and its `place`, m in base axes; None: that is not known."""
+
+    t: float
+    quat_xyzw: Quat
+    place: Three | None
+
+
+def filled_in(place: Three) -> Three | None:
+    """A flange's place, m; None where nobody filled it in, as none is at 0, 0, 0 of its base, or no arm reaches it."""
+    return place if any(place) and all(abs(part) < FURTHEST for part in place) else None
 
 
 class Track:
-    """The last orientations that were heard, in the order of their stamps."""
+    """The last poses of a frame that were heard, in the order of their stamps."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
         self._quats: list[Quat] = []
+        self._places: list[Three] = []
 
-    def hear(self, t: float, quat_xyzw: Quat) -> bool:
-        """Keep an orientation; False, and it is passed over, where it is none, or no newer than the last."""
+    def hear(self, t: float, quat_xyzw: Quat, place: Three = ORIGIN) -> bool:
+        """Keep a pose, `place` in m; False, and it is passed over, where it is no orientation, or no newer than the
+        last.
+        """
         if (orientation := unit(quat_xyzw)) is None:
             return False
         if self.times and t < self.times[-1] - BEGUN_ANEW:
             self.times.clear()
             self._quats.clear()
+            self._places.clear()
         if self.times and t <= self.times[-1]:
             return False
         if len(self.times) >= 2 * KEPT:
-            del self.times[:KEPT], self._quats[:KEPT]
+            del self.times[:KEPT], self._quats[:KEPT], self._places[:KEPT]
         self.times.append(t)
         self._quats.append(orientation)
+        self._places.append(place)
         return True
+
+    def newest(self, t: float) -> float:
+        """The last stamp, s, up to a time; minus infinity: there is none."""
+        after = bisect_right(self.times, t)
+        return self.times[after - 1] if after else -inf
+
+    def place(self, t: float) -> Three:
+        """The place, m, at a time, s, along the line between two that were heard; before and after them, the first and
+        the last.
+        """
+        times, places = self.times, self._places
+        after = min(bisect_right(times, t), len(times) - 1)
+        if after == 0 or t >= times[after]:
+            return places[after]
+        (x, y, z), (a, b, c) = places[after - 1 : after + 1]
+        share = (t - times[after - 1]) / (times[after] - times[after - 1])
+        return x + share * (a - x), y + share * (b - y), z + share * (c - z)
 
     def at(self, t: float, stale_after: float) -> Quat | Reason:
         """The orientation at a time, s, or why it is not known: between two that are at most `stale_after` apart along

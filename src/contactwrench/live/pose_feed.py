@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import inf, isnan, nan
+from math import inf, isfinite, isnan, nan
 
 import numpy as np
 
 from ..compensate.compensator import Compensator
-from .pose_track import KEPT
+from .pose_track import KEPT, NO_PLACE
 from .source import Sample
 
 ENOUGH = 3
@@ -45,7 +45,7 @@ class PoseFeed:
 
     def add(self, poses: Sequence[tuple[float, Sample]]) -> None:
         """Poses that came, with their times, s. One that tells no motion is passed over: the last one grows old."""
-        telling = [each for each in poses if each[1].position is not None and not isnan(each[1].device)]
+        telling = [each for each in poses if isfinite(sum(each[1].position or NO_PLACE, each[1].device))]
         for each in telling:
             if not 0.0 <= each[1].device - self._taken < CLOSEST:
                 self._taken = each[1].device
@@ -53,7 +53,7 @@ class PoseFeed:
         if telling:
             self.lacks = ""
         elif poses and self.lacks is None:
-            self.lacks = "position" if poses[0][1].position is None else "time of their own"
+            self.lacks = "time of their own" if isnan(poses[0][1].device) else "position"
 
     def doubt(self, t: float, now: float, longest: float) -> str:
         """Give the poses that tell the motion at a moment; why it is not known then, or an empty text.

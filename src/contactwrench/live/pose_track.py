@@ -34,7 +34,7 @@ class PoseTrack:
 
     def __init__(self) -> None:
         self._poses: deque[tuple[float, Four, Three]] = deque(maxlen=KEPT)
-        self._period = 0.0
+        self.period = 0.0
         self._changed, self._usual, self._speed, self._steady = -inf, 0.0, 0.0, False
 
     def add(self, t: float, orientation: Four, position: Three | None) -> bool:
@@ -46,7 +46,7 @@ class PoseTrack:
         if self._poses:
             last, before, _ = self._poses[-1]
             if 0.0 < (step := t - last) < MOST_AGE:
-                self._period += FORGETS * (step - self._period) if self._period else step
+                self.period += FORGETS * (step - self.period) if self.period else step
             self._watch(t, turn, before)
         self._poses.append((t, turn, position or NO_PLACE))
         return True
@@ -70,7 +70,7 @@ class PoseTrack:
     @property
     def stale_after(self) -> float:
         """Age (s) from which a pose says nothing of now."""
-        return min(max(PERIODS * self._period, LEAST_AGE), MOST_AGE)
+        return min(max(PERIODS * self.period, LEAST_AGE), MOST_AGE)
 
     @property
     def newest(self) -> tuple[float, Four, Three] | None:
