@@ -12,6 +12,7 @@ from ...assess.robot_arms import Arm, flange_pose
 from ...errors import FileFormatError, InputError, some_of
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
+from ..tables.columns import Advance, unheard
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read
@@ -32,7 +33,7 @@ def bag_batches(
     frames: tuple[str, str] | None = None,
     arm: Arm | None = None,
     batch: int = BATCH,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = unheard,
     accept_damaged: bool = False,
 ) -> Iterator[Streams]:
     """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
@@ -72,8 +73,7 @@ def bag_batches(
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
             placed.append(read_poses(part))
-            if advance is not None:
-                advance(part_read(bag, part))
+            advance(part_read(bag, part))
             poses_count += len(placed[-1])
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
                 yield _streams(bag, wrench, source, readings, placed, read_as)
