@@ -13,7 +13,7 @@ import typer
 
 from ..files import STDOUT
 from ..geometry.arrays import Array
-from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, ON_FLANGE, TILT_STD_DEG, TURN_DEG
+from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .recordings import Recordings, with_reading_options
@@ -123,19 +123,22 @@ def calibrate(
     stated_noise = None if noise is None else options.noise_or_file(noise, "a sensor at rest")
     alike = None if prior is None else recordings.as_calibrated(Calibration.load(prior), None)
     recordings = recordings if alike is None else replace(recordings, options=alike.options)
+    stated: dict[str, Any] = {
+        "model": model,
+        "noise": recordings.beside(stated_noise).read() if isinstance(stated_noise, Path) else stated_noise,
+        "gravity": options.gravity_direction(gravity),
+        "g": g,
+        "known": _known_values(known, g),
+        **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
+    }
+    if not names:
+        stated["prior"] = None if alike is None else alike.calibration
+        stated["sensor_offset"] = options.point(sensor_offset, "--sensor-offset")
     done = calibrate_recordings(
         recordings.files,
-        recordings.options,
         recordings.read,
-        model=model,
-        shared=names,
-        noise=recordings.beside(stated_noise).read() if isinstance(stated_noise, Path) else stated_noise,
-        gravity=options.gravity_direction(gravity),
-        g=g,
-        known=_known_values(known, g),
-        prior=None if alike is None else alike.calibration,
-        sensor_offset=_point(sensor_offset),
-        **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
+        names,
+        stated,
         output=output,
         report=report,
         required=(require_force, require_torque),
@@ -154,12 +157,6 @@ def calibrate(
     for line in failures:
         options.say(line, err=True)
     return 1 if failures else 0
-
-
-def _point(sensor_offset: str | None) -> Array | None:
-    if sensor_offset is None:
-        return None
-    return options.numbers(sensor_offset, "--sensor-offset", "three numbers X,Y,Z", ON_FLANGE, 3)
 
 
 def _shared_names(
