@@ -105,7 +105,7 @@ def compensate(
     judging = (noise, drift, sensor_filter, report)
     treatment = Treatment(
         output_frame=output_frame,
-        point=None if at is None else options.numbers(at, "--at", "three numbers X,Y,Z", POINT, 3),
+        point=options.point(at, "--at", POINT),
         gravity=direction,
         delay=delay,
         low_pass=_low_pass(lowpass, "--lowpass", 2),

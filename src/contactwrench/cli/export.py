@@ -10,8 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
-from ..geometry.arrays import Array
-from ..geometry.ranges import ON_FLANGE, SENSOR_MASS, TOOL_MASS
+from ..geometry.ranges import SENSOR_MASS, TOOL_MASS
 from . import options
 from .outputs import Writes
 
@@ -62,8 +61,8 @@ def export(
     every = {
         "tool_mass": tool_mass,
         "sensor_mass": sensor_mass,
-        "sensor_com": _point(sensor_com, "--sensor-com"),
-        "sensor_offset": _point(sensor_offset, "--sensor-offset"),
+        "sensor_com": options.point(sensor_com, "--sensor-com"),
+        "sensor_offset": options.point(sensor_offset, "--sensor-offset"),
         "sensor_name": _name(sensor_name, "--sensor-name"),
         "sensor_frame": _name(sensor_frame, "--sensor-frame"),
         "base_frame": _name(base_frame, "--base-frame"),
@@ -82,7 +81,3 @@ def _name(name: str | None, option: str) -> str | None:
     if name is not None and not re.fullmatch(NAME, name):
         raise InputError(f"{option} is {name!r}, expected a name of letters, digits and _ . / -")
     return name
-
-
-def _point(text: str | None, option: str) -> Array | None:
-    return None if text is None else options.numbers(text, option, "three numbers X,Y,Z", ON_FLANGE, 3)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 PORTS = Range(0, 65_000)
 LEAST_DEG, MOST_DEG = (0.0, 0.0, 0.0, 0.0, -90.0, -110.0, -120.0), (0.0, 0.0, 0.0, 0.0, 90.0, 25.0, 120.0)
 """From home: how far the wrist turns on its own; every tilt is within it, and nothing is near."""
-LOCALHOST = "127.0.0.1"
+
 BRISK = 0.5
 """Of the joints' largest speed."""
 REST = 3.0
@@ -75,38 +75,29 @@ def lab(
 
 
 def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
-    if kind == "netft":
-        from ..lab.netft import NetFt
+    from ..lab import ft300, lines, netft, sri
 
-        return NetFt(signal, port=ports[0], http_port=ports[1])
-    if kind == "ft300":
-        from ..lab.ft300 import Ft300
-
-        return Ft300(signal, port=ports[0])
-    if kind == "lines":
-        from ..lab.lines import TcpLines
-
-        return TcpLines(signal, shows="wrench", port=ports[0])
-    from ..lab.sri import Sri
-
-    return Sri(signal, port=ports[0])
+    made: dict[str, Callable[[], Fake]] = {
+        "sri": lambda: sri.Sri(signal, port=ports[0]),
+        "netft": lambda: netft.NetFt(signal, port=ports[0], http_port=ports[1]),
+        "ft300": lambda: ft300.Ft300(signal, port=ports[0]),
+        "lines": lambda: lines.TcpLines(signal, shows="wrench", port=ports[0]),
+    }
+    return made[kind]()
 
 
 def _robot(kind: str, signal: Signal, port: int) -> Fake:
     """The robot; of one that sends without being asked, `port` is where it sends to."""
+    from ..lab import lines, rsi, ur
+    from ..lab.device import LOCALHOST
     from ..lab.sockets import free_port
 
-    if kind == "rsi":
-        from ..lab.rsi import Rsi
-
-        return Rsi(signal, (LOCALHOST, port or free_port()))
-    if kind == "lines":
-        from ..lab.lines import UdpLines
-
-        return UdpLines(signal, (LOCALHOST, port or free_port()), shows="pose")
-    from ..lab.ur import Ur
-
-    return Ur(signal, port=port)
+    made: dict[str, Callable[[], Fake]] = {
+        "ur": lambda: ur.Ur(signal, port=port),
+        "rsi": lambda: rsi.Rsi(signal, (LOCALHOST, port or free_port())),
+        "lines": lambda: lines.UdpLines(signal, (LOCALHOST, port or free_port()), shows="pose"),
+    }
+    return made[kind]()
 
 
 def wandering(rng: np.random.Generator) -> Iterator[Array]:

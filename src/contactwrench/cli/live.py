@@ -23,6 +23,8 @@ from . import options
 from .outputs import Writes
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..assess.robot_arms import Reach
     from ..calibration.calibration import Calibration
     from ..live.page import Hub, Server
@@ -133,7 +135,7 @@ def live(
             robot=sources["robot"].uri if "robot" in sources else None,
             wish=wish,
             options=Options(lowpass, drift, _ranges(ranges)),
-            save=_Save(output, at_sensor, at_arm, force),
+            save=_saving(output, at_sensor, at_arm, force),
         )
         patient = speed == 0.0
         outlets = [open_sink(sink_of(each), patient=patient) for each in out or ()]
@@ -202,21 +204,20 @@ def _address(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-class _Save:
-    """Writes a calibration with the names of its devices, and says where."""
+def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Callable[[Calibration], str]:
+    """What writes a calibration with the names of its devices, and says where."""
+    from ..live.devices import with_devices
 
-    def __init__(self, path: Path | None, sensor: About, robot: About, force: bool) -> None:
-        self._path, self._sensor, self._robot, self._force = path, sensor, robot, force
-
-    def __call__(self, calibration: Calibration) -> str:
-        from ..live.devices import with_devices
-
-        path = self._path or Path(time.strftime("live-%Y%m%d-%H%M%S.json"))
-        if path.exists() and not self._force:
+    def save(calibration: Calibration) -> str:
+        nonlocal force
+        path = output or Path(time.strftime("live-%Y%m%d-%H%M%S.json"))
+        if path.exists() and not force:
             raise already_there(path)
-        with_devices(calibration, self._sensor, self._robot).save(path)
-        self._force = True  # what it wrote itself it may write anew
+        with_devices(calibration, sensor, robot).save(path)
+        force = True  # what it wrote itself it may write anew
         return str(path)
+
+    return save
 
 
 def _served(hub: Hub, host: str, port: int, hands: Hands | None) -> Server:

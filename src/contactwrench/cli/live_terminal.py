@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-from contextlib import suppress
-from queue import Full
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -50,8 +48,7 @@ class Terminal:
             except ValueError:
                 options.say(f"found {line.strip()!r}, expected one of {', '.join(Command)}", err=True)
                 continue
-            with suppress(Full):
-                self._hub.commands.put_nowait(ask)
+            self._hub.ask(ask)
 
 
 def instruction(snapshot: Snapshot) -> str:

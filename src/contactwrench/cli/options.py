@@ -15,7 +15,7 @@ import typer
 from ..errors import InputError, shortened, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
-from ..geometry.ranges import DIRECTION, NOISE, G, Range
+from ..geometry.ranges import DIRECTION, NOISE, ON_FLANGE, G, Range
 from ..geometry.wrench import STANDARD_GRAVITY
 
 Result = TypeVar("Result")
@@ -94,13 +94,17 @@ def numbers(text: str, option: str, form: str, within: Range, count: int | None 
     return values
 
 
+def point(text: str | None, option: str, within: Range = ON_FLANGE) -> Array | None:
+    """The three numbers (3,) that an option states, or None. Raises `InputError`."""
+    return None if text is None else numbers(text, option, "three numbers X,Y,Z", within, 3)
+
+
 def gravity_direction(text: str | None) -> Array | None:
     """The direction that --gravity states, unit length, or None."""
-    if text is None:
-        return None
     from ..geometry.wrench import unit_direction
 
-    return unit_direction(numbers(text, "--gravity", "three numbers X,Y,Z", DIRECTION, 3), "--gravity")
+    stated = point(text, "--gravity", DIRECTION)
+    return None if stated is None else unit_direction(stated, "--gravity")
 
 
 def print_result(
