@@ -24,7 +24,7 @@ from ..simulate.kinematics import HOME, joints_for
 from ..simulate.rig import JOINTS, build
 from ..simulate.sensor import SensorStream
 from ..simulate.settings import Settings
-from ..simulate.trajectory import MOVE_SPEED, RISE
+from ..simulate.trajectory import MOVE_SPEED, RISE, share_of_push
 from . import motion
 from .signals import FlangePose
 
@@ -62,11 +62,6 @@ class _Push:
     point: Array
     start: float
     end: float
-
-    def strength(self, t: Array) -> Array:
-        smooth = np.minimum(np.maximum(np.minimum(t - self.start, self.end - t) / RISE, 0.0), 1.0)
-        share: Array = smooth**2 * (3.0 - 2.0 * smooth)
-        return share
 
 
 class Sensor:
@@ -222,7 +217,7 @@ class Lab:
         R_base_flange, position = self._flange(t)
         total = self._workpiece(R_base_flange, position)
         for push in [each for each in self._pushes if t[-1] > each.start and t[0] < each.end]:
-            force = push.strength(t)[:, None] * push.force
+            force = share_of_push(t, push.start, push.end)[:, None] * push.force
             if push.frame == "base":
                 force = np.einsum("nij,ni->nj", R_base_flange @ self._R_flange_sensor, force)
             elif push.frame == "flange":
