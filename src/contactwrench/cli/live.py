@@ -138,14 +138,13 @@ def live(
             save=_saving(output, at_sensor, at_arm, force),
         )
         patient = speed == 0.0
-        outlets = [open_sink(sink_of(each), patient=patient) for each in out or ()]
+        outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
         if known is None and find_spec("numba"):
             Thread(target=_compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
-        ways = Ways(hub.publish if page or wizard else None, _say_json if events else _say_line, hub.commands)
-        pump = Pump(session, readers, ways=ways)
-        pump.write_to(outlets, recorder)
+        publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
+        pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
         if page:
             stack.callback(_served(hub, host, port, hands).close)
         _until_a_signal(pump, hub if wizard else None, page)
