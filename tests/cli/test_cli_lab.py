@@ -70,7 +70,10 @@ def _is_closed(port: int) -> bool:
     return True
 
 
-@pytest.mark.parametrize(("number", "status", "said"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")])
+@pytest.mark.parametrize(
+    ("number", "status", "said"),
+    [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated"), ("SIGHUP", 129, "its terminal is gone")],
+)
 def test_a_live_session_beside_it_ends_with_it(number: str, status: int, said: str) -> None:
     pytest.importorskip("uvicorn")
     command = [sys.executable, "-m", "contactwrench", "lab", "--live"]

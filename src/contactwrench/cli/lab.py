@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import gc
+import os
+import signal
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from time import sleep
+from contextlib import ExitStack, contextmanager, suppress
+from subprocess import Popen, TimeoutExpired
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -14,6 +18,7 @@ import typer
 from ..geometry.arrays import Array
 from ..geometry.ranges import SEED, Range
 from . import options
+from .signals import caught
 
 if TYPE_CHECKING:
     from ..lab.device import Fake
@@ -28,6 +33,9 @@ BRISK = 0.5
 """Of the joints' largest speed."""
 REST = 3.0
 """s in each pose."""
+LOOK, ENDS_IN = 0.1, 15.0
+"""s from one look at a live session to the next, and that it is given to end: longer than all of its threads together.
+"""
 
 
 def lab(
@@ -52,7 +60,6 @@ def lab(
     from ..lab.control import Control
     from ..lab.rig import Lab
     from ..simulate.settings import Settings, changed
-    from .lab_live import beside
 
     virtual = Lab(changed(Settings(), settings or []), seed, BRISK)
     ports = [port_base and port_base + k for k in range(4)]
@@ -69,7 +76,7 @@ def lab(
             options.say(f"contactwrench live {' '.join(session)}")
             _run(virtual, wandering(rng) if auto else None, sleep)
             return
-        with beside(*session) as ended:
+        with _live(*session) as ended:
             status = _run(virtual, wandering(rng) if auto else None, ended)
         raise typer.Exit(status)
 
@@ -116,3 +123,42 @@ def _run(virtual: Lab, goals: Iterator[Array] | None, ended: Callable[[float], i
         lasting = 0.0 if goals is None else virtual.move_to(next(goals))
         if (status := ended(lasting + REST)) is not None:
             return status
+
+
+@contextmanager
+def _live(*arguments: str) -> Iterator[Callable[[float], int | None]]:
+    """Run `contactwrench live` with these arguments, a program of its own on the same terminal. It ends with the lab; a
+    signal that comes is handed on to it, and ends both.
+
+    Yields:
+        What waits some s at most for the session's end: its exit status, or None where it goes on.
+    """
+    with caught() as came:
+        session = Popen([sys.executable, "-m", "contactwrench", "live", *arguments])
+
+        def ended(seconds: float) -> int | None:
+            until = monotonic() + seconds
+            while not came and session.poll() is None and (left := until - monotonic()) > 0.0:
+                with suppress(TimeoutExpired):
+                    session.wait(min(left, LOOK))
+            return 128 + came[0] if came else session.poll()
+
+        try:
+            yield ended
+        finally:
+            _end(session, came[0] if came else signal.SIGTERM)
+
+
+def _end(session: Popen[bytes], number: int) -> None:
+    """End the session as the lab was ended; a terminal's Ctrl-C has reached it already, and twice does no harm."""
+    if session.poll() is not None:
+        return
+    if os.name == "posix":
+        session.send_signal(number)
+    else:
+        session.terminate()
+    try:
+        session.wait(ENDS_IN)
+    except TimeoutExpired:
+        session.kill()
+        session.wait()

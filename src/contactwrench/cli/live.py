@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
-import signal
 import sys
 import time
 from contextlib import ExitStack
@@ -21,6 +19,7 @@ from ..files import already_there, entries, target_of
 from ..geometry.ranges import CAPACITY, CUTOFF, NOISE, POSES, Range
 from . import options
 from .outputs import Writes
+from .signals import caught
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -232,29 +231,21 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
     from .live_terminal import Terminal
 
-    came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, _: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    guide = None if terminal is None else Terminal(terminal)
-    if not (page or terminal):
-        options.say("Running until Ctrl-C.", err=True)
-    _settle()
-    try:
-        pump.start()
-        while not came and (page or not pump.wait(0.0)) and pump.failure is None:
-            time.sleep(LOOK)
-            if guide is not None:
-                guide.show()
-    finally:
-        pump.close()
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if pump.failure is not None:
-        raise pump.failure
-    if came:
-        os.kill(os.getpid(), came[0])
+    with caught() as came:
+        guide = None if terminal is None else Terminal(terminal)
+        if not (page or terminal):
+            options.say("Running until Ctrl-C.", err=True)
+        _settle()
+        try:
+            pump.start()
+            while not came and (page or not pump.wait(0.0)) and pump.failure is None:
+                time.sleep(LOOK)
+                if guide is not None:
+                    guide.show()
+        finally:
+            pump.close()
+        if pump.failure is not None:
+            raise pump.failure
 
 
 def _compiled() -> None:
