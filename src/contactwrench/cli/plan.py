@@ -83,8 +83,7 @@ def plan(
     from ..assess.plan_motion import STOPS, plan_motion
     from ..files import write_text
     from ..report.motion_program import program_of
-    from ..report.plan import plan_csv, plan_json, plan_text
-    from ..report.plan_motion import dynamic_plan_json, dynamic_plan_text
+    from ..report.plan import dynamic_plan_json, dynamic_plan_text, plan_csv, plan_json, plan_text
 
     to_stdout = str(output) == STDOUT
     if json and to_stdout:
