@@ -48,7 +48,8 @@ class Terminal:
             except ValueError:
                 options.say(f"found {line.strip()!r}, expected one of {', '.join(Command)}", err=True)
                 continue
-            self._hub.ask(ask)
+            if not self._hub.ask(ask):
+                options.say("The program is busy. Enter it again.", err=True)
 
 
 def instruction(snapshot: Snapshot) -> str:
