@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import struct
 import sys
 import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from time import sleep
 from types import SimpleNamespace
@@ -67,9 +69,59 @@ def test_a_net_ft_in_pounds_is_read_in_newtons() -> None:
     assert (last[0] - first[0]) / (len(found) - 1) == pytest.approx(4.4482216, rel=1e-6)
 
 
+@contextmanager
+def answering(*answers: bytes) -> Iterator[int]:
+    """The port of a device that gives these answers, one for each that it is asked."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            with server.accept()[0] as connection:
+                for answer in answers:
+                    connection.recv(1 << 16)
+                    connection.sendall(answer)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield server.getsockname()[1]
+        thread.join()
+
+
 def test_units_that_nobody_knows_are_refused() -> None:
     with NetFt(numbered(), units=("stone", "Nm")) as fake:
         assert "per stone, expected counts of a unit of force" in refusal(source_of(fake.uri))
+
+
+@pytest.mark.parametrize(
+    ("tag", "said", "found"),
+    [
+        ("cfgcomrdtrate", "often", "found no rate on the page, expected cfgcomrdtrate"),
+        ("cfgcomrdtrate", "inf", "found no rate on the page, expected cfgcomrdtrate"),
+        ("cfgcpf", "1,000,000", "found 1,000,000 per N, expected counts of a unit of force"),
+        ("cfgcpt", "inf", "found inf per Nm, expected counts of a unit of torque"),
+    ],
+)
+def test_a_page_without_numbers_is_refused(tag: str, said: str, found: str) -> None:
+    numbers = {"cfgcomrdtrate": "1000", "cfgcpf": "1e6", "scfgfu": "N", "cfgcpt": "1e6", "scfgtu": "Nm", tag: said}
+    page = "".join(f"<{name}>{text}</{name}>" for name, text in numbers.items())
+    with answering(f"HTTP/1.0 200 OK\r\n\r\n{page}".encode()) as port:
+        assert found in refusal(source_of(f"netft://127.0.0.1?http={port}"))
+
+
+def test_a_controller_with_another_version_is_no_robot() -> None:
+    with answering(struct.pack(">HBB", 4, ord("V"), 1), struct.pack(">HBI", 7, ord("v"), 5)) as port:
+        assert "found an answer that begins" in refusal(source_of(f"ur://127.0.0.1:{port}"))
+
+
+@pytest.mark.parametrize("scheme", ["netft", "sri", "ur", "ft300"])
+@pytest.mark.parametrize(
+    ("host", "found"), [("", "no host, expected its name"), ("a..b", "no host a..b, expected the")]
+)
+def test_a_host_that_is_none_is_said(scheme: str, host: str, found: str) -> None:
+    assert found in refusal(source_of(f"{scheme}://{host}"))
+
+
+def test_a_place_to_listen_at_that_is_none_is_said() -> None:
+    assert "found port 9000 taken (" in refusal(source_of("udp://a..b:9000"))
 
 
 def test_a_robot_is_answered_with_its_ipoc_and_no_correction() -> None:
