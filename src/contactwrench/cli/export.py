@@ -17,11 +17,9 @@ from .outputs import Writes
 
 def export(
     file: Annotated[Path | None, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")] = None,
-    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="Whose parameters; --list names all.")] = None,
+    to: Annotated[str | None, options.text("FORMAT", "Whose parameters; --list names all.")] = None,
     output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="FILE", help=f"Where to; {options.OUTPUT_HELP} stdout."),
-        Writes(),
+        Path, options.text("FILE", f"Where to; {options.OUTPUT_HELP} stdout.", "--output", "-o"), Writes()
     ] = Path(STDOUT),
     list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
     tool_mass: Annotated[
@@ -29,20 +27,19 @@ def export(
     ] = None,
     sensor_mass: Annotated[float | None, options.number(SENSOR_MASS, "KG", "The sensor's own, with adapters.")] = None,
     sensor_com: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="The sensor's centre of mass from the flange, m, flange axes.")
+        str | None, options.text("X,Y,Z", "The sensor's centre of mass from the flange, m, flange axes.")
     ] = None,
     sensor_offset: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="The sensor's origin from the flange's, m, flange axes.")
+        str | None, options.text("X,Y,Z", "The sensor's origin from the flange's, m, flange axes.")
     ] = None,
     sensor_name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The sensor's, in that program. [default: ft_sensor]")
+        str | None, options.text("NAME", "The sensor's, in that program. [default: ft_sensor]")
     ] = None,
     sensor_frame: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Its frame's, in that program. [default: ft_frame]")
+        str | None, options.text("NAME", "Its frame's, in that program. [default: ft_frame]")
     ] = None,
     base_frame: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="The base's, in that program. [default: the recording's, or base_link]"),
+        str | None, options.text("NAME", "The base's, in that program. [default: the recording's, or base_link]")
     ] = None,
 ) -> None:
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""

@@ -50,8 +50,7 @@ def lab(
     ] = 0,
     seed: Annotated[int, options.number(SEED, "S", "Of everything random.")] = 0,
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change a setting of the rig; again for more."),
+        list[str] | None, options.text("NAME=VALUE", "Change a setting of the rig; again for more.", "--set")
     ] = None,
 ) -> None:
     """Run a virtual lab: the rig of `simulate` in real time, behind real network protocols on this machine, until

@@ -41,58 +41,45 @@ HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
 def live(
     *,
-    sensor: Annotated[
-        str | None, typer.Option(metavar="URI", help="The sensor; `contactwrench devices` lists all.")
-    ] = None,
-    robot: Annotated[
-        str | None, typer.Option(metavar="URI", help="The robot. [default: the sensor gives orientations too]")
-    ] = None,
+    sensor: Annotated[str | None, options.text("URI", "The sensor; `contactwrench devices` lists all.")] = None,
+    robot: Annotated[str | None, options.text("URI", "The robot. [default: the sensor gives orientations too]")] = None,
     calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", "-c", metavar="CAL.json", help="Run with this one. [default: the wizard first]"),
+        Path | None, options.text("CAL.json", "Run with this one. [default: the wizard first]", "--calibration", "-c")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="CAL.json", help="Where the wizard saves. [default: live-DATE.json]"),
+        options.text("CAL.json", "Where the wizard saves. [default: live-DATE.json]", "--output", "-o"),
         Writes(),
     ] = None,
     sign: Annotated[
-        str | None, typer.Option(metavar="pull|reaction", help="Of the readings. [default: the push test tells]")
+        str | None, options.text("pull|reaction", "Of the readings. [default: the push test tells]")
     ] = None,
     gravity: options.Gravity = None,
     wanted: Annotated[float, options.number(WANTED, "N", "Std of the contact force at which poses are enough.")] = 0.05,
     poses: Annotated[int, options.number(POSES, "N", "How many poses the wizard plans.", "--poses")] = 12,
     arm: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|URDF[:LINK]", help="Plan only what its wrist reaches, as `plan` does."),
+        str | None, options.text("NAME|URDF[:LINK]", "Plan only what its wrist reaches, as `plan` does.")
     ] = None,
     lowpass: Annotated[float | None, options.number(CUTOFF, "HZ", "Low-pass of the contact wrench.")] = None,
     drift: Annotated[float | None, options.number(NOISE, "N", "Follow a bias that wanders so far in an hour.")] = None,
-    ranges: Annotated[
-        str | None,
-        typer.Option(metavar="FX,FY,FZ,TX,TY,TZ", help="The sensor's ranges, N and N m."),
-    ] = None,
+    ranges: Annotated[str | None, options.text("FX,FY,FZ,TX,TY,TZ", "The sensor's ranges, N and N m.")] = None,
     page: Annotated[bool, typer.Option("--page/--no-page", help="Show the session in a browser.")] = True,
     wizard: Annotated[bool, typer.Option("--wizard", help="Without a page: the wizard in this terminal.")] = False,
     listen: Annotated[
-        str, typer.Option(metavar=HOST_AND_PORT, help="Where the page is served; others need the token it prints.")
+        str, options.text(HOST_AND_PORT, "Where the page is served; others need the token it prints.")
     ] = "127.0.0.1:0",
     events: Annotated[bool, typer.Option("--events", help="Print what happens as JSON lines.")] = False,
     record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Record what both devices send: .csv, .parquet or .mcap."),
-        Writes(),
+        Path | None, options.text("FILE", "Record what both devices send: .csv, .parquet or .mcap."), Writes()
     ] = None,
     out: Annotated[
         list[str] | None,
-        typer.Option(metavar="URI|FILE", help="Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
+        options.text("URI|FILE", "Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
         Writes(lambda outs, _: (Path(each) for each in outs or () if ":" not in each)),
     ] = None,
-    recorded: Annotated[
-        Path | None, typer.Option("--from", metavar="FILE", help="Play this recording in place of devices.")
-    ] = None,
+    recorded: Annotated[Path | None, options.text("FILE", "Play this recording in place of devices.", "--from")] = None,
     speed: Annotated[float, options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.")] = 1.0,
-    lab: Annotated[str | None, typer.Option(metavar="URI", help="The control port of `contactwrench lab`.")] = None,
+    lab: Annotated[str | None, options.text("URI", "The control port of `contactwrench lab`.")] = None,
     force: options.Force = False,
 ) -> None:
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""

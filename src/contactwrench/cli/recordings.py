@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def _text(metavar: str, help: str, *names: str, kind: type = str) -> Any:
     """The type of an option of reading that is a text, or a path."""
-    return Annotated[kind | None, typer.Option(*names, metavar=metavar, help=help)]
+    return Annotated[kind | None, options.text(metavar, help, *names)]
 
 
 RECORDING_HELP = (
