@@ -26,12 +26,11 @@ if TYPE_CHECKING:
 
     from ..assess.robot_arms import Reach
     from ..calibration.calibration import Calibration
-    from ..live.page import Hub, Server
+    from ..live.page import Hub
     from ..live.pump import Pump, Reader
     from ..live.snapshot import Event as Said
     from ..live.source import About, Source
     from ..live.wizard import Wish
-    from .live_lab import Hands
 
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-4
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
@@ -85,7 +84,7 @@ def live(
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""
     from ..calibration.calibration import Calibration
     from ..live.devices import require_devices
-    from ..live.page.hub import Hub
+    from ..live.page import Hub, serve
     from ..live.pump import Pump, Ways
     from ..live.queued import open_sink
     from ..live.running import Options
@@ -123,6 +122,9 @@ def live(
             options=Options(lowpass, drift, _ranges(ranges)),
             save=_saving(output, at_sensor, at_arm, force),
         )
+        server = serve(hub, host, port, lab=hands) if page else None  # before a file is begun
+        if server is not None:
+            stack.callback(server.close)
         patient = speed == 0.0
         outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
@@ -131,8 +133,9 @@ def live(
             Thread(target=_compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
-        if page:
-            stack.callback(_served(hub, host, port, hands).close)
+        if server is not None:
+            options.say(f"Open {server.url}")
+            sys.stdout.flush()
         _until_a_signal(pump, hub if wizard else None, page)
 
 
@@ -184,9 +187,9 @@ def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, sour
 
 def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
-    if not host or not port.isdigit() or int(port) > MOST_PORT:
+    if not host or not (port.isascii() and port.isdigit()) or int(port) > MOST_PORT:
         raise InputError(f"--listen is {text!r}, expected {HOST_AND_PORT}, as in 127.0.0.1:8010")
-    return host, int(port)
+    return host.removeprefix("[").removesuffix("]"), int(port)
 
 
 def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Callable[[Calibration], str]:
@@ -203,15 +206,6 @@ def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Ca
         return str(path)
 
     return save
-
-
-def _served(hub: Hub, host: str, port: int, hands: Hands | None) -> Server:
-    from ..live.page import serve
-
-    server = serve(hub, host, port, lab=hands)
-    options.say(f"Open {server.url}")
-    sys.stdout.flush()
-    return server
 
 
 def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:

@@ -58,8 +58,6 @@ class Hands:
         try:
             with socket.create_connection(self._place, WAITS) as control:
                 control.sendall(msgspec.json.encode(order) + b"\n")
-                answer = control.makefile("rb").readline()
-        except OSError:
+                return msgspec.json.decode(control.makefile("rb").readline(), type=dict[str, Any])
+        except (OSError, UnicodeError, msgspec.DecodeError):
             return {"error": "the lab is gone"}
-        decoded: dict[str, Any] = msgspec.json.decode(answer) if answer else {"error": "the lab is gone"}
-        return decoded

@@ -41,7 +41,7 @@ class Terminal:
     def _listen(self) -> None:
         from ..live.page.hub import Ask
 
-        for line in sys.stdin:
+        for line in sys.stdin or ():
             word, _, number = line.strip().partition(" ")
             try:
                 ask = Ask(Command(word or Command.NEXT), int(number) - 1 if number else None)

@@ -20,6 +20,7 @@ from ..assess.robot_arms import known_arm, within_limits
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.orientation import rotation_matrices
+from ..geometry.ranges import PLACE
 from ..simulate.kinematics import HOME, joints_for
 from ..simulate.rig import JOINTS, build
 from ..simulate.sensor import SensorStream
@@ -142,7 +143,7 @@ class Lab:
             R = rotation_matrices(target)[0][0]
             if position is None:
                 return joints_for(self._rig, R, None, HOME)
-            return joints_for(self._rig, R, np.array(position), self.joints_now())
+            return joints_for(self._rig, R, PLACE.require(position, "position", (3,)), self.joints_now())
         return within_limits(known_arm("iiwa7"), target)
 
     @property

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-import socket
 import struct
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from importlib import import_module
 from time import sleep
 from types import SimpleNamespace
@@ -29,7 +27,7 @@ from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
-from tests.support.devices import KINDS, numbered, read, refusal
+from tests.support.devices import KINDS, answering, numbered, read, refusal
 
 angle = st.floats(-360.0, 360.0)
 
@@ -67,23 +65,6 @@ def test_a_net_ft_in_pounds_is_read_in_newtons() -> None:
     assert first is not None
     assert last is not None
     assert (last[0] - first[0]) / (len(found) - 1) == pytest.approx(4.4482216, rel=1e-6)
-
-
-@contextmanager
-def answering(*answers: bytes) -> Iterator[int]:
-    """The port of a device that gives these answers, one for each that it is asked."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve() -> None:
-            with server.accept()[0] as connection:
-                for answer in answers:
-                    connection.recv(1 << 16)
-                    connection.sendall(answer)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        yield server.getsockname()[1]
-        thread.join()
 
 
 def test_units_that_nobody_knows_are_refused() -> None:

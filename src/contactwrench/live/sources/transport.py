@@ -259,7 +259,9 @@ class StandardInput(Link):
     """What another program writes."""
 
     def start(self) -> None:
-        """Begin."""
+        """Begin. Raises `DeviceError`: it is closed."""
+        if sys.stdin is None:
+            raise self._ended()
         with self._lock:
             self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
 
@@ -270,5 +272,8 @@ class StandardInput(Link):
                 return []
             data = self._socket.read(MOST_BYTES)
         if not data:
-            raise self.error("its end", "more lines", "keep the program that writes them running")
+            raise self._ended()
         return [data]
+
+    def _ended(self) -> DeviceError:
+        return self.error("its end", "more lines", "keep the program that writes them running")
