@@ -51,8 +51,7 @@ class Hands:
         newest = self._hub.after(0)
         snapshot = {} if newest is None else msgspec.json.decode(newest[1])["snapshot"]
         targets = (snapshot.get("poses") or {}).get("targets") or []
-        matrices: list[list[list[float]]] = Rotation.from_quat(targets).as_matrix().tolist() if targets else []
-        return matrices
+        return Rotation.from_quat(targets).as_matrix().tolist() if targets else []
 
     def _order(self, order: dict[str, Any]) -> dict[str, Any]:
         try:

@@ -205,5 +205,4 @@ def _times(stamps: list[Array], after: float) -> Array:
 
 def _rotated(R: Array, vectors: Array) -> Array:
     """The vectors (n, 3), each rotated (n, 3, 3); one of either counts for all."""
-    rotated: Array = (R @ vectors[..., None])[..., 0]
-    return rotated
+    return (R @ vectors[..., None])[..., 0]
