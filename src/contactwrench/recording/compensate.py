@@ -125,24 +125,14 @@ def write_compensated(
     path: Path,
     options: Options,
     output_frame: str,
-    note: Tell = unheard,
+    note: Tell,
 ) -> str | None:
-    """Write what was made of a recording, batch by batch.
+    """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
+    bag has it.
 
-    Args:
-        output: `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the
-            bag with the contact wrench beside each reading.
-        recording: what `compensated` gives.
-        path: the recording that it is made of.
-        options: how that is written.
-        output_frame: axes of the contact wrench.
-        note: is told what a copy of a damaged bag lacks.
-
-    Returns:
-        The topic in which a bag has them.
-
-    Raises:
-        ContactWrenchError: as the writers raise it.
+    `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
+    with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises
+    `ContactWrenchError` as the writers do.
     """
     like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
     is_bag = reader_of(path, options) is bag_blocks
