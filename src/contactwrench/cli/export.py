@@ -45,9 +45,8 @@ def export(
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
     from ..calibration.calibration import Calibration
     from ..files import write_text
-    from ..report.export.exported import exported
+    from ..report.export.exported import exported, list_text, target_named
     from ..report.export.target import Setup
-    from ..report.export.targets import list_text, target_named
 
     if list_formats:
         typer.echo(list_text())
