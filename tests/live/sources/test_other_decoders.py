@@ -186,7 +186,18 @@ def test_any_bytes_are_read(data: bytes) -> None:
         decoder.feed(data, 0.0, Batch())
 
 
-@pytest.mark.parametrize("uri", ["sri://a?rat=1", "ur://a?force=raw", "sri://a?rate=-1", "udp://", "tcp://a"])
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "sri://a?rat=1",
+        "sri://a?rate=-1",
+        "sri://a?zero=yes",
+        "netft://a?zero=true",
+        "ur://a?force=raw",
+        "udp://",
+        "tcp://a",
+    ],
+)
 def test_an_option_that_is_none_is_refused(uri: str) -> None:
     with pytest.raises(ValueError, match="expected"):
         source_of(uri)

@@ -78,7 +78,7 @@ class NetFt(Reader[Udp]):
         super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
         self._at = uri.host, uri.port or PORT
         self._http = uri.whole("http", HTTP_PORT)
-        self._zero = uri.options.get("zero") == "1"
+        self._zero = uri.switch("zero")
 
     def open(self) -> About:
         """As `Source`."""
