@@ -135,6 +135,13 @@ def test_a_model_without_a_mass_is_refused(name: str) -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["c", "python", "matlab"])
+def test_the_mass_of_a_model_without_one_cannot_be_stated(name: str) -> None:
+    affine = cw.calibrate(cw.read(PANDA), "affine")
+    with pytest.raises(InputError, match="with --to c, python or matlab, without --tool-mass"):
+        exported(TARGETS[name], affine, Setup(tool_mass=1.0), "t.json")
+
+
 @pytest.mark.parametrize("name", [name for name in RIGID if name != "hrpsys"])
 def test_a_wrench_in_base_axes_is_to_be_turned_first(name: str) -> None:
     c = calibration()
