@@ -86,6 +86,8 @@ SCHEMES = ", ".join(each.scheme for each in known_sources())
          "--listen is '127.0.0.1:99999', expected HOST:PORT, as in 127.0.0.1:8010"),
         ("--from a.csv --listen 127.0.0.1:²", "--listen is '127.0.0.1:²', expected HOST:PORT, as in 127.0.0.1:8010"),
         ("--from a.csv --sign push", "--sign is 'push', expected pull or reaction"),
+        ("--from a.csv --ranges 1,2",
+         "--ranges is '1,2', expected six numbers FX,FY,FZ,TX,TY,TZ, 1e-06 to 1e+09 N or N m"),
         ("--from a.csv --lab here", "here: found no scheme, expected a URI like sri://here"),
         ("--from a.csv --lab udp://:1",
          "--lab is udp://:1, expected tcp://127.0.0.1:PORT, as `contactwrench lab` says"),

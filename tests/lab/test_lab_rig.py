@@ -131,6 +131,8 @@ def test_what_cannot_be_done_is_refused(lab: Lab) -> None:
         lab.push([1.0, np.nan, 0.0])
     with pytest.raises(InputError, match="axes"):
         lab.push([1.0, 0.0, 0.0], "tool")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="found a push for nan s, expected a time above 0"):
+        lab.push([1.0, 0.0, 0.0], duration=np.nan)
     with pytest.raises(InputError, match="share"):
         Lab(speed=0.0)
 

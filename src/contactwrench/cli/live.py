@@ -106,6 +106,7 @@ def live(
         entries(output.absolute().parent)
     sources = _sources(sensor, robot, recorded, speed)
     wish = replace(_wish(wanted, poses, sign, gravity, sources["sensor"].uri), reach=_reach(arm))
+    running = Options(lowpass, drift, _ranges(ranges))
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
@@ -119,7 +120,7 @@ def live(
             sensor=sources["sensor"].uri,
             robot=sources["robot"].uri if "robot" in sources else None,
             wish=wish,
-            options=Options(lowpass, drift, _ranges(ranges)),
+            options=running,
             save=_saving(output, at_sensor, at_arm, force),
         )
         server = serve(hub, host, port, lab=hands) if page else None  # before a file is begun

@@ -56,7 +56,7 @@ class UdpLines(UdpFake):
     def _packets(self, t0: float, rows: Array) -> Packets:
         packets = []
         for k, row in enumerate(rows, self.counter):
-            if self._form == "csv" and k % round(self.rate) == 0:
+            if self._form == "csv" and k % max(round(self.rate), 1) == 0:
                 packets.append(_header(self._names))
             at = t0 + (k - self.counter) / self.clock.rate
             packets.append(_line(self, self._names, self._form, at, row))

@@ -163,17 +163,19 @@ class Lab:
         Args:
             force: (3,), N, on the tool.
             frame: its axes, with which it turns.
-            duration: s; None: until `release`.
+            duration: s, above 0; None: until `release`.
             at: the tool's hook, or the point of the sensor's axis beside it, about which a push down turns nothing.
 
         Raises:
-            InputError: no force, or one that nobody pushes with.
+            InputError: no force, or one that nobody pushes with, or for no time.
         """
         newton, now = np.array(force, dtype=np.float64), monotonic()
         if newton.shape != (3,) or not np.all(np.abs(newton) <= FORCE):
             raise InputError(f"found a push of {force}, expected three numbers of at most {FORCE:g} N")
         if frame not in ("sensor", "flange", "base") or at not in ("hook", "axis"):
             raise InputError(f"found a push in {frame} axes at {at}, expected sensor, flange or base, and hook or axis")
+        if duration is not None and not duration > 0.0:
+            raise InputError(f"found a push for {duration} s, expected a time above 0")
         point = self._hook if at == "hook" else self._hook * (0.0, 0.0, 1.0)
         end = inf if duration is None else now + duration
         with self._orders:
