@@ -145,7 +145,7 @@ def pairs_in_batches(
 
 def read_samples(
     path: str | Path,
-    options: Options = AS_USUAL,
+    options: Options,
     advance: Advance = unheard,
     tell: Tell = unheard,
     begin: Tell = unheard,
