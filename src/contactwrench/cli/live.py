@@ -6,7 +6,6 @@ import gc
 import sys
 import time
 from contextlib import ExitStack
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -24,7 +23,6 @@ from .signals import caught
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..assess.robot_arms import Reach
     from ..calibration.calibration import Calibration
     from ..live.page import Hub
     from ..live.pump import Pump, Reader
@@ -105,7 +103,7 @@ def live(
         target_of(output)
         entries(output.absolute().parent)
     sources = _sources(sensor, robot, recorded, speed)
-    wish = replace(_wish(wanted, poses, sign, gravity, sources["sensor"].uri), reach=_reach(arm))
+    wish = _wish(wanted, poses, sign, gravity, sources["sensor"].uri, arm)
     running = Options(lowpass, drift, _ranges(ranges))
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
@@ -168,22 +166,17 @@ def _ranges(text: str | None) -> tuple[float, float, float, float, float, float]
     return (fx, fy, fz, tx, ty, tz)
 
 
-def _reach(arm: str | None) -> Reach | None:
+def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, source: str, arm: str | None) -> Wish:
     from ..assess.robot_arms import reach
-    from ..recording.urdf import arm_of
-
-    return None if arm is None else reach(arm_of(arm))
-
-
-def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, source: str) -> Wish:
     from ..live.fitting import SIGNS, Stated
     from ..live.wizard import Wish
+    from ..recording.urdf import arm_of
 
     if sign is not None and sign not in SIGNS:
         raise InputError(f"--sign is {sign!r}, expected {' or '.join(SIGNS)}")
     down = options.gravity_direction(gravity)
     stated = Stated(sign) if down is None else Stated(sign, (float(down[0]), float(down[1]), float(down[2])))
-    return Wish(wanted, poses, stated, source)
+    return Wish(wanted, poses, stated, source, None if arm is None else reach(arm_of(arm)))
 
 
 def _address(text: str) -> tuple[str, int]:
