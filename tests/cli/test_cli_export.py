@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.report.export.exported import exported
+from contactwrench.report.export.exported import TARGETS, exported
 from contactwrench.report.export.target import Setup
-from contactwrench.report.export.targets import TARGETS
 from tests.support.exports import unwrapped
 from tests.support.recordings import Run, run
 from tests.support.rigs import example, noisy

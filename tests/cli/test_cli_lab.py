@@ -64,18 +64,33 @@ def test_every_pair_starts_at_the_ports_that_are_asked_for(
     assert all(f":{port}" in out for port in (first, first + 2, first + 3))
 
 
+def _heard() -> None:
+    """Also where the tests run under nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def _is_closed(port: int) -> bool:
     with suppress(OSError), connected(port):
         return False
     return True
 
 
-@pytest.mark.parametrize(("number", "status", "said"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")])
+@pytest.mark.parametrize(
+    ("number", "status", "said"),
+    [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated"), ("SIGHUP", 129, "its terminal is gone")],
+)
 def test_a_live_session_beside_it_ends_with_it(number: str, status: int, said: str) -> None:
     pytest.importorskip("uvicorn")
     command = [sys.executable, "-m", "contactwrench", "lab", "--live"]
     with ExitStack() as ending:
-        program = ending.enter_context(subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True))
+        started = subprocess.Popen(
+            command,
+            stdout=PIPE,
+            stderr=PIPE,
+            text=True,
+            preexec_fn=_heard,  # noqa: PLW1509 - it locks nothing
+        )
+        program = ending.enter_context(started)
         ending.callback(program.kill)
         assert program.stdout is not None
         assert program.stderr is not None

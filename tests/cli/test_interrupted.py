@@ -49,8 +49,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def _heard() -> None:
+    """Also where the tests run under nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def struck(
-    folder: Path, event: str, part: str, name: str, before: Callable[[], object] | None = None
+    folder: Path, event: str, part: str, name: str, before: Callable[[], object] = _heard
 ) -> subprocess.CompletedProcess[str]:
     (folder / "out.csv").unlink(missing_ok=True)
     script = PLANTED.format(event=event, part=part, name=name)

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
+from contactwrench.cli.live_lab import Hands
 from contactwrench.lab.lines import TcpLines
 from contactwrench.lab.signals import Plain
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur
+from contactwrench.live.page import Hub
 from contactwrench.live.uri import known_sources
 from tests.lab.clients import nothing_left
 from tests.support.devices import answering, free_port
@@ -82,7 +84,10 @@ SCHEMES = ", ".join(each.scheme for each in known_sources())
         ("--from a.csv --listen here", "--listen is 'here', expected HOST:PORT, as in 127.0.0.1:8010"),
         ("--from a.csv --listen 127.0.0.1:99999",
          "--listen is '127.0.0.1:99999', expected HOST:PORT, as in 127.0.0.1:8010"),
+        ("--from a.csv --listen 127.0.0.1:²", "--listen is '127.0.0.1:²', expected HOST:PORT, as in 127.0.0.1:8010"),
         ("--from a.csv --sign push", "--sign is 'push', expected pull or reaction"),
+        ("--from a.csv --ranges 1,2",
+         "--ranges is '1,2', expected six numbers FX,FY,FZ,TX,TY,TZ, 1e-06 to 1e+09 N or N m"),
         ("--from a.csv --lab here", "here: found no scheme, expected a URI like sri://here"),
         ("--from a.csv --lab udp://:1",
          "--lab is udp://:1, expected tcp://127.0.0.1:PORT, as `contactwrench lab` says"),
@@ -196,6 +201,23 @@ def test_the_calibration_of_a_larger_sensor() -> None:
 )  # fmt: skip
 def test_a_lab_that_cannot_be_meant(capsys: Capture, arguments: str, said: str) -> None:
     assert complaint(capsys, "lab", *arguments.split()) == said
+
+
+def test_a_page_that_cannot_be_served_leaves_no_file(tmp_path: Path, capsys: Capture) -> None:
+    still = np.tile([*range(6), 0.0, 0.0, 0.0, 1.0], (50, 1))
+    rows = np.column_stack([np.arange(50) / 100.0, still])
+    recording = written(tmp_path, csv_text(("t", *WRENCH, "qx", "qy", "qz", "qw"), rows), "run.csv")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = f"127.0.0.1:{other.getsockname()[1]}"
+        output = ("--out", tmp_path / "a.mcap", "--record", tmp_path / "b.mcap")
+        said = complaint(capsys, "live", "--from", recording, "--listen", taken, *output)
+    assert said.startswith(f"{taken}: found that it cannot be listened on (")
+    assert [each.name for each in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_a_button_does_nothing_where_the_lab_is_another() -> None:
+    with answering(b"HTTP/1.1 400 Bad Request\r\n\r\n") as port:
+        Hands(f"tcp://127.0.0.1:{port}", Hub())({"do": "press_down"})
 
 
 def test_a_lab_whose_port_is_taken(capsys: Capture) -> None:

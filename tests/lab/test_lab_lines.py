@@ -41,6 +41,14 @@ def test_csv_in_datagrams(shows: str) -> None:
     assert {len(row.split(",")) for row in lines} == {len(names.split(","))}
 
 
+def test_a_slow_device_of_csv_names_its_columns_before_every_row() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as host:
+        host.bind(("127.0.0.1", 0))
+        host.settimeout(WAIT)
+        with UdpLines(Plain(), host.getsockname(), 0.4, form="csv", shows="wrench"):
+            assert host.recv(2000).startswith(b"t,fx")
+
+
 def test_csv_from_a_server_begins_with_its_header() -> None:
     with TcpLines(Plain(), form="csv", shows="wrench") as device, connected(device.port) as connection:
         assert line(connection) == "t,fx,fy,fz,tx,ty,tz"

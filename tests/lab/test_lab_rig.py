@@ -125,10 +125,14 @@ def test_what_cannot_be_done_is_refused(lab: Lab) -> None:
     ):
         with pytest.raises(InputError, match=said):
             lab.move_to(target)
+    with pytest.raises(InputError, match=r"^position is \(0.5, 0.5\), expected numbers \(3,\)"):
+        lab.move_to(np.eye(3), (0.5, 0.5))
     with pytest.raises(InputError, match="three numbers"):
         lab.push([1.0, np.nan, 0.0])
     with pytest.raises(InputError, match="axes"):
         lab.push([1.0, 0.0, 0.0], "tool")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="found a push for nan s, expected a time above 0"):
+        lab.push([1.0, 0.0, 0.0], duration=np.nan)
     with pytest.raises(InputError, match="share"):
         Lab(speed=0.0)
 

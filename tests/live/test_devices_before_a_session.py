@@ -67,3 +67,21 @@ def test_another_rate_is_refused(rate: float, kept: int, monkeypatch: pytest.Mon
     found = float(begin.removeprefix("sri://x?rate=100: found "))
     assert abs(found - rate) < 0.03 * rate
     assert end == f"ask for it, as in sri://x?rate={found:.0f}"
+
+
+def advice(uri: str, form: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    source = Sends(at(50.0))
+    monkeypatch.setattr(source, "uri", uri)
+    monkeypatch.setattr(Sends, "FORM", form, raising=False)
+    with pytest.raises(InputError) as refused:
+        after(source, monkeypatch)
+    return str(refused.value).partition("expected 100: ")[2]
+
+
+def test_another_rate_is_asked_for_beside_all_else_that_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = advice("sri://x?zero=1&rate=100", "sri://HOST[?rate=HZ][&zero=1]", monkeypatch)
+    assert said == "set that rate in the device, or ask for it, as in sri://x?zero=1&rate=50"
+
+
+def test_no_rate_is_asked_of_what_takes_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert advice("netft://x", "netft://HOST[?http=80]", monkeypatch) == "set that rate in the device"

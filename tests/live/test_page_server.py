@@ -350,3 +350,8 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "uvicorn", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'contactwrench\[live\]'"):
         serve(Hub())
+
+
+def test_a_host_that_can_be_none_is_said_in_one_line() -> None:
+    with pytest.raises(DeviceError, match=r"^a\.\.b:0: found that it cannot be listened on .*: choose another$"):
+        serve(Hub(), "a..b")

@@ -9,8 +9,8 @@ import pytest
 
 from contactwrench.live.clock import LATE, Clock
 from contactwrench.live.counter import Counter
+from contactwrench.live.history import RATE, SECONDS, Motion
 from contactwrench.live.intake import Intake
-from contactwrench.live.motion import RATE, SECONDS, Motion
 from contactwrench.live.sink import Pose, Reading, Turn
 from contactwrench.live.source import About, Batch, Sample
 from contactwrench.live.uri import source_of

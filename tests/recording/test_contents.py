@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.recording.contents import bag_contents, rhythm, table_contents
+from contactwrench.recording.contents import BagContents, FrameContent, bag_contents, rhythm, table_contents
 from contactwrench.report.text import contents_text
 from tests.support.bags import (
     KINDS,
@@ -103,6 +103,25 @@ def test_a_bag_in_one_view(
     shown = [line.partition(" at ")[0] if "0.01 s at" in line else line for line in lines]
     assert shown == TEXT.format(path=path, kind=KIND_NAMES[kind]).splitlines()
     assert max(map(len, lines[: lines.index("Read without options")])) <= 80
+
+
+@pytest.mark.parametrize(
+    ("edges", "shown"),
+    [
+        ([("a", "b"), ("b", "a")], ["a", "  b", "    a"]),
+        (
+            [("a", "b"), ("a", "c"), ("b", "d"), ("c", "d"), ("d", "e")],
+            ["a", "  b", "    d", "      e", "  c", "    d"],
+        ),
+        ([(f"{k}", f"{k + 1}") for k in range(5000)], [f"{'  ' * k}{k}" for k in range(60)] + ["and 4941 more"]),
+    ],
+    ids=["a circle", "two parents", "a chain"],
+)
+def test_frames_that_are_no_usual_tree(edges: list[tuple[str, str]], shown: list[str]) -> None:
+    frames = tuple(FrameContent(child, parent, True, 1) for parent, child in edges)
+    text = contents_text(BagContents("run.mcap", "MCAP file", 0.0, 1.0, (), frames, ()))
+    part = text.partition("above)\n")[2].partition("\n\n")[0]
+    assert part.splitlines() == [f"  {line}" for line in shown]
 
 
 def test_a_bag_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

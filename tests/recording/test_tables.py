@@ -357,6 +357,10 @@ CANNOT = [
     ),
     ([PANDA, "--robot", "iiwa7"], f"{PANDA}: found a table, and robot iiwa7, which is for bags: leave it out"),
     (
+        [PANDA, "--frames", "base,tool0"],
+        f"{PANDA}: found a table, and frames base,tool0, which is for bags: leave it out",
+    ),
+    (
         ["run.mcap", "--orientation", "quat_wxyz"],
         "run.mcap: found a bag, and orientation quat_wxyz, which is for tables: leave it out",
     ),

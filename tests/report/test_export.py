@@ -17,10 +17,9 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind
 from contactwrench.errors import InputError
-from contactwrench.report.export.exported import exported
+from contactwrench.report.export.exported import TARGETS, exported
 from contactwrench.report.export.losses import largest_error
 from contactwrench.report.export.target import Setup
-from contactwrench.report.export.targets import TARGETS
 from contactwrench.report.export.tool import number, roll_pitch_yaw
 from tests.support.calibrations import exact_calibration
 from tests.support.exports import unwrapped
@@ -134,6 +133,13 @@ def test_a_model_without_a_mass_is_refused(name: str) -> None:
         f"{name} takes a mass and a centre of mass, found model affine, which has none: calibrate with --model auto, "
         "or export B itself with --to c, python or matlab"
     )
+
+
+@pytest.mark.parametrize("name", ["c", "python", "matlab"])
+def test_the_mass_of_a_model_without_one_cannot_be_stated(name: str) -> None:
+    affine = cw.calibrate(cw.read(PANDA), "affine")
+    with pytest.raises(InputError, match="with --to c, python or matlab, without --tool-mass"):
+        exported(TARGETS[name], affine, Setup(tool_mass=1.0), "t.json")
 
 
 @pytest.mark.parametrize("name", [name for name in RIGID if name != "hrpsys"])

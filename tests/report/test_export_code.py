@@ -15,9 +15,8 @@ from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.report.export.code import in_c
-from contactwrench.report.export.exported import exported
+from contactwrench.report.export.exported import TARGETS, exported
 from contactwrench.report.export.target import Setup
-from contactwrench.report.export.targets import TARGETS
 from tests.support.exports import unwrapped
 from tests.support.rigs import noise_free
 from tests.support.world import Array, random_rig, random_rotations, tilted_down, with_down

@@ -10,9 +10,8 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from contactwrench.errors import InputError
-from contactwrench.report.export.exported import Exported, exported
+from contactwrench.report.export.exported import TARGETS, Exported, exported
 from contactwrench.report.export.target import Setup
-from contactwrench.report.export.targets import TARGETS
 from tests.support import oracles
 from tests.support.calibrations import exact_calibration
 from tests.support.exports import unwrapped

@@ -13,10 +13,9 @@ import pytest
 import contactwrench as cw
 from contactwrench.errors import InputError
 from contactwrench.geometry.wrench import STANDARD_GRAVITY
-from contactwrench.report.export.exported import exported
+from contactwrench.report.export.exported import TARGETS, exported
 from contactwrench.report.export.payload import principal_axes
 from contactwrench.report.export.target import Setup
-from contactwrench.report.export.targets import TARGETS
 from contactwrench.statistics import three_digits, two_digits
 from tests.support.controllers import READERS, Load
 from tests.support.exports import unwrapped

@@ -123,8 +123,8 @@ class Chain:
             robot=uris.get("robot"),
         )
         self.session = session
-        self.pump = Pump(session, readers, ways=Ways(self._publish, self.events.append))
-        self.pump.write_to([open_sink(self._kept)])
+        ways = Ways(self._publish, self.events.append, outlets=(open_sink(self._kept),))
+        self.pump = Pump(session, readers, ways)
         self.pump.start()
 
     def _publish(self, snapshot: bytes) -> None:

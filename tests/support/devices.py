@@ -101,8 +101,10 @@ def consecutive(samples: list[Sample]) -> bool:
 
 
 @contextmanager
-def answering(answer: bytes) -> Iterator[int]:
-    """The port of a server that gives this to whatever comes, and then closes; an empty answer: it never does."""
+def answering(*answers: bytes) -> Iterator[int]:
+    """The port of a server that gives these to whatever comes, one to each question, and then closes; empty: it never
+    does.
+    """
     with socket.create_server((LOCALHOST, 0)) as server:
         server.settimeout(0.02)
         stop: list[bool] = []
@@ -114,8 +116,10 @@ def answering(answer: bytes) -> Iterator[int]:
                     connection, _ = server.accept()
                     held.append(connection)
                     connection.settimeout(1.0)
-                    if answer and connection.recv(1 << 16):
+                    for answer in filter(None, answers):
+                        connection.recv(1 << 16)
                         connection.sendall(answer)
+                    if any(answers):
                         sleep(0.01)
                         connection.close()
             for each in held:

@@ -54,5 +54,4 @@ def _carried(lever: Array, position: Array, v: Array, a: Array, omega: Array, al
 
 def _cross(a: Array, b: Array) -> Array:
     """`a x b` (3, n); numpy's own takes three times as long."""
-    product: Array = a[[1, 2, 0]] * b[[2, 0, 1]] - a[[2, 0, 1]] * b[[1, 2, 0]]
-    return product
+    return a[[1, 2, 0]] * b[[2, 0, 1]] - a[[2, 0, 1]] * b[[1, 2, 0]]

@@ -79,7 +79,7 @@ def _variance_with_each(J: Array, information: Array, M: Array) -> Array:
     return variance
 
 
-def short_order(between: Array, from_start: Array | None = None) -> list[int]:
+def short_order(between: Array, from_start: Array | None) -> list[int]:
     """An order of the places 0 .. n-1 whose open tour is short: the shortest there is, or within a few per cent of it.
 
     From every first place on always the nearest one left, then the piece whose reversal shortens the tour most is

@@ -275,8 +275,7 @@ def _in_order(R: Array, recorded: Array, reach: Reach | None, chosen: list[int])
 def _angles(R_a: Array, R_b: Array) -> Array:
     """Angles (a, b), rad, between rotations (a, 3, 3) and (b, 3, 3)."""
     trace = R_a.reshape(-1, 9) @ R_b.reshape(-1, 9).T
-    angles: Array = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
-    return angles
+    return np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
 
 
 def _largest_move(joints_a: Array, joints_b: Array) -> Array:

@@ -132,8 +132,7 @@ def _evenly(n: int, dimensions: int) -> Array:
     g = 2.0
     for _ in range(60):
         g = (1.0 + g) ** (1.0 / (dimensions + 1.0))
-    points: Array = (0.5 + np.arange(1, n + 1)[:, None] * g ** -np.arange(1.0, dimensions + 1.0)) % 1.0
-    return points
+    return (0.5 + np.arange(1, n + 1)[:, None] * g ** -np.arange(1.0, dimensions + 1.0)) % 1.0
 
 
 def _apart(R: Array, angle: float) -> list[int]:

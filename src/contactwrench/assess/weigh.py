@@ -158,8 +158,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
 
 def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
     """Gravity's force (n, 3) on the calibrated tool, N, sensor axes: it points down."""
-    force: Array = gravity_in_flange(R_base_flange, calibration.gravity_direction) @ calibration.B[:3, :3].T
-    return force
+    return gravity_in_flange(R_base_flange, calibration.gravity_direction) @ calibration.B[:3, :3].T
 
 
 def _of_one_object(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:

@@ -13,7 +13,7 @@ import typer
 
 from ..files import STDOUT
 from ..geometry.arrays import Array
-from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, ON_FLANGE, TILT_STD_DEG, TURN_DEG
+from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .recordings import Recordings, with_reading_options
@@ -38,24 +38,20 @@ def calibrate(
     *,
     output: Annotated[
         Path | None,
-        typer.Option(
+        options.text(
+            "CAL.json",
+            f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on "
+            "stdout]",
             "--output",
             "-o",
-            metavar="CAL.json",
-            help=f"Write the calibration; {options.OUTPUT_HELP} stdout. With --shared: the folder. [default: text on "
-            "stdout]",
         ),
         Writes(_calibrations),
     ] = None,
     model: Annotated[
-        str,
-        typer.Option(
-            metavar="M", help="auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia."
-        ),
+        str, options.text("M", "auto, paper, yaw, mount, mount+base, affine, or dynamic: auto, and the inertia.")
     ] = "auto",
     shared: Annotated[
-        str | None,
-        typer.Option(metavar="mount,gravity", help="Several tools on one sensor: what the recordings share."),
+        str | None, options.text("mount,gravity", "Several tools on one sensor: what the recordings share.")
     ] = None,
     mount_tilt_sd: Annotated[
         float | None, options.number(TILT_STD_DEG, "DEG", "auto: std of the sensor's tilt, an axis. [default: 1.41]")
@@ -63,32 +59,26 @@ def calibrate(
     base_tilt_sd: Annotated[
         float | None, options.number(TILT_STD_DEG, "DEG", "auto: std of the base's tilt, an axis. [default: 0.71]")
     ] = None,
-    known: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE+-STD", help=KNOWN_HELP)] = None,
+    known: Annotated[list[str] | None, options.text("NAME=VALUE+-STD", KNOWN_HELP)] = None,
     prior: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CAL.json", help="Earlier calibration of the same tool: one new pose gives its bias anew."
-        ),
+        Path | None, options.text("CAL.json", "Earlier calibration of the same tool: one new pose gives its bias anew.")
     ] = None,
     sensor_offset: Annotated[
         str | None,
-        typer.Option(
-            metavar="X,Y,Z",
-            help="dynamic: the sensor's origin, m from the flange, or with --imu from the accelerometer, flange axes. "
+        options.text(
+            "X,Y,Z",
+            "dynamic: the sensor's origin, m from the flange, or with --imu from the accelerometer, flange axes. "
             "[default: found]",
         ),
     ] = None,
     noise: Annotated[
         str | None,
-        typer.Option(
-            metavar="N|REST",
-            help="Std of one pose's reading, or a recording at rest. [default: from what the fit leaves]",
+        options.text(
+            "N|REST", "Std of one pose's reading, or a recording at rest. [default: from what the fit leaves]"
         ),
         NAMES_FOLDER,
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="R.html", help="Write a report, one HTML file."), Writes(page=True)
-    ] = None,
+    report: Annotated[Path | None, options.text("R.html", "Write a report, one HTML file."), Writes(page=True)] = None,
     require_force: Annotated[
         float | None,
         options.number(LEFT_FORCE, "N", "Exit 1 if a larger error of the contact force is to be expected."),
@@ -97,7 +87,7 @@ def calibrate(
         float | None, options.number(LEFT_TORQUE, "NM", "Exit 1 if a larger error of the torque is to be expected.")
     ] = None,
     require_mass: Annotated[
-        str | None, typer.Option(metavar="LOW,HIGH", help="Exit 1 unless the mass, kg, lies inside by its std.")
+        str | None, options.text("LOW,HIGH", "Exit 1 unless the mass, kg, lies inside by its std.")
     ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Replace an existing output, never by a bad fit; write that to a new name.")
@@ -123,19 +113,22 @@ def calibrate(
     stated_noise = None if noise is None else options.noise_or_file(noise, "a sensor at rest")
     alike = None if prior is None else recordings.as_calibrated(Calibration.load(prior), None)
     recordings = recordings if alike is None else replace(recordings, options=alike.options)
+    stated: dict[str, Any] = {
+        "model": model,
+        "noise": recordings.beside(stated_noise).read() if isinstance(stated_noise, Path) else stated_noise,
+        "gravity": options.gravity_direction(gravity),
+        "g": g,
+        "known": _known_values(known, g),
+        **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
+    }
+    if not names:
+        stated["prior"] = None if alike is None else alike.calibration
+        stated["sensor_offset"] = options.point(sensor_offset, "--sensor-offset")
     done = calibrate_recordings(
         recordings.files,
-        recordings.options,
         recordings.read,
-        model=model,
-        shared=names,
-        noise=recordings.beside(stated_noise).read() if isinstance(stated_noise, Path) else stated_noise,
-        gravity=options.gravity_direction(gravity),
-        g=g,
-        known=_known_values(known, g),
-        prior=None if alike is None else alike.calibration,
-        sensor_offset=_point(sensor_offset),
-        **{name: float(np.deg2rad(sd)) for name, sd in tilts.items() if sd is not None},
+        names,
+        stated,
         output=output,
         report=report,
         required=(require_force, require_torque),
@@ -154,12 +147,6 @@ def calibrate(
     for line in failures:
         options.say(line, err=True)
     return 1 if failures else 0
-
-
-def _point(sensor_offset: str | None) -> Array | None:
-    if sensor_offset is None:
-        return None
-    return options.numbers(sensor_offset, "--sensor-offset", "three numbers X,Y,Z", ON_FLANGE, 3)
 
 
 def _shared_names(

@@ -38,26 +38,23 @@ def compensate(
         ),
         Writes(),
     ] = Path(STDOUT),
-    output_frame: Annotated[
-        str, typer.Option(metavar="sensor|flange|base", help="Axes of the contact wrench.")
-    ] = "sensor",
+    output_frame: Annotated[str, options.text("sensor|flange|base", "Axes of the contact wrench.")] = "sensor",
     at: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z", help="Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]"),
+        str | None, options.text("X,Y,Z", "Point of the torque, sensor axes, m (the TCP). [default: 0,0,0]")
     ] = None,
     contact: Annotated[
         bool, typer.Option("--contact", help="Judge every sample: columns valid, contact and reason.")
     ] = False,
     report: Annotated[
         Path | None,
-        typer.Option(metavar="R.html", help="Write a page with every contact, one HTML file; judges every sample."),
+        options.text("R.html", "Write a page with every contact, one HTML file; judges every sample."),
         Writes(page=True),
     ] = None,
     noise: Annotated[
         str | None,
-        typer.Option(
-            metavar="N|FREE",
-            help="Judging: std of a free tool's reading, its motion's inertia included, or a recording of such motion. "
+        options.text(
+            "N|FREE",
+            "Judging: std of a free tool's reading, its motion's inertia included, or a recording of such motion. "
             "[default: the noise at rest]",
         ),
         NAMES_FOLDER,
@@ -72,16 +69,14 @@ def compensate(
     ] = None,
     sensor_filter: Annotated[
         str | None,
-        typer.Option(
-            metavar="HZ[:ORDER]",
-            help="The sensor's own low-pass, done to the model too; judges every sample. First order unless said.",
+        options.text(
+            "HZ[:ORDER]",
+            "The sensor's own low-pass, done to the model too; judges every sample. First order unless said.",
         ),
     ] = None,
     lowpass: Annotated[
         str | None,
-        typer.Option(
-            metavar="HZ[:ORDER]", help="Smooth the contact wrench both ways, Butterworth of order 1 to 4. [order: 2]"
-        ),
+        options.text("HZ[:ORDER]", "Smooth the contact wrench both ways, Butterworth of order 1 to 4. [order: 2]"),
     ] = None,
     delay: Annotated[
         float | None,
@@ -105,7 +100,7 @@ def compensate(
     judging = (noise, drift, sensor_filter, report)
     treatment = Treatment(
         output_frame=output_frame,
-        point=None if at is None else options.numbers(at, "--at", "three numbers X,Y,Z", POINT, 3),
+        point=options.point(at, "--at", POINT),
         gravity=direction,
         delay=delay,
         low_pass=_low_pass(lowpass, "--lowpass", 2),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-import typer
 
 from ..files import make_folder, write_text
 from ..model import gravity_in_flange
@@ -29,7 +28,7 @@ PRINTED_WEIGHT = 1.980
 def demo(
     out: Annotated[
         Path,
-        typer.Option(metavar="DIR", help="Folder for calibrations, contact wrenches and report."),
+        options.text("DIR", "Folder for calibrations, contact wrenches and report."),
         Writes(lambda folder, _: (folder / name for name in WRITTEN)),
     ] = Path("contactwrench-demo"),
 ) -> None:

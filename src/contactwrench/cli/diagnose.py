@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from . import options
 from .recordings import Recordings, with_reading_options
 
@@ -13,7 +11,7 @@ from .recordings import Recordings, with_reading_options
 @with_reading_options
 def diagnose(
     *,
-    model: Annotated[str, typer.Option(metavar="M", help="Of `calibrate`: auto, yaw, mount or mount+base.")] = "auto",
+    model: Annotated[str, options.text("M", "Of `calibrate`: auto, yaw, mount or mount+base.")] = "auto",
     json: options.Json = False,
     recording: Recordings,
     gravity: options.Gravity = None,

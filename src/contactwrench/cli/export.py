@@ -10,19 +10,16 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
-from ..geometry.arrays import Array
-from ..geometry.ranges import ON_FLANGE, SENSOR_MASS, TOOL_MASS
+from ..geometry.ranges import SENSOR_MASS, TOOL_MASS
 from . import options
 from .outputs import Writes
 
 
 def export(
     file: Annotated[Path | None, typer.Argument(metavar="CAL.json", help="Calibration that `calibrate` wrote.")] = None,
-    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="Whose parameters; --list names all.")] = None,
+    to: Annotated[str | None, options.text("FORMAT", "Whose parameters; --list names all.")] = None,
     output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="FILE", help=f"Where to; {options.OUTPUT_HELP} stdout."),
-        Writes(),
+        Path, options.text("FILE", f"Where to; {options.OUTPUT_HELP} stdout.", "--output", "-o"), Writes()
     ] = Path(STDOUT),
     list_formats: Annotated[bool, typer.Option("--list", help="The formats, what each needs and loses.")] = False,
     tool_mass: Annotated[
@@ -30,28 +27,26 @@ def export(
     ] = None,
     sensor_mass: Annotated[float | None, options.number(SENSOR_MASS, "KG", "The sensor's own, with adapters.")] = None,
     sensor_com: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="The sensor's centre of mass from the flange, m, flange axes.")
+        str | None, options.text("X,Y,Z", "The sensor's centre of mass from the flange, m, flange axes.")
     ] = None,
     sensor_offset: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="The sensor's origin from the flange's, m, flange axes.")
+        str | None, options.text("X,Y,Z", "The sensor's origin from the flange's, m, flange axes.")
     ] = None,
     sensor_name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The sensor's, in that program. [default: ft_sensor]")
+        str | None, options.text("NAME", "The sensor's, in that program. [default: ft_sensor]")
     ] = None,
     sensor_frame: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Its frame's, in that program. [default: ft_frame]")
+        str | None, options.text("NAME", "Its frame's, in that program. [default: ft_frame]")
     ] = None,
     base_frame: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="The base's, in that program. [default: the recording's, or base_link]"),
+        str | None, options.text("NAME", "The base's, in that program. [default: the recording's, or base_link]")
     ] = None,
 ) -> None:
     """Write a calibration as the parameters of another program: a robot, a ROS controller, code."""
     from ..calibration.calibration import Calibration
     from ..files import write_text
-    from ..report.export.exported import exported
+    from ..report.export.exported import exported, list_text, target_named
     from ..report.export.target import Setup
-    from ..report.export.targets import list_text, target_named
 
     if list_formats:
         typer.echo(list_text())
@@ -62,8 +57,8 @@ def export(
     every = {
         "tool_mass": tool_mass,
         "sensor_mass": sensor_mass,
-        "sensor_com": _point(sensor_com, "--sensor-com"),
-        "sensor_offset": _point(sensor_offset, "--sensor-offset"),
+        "sensor_com": options.point(sensor_com, "--sensor-com"),
+        "sensor_offset": options.point(sensor_offset, "--sensor-offset"),
         "sensor_name": _name(sensor_name, "--sensor-name"),
         "sensor_frame": _name(sensor_frame, "--sensor-frame"),
         "base_frame": _name(base_frame, "--base-frame"),
@@ -82,7 +77,3 @@ def _name(name: str | None, option: str) -> str | None:
     if name is not None and not re.fullmatch(NAME, name):
         raise InputError(f"{option} is {name!r}, expected a name of letters, digits and _ . / -")
     return name
-
-
-def _point(text: str | None, option: str) -> Array | None:
-    return None if text is None else options.numbers(text, option, "three numbers X,Y,Z", ON_FLANGE, 3)

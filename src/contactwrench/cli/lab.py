@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import gc
+import os
+import signal
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from time import sleep
+from contextlib import ExitStack, contextmanager, suppress
+from subprocess import Popen, TimeoutExpired
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -14,6 +18,7 @@ import typer
 from ..geometry.arrays import Array
 from ..geometry.ranges import SEED, Range
 from . import options
+from .signals import caught
 
 if TYPE_CHECKING:
     from ..lab.device import Fake
@@ -23,11 +28,14 @@ if TYPE_CHECKING:
 PORTS = Range(0, 65_000)
 LEAST_DEG, MOST_DEG = (0.0, 0.0, 0.0, 0.0, -90.0, -110.0, -120.0), (0.0, 0.0, 0.0, 0.0, 90.0, 25.0, 120.0)
 """From home: how far the wrist turns on its own; every tilt is within it, and nothing is near."""
-LOCALHOST = "127.0.0.1"
+
 BRISK = 0.5
 """Of the joints' largest speed."""
 REST = 3.0
 """s in each pose."""
+LOOK, ENDS_IN = 0.1, 15.0
+"""s from one look at a live session to the next, and that it is given to end: longer than all of its threads together.
+"""
 
 
 def lab(
@@ -42,8 +50,7 @@ def lab(
     ] = 0,
     seed: Annotated[int, options.number(SEED, "S", "Of everything random.")] = 0,
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change a setting of the rig; again for more."),
+        list[str] | None, options.text("NAME=VALUE", "Change a setting of the rig; again for more.", "--set")
     ] = None,
 ) -> None:
     """Run a virtual lab: the rig of `simulate` in real time, behind real network protocols on this machine, until
@@ -52,7 +59,6 @@ def lab(
     from ..lab.control import Control
     from ..lab.rig import Lab
     from ..simulate.settings import Settings, changed
-    from .lab_live import beside
 
     virtual = Lab(changed(Settings(), settings or []), seed, BRISK)
     ports = [port_base and port_base + k for k in range(4)]
@@ -69,44 +75,35 @@ def lab(
             options.say(f"contactwrench live {' '.join(session)}")
             _run(virtual, wandering(rng) if auto else None, sleep)
             return
-        with beside(*session) as ended:
+        with _live(*session) as ended:
             status = _run(virtual, wandering(rng) if auto else None, ended)
         raise typer.Exit(status)
 
 
 def _sensor(kind: str, signal: Signal, ports: list[int]) -> Fake:
-    if kind == "netft":
-        from ..lab.netft import NetFt
+    from ..lab import ft300, lines, netft, sri
 
-        return NetFt(signal, port=ports[0], http_port=ports[1])
-    if kind == "ft300":
-        from ..lab.ft300 import Ft300
-
-        return Ft300(signal, port=ports[0])
-    if kind == "lines":
-        from ..lab.lines import TcpLines
-
-        return TcpLines(signal, shows="wrench", port=ports[0])
-    from ..lab.sri import Sri
-
-    return Sri(signal, port=ports[0])
+    made: dict[str, Callable[[], Fake]] = {
+        "sri": lambda: sri.Sri(signal, port=ports[0]),
+        "netft": lambda: netft.NetFt(signal, port=ports[0], http_port=ports[1]),
+        "ft300": lambda: ft300.Ft300(signal, port=ports[0]),
+        "lines": lambda: lines.TcpLines(signal, shows="wrench", port=ports[0]),
+    }
+    return made[kind]()
 
 
 def _robot(kind: str, signal: Signal, port: int) -> Fake:
     """The robot; of one that sends without being asked, `port` is where it sends to."""
+    from ..lab import lines, rsi, ur
+    from ..lab.device import LOCALHOST
     from ..lab.sockets import free_port
 
-    if kind == "rsi":
-        from ..lab.rsi import Rsi
-
-        return Rsi(signal, (LOCALHOST, port or free_port()))
-    if kind == "lines":
-        from ..lab.lines import UdpLines
-
-        return UdpLines(signal, (LOCALHOST, port or free_port()), shows="pose")
-    from ..lab.ur import Ur
-
-    return Ur(signal, port=port)
+    made: dict[str, Callable[[], Fake]] = {
+        "ur": lambda: ur.Ur(signal, port=port),
+        "rsi": lambda: rsi.Rsi(signal, (LOCALHOST, port or free_port())),
+        "lines": lambda: lines.UdpLines(signal, (LOCALHOST, port or free_port()), shows="pose"),
+    }
+    return made[kind]()
 
 
 def wandering(rng: np.random.Generator) -> Iterator[Array]:
@@ -125,3 +122,42 @@ def _run(virtual: Lab, goals: Iterator[Array] | None, ended: Callable[[float], i
         lasting = 0.0 if goals is None else virtual.move_to(next(goals))
         if (status := ended(lasting + REST)) is not None:
             return status
+
+
+@contextmanager
+def _live(*arguments: str) -> Iterator[Callable[[float], int | None]]:
+    """Run `contactwrench live` with these arguments, a program of its own on the same terminal. It ends with the lab; a
+    signal that comes is handed on to it, and ends both.
+
+    Yields:
+        What waits some s at most for the session's end: its exit status, or None where it goes on.
+    """
+    with caught() as came:
+        session = Popen([sys.executable, "-m", "contactwrench", "live", *arguments])
+
+        def ended(seconds: float) -> int | None:
+            until = monotonic() + seconds
+            while not came and session.poll() is None and (left := until - monotonic()) > 0.0:
+                with suppress(TimeoutExpired):
+                    session.wait(min(left, LOOK))
+            return 128 + came[0] if came else session.poll()
+
+        try:
+            yield ended
+        finally:
+            _end(session, came[0] if came else signal.SIGTERM)
+
+
+def _end(session: Popen[bytes], number: int) -> None:
+    """End the session as the lab was ended; a terminal's Ctrl-C has reached it already, and twice does no harm."""
+    if session.poll() is not None:
+        return
+    if os.name == "posix":
+        session.send_signal(number)
+    else:
+        session.terminate()
+    try:
+        session.wait(ENDS_IN)
+    except TimeoutExpired:
+        session.kill()
+        session.wait()

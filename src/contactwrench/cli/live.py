@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import gc
-import os
-import signal
 import sys
 import time
 from contextlib import ExitStack
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -21,16 +18,17 @@ from ..files import already_there, entries, target_of
 from ..geometry.ranges import CAPACITY, CUTOFF, NOISE, POSES, Range
 from . import options
 from .outputs import Writes
+from .signals import caught
 
 if TYPE_CHECKING:
-    from ..assess.robot_arms import Reach
+    from collections.abc import Callable
+
     from ..calibration.calibration import Calibration
-    from ..live.page import Hub, Server
+    from ..live.page import Hub
     from ..live.pump import Pump, Reader
     from ..live.snapshot import Event as Said
     from ..live.source import About, Source
     from ..live.wizard import Wish
-    from .live_lab import Hands
 
 WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-4
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
@@ -40,64 +38,51 @@ HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
 def live(
     *,
-    sensor: Annotated[
-        str | None, typer.Option(metavar="URI", help="The sensor; `contactwrench devices` lists all.")
-    ] = None,
-    robot: Annotated[
-        str | None, typer.Option(metavar="URI", help="The robot. [default: the sensor gives orientations too]")
-    ] = None,
+    sensor: Annotated[str | None, options.text("URI", "The sensor; `contactwrench devices` lists all.")] = None,
+    robot: Annotated[str | None, options.text("URI", "The robot. [default: the sensor gives orientations too]")] = None,
     calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", "-c", metavar="CAL.json", help="Run with this one. [default: the wizard first]"),
+        Path | None, options.text("CAL.json", "Run with this one. [default: the wizard first]", "--calibration", "-c")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="CAL.json", help="Where the wizard saves. [default: live-DATE.json]"),
+        options.text("CAL.json", "Where the wizard saves. [default: live-DATE.json]", "--output", "-o"),
         Writes(),
     ] = None,
     sign: Annotated[
-        str | None, typer.Option(metavar="pull|reaction", help="Of the readings. [default: the push test tells]")
+        str | None, options.text("pull|reaction", "Of the readings. [default: the push test tells]")
     ] = None,
     gravity: options.Gravity = None,
     wanted: Annotated[float, options.number(WANTED, "N", "Std of the contact force at which poses are enough.")] = 0.05,
     poses: Annotated[int, options.number(POSES, "N", "How many poses the wizard plans.", "--poses")] = 12,
     arm: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|URDF[:LINK]", help="Plan only what its wrist reaches, as `plan` does."),
+        str | None, options.text("NAME|URDF[:LINK]", "Plan only what its wrist reaches, as `plan` does.")
     ] = None,
     lowpass: Annotated[float | None, options.number(CUTOFF, "HZ", "Low-pass of the contact wrench.")] = None,
     drift: Annotated[float | None, options.number(NOISE, "N", "Follow a bias that wanders so far in an hour.")] = None,
-    ranges: Annotated[
-        str | None,
-        typer.Option(metavar="FX,FY,FZ,TX,TY,TZ", help="The sensor's ranges, N and N m."),
-    ] = None,
+    ranges: Annotated[str | None, options.text("FX,FY,FZ,TX,TY,TZ", "The sensor's ranges, N and N m.")] = None,
     page: Annotated[bool, typer.Option("--page/--no-page", help="Show the session in a browser.")] = True,
     wizard: Annotated[bool, typer.Option("--wizard", help="Without a page: the wizard in this terminal.")] = False,
     listen: Annotated[
-        str, typer.Option(metavar=HOST_AND_PORT, help="Where the page is served; others need the token it prints.")
+        str, options.text(HOST_AND_PORT, "Where the page is served; others need the token it prints.")
     ] = "127.0.0.1:0",
     events: Annotated[bool, typer.Option("--events", help="Print what happens as JSON lines.")] = False,
     record: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Record what both devices send: .csv, .parquet or .mcap."),
-        Writes(),
+        Path | None, options.text("FILE", "Record what both devices send: .csv, .parquet or .mcap."), Writes()
     ] = None,
     out: Annotated[
         list[str] | None,
-        typer.Option(metavar="URI|FILE", help="Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
+        options.text("URI|FILE", "Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
         Writes(lambda outs, _: (Path(each) for each in outs or () if ":" not in each)),
     ] = None,
-    recorded: Annotated[
-        Path | None, typer.Option("--from", metavar="FILE", help="Play this recording in place of devices.")
-    ] = None,
+    recorded: Annotated[Path | None, options.text("FILE", "Play this recording in place of devices.", "--from")] = None,
     speed: Annotated[float, options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.")] = 1.0,
-    lab: Annotated[str | None, typer.Option(metavar="URI", help="The control port of `contactwrench lab`.")] = None,
+    lab: Annotated[str | None, options.text("URI", "The control port of `contactwrench lab`.")] = None,
     force: options.Force = False,
 ) -> None:
     """Contact wrenches while the arm runs: a page that guides to a calibration, then runs; until Ctrl-C."""
     from ..calibration.calibration import Calibration
     from ..live.devices import require_devices
-    from ..live.page.hub import Hub
+    from ..live.page import Hub, serve
     from ..live.pump import Pump, Ways
     from ..live.queued import open_sink
     from ..live.running import Options
@@ -118,7 +103,8 @@ def live(
         target_of(output)
         entries(output.absolute().parent)
     sources = _sources(sensor, robot, recorded, speed)
-    wish = replace(_wish(wanted, poses, sign, gravity, sources["sensor"].uri), reach=_reach(arm))
+    wish = _wish(wanted, poses, sign, gravity, sources["sensor"].uri, arm)
+    running = Options(lowpass, drift, _ranges(ranges))
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
@@ -132,20 +118,23 @@ def live(
             sensor=sources["sensor"].uri,
             robot=sources["robot"].uri if "robot" in sources else None,
             wish=wish,
-            options=Options(lowpass, drift, _ranges(ranges)),
-            save=_Save(output, at_sensor, at_arm, force),
+            options=running,
+            save=_saving(output, at_sensor, at_arm, force),
         )
+        server = serve(hub, host, port, lab=hands) if page else None  # before a file is begun
+        if server is not None:
+            stack.callback(server.close)
         patient = speed == 0.0
-        outlets = [open_sink(sink_of(each), patient=patient) for each in out or ()]
+        outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
         if known is None and find_spec("numba"):
             Thread(target=_compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
-        ways = Ways(hub.publish if page or wizard else None, _say_json if events else _say_line, hub.commands)
-        pump = Pump(session, readers, ways=ways)
-        pump.write_to(outlets, recorder)
-        if page:
-            stack.callback(_served(hub, host, port, hands).close)
+        publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
+        pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
+        if server is not None:
+            options.say(f"Open {server.url}")
+            sys.stdout.flush()
         _until_a_signal(pump, hub if wizard else None, page)
 
 
@@ -177,84 +166,61 @@ def _ranges(text: str | None) -> tuple[float, float, float, float, float, float]
     return (fx, fy, fz, tx, ty, tz)
 
 
-def _reach(arm: str | None) -> Reach | None:
+def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, source: str, arm: str | None) -> Wish:
     from ..assess.robot_arms import reach
-    from ..recording.urdf import arm_of
-
-    return None if arm is None else reach(arm_of(arm))
-
-
-def _wish(wanted: float, poses: int, sign: str | None, gravity: str | None, source: str) -> Wish:
     from ..live.fitting import SIGNS, Stated
     from ..live.wizard import Wish
+    from ..recording.urdf import arm_of
 
     if sign is not None and sign not in SIGNS:
         raise InputError(f"--sign is {sign!r}, expected {' or '.join(SIGNS)}")
     down = options.gravity_direction(gravity)
     stated = Stated(sign) if down is None else Stated(sign, (float(down[0]), float(down[1]), float(down[2])))
-    return Wish(wanted, poses, stated, source)
+    return Wish(wanted, poses, stated, source, None if arm is None else reach(arm_of(arm)))
 
 
 def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
-    if not host or not port.isdigit() or int(port) > MOST_PORT:
+    if not host or not (port.isascii() and port.isdigit()) or int(port) > MOST_PORT:
         raise InputError(f"--listen is {text!r}, expected {HOST_AND_PORT}, as in 127.0.0.1:8010")
-    return host, int(port)
+    return host.removeprefix("[").removesuffix("]"), int(port)
 
 
-class _Save:
-    """Writes a calibration with the names of its devices, and says where."""
+def _saving(output: Path | None, sensor: About, robot: About, force: bool) -> Callable[[Calibration], str]:
+    """What writes a calibration with the names of its devices, and says where."""
+    from ..live.devices import with_devices
 
-    def __init__(self, path: Path | None, sensor: About, robot: About, force: bool) -> None:
-        self._path, self._sensor, self._robot, self._force = path, sensor, robot, force
-
-    def __call__(self, calibration: Calibration) -> str:
-        from ..live.devices import with_devices
-
-        path = self._path or Path(time.strftime("live-%Y%m%d-%H%M%S.json"))
-        if path.exists() and not self._force:
+    def save(calibration: Calibration) -> str:
+        nonlocal force
+        path = output or Path(time.strftime("live-%Y%m%d-%H%M%S.json"))
+        if path.exists() and not force:
             raise already_there(path)
-        with_devices(calibration, self._sensor, self._robot).save(path)
-        self._force = True  # what it wrote itself it may write anew
+        with_devices(calibration, sensor, robot).save(path)
+        force = True  # what it wrote itself it may write anew
         return str(path)
 
-
-def _served(hub: Hub, host: str, port: int, hands: Hands | None) -> Server:
-    from ..live.page import serve
-
-    server = serve(hub, host, port, lab=hands)
-    options.say(f"Open {server.url}")
-    sys.stdout.flush()
-    return server
+    return save
 
 
 def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
     """Run until Ctrl-C, a signal, or the end of a recording that no page shows; then end in order, by that signal."""
     from .live_terminal import Terminal
 
-    came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, _: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    guide = None if terminal is None else Terminal(terminal)
-    if not (page or terminal):
-        options.say("Running until Ctrl-C.", err=True)
-    _settle()
-    try:
-        pump.start()
-        while not came and (page or not pump.wait(0.0)) and pump.failure is None:
-            time.sleep(LOOK)
-            if guide is not None:
-                guide.show()
-    finally:
-        pump.close()
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if pump.failure is not None:
-        raise pump.failure
-    if came:
-        os.kill(os.getpid(), came[0])
+    with caught() as came:
+        guide = None if terminal is None else Terminal(terminal)
+        if not (page or terminal):
+            options.say("Running until Ctrl-C.", err=True)
+        _settle()
+        try:
+            pump.start()
+            while not came and (page or not pump.wait(0.0)) and pump.failure is None:
+                time.sleep(LOOK)
+                if guide is not None:
+                    guide.show()
+        finally:
+            pump.close()
+        if pump.failure is not None:
+            raise pump.failure
 
 
 def _compiled() -> None:

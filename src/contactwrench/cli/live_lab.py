@@ -51,15 +51,12 @@ class Hands:
         newest = self._hub.after(0)
         snapshot = {} if newest is None else msgspec.json.decode(newest[1])["snapshot"]
         targets = (snapshot.get("poses") or {}).get("targets") or []
-        matrices: list[list[list[float]]] = Rotation.from_quat(targets).as_matrix().tolist() if targets else []
-        return matrices
+        return Rotation.from_quat(targets).as_matrix().tolist() if targets else []
 
     def _order(self, order: dict[str, Any]) -> dict[str, Any]:
         try:
             with socket.create_connection(self._place, WAITS) as control:
                 control.sendall(msgspec.json.encode(order) + b"\n")
-                answer = control.makefile("rb").readline()
-        except OSError:
+                return msgspec.json.decode(control.makefile("rb").readline(), type=dict[str, Any])
+        except (OSError, UnicodeError, msgspec.DecodeError):
             return {"error": "the lab is gone"}
-        decoded: dict[str, Any] = msgspec.json.decode(answer) if answer else {"error": "the lab is gone"}
-        return decoded

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-from contextlib import suppress
-from queue import Full
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -43,15 +41,15 @@ class Terminal:
     def _listen(self) -> None:
         from ..live.page.hub import Ask
 
-        for line in sys.stdin:
+        for line in sys.stdin or ():
             word, _, number = line.strip().partition(" ")
             try:
                 ask = Ask(Command(word or Command.NEXT), int(number) - 1 if number else None)
             except ValueError:
                 options.say(f"found {line.strip()!r}, expected one of {', '.join(Command)}", err=True)
                 continue
-            with suppress(Full):
-                self._hub.commands.put_nowait(ask)
+            if not self._hub.ask(ask):
+                options.say("The program is busy. Enter it again.", err=True)
 
 
 def instruction(snapshot: Snapshot) -> str:

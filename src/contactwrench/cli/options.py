@@ -15,7 +15,7 @@ import typer
 from ..errors import InputError, shortened, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
-from ..geometry.ranges import DIRECTION, NOISE, G, Range
+from ..geometry.ranges import DIRECTION, NOISE, ON_FLANGE, G, Range
 from ..geometry.wrench import STANDARD_GRAVITY
 
 Result = TypeVar("Result")
@@ -35,26 +35,29 @@ def number(within: Range, metavar: str, help: str, *names: str) -> Any:
     return typer.Option(*names, metavar=metavar, help=help, callback=checked)
 
 
+def text(metavar: str, help: str, *names: str) -> Any:
+    """The declaration of an option that takes a text, or what a text names."""
+    return typer.Option(*names, metavar=metavar, help=help)
+
+
 OR_ITS = "or the calibration's]"
 """Of the help of what a calibration tells of its recording."""
 Orientation = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME[:COLUMNS]",
-        help=f"How the file writes R_base_flange: {', '.join(CONVENTIONS)}, or euler:ZYX:deg. [default: auto, {OR_ITS}",
+    text(
+        "NAME[:COLUMNS]",
+        f"How the file writes R_base_flange: {', '.join(CONVENTIONS)}, or euler:ZYX:deg. [default: auto, {OR_ITS}",
     ),
 ]
 Gravity = Annotated[
     str | None,
-    typer.Option(metavar="X,Y,Z", help="Direction of gravity in base axes. [default: down, or the calibration's]"),
+    text("X,Y,Z", "Direction of gravity in base axes. [default: down, or the calibration's]"),
 ]
 StandardGravity = Annotated[float, number(G, "G", "m/s^2, turns a weight into a mass.", "--g")]
 WeighingGravity = Annotated[
     float | None, number(G, "G", "m/s^2, turns a weight into a mass. [default: the calibration's]", "--g")
 ]
-CalibrationFile = Annotated[
-    Path, typer.Option("--calibration", "-c", metavar="CAL.json", help="Calibration that `calibrate` wrote.")
-]
+CalibrationFile = Annotated[Path, text("CAL.json", "Calibration that `calibrate` wrote.", "--calibration", "-c")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
 OUTPUT_HELP = "an existing file is replaced only with --force; - is"
@@ -94,13 +97,17 @@ def numbers(text: str, option: str, form: str, within: Range, count: int | None 
     return values
 
 
+def point(text: str | None, option: str, within: Range = ON_FLANGE) -> Array | None:
+    """The three numbers (3,) that an option states, or None. Raises `InputError`."""
+    return None if text is None else numbers(text, option, "three numbers X,Y,Z", within, 3)
+
+
 def gravity_direction(text: str | None) -> Array | None:
     """The direction that --gravity states, unit length, or None."""
-    if text is None:
-        return None
     from ..geometry.wrench import unit_direction
 
-    return unit_direction(numbers(text, "--gravity", "three numbers X,Y,Z", DIRECTION, 3), "--gravity")
+    stated = point(text, "--gravity", DIRECTION)
+    return None if stated is None else unit_direction(stated, "--gravity")
 
 
 def print_result(

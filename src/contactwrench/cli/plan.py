@@ -29,33 +29,30 @@ def plan(
         int | None, options.number(POSES, "N", f"Number of poses. [default: {POSES_ALONE}; with --dynamic 12]", "-n")
     ] = None,
     recorded: Annotated[
-        Path | None, typer.Option("--from", metavar="FILE", help="Plan the next poses after those in this recording.")
+        Path | None, options.text("FILE", "Plan the next poses after those in this recording.", "--from")
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME|URDF[:LINK]",
-            help="Only what its wrist reaches: iiwa7, iiwa14, ur3e, ur5e, ur10e, ur16e, ur20, panda, fr3, or a URDF.",
+        options.text(
+            "NAME|URDF[:LINK]",
+            "Only what its wrist reaches: iiwa7, iiwa14, ur3e, ur5e, ur10e, ur16e, ur20, panda, fr3, or a URDF.",
         ),
     ] = None,
     around: Annotated[
-        str | None,
-        typer.Option(metavar="Q1,Q2,...", help="Where the arm stands, rad; all joints but the last three stay there."),
+        str | None, options.text("Q1,Q2,...", "Where the arm stands, rad; all joints but the last three stay there.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        options.text(
+            "PLAN.csv",
+            "Write the poses; with --dynamic times and joints, or a program, PLAN.script (URScript) or PLAN.src "
+            f"(KUKA KRL); {options.OUTPUT_HELP} stdout.",
             "--output",
             "-o",
-            metavar="PLAN.csv",
-            help="Write the poses; with --dynamic times and joints, or a program, PLAN.script (URScript) or PLAN.src "
-            f"(KUKA KRL); {options.OUTPUT_HELP} stdout.",
         ),
         Writes(),
     ] = None,
-    model: Annotated[
-        str, typer.Option(metavar="M", help="What will be fitted: auto, yaw, mount, mount+base.")
-    ] = "auto",
+    model: Annotated[str, options.text("M", "What will be fitted: auto, yaw, mount, mount+base.")] = "auto",
     dynamic: Annotated[
         bool,
         typer.Option(
@@ -70,8 +67,7 @@ def plan(
         options.number(HEIGHT, "M", "Keep the flange so far above the plane of the base, m. [default: 0.15]"),
     ] = None,
     within: Annotated[
-        float | None,
-        options.number(NEAR, "M", "Keep the motion so near to where the flange starts, m. [default: 0.1]"),
+        float | None, options.number(NEAR, "M", "Keep the motion so near to where the flange starts, m. [default: 0.1]")
     ] = None,
     json: options.Json = False,
     written: Recordings,
@@ -83,8 +79,7 @@ def plan(
     from ..assess.plan_motion import STOPS, plan_motion
     from ..files import write_text
     from ..report.motion_program import program_of
-    from ..report.plan import plan_csv, plan_json, plan_text
-    from ..report.plan_motion import dynamic_plan_json, dynamic_plan_text
+    from ..report.plan import dynamic_plan_json, dynamic_plan_text, plan_csv, plan_json, plan_text
 
     to_stdout = str(output) == STDOUT
     if json and to_stdout:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 def _text(metavar: str, help: str, *names: str, kind: type = str) -> Any:
     """The type of an option of reading that is a text, or a path."""
-    return Annotated[kind | None, typer.Option(*names, metavar=metavar, help=help)]
+    return Annotated[kind | None, options.text(metavar, help, *names)]
 
 
 RECORDING_HELP = (
@@ -134,8 +135,8 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         if "file" in READING[name] and not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
         result = verb(**values, **{name: recordings})
-        stated = (Path(text) for text in (recordings.options.imu, values.get("noise")) if text)
-        beside = [path for path in stated if path.is_file()]
+        stated = (recordings.options.imu, values.get("noise"))
+        beside = [Path(text) for text in stated if text and os.path.isfile(text)]
         options.note_ends(*recordings.files, recordings.options.pose_file, *beside)
         return result
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
 
 from ..errors import InputError
 from ..geometry.arrays import Array
@@ -37,31 +36,30 @@ def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
 def simulate(
     output: Annotated[
         Path,
-        typer.Option(
+        options.text(
+            "OUT",
+            "The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside it.",
             "--output",
             "-o",
-            metavar="OUT",
-            help="The recording: .csv, or .mcap, .db3, .bag with wrench and pose as topics; OUT.truth.json goes beside "
-            "it.",
         ),
         Writes(_with_truth),
     ],
     poses: Annotated[
         str | None,
-        typer.Option(
-            metavar="paper|plan[:N]|random:N|FILE",
-            help="Static poses: the paper's six, planned ones, random ones, or a CSV with q1..q7 (rad) or an "
+        options.text(
+            "paper|plan[:N]|random:N|FILE",
+            "Static poses: the paper's six, planned ones, random ones, or a CSV with q1..q7 (rad) or an "
             f"orientation (and x y z). [default: {DEFAULT_POSES}]",
         ),
     ] = None,
     load_g: Annotated[
-        str | None, typer.Option(metavar="G,G,...", help="Loads hung on the tool, g, each in every pose; 0 is none.")
+        str | None, options.text("G,G,...", "Loads hung on the tool, g, each in every pose; 0 is none.")
     ] = None,
     trajectory: Annotated[
         str | None,
-        typer.Option(
-            metavar="stops[:N]|excite|sweep|FILE",
-            help="A motion instead of static poses, with a stop at each of N planned poses (12) or without any; a FILE "
+        options.text(
+            "stops[:N]|excite|sweep|FILE",
+            "A motion instead of static poses, with a stop at each of N planned poses (12) or without any; a FILE "
             "has t and q1..q7 (rad).",
         ),
     ] = None,
@@ -70,20 +68,20 @@ def simulate(
     ] = 0,
     noise: Annotated[
         str | None,
-        typer.Option(
-            metavar="1/f[:N]",
-            help="1/f noise of the sensor beside its white noise: N is the std of a force within a minute. "
+        options.text(
+            "1/f[:N]",
+            "1/f noise of the sensor beside its white noise: N is the std of a force within a minute. "
             f"[default: none; 1/f alone: {ONE_OVER_F:g}]",
         ),
     ] = None,
     seed: Annotated[int, options.number(SEED, "S", "Of everything random: same seed, same bytes.")] = 0,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="Change a setting of the rig, as in sensor.noise.force=0.05 or base.on=wall; again for more. A wrong "
+        options.text(
+            "NAME=VALUE",
+            "Change a setting of the rig, as in sensor.noise.force=0.05 or base.on=wall; again for more. A wrong "
             "name lists the right ones.",
+            "--set",
         ),
     ] = None,
     orientation: options.Orientation = None,

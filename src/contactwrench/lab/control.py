@@ -12,8 +12,6 @@ from typing import Any
 import msgspec
 
 from ..errors import InputError
-from ..geometry.arrays import Array
-from .device import Packets
 from .rig import Lab
 from .sockets import Client, TcpFake
 
@@ -55,6 +53,3 @@ class Control(TcpFake):
         else:
             raise InputError(f"found {', '.join(order) or 'nothing'}, expected move, push, release or state")
         return {"done": True}
-
-    def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        return []

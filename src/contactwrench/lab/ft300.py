@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ..geometry.arrays import Array
-from .device import Packets
 from .signals import Signal
 from .sockets import Client, TcpFake
 
@@ -43,9 +42,6 @@ class Ft300(TcpFake):
     def _send(self, t0: float, rows: Array) -> None:
         counts = np.rint(rows[-1] * SCALE).clip(-(2**15), 2**15 - 1)
         self._registers[FIRST : FIRST + 6] = counts
-
-    def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        return []
 
     def _received(self, client: Client) -> None:
         while len(client.inbox) >= HEADER.size:

@@ -38,6 +38,8 @@ def _header(names: tuple[str, ...]) -> bytes:
 class UdpLines(UdpFake):
     """Sends datagrams to `target`; a datagram has no connection: `cut` ends it."""
 
+    scheme = "udp"
+
     def __init__(
         self,
         signal: Signal,
@@ -49,20 +51,12 @@ class UdpLines(UdpFake):
         **more: Any,
     ) -> None:
         super().__init__(signal, rate, **more)
-        self.target, self._port_there, self._form, self._names = target, target[1], form, NAMES[shows]
-
-    @property
-    def uri(self) -> str:
-        """What a listener is given."""
-        return f"udp://:{self._port_there}"
-
-    def _received(self, data: bytes, address: tuple[str, int]) -> None:
-        """Nobody answers."""
+        self.target, self._form, self._names = target, form, NAMES[shows]
 
     def _packets(self, t0: float, rows: Array) -> Packets:
         packets = []
         for k, row in enumerate(rows, self.counter):
-            if self._form == "csv" and k % round(self.rate) == 0:
+            if self._form == "csv" and k % max(round(self.rate), 1) == 0:
                 packets.append(_header(self._names))
             at = t0 + (k - self.counter) / self.clock.rate
             packets.append(_line(self, self._names, self._form, at, row))

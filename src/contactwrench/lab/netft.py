@@ -24,8 +24,8 @@ STREAM, ZERO = 2, 0x42
 WRAPS = 1 << 32
 INTERNAL_RATE = 7000.0
 """Hz: what the sensor's own number counts."""
-SATURATED, GAUGE_BROKEN = 0xC000_0000, 0x8000_0004
-"""Status words, each with the bit that says that there is an error (ATI, Ethernet Axia manual, bit patterns)."""
+SATURATED = 0xC000_0000
+"""A status word, with the bit that says that there is an error (ATI, Ethernet Axia manual, bit patterns)."""
 
 
 class NetFt(UdpFake):

@@ -20,11 +20,12 @@ from ..assess.robot_arms import known_arm, within_limits
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.orientation import rotation_matrices
+from ..geometry.ranges import PLACE
 from ..simulate.kinematics import HOME, joints_for
 from ..simulate.rig import JOINTS, build
 from ..simulate.sensor import SensorStream
 from ..simulate.settings import Settings
-from ..simulate.trajectory import MOVE_SPEED, RISE
+from ..simulate.trajectory import MOVE_SPEED, RISE, share_of_push
 from . import motion
 from .signals import FlangePose
 
@@ -62,11 +63,6 @@ class _Push:
     point: Array
     start: float
     end: float
-
-    def strength(self, t: Array) -> Array:
-        smooth = np.minimum(np.maximum(np.minimum(t - self.start, self.end - t) / RISE, 0.0), 1.0)
-        share: Array = smooth**2 * (3.0 - 2.0 * smooth)
-        return share
 
 
 class Sensor:
@@ -147,7 +143,7 @@ class Lab:
             R = rotation_matrices(target)[0][0]
             if position is None:
                 return joints_for(self._rig, R, None, HOME)
-            return joints_for(self._rig, R, np.array(position), self.joints_now())
+            return joints_for(self._rig, R, PLACE.require(position, "position", (3,)), self.joints_now())
         return within_limits(known_arm("iiwa7"), target)
 
     @property
@@ -167,17 +163,19 @@ class Lab:
         Args:
             force: (3,), N, on the tool.
             frame: its axes, with which it turns.
-            duration: s; None: until `release`.
+            duration: s, above 0; None: until `release`.
             at: the tool's hook, or the point of the sensor's axis beside it, about which a push down turns nothing.
 
         Raises:
-            InputError: no force, or one that nobody pushes with.
+            InputError: no force, or one that nobody pushes with, or for no time.
         """
         newton, now = np.array(force, dtype=np.float64), monotonic()
         if newton.shape != (3,) or not np.all(np.abs(newton) <= FORCE):
             raise InputError(f"found a push of {force}, expected three numbers of at most {FORCE:g} N")
         if frame not in ("sensor", "flange", "base") or at not in ("hook", "axis"):
             raise InputError(f"found a push in {frame} axes at {at}, expected sensor, flange or base, and hook or axis")
+        if duration is not None and not duration > 0.0:
+            raise InputError(f"found a push for {duration} s, expected a time above 0")
         point = self._hook if at == "hook" else self._hook * (0.0, 0.0, 1.0)
         end = inf if duration is None else now + duration
         with self._orders:
@@ -222,7 +220,7 @@ class Lab:
         R_base_flange, position = self._flange(t)
         total = self._workpiece(R_base_flange, position)
         for push in [each for each in self._pushes if t[-1] > each.start and t[0] < each.end]:
-            force = push.strength(t)[:, None] * push.force
+            force = share_of_push(t, push.start, push.end)[:, None] * push.force
             if push.frame == "base":
                 force = np.einsum("nij,ni->nj", R_base_flange @ self._R_flange_sensor, force)
             elif push.frame == "flange":

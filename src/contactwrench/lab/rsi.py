@@ -37,19 +37,16 @@ class Rsi(UdpFake):
         correction: the last one (6,), mm and degrees, that came in time.
     """
 
+    scheme = "rsi"
+
     def __init__(
         self, signal: Signal, target: tuple[str, int], *, cycle: float = 0.004, most_late: int = 100, **more: Any
     ) -> None:
         super().__init__(signal, 1.0 / cycle, **more)
-        self.target, self._port_there, self._most_late = target, target[1], most_late
+        self.target, self._most_late = target, most_late
         self._milliseconds = round(1000.0 * cycle)
         self.delays, self.stopped, self.correction = 0, False, np.zeros(6)
         self._unanswered = b""
-
-    @property
-    def uri(self) -> str:
-        """What a listener is given."""
-        return f"rsi://:{self._port_there}"
 
     def _received(self, data: bytes, address: tuple[str, int]) -> None:
         found, correction = IPOC.search(data), CORRECTION.search(data)

@@ -28,8 +28,7 @@ class FlangePose:
         """Of the orientation (3,), rad, of a half turn at most."""
         axis, scalar = self.quat_xyzw[:3], float(self.quat_xyzw[3])
         length = sqrt(axis @ axis)
-        vector: Array = axis * (2.0 * atan2(length if scalar >= 0.0 else -length, abs(scalar)) / max(length, 1e-300))
-        return vector
+        return axis * (2.0 * atan2(length if scalar >= 0.0 else -length, abs(scalar)) / max(length, 1e-300))
 
 
 class Signal(Protocol):

@@ -98,9 +98,9 @@ class TcpFake(Fake):
     def _received(self, client: Client) -> None:
         """Understand what is in the client's inbox, and take it out."""
 
-    @abstractmethod
     def _packets(self, client: Client, t0: float, rows: Array) -> Packets:
-        """A packet a row, for a client."""
+        """A packet a row, for a client: a device that answers and no more has none."""
+        return []
 
     def _send(self, t0: float, rows: Array) -> None:
         for client in [each for each in self._clients if each.wants_rows]:
@@ -129,6 +129,11 @@ class UdpFake(Fake):
     _socket: socket.socket
     _listener: tuple[str, int] | None
 
+    @property
+    def uri(self) -> str:
+        """What a listener is given: of one that sends unasked the port at which it listens itself."""
+        return super().uri if self.target is None else f"{self.scheme}://:{self.target[1]}"
+
     def _open(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((self.host, self.port))
@@ -152,9 +157,8 @@ class UdpFake(Fake):
         with suppress(OSError, ValueError):  # what was sent has not arrived, or what comes means nothing
             self._received(*self._socket.recvfrom(RECEIVED))
 
-    @abstractmethod
     def _received(self, data: bytes, address: tuple[str, int]) -> None:
-        """Understand a datagram."""
+        """Understand a datagram: a device that only sends takes none."""
 
     @abstractmethod
     def _packets(self, t0: float, rows: Array) -> Packets:

@@ -79,8 +79,7 @@ class Ur(TcpFake):
 
     def _tcp_force(self, at: _Moment) -> Array:
         """What the robot makes of it: the contact wrench in base axes, the payload taken off."""
-        turned: Array = (self.signal.true_contact(at.t).reshape(2, 3) @ at.pose.R_base_flange.T).reshape(6)
-        return turned
+        return (self.signal.true_contact(at.t).reshape(2, 3) @ at.pose.R_base_flange.T).reshape(6)
 
     def _received(self, client: Client) -> None:
         while len(client.inbox) >= HEADER.size:

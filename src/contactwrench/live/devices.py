@@ -50,9 +50,13 @@ def _require_rate(source: Source, about: About) -> None:
             heard, samples = batch[-1].arrival, samples + len(batch)
             windows.look(samples, heard)
     if windows.off:
+        place, _, query = source.uri.partition("?")
+        others = [option for option in query.split("&") if option and not option.startswith("rate=")]
+        asked = "&".join([*others, f"rate={windows.rate:.0f}"])
+        takes_one = "rate=" in getattr(source, "FORM", "rate=")
         raise InputError(
             f"{source.uri}: found {windows.rate:.0f} samples a second, expected {about.rate:.0f}: set that rate in the "
-            f"device, or ask for it, as in {source.uri.partition('?')[0]}?rate={windows.rate:.0f}"
+            "device" + f", or ask for it, as in {place}?{asked}" * takes_one
         )
 
 

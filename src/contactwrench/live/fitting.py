@@ -66,7 +66,7 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
                 refusals.append(str(error))
                 continue
             if not pushes:
-                untested = calibration if stated.sign else _doubted(calibration, NOT_TESTED)
+                untested = calibration if stated.sign else _doubted(calibration, Kind.SIGN_NOT_CONFIRMED, NOT_TESTED)
                 return Fitted(untested, sign, settled=f"{name}, as assumed: no push was felt")
             if wrong := contradiction(calibration, pushes, sign):
                 against.append(wrong)
@@ -77,24 +77,22 @@ def fitted(poses: tuple[Taken, ...], pushes: tuple[Push, ...], stated: Stated, s
             tested = as_tested(calibration, pushes, sign)
             if gravity == other_side:
                 towards = ",".join(f"{part:g}" for part in other_side)
-                tested = _doubted(tested, OTHER_SIDE.format(base=base, towards=towards))
+                told = OTHER_SIDE.format(base=base, towards=towards)
+                tested = _doubted(tested, Kind.SIGN_NOT_CONFIRMED, told)
             return Fitted(tested, sign, settled=settled)
     if against:
         return Fitted(None, 1.0, f"{against[0]}: push again as asked, or check the robot's pose and frames")
     return Fitted(None, 1.0, refusals[0] if refusals else "there are no poses yet")
 
 
-def _doubted(calibration: Calibration, text: str) -> Calibration:
-    finding = Finding.doubtful(Kind.SIGN_NOT_CONFIRMED, text)
-    return replace(calibration, findings=(*calibration.findings, finding))
+def _doubted(calibration: Calibration, kind: Kind, text: str) -> Calibration:
+    return replace(calibration, findings=(*calibration.findings, Finding.doubtful(kind, text)))
 
 
 def with_check(calibration: Calibration, passed: bool, reason: str) -> Calibration:
     """The calibration, doubtful where it failed on new poses."""
-    if passed:
-        return calibration
-    finding = Finding.doubtful(Kind.FAILED_CHECK, f"the check on new poses failed: {reason}")
-    return replace(calibration, findings=(*calibration.findings, finding))
+    told = f"the check on new poses failed: {reason}"
+    return calibration if passed else _doubted(calibration, Kind.FAILED_CHECK, told)
 
 
 def with_delay(calibration: Calibration, streams: Streams | None) -> Calibration:

@@ -7,7 +7,7 @@ and what does not fit is counted.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import Empty, Queue, SimpleQueue
 from threading import Event, Thread
@@ -45,11 +45,20 @@ News: TypeAlias = Batch | About | str
 
 @dataclass(frozen=True)
 class Ways:
-    """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`; commands come from `asked`."""
+    """Where what the worker makes goes: snapshots as JSON to `publish`, events to `say`, turns to `outlets`, and while
+    the session records to `recorder` too; commands come from `asked`.
+    """
 
     publish: Callable[[bytes], None] | None = None
     say: Callable[[Said], None] | None = None
     asked: Queue[Ask] | None = None
+    outlets: tuple[OpenSink, ...] = ()
+    recorder: OpenSink | None = None
+
+    @property
+    def sinks(self) -> tuple[OpenSink, ...]:
+        """The outlets, and the recorder where there is one."""
+        return self.outlets if self.recorder is None else (*self.outlets, self.recorder)
 
 
 class Reader:
@@ -144,30 +153,17 @@ class Pump:
     Args:
         session: what is fed.
         readers: by role, `sensor` and, where that is another device, `robot`.
-        ways: where snapshots and events go, and commands come from.
+        ways: where all that is made goes, and commands come from.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        readers: Mapping[str, Reader],
-        *,
-        ways: Ways | None = None,
-    ) -> None:
-        self.session, self._readers = session, dict(readers)
-        self._outlets: tuple[OpenSink, ...] = ()
-        self._recorder: OpenSink | None = None
+    def __init__(self, session: Session, readers: Mapping[str, Reader], ways: Ways) -> None:
+        self.session, self._readers, self._ways = session, dict(readers), ways
         self._ended = set[str]()
-        self._ways = ways or Ways()
         self._wake = self._readers["sensor"].wake
         self._stop = Event()
         self._shown, self._recorded, self._replay = 0.0, 0.0, False
         self.failure: BaseException | None = None
         self._worker = Thread(target=self._run, name="worker", daemon=True)
-
-    def write_to(self, outlets: Sequence[OpenSink], recorder: OpenSink | None = None) -> None:
-        """Before it starts: where turns go, and where they go too while the session records."""
-        self._outlets, self._recorder = tuple(outlets), recorder
 
     def start(self) -> None:
         """Begin."""
@@ -179,7 +175,7 @@ class Pump:
         return not self._worker.is_alive()
 
     def close(self) -> None:
-        """End all threads: readers, then the worker, then the outlets; what came until then is written."""
+        """End all threads: readers, then the worker, then the sinks; what came until then is written."""
         for reader in self._readers.values():
             reader.stop()
         for reader in self._readers.values():
@@ -188,8 +184,8 @@ class Pump:
         self._wake.put(None)
         if self._worker.ident is not None:
             self._worker.join(ENDS_IN)
-        for outlet in (*self._outlets, *((self._recorder,) if self._recorder else ())):
-            outlet.close()
+        for sink in self._ways.sinks:
+            sink.close()
 
     def _run(self) -> None:
         try:
@@ -218,11 +214,9 @@ class Pump:
             t = self._recorded = max([self._recorded, *stamps]) or t
         turn = self.session.feed(batches.get("sensor"), batches.get("robot"), t=t)
         if turn.rows:
-            for outlet in self._outlets:
-                outlet.write(turn)
-            if self._recorder is not None and self.session.recording:
-                self._recorder.write(turn)
-        self._say_of_outlets(t)
+            for sink in self._ways.sinks if self.session.recording else self._ways.outlets:
+                sink.write(turn)
+        self._say_of_sinks(t)
         self._obey(t)
         for said in self.session.events():
             if self._ways.say is not None:
@@ -231,12 +225,12 @@ class Pump:
             self._shown = t
             self._ways.publish(self.encoded_snapshot(t))
 
-    def _say_of_outlets(self, t: float) -> None:
-        """Of each outlet that has ended, once."""
-        for outlet in (*self._outlets, *((self._recorder,) if self._recorder else ())):
-            if outlet.error and outlet.uri not in self._ended:
-                self._ended.add(outlet.uri)
-                self.session.outlet_ended(outlet.error, t)
+    def _say_of_sinks(self, t: float) -> None:
+        """Of each sink that has ended, once."""
+        for sink in self._ways.sinks:
+            if sink.error and sink.uri not in self._ended:
+                self._ended.add(sink.uri)
+                self.session.outlet_ended(sink.error, t)
 
     def _taken(self, role: str, reader: Reader, t: float) -> Batch | None:
         """What came from a device, joined; that it is there, or gone, is told to the session in its turn."""
@@ -260,6 +254,6 @@ class Pump:
 
     def encoded_snapshot(self, t: float) -> bytes:
         """What a person sees at `t` s, as JSON; for the worker alone."""
-        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._outlets)
-        recording = "" if self._recorder is None else self._recorder.uri
+        outlets = tuple(Output(each.uri, each.written, each.dropped, each.error) for each in self._ways.outlets)
+        recording = "" if self._ways.recorder is None else self._ways.recorder.uri
         return msgspec.json.encode(self.session.snapshot(t, outlets, recording))

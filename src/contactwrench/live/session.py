@@ -15,9 +15,8 @@ from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import ContactWrench
 from ..errors import ContactWrenchError
 from .fitting import SIGNS, shown
-from .history import History
+from .history import History, Motion
 from .intake import STREAMING, Intake
-from .motion import Motion
 from .pose_track import NO_PLACE, PoseTrack
 from .running import OF_ROBOT, OF_SENSOR, Options, Runner, shown_contact_wrench
 from .sink import Pose, Reading, Turn

@@ -54,8 +54,7 @@ class Standing:
         """The std (6,) of means over a twentieth of a second, N and N m, while nothing moves; None: not seen yet."""
         if len(self._looks) < FEWEST_LOOKS:
             return None
-        quiet: Array = np.percentile(np.array(self._looks), QUIETER, axis=0)
-        return quiet
+        return np.percentile(np.array(self._looks), QUIETER, axis=0)
 
     def look(self, history: History, t: float) -> bool:
         """Look, where it is time to at `t` s; whether it was."""

@@ -64,6 +64,13 @@ class Uri:
             raise InputError(f"{self.text}: found {name}={text}, expected a whole number: correct the URI")
         return int(text)
 
+    def switch(self, name: str) -> bool:
+        """Whether an option is 1; 0, or not there: it is not. Raises `InputError`."""
+        text = self.options.get(name, "0")
+        if text not in ("0", "1"):
+            raise InputError(f"{self.text}: found {name}={text}, expected 1, or no such option: correct the URI")
+        return text == "1"
+
     def rate(self) -> float | None:
         """The option `rate`, Hz; None where there is none. Raises `InputError`."""
         if (text := self.options.get("rate")) is None:

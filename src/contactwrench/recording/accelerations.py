@@ -71,7 +71,7 @@ def _of_table(path: str | Path, columns: str | None, naming: Naming) -> Accelero
         raise FileFormatError(f"{path}: found no column t, expected the time of each acceleration: add it")
     times: list[Array] = []
     reading: list[Array] = []
-    for body in table.told((*t, *axes), None):
+    for body in table.bodies((*t, *axes)):
         of_times, of_axes = in_si(body, (t, axes), axes)
         seconds = in_seconds(of_times, t)
         times += [] if seconds is None else [seconds]

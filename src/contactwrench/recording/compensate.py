@@ -32,8 +32,8 @@ from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
 from .in_order import NOTHING, InOrder
 from .options import Options
-from .read import Tell, bag_blocks, batches, pairs_in_batches, reader_of
-from .tables.columns import Advance
+from .read import bag_blocks, batches, pairs_in_batches, reader_of
+from .tables.columns import Advance, Tell, unheard
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
@@ -76,8 +76,8 @@ def compensated(
     options: Options,
     calibration: Calibration,
     treatment: Treatment,
-    advance: Advance | None = None,
-    note: Tell | None = None,
+    advance: Advance = unheard,
+    note: Tell = unheard,
 ) -> Iterator[ContactWrenches]:
     """The contact wrenches of a recording, in batches.
 
@@ -99,8 +99,7 @@ def compensated(
     require_frame(calibration, treatment.output_frame)
     if options.imu is not None and (calibration.dynamics is None or calibration.dynamics.accelerometer is None):
         options = replace(options, imu=None)
-        if note is not None:
-            note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
+        note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
@@ -126,24 +125,14 @@ def write_compensated(
     path: Path,
     options: Options,
     output_frame: str,
-    note: Tell | None = None,
+    note: Tell,
 ) -> str | None:
-    """Write what was made of a recording, batch by batch.
+    """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
+    bag has it.
 
-    Args:
-        output: `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the
-            bag with the contact wrench beside each reading.
-        recording: what `compensated` gives.
-        path: the recording that it is made of.
-        options: how that is written.
-        output_frame: axes of the contact wrench.
-        note: is told what a copy of a damaged bag lacks.
-
-    Returns:
-        The topic in which a bag has them.
-
-    Raises:
-        ContactWrenchError: as the writers raise it.
+    `output` `-` is a table on stdout. A bag's suffix, or none where the recording is a folder, makes a copy of the bag
+    with the contact wrench beside each reading; `note` is told what that of a damaged one lacks. Raises
+    `ContactWrenchError` as the writers do.
     """
     like_folder = os.path.isdir(path) and not output.suffix and str(output) != "-"
     is_bag = reader_of(path, options) is bag_blocks
@@ -161,23 +150,23 @@ def _at_once(calibration: Calibration) -> dict[str, int]:
     return {} if calibration.dynamics is None else {"rows": 10**9}
 
 
-def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell | None) -> Iterator[Part]:
+def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Tell) -> Iterator[Part]:
     """The same parts of a recording; which columns were taken for what is noted, and what is in doubt or damaged."""
     damage, of_table = "", reader_of(path, options) is not bag_blocks
     little = of_table
     for k, part in enumerate(parts):
-        if k == 0 and note is not None and (columns := part.read_as.get("columns")):
+        if k == 0 and (columns := part.read_as.get("columns")):
             note(f"columns: {columns}")
         t = part.t if isinstance(part, Samples) else part.wrench.t
         poses = part if isinstance(part, Samples) else part.orientation
-        if k == 0 and note is not None and of_table and (doubt := times_in_doubt(path, options.naming, t)):
+        if k == 0 and of_table and (doubt := times_in_doubt(path, options.naming, t)):
             note(doubt)
         little = little and turns_little(poses.R_base_flange)
         yield part
         damage = part.damage
-    if damage and note is not None:
+    if damage:
         note(damage)
-    if little and note is not None and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
+    if little and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
         note(doubt)
 
 
@@ -190,12 +179,12 @@ def _paired(
     options: Options,
     calibration: Calibration,
     treatment: Treatment,
-    advance: Advance | None,
-    note: Tell | None,
+    advance: Advance,
+    note: Tell,
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order, delay = InOrder(), treatment.applied_delay(calibration)
-    if note is not None and delay != 0.0:
+    if delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
         note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
     recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
@@ -203,7 +192,7 @@ def _paired(
     begun = list(islice(parts, 2))
     compensator = None
     if treatment.judged:
-        if note is not None and treatment.noise is None and calibration.still_noise is None:
+        if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
         compensator = Compensator(
             calibration,
@@ -217,9 +206,8 @@ def _paired(
     for part in chain(begun, parts):
         samples = with_accelerations(part.samples, path, options)
         yield order.whole(_of_samples(calibration, compensator, samples, treatment), part)
-        if note is not None:
-            for sentence in part.notes:
-                note(sentence)
+        for sentence in part.notes:
+            note(sentence)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
         yield replace(NOTHING, contacts=(last,))
 

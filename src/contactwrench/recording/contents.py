@@ -18,7 +18,7 @@ from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, sec
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, note
 from .read import bag_blocks, reader_of
-from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for
+from .tables.columns import AS_NAMED, Advance, Column, OpenTable, taken_for, unheard
 from .tables.episodes import episode_column, episodes_of
 from .tables.orientations import orientation_columns
 from .tables.roles import time_columns, wrench_columns
@@ -99,12 +99,12 @@ class TableContents:
     episodes: tuple[int, ...] = ()
 
 
-def contents(path: str | Path, advance: Advance | None = None) -> BagContents | TableContents:
+def contents(path: str | Path, advance: Advance = unheard) -> BagContents | TableContents:
     """What is in a recording; `advance` is told how far it is. Raises as `read_streams`."""
     return bag_contents(path, advance) if reader_of(path) is bag_blocks else table_contents(path, advance)
 
 
-def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContents:
+def bag_contents(path: str | Path, advance: Advance = unheard) -> BagContents:
     """What is in a bag; `advance` as for `bag_batches`. Raises as that where nothing can be read."""
     with opened_bag(path, accept_damaged=True) as bag:
         stamps: dict[Topic, list[tuple[Array, Array]]] = {topic: [] for topic in bag.counts}
@@ -114,8 +114,7 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
                 stamps[topic].append(_stamps(bag, topic, logged))
                 if topic.type in TRANSFORMS:
                     note(edges, transforms(bag, topic, logged))
-            if advance is not None:
-                advance(part_read(bag, found))
+            advance(part_read(bag, found))
         topics = tuple(_topic_content(topic, parts, bag.start) for topic, parts in stamps.items())
         frames = tuple(
             FrameContent(child, parent, edge.moves, edge.count) for (parent, child), edge in sorted(edges.items())
@@ -125,7 +124,7 @@ def bag_contents(path: str | Path, advance: Advance | None = None) -> BagContent
         return BagContents(str(path), kind, bag.start, bag.duration, topics, frames, _reading(bag), said, left_open)
 
 
-def table_contents(path: str | Path, advance: Advance | None = None) -> TableContents:
+def table_contents(path: str | Path, advance: Advance = unheard) -> TableContents:
     """What is in a table. Raises as `read` for a file that is none."""
     table = open_set(path)
     t_columns, reading = _reading_of_table(table)
@@ -141,7 +140,7 @@ def table_contents(path: str | Path, advance: Advance | None = None) -> TableCon
 
 
 def _counted(
-    table: OpenTable, t_columns: tuple[Column, ...], advance: Advance | None
+    table: OpenTable, t_columns: tuple[Column, ...], advance: Advance
 ) -> tuple[int, Array | None, tuple[int, ...]]:
     """The number of rows, their times where there are columns of them, of a set those of its first episode, and its
     episodes.

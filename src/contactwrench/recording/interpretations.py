@@ -133,8 +133,7 @@ def _turning(rows: Written) -> Array | None:
         return rows.stated
     for _, to_matrices, values in tried:
         with suppress(InputError):
-            turning: Array = to_matrices(values)
-            return turning
+            return to_matrices(values)
     return rows.stated
 
 

@@ -66,7 +66,8 @@ class Options:
         for name in OF_TABLES if bag else (*OF_BAGS, "accept_damaged"):
             value = getattr(self, name)
             if value != getattr(AS_USUAL, name):
-                raise InputError(f"{path}: found {kinds[0]}, and {name} {value}, which is for {kinds[1]}: leave it out")
+                given = ",".join(value) if name == "frames" else value
+                raise InputError(f"{path}: found {kinds[0]}, and {name} {given}, which is for {kinds[1]}: leave it out")
 
     def told(self, found: ReadAs) -> ReadAs:
         """How a recording was read: what was `found` in it, and these options as far as they say something, plain. The

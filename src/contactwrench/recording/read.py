@@ -17,7 +17,7 @@ from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream,
 from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
-from .tables.columns import ROWS, Advance
+from .tables.columns import ROWS, Advance, Tell, unheard
 from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
 from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
@@ -25,15 +25,13 @@ from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
 from .tables.table import Table, merged, read_as_of_both, tables
 
-Tell = Callable[[str], None]
 
-
-def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Table]:
+def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Table]:
     """A table, or a folder of them, with wrench and orientation side by side."""
     return (options.applied(table, path) for table in tables(path, options.naming, rows, advance))
 
 
-def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
+def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Streams]:
     """A table of wrenches, and the `pose_file` with the orientations: a block has what both hold up to one moment."""
     pose_path = options.pose_file or path
     wrenches = tables(path, replace(options.naming, orientation=None), rows, advance)
@@ -44,7 +42,7 @@ def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Adva
     return (_streams(wrench, pose, path, pose_path) for wrench, pose in both)
 
 
-def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance | None) -> Iterator[Streams]:
+def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Streams]:
     """A ROS bag."""
     from .bags.read import bag_batches
     from .urdf import arm_of
@@ -71,7 +69,7 @@ def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance |
 
 
 Block: TypeAlias = Table | Streams
-Reader: TypeAlias = Callable[[str | Path, Options, int, Advance | None], Iterator[Block]]
+Reader: TypeAlias = Callable[[str | Path, Options, int, Advance], Iterator[Block]]
 
 READERS: dict[str, Reader] = {
     **dict.fromkeys((*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5), table_blocks),
@@ -106,23 +104,22 @@ def _by_name(path: Path) -> Reader:
     return READERS[suffix]
 
 
-def read_streams(path: str | Path, options: Options = AS_USUAL, advance: Advance | None = None) -> Streams:
+def read_streams(path: str | Path, options: Options = AS_USUAL) -> Streams:
     """A recording as it is, each stream at its own times. Of one table a row belongs to both streams, or to one where
     its other cells are empty.
 
     Args:
         path: the file or folder.
         options: how it is written.
-        advance: is told how far it is.
 
     Returns:
         Wrench in N and N m, sensor axes, pull sign; orientations of `R_base_flange`; times in s. Raises as `read`.
     """
-    return Streams.concatenate(list(batches(path, options, advance=advance)))
+    return Streams.concatenate(list(batches(path, options)))
 
 
 def batches(
-    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard
 ) -> Iterator[Streams]:
     """The same in consecutive batches of at most about `rows` rows, each row once and in order; memory for one of them.
 
@@ -132,7 +129,7 @@ def batches(
 
 
 def pairs_in_batches(
-    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance | None = None
+    path: str | Path, options: Options = AS_USUAL, rows: int = ROWS, advance: Advance = unheard
 ) -> Iterator[Samples] | None:
     """The samples of a table whose rows are pairs of wrench and orientation, `rows` at a time, memory for one of them.
 
@@ -148,10 +145,10 @@ def pairs_in_batches(
 
 def read_samples(
     path: str | Path,
-    options: Options = AS_USUAL,
-    advance: Advance | None = None,
-    tell: Tell | None = None,
-    begin: Tell | None = None,
+    options: Options,
+    advance: Advance = unheard,
+    tell: Tell = unheard,
+    begin: Tell = unheard,
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
     orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
@@ -160,32 +157,30 @@ def read_samples(
     which channels stood at their limits, its readings do.
     """
     blocks = list(reader_of(path, options)(path, options, ROWS, advance))
-    if tell is not None and (columns := blocks[0].read_as.get("columns")):
+    if columns := blocks[0].read_as.get("columns"):
         tell(f"columns: {columns}")
     paired = [block for block in blocks if isinstance(block, Table) and not block.lacks_orientations]
     if len(paired) == len(blocks):
         return _completed(_samples(Table.concatenate(paired), path), path, options, tell)
     from ..samples.delay import on_one_clock
 
-    if begin is not None:
-        begin(f"finding the delay in {Path(path).name}")
+    begin(f"finding the delay in {Path(path).name}")
     streams = Streams.concatenate([_as_streams(block, path) for block in blocks])
     if streams.wrench.saturated is None:
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
     samples = replace(samples, damage=streams.damage)
-    if tell is not None:
-        for note in notes:
-            tell(note)
+    for note in notes:
+        tell(note)
     return _completed(samples, path, options, tell)
 
 
-def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell | None) -> Samples:
+def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell) -> Samples:
     """With an accelerometer's readings, and what is doubtful in how angles were read; of times `tell` hears."""
     samples = with_accelerations(samples, path, options)
     if reader_of(path, options) is bag_blocks:
         return samples
-    if tell is not None and (said := times_in_doubt(path, options.naming, samples.t)):
+    if said := times_in_doubt(path, options.naming, samples.t):
         tell(said)
     doubt = angles_in_doubt(options.pose_file or path, options.naming) if turns_little(samples.R_base_flange) else ""
     return replace(samples, doubt=doubt) if doubt else samples

@@ -66,7 +66,8 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
             f"{path}: found no joint that carries a link {tip!r}, expected one of {some_of(to_child)}"
         )
     chain = _chain(path, tip, to_child)
-    R_before, offsets, axes, limits, speeds, names, R, offset = [], [], [], [], [], [], np.eye(3), np.zeros(3)
+    turning: list[_Joint] = []
+    R_before, offsets, R, offset = [], [], np.eye(3), np.zeros(3)
     for joint in chain:
         offset = offset + R @ joint.origin
         R = R @ joint.R_parent_joint
@@ -77,20 +78,27 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
                 f"{path}: joint {joint.name} is {joint.kind}, expected revolute joints from root to {tip}: "
                 "name the arm's flange, as in arm.urdf:LINK"
             )
+        turning.append(joint)
         R_before.append(R)
         offsets.append(offset)
-        axes.append(joint.axis)
-        limits.append(joint.limits)
-        speeds.append(joint.max_speed)
-        names.append(joint.name)
         R, offset = np.eye(3), np.zeros(3)
-    if not axes:
+    if not turning:
         raise FileFormatError(f"{path}: found no revolute joint from root to {tip}, expected a robot arm")
-    ends = np.array(limits)
-    name = f"{Path(path).name}:{tip}"
-    lengths = np.array([*offsets, offset])
-    of_joints = np.array(R_before), lengths, np.array(axes), R, ends, ends.mean(axis=1), np.array(speeds)
-    return Arm(name, *of_joints, np.full(len(axes), np.nan), str(path), tuple(names), chain[0].parent)
+    limits = np.array([joint.limits for joint in turning])
+    return Arm(
+        name=f"{Path(path).name}:{tip}",
+        R_before=np.array(R_before),
+        offset=np.array([*offsets, offset]),
+        axis=np.array([joint.axis for joint in turning]),
+        R_last_flange=R,
+        limits=limits,
+        home=limits.mean(axis=1),
+        max_speed=np.array([joint.max_speed for joint in turning]),
+        max_acceleration=np.full(len(turning), np.nan),
+        source=str(path),
+        joint_names=tuple(joint.name for joint in turning),
+        base_frame=chain[0].parent,
+    )
 
 
 def _joints(path: str | Path) -> list[_Joint]:

@@ -196,5 +196,4 @@ def _nearest(t: Array, of: Array) -> NDArray[np.intp]:
     order = np.argsort(of, kind="stable")
     after = np.clip(np.searchsorted(of[order], t), 1, len(of) - 1) if len(of) > 1 else np.zeros(len(t), dtype=np.intp)
     nearer = np.where(t - of[order][after - 1] < of[order][after] - t, after - 1, after)
-    places: NDArray[np.intp] = order[nearer]
-    return places
+    return order[nearer]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,12 +14,7 @@ from ..calibration.file import to_json
 from ..calibration.findings import Kind
 from ..calibration.text import describe, verdict_sentences
 from ..errors import FileAccessError, InputError
-from ..estimation.noise import NoiseLike
-from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..files import STDOUT, make_folder
-from ..geometry.arrays import Array
-from ..geometry.wrench import STANDARD_GRAVITY
-from ..recording.options import Options
 from ..samples.samples import Samples
 from ..statistics import meaningful_digits
 
@@ -64,41 +59,23 @@ class Calibrated:
 
 def calibrate_recordings(
     files: Sequence[Path],
-    options: Options,
     read: Callable[[Path], Samples],
+    shared: tuple[str, ...],
+    stated: Mapping[str, Any],
     *,
-    model: str = "auto",
-    shared: tuple[str, ...] = (),
-    gravity: Array | None = None,
-    g: float = STANDARD_GRAVITY,
-    noise: NoiseLike = None,
-    known: dict[str, tuple[Any, Any]] | None = None,
-    prior: Calibration | None = None,
-    sensor_offset: Array | None = None,
-    mount_tilt_sd: float = MOUNT_TILT_SD,
-    base_tilt_sd: float = BASE_TILT_SD,
-    output: Path | None = None,
-    report: Path | None = None,
-    required: tuple[float | None, float | None] = (None, None),
-    required_mass: tuple[float, float] | None = None,
-    force: bool = False,
+    output: Path | None,
+    report: Path | None,
+    required: tuple[float | None, float | None],
+    required_mass: tuple[float, float] | None,
+    force: bool,
 ) -> Calibrated:
     """Calibrate, save and report; calibrations of which one fits badly are not saved.
 
     Args:
         files: one recording, or with `shared` one of each tool.
-        options: how they are written.
         read: gives the samples of a file.
-        model: auto, paper, yaw, mount, mount+base, affine or dynamic.
-        shared: what the recordings have in common: mount, gravity.
-        gravity: its direction (3,) in base axes, where it is known.
-        g: m/s^2, of the mass.
-        noise: of one pose's reading, as `calibrate` takes it.
-        known: what is known beforehand, as `calibrate` takes it.
-        prior: an earlier calibration of the same tool, in the base of the recording.
-        sensor_offset: of `dynamic`, (3,) m, as `calibrate` takes it.
-        mount_tilt_sd: std of the sensor's tilt, an axis, rad.
-        base_tilt_sd: of the base's.
+        shared: what the recordings have in common: mount, gravity; empty: they are one.
+        stated: the arguments of `calibrate`, or with `shared` of `calibrate_shared`, by their names.
         output: the file of the calibration; with `shared` a folder; none for `-`, as stdout is the caller's.
         report: a page about the calibration.
         required: the most error to be expected of the contact force, N, and of the torque, N m, at a new orientation.
@@ -113,16 +90,14 @@ def calibrate_recordings(
     bases = list(dict.fromkeys(str(r.read_as["base_frame"]) for r in recordings if "base_frame" in r.read_as))
     if "gravity" in shared and len(bases) > 1:
         raise InputError(f"found orientations in {' and in '.join(bases)}, expected one base that the recordings share")
-    tilts = {"mount_tilt_sd": mount_tilt_sd, "base_tilt_sd": base_tilt_sd}
-    stated: dict[str, Any] = {"noise": noise, "gravity": gravity, "g": g, "known": known or {}, **tilts}
     if shared:
         from ..estimation.several_tools import calibrate_shared
 
-        fitted = calibrate_shared(recordings, shared, model, **stated)
+        fitted = calibrate_shared(recordings, shared, **stated)
     else:
         from ..estimation.calibrate import calibrate
 
-        fitted = (calibrate(recordings[0], model, prior=prior, sensor_offset=sensor_offset, **stated),)
+        fitted = (calibrate(recordings[0], **stated),)
     created = datetime.now(UTC).isoformat(timespec="seconds")
     calibrations = tuple(replace(c, provenance={**c.provenance, "created": created}) for c in fitted)
     held_back = _held_back(paths, force) if any(map(_bad_fit, calibrations)) else ""

@@ -13,7 +13,7 @@ from ..files import STDOUT, write_text
 from ..geometry.arrays import Array
 from ..recording.compensate import Treatment, compensated, write_compensated
 from ..recording.options import Options
-from ..recording.tables.columns import Advance
+from ..recording.tables.columns import Advance, unheard
 from ..statistics import counted, meaningful_digits
 from .figures import AXIS_COLOURS, WIDTH, drawing, svg_text
 from .html import figure_html, page, paragraphs_html, plain_table
@@ -67,7 +67,7 @@ def compensate_recording(
     treatment: Treatment,
     output: Path,
     report: Path | None,
-    advance: Advance | None = None,
+    advance: Advance = unheard,
 ) -> tuple[list[str], list[str]]:
     """Compensate a recording and write what comes out.
 

@@ -1,4 +1,4 @@
-"""A plan of poses as text for the terminal, as the CSV to be filled in, and as JSON."""
+"""A plan as text for the terminal and as JSON: of poses, also as the CSV to be filled in, or of a whole recording."""
 
 from __future__ import annotations
 
@@ -6,20 +6,24 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..assess.plan import Accuracy, Expected, Plan
+from ..assess.fourier_motion import HARMONICS
+from ..assess.plan import READINGS, Accuracy, Expected, Plan
+from ..assess.plan_motion import STOP, DynamicPlan
+from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA
 from ..geometry.arrays import Array
 from ..model import gravity_in_flange
 from .text import json_text
 
 MUCH_WORSE = 1.05
 """Of the std that a plan without a robot reaches: more than this, and the arm's limits are said to cost it."""
+IN_KG_CM2, IN_MM = 1e4, 1e3
 
 
 def plan_text(plan: Plan) -> str:
     """The poses in order, what they are planned for, and what they are worth."""
     lines = [
         f"Plan of {len(plan)} pose{'' if len(plan) == 1 else 's'} after {plan.recorded}, model {plan.model}",
-        *expected_text(plan.expected),
+        *_expected_text(plan.expected),
     ]
     if plan.around is not None and plan.joints is not None:
         around = " ".join(f"{q:.4g}" for q in plan.around)
@@ -29,17 +33,17 @@ def plan_text(plan: Plan) -> str:
     return "\n".join([*lines, "", *_poses(plan), "", *_accuracies(plan)])
 
 
-def expected_text(expected: Expected) -> list[str]:
+def _expected_text(expected: Expected) -> list[str]:
     """What is planned for, and why no recording tells it."""
     origin = "assumed" if expected.fitted_to is None else f"fitted to {expected.fitted_to}"
     return [
         *([] if expected.refusal is None else [f"  {expected.refusal}"]),
-        f"  {origin}: a tool of {expected.tool.weight:.3g} N, a noise of {noise_text(expected.noise)} in a pose's "
+        f"  {origin}: a tool of {expected.tool.weight:.3g} N, a noise of {_noise_text(expected.noise)} in a pose's "
         "reading",
     ]
 
 
-def noise_text(noise: Array) -> str:
+def _noise_text(noise: Array) -> str:
     """The root mean square of the forces' std, and of the torques'."""
     force, torque = (np.sqrt(np.mean(part**2)) for part in (noise[:3], noise[3:]))
     return f"{force:.2g} N and {1e3 * torque:.2g} mN m"
@@ -116,7 +120,7 @@ def plan_json(plan: Plan) -> str:
     return json_text(
         {
             "model": plan.model,
-            "expected": expected_json(plan.expected),
+            "expected": _expected_json(plan.expected),
             "recorded": plan.recorded,
             "robot": None if plan.around is None else {"arm": plan.arm, "around": plan.around},
             "poses": [
@@ -135,10 +139,71 @@ def plan_json(plan: Plan) -> str:
     )
 
 
-def expected_json(expected: Expected) -> dict[str, object]:
+def _expected_json(expected: Expected) -> dict[str, object]:
     """Tool and noise that are planned for, and where they are from."""
     tool = {"weight": expected.tool.weight, "com": expected.tool.com, "noise": expected.noise}
     return {**tool, "fitted_to": expected.fitted_to, "refusal": expected.refusal}
+
+
+def dynamic_plan_text(plan: DynamicPlan) -> str:
+    """What is planned, how fast it is at most, and how well it tells inertia and offset."""
+    motion, most = plan.motion, plan.largest
+    lines = [
+        f"Plan of {len(plan.stops)} stops and {motion.duration:.3g} s of motion, {plan.duration:.0f} s in all, model "
+        "dynamic",
+        *_expected_text(plan.stops.expected),
+        f"  in motion {_noise_text(plan.stops.expected.in_motion)} in each of {READINGS:g} readings a second",
+        f"  with {plan.arm.name} from {' '.join(f'{q:.4g}' for q in motion.start)} rad and back, {STOP} s at each stop",
+        f"  then {motion.periods} periods of {HARMONICS} harmonics of {motion.frequency:.3g} Hz in every joint",
+        "",
+        f"  {'at most':14}" + "".join(f"{f'q{k + 1}':>6}" for k in range(len(plan.arm))),
+        *(
+            f"  {name:14}" + "".join(f"{value:6.0f}" for value in np.rad2deg(values)) + f"  {unit}"
+            for name, values, unit in (
+                ("from the start", most.from_start, "deg"),
+                ("speed", most.speed, "deg/s"),
+                ("acceleration", most.acceleration, "deg/s^2"),
+            )
+        ),
+        f"  The flange turns at up to {np.rad2deg(most.turn_speed):.0f} deg/s and "
+        f"{np.rad2deg(most.turn_acceleration):.0f} deg/s^2, and moves at up to {most.flange_speed:.2g} m/s",
+        f"  It is {most.lowest:.2g} m above the plane of the base or more, within {most.furthest:.2g} m of "
+        f"where it starts, in motion {plan.limits.within:.2g} m",
+        "",
+        "  std that the motion leaves, at best",
+        f"  {'':12}{'tool known':>12}{'after the stops':>17}",
+    ]
+    for name, known, after in zip(DYNAMIC_PARAMETERS, plan.std, plan.std_after_stops, strict=True):
+        scale, unit = (IN_KG_CM2, "kg cm^2") if name in INERTIA else (IN_MM, "mm")
+        lines.append(f"  {name:12}{scale * known:12.2g}{scale * after:17.2g}  {unit}")
+    if plan.stops.after is None:
+        lines.append("  The stops are too few to calibrate with: plan more (-n)")
+    return "\n".join([*lines, "  Collisions and cables are not checked: run the motion slowly once"])
+
+
+def dynamic_plan_json(plan: DynamicPlan) -> str:
+    """All of it: SI and radians."""
+    motion = plan.motion
+    return json_text(
+        {
+            "model": "dynamic",
+            "expected": _expected_json(plan.stops.expected),
+            "robot": {"arm": plan.arm.name, "around": motion.start},
+            "duration": plan.duration,
+            "stops": {"joints": plan.stops.joints, "seconds": STOP, "moves": plan.moves, "after": plan.stops.after},
+            "motion": {
+                "frequency": motion.frequency,
+                "periods": motion.periods,
+                "duration": motion.duration,
+                "sine": motion.sine,
+                "cosine": motion.cosine,
+            },
+            "largest": plan.largest,
+            "reading": {"noise": plan.stops.expected.in_motion, "per_second": READINGS},
+            "std": dict(zip(DYNAMIC_PARAMETERS, plan.std.tolist(), strict=True)),
+            "std_after_stops": dict(zip(DYNAMIC_PARAMETERS, plan.std_after_stops.tolist(), strict=True)),
+        }
+    )
 
 
 def _columns(plan: Plan) -> list[str]:

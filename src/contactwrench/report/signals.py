@@ -39,8 +39,7 @@ class Envelope:
     @property
     def t(self) -> Array:
         """The middle of each bin (m,), s."""
-        middles: Array = self.start + self.width * (np.arange(len(self.low), dtype=np.float64) + 0.5)
-        return middles
+        return self.start + self.width * (np.arange(len(self.low), dtype=np.float64) + 0.5)
 
 
 def envelope(t: Array, values: Array, before: Envelope | None = None, most_bins: int = MOST_BINS) -> Envelope:

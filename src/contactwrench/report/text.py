@@ -239,16 +239,13 @@ def _frames(frames: tuple[FrameContent, ...]) -> Iterator[str]:
         children.setdefault(frame.parent, []).append(frame)
     below = {frame.name for frame in frames}
     lines: list[str] = []
-
-    def down(name: str, depth: int, sign: str, above: tuple[str, ...]) -> None:
-        lines.append(f"  {'  ' * depth}{sign}{name}")
-        for child in children.get(name, ()):
-            if child.name not in above:
-                down(child.name, depth + 1, "" if child.moves else "= ", (*above, name))
-
-    for root in dict.fromkeys(frame.parent for frame in frames):
-        if root not in below:
-            down(root, 0, "", ())
+    for root in sorted(children, key=below.__contains__):  # what is left behind the roots goes round in a circle
+        left = [(root, 0, "")] if root in children else []
+        while left:
+            name, depth, sign = left.pop()
+            lines.append(f"  {'  ' * depth}{sign}{name}")
+            hang = reversed(children.pop(name, []))
+            left += [(child.name, depth + 1, "" if child.moves else "= ") for child in hang]
     yield from lines[:MOST_FRAMES]
     if len(lines) > MOST_FRAMES:
         yield f"  and {len(lines) - MOST_FRAMES} more"

@@ -52,15 +52,13 @@ def _flange(rig: Rig, data: Any, joints: Array) -> tuple[Array, Array, Array]:
     return R_base_world @ R_world_flange, R_base_world @ in_world, turned
 
 
-def joints_for(
-    rig: Rig, R_base_flange: Array, position: Array | None = None, near: Array = HOME, seed: int = 0
-) -> Array:
+def joints_for(rig: Rig, R_base_flange: Array, position: Array | None = None, near: Array = HOME) -> Array:
     """Joints (7,), rad, that bring the flange to an orientation (3, 3), and to a position (3,), m, where one is given.
 
     Newton's steps in the least norm from `near` (7,), then from other places; of seven joints one is free, or four, and
     stays close to where it began. Raises `InputError` for a pose that no configuration within the limits was found for.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     start = np.asarray(near, dtype=np.float64)
     for _ in range(TRIES):
         joints = _newton(rig, R_base_flange, position, start)

@@ -141,5 +141,4 @@ def friction_torque(sensors: JointTorque, velocity: Array, rng: np.random.Genera
     """
     most = abs(sensors.friction)  # -0.0 is a range upside down to the generator
     at_rest = rng.uniform(-most, most, size=velocity.shape)
-    friction: Array = np.where(velocity == 0.0, at_rest, most * np.sign(velocity))
-    return friction
+    return np.where(velocity == 0.0, at_rest, most * np.sign(velocity))

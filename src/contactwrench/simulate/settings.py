@@ -220,14 +220,12 @@ class Settings:
     def R_flange_sensor(self) -> Array:
         """The mounting (3, 3)."""
         tilt, yaw = [*self.mounting.tilt_deg, 0.0], [0.0, 0.0, self.mounting.yaw_deg]
-        R: Array = rotation_exp(np.deg2rad(tilt)) @ rotation_exp(np.deg2rad(yaw))
-        return R
+        return rotation_exp(np.deg2rad(tilt)) @ rotation_exp(np.deg2rad(yaw))
 
     @property
     def R_world_base(self) -> Array:
         """How the base stands (3, 3); the world's z is up."""
-        R: Array = UPRIGHT_OF[self.base.on] @ rotation_exp(np.deg2rad([*self.base.tilt_deg, 0.0]))
-        return R
+        return UPRIGHT_OF[self.base.on] @ rotation_exp(np.deg2rad([*self.base.tilt_deg, 0.0]))
 
     @property
     def gravity_direction(self) -> Array:

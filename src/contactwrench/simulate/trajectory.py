@@ -188,6 +188,11 @@ def force_on_hook(pushes: tuple[Push, ...], t: Array) -> Array:
     """The force (n, 3), N, base axes, at times (n,), s."""
     force = np.zeros((len(t), 3))
     for push in pushes:
-        smooth = np.clip(np.minimum(t - push.t_start, push.t_end - t) / RISE, 0.0, 1.0)
-        force += (smooth**2 * (3.0 - 2.0 * smooth))[:, None] * push.force
+        force += share_of_push(t, push.t_start, push.t_end)[:, None] * push.force
     return force
+
+
+def share_of_push(t: Array, start: float, end: float) -> Array:
+    """The part (n,) of its force that a push from `start` to `end`, s, has at times (n,), s: it rises over `RISE`."""
+    smooth: Array = np.minimum(np.maximum(np.minimum(t - start, end - t) / RISE, 0.0), 1.0)
+    return smooth**2 * (3.0 - 2.0 * smooth)

@@ -16,6 +16,7 @@ from contactwrench.live.sources.lines import LinesDecoder
 from contactwrench.live.uri import source_of
 from contactwrench.recording.tables.columns import Naming
 from tests.live.sources.test_sri_decoder import pieces_of
+from tests.support.devices import refusal
 
 WRENCH = "fx,fy,fz,tx,ty,tz"
 
@@ -134,3 +135,10 @@ def test_whose_pose_it_is_lines_cannot_tell(columns: str, said: object, monkeypa
 @given(st.binary(max_size=200))
 def test_any_bytes_are_read(data: bytes) -> None:
     LinesDecoder(Naming(), None).feed(data + b"\n", 0.0, Batch())
+
+
+def test_a_closed_standard_input_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", None)
+    assert refusal(source_of("stdin:")) == (
+        "stdin:: found its end, expected more lines: keep the program that writes them running"
+    )

@@ -27,7 +27,7 @@ from contactwrench.live.sources import ft300, netft, rsi
 from contactwrench.live.sources.ros2 import Ros2
 from contactwrench.live.uri import parsed, source_of
 from tests.live.sources.test_sri_decoder import pieces_of
-from tests.support.devices import KINDS, numbered, read, refusal
+from tests.support.devices import KINDS, answering, numbered, read, refusal
 
 angle = st.floats(-360.0, 360.0)
 
@@ -70,6 +70,39 @@ def test_a_net_ft_in_pounds_is_read_in_newtons() -> None:
 def test_units_that_nobody_knows_are_refused() -> None:
     with NetFt(numbered(), units=("stone", "Nm")) as fake:
         assert "per stone, expected counts of a unit of force" in refusal(source_of(fake.uri))
+
+
+@pytest.mark.parametrize(
+    ("tag", "said", "found"),
+    [
+        ("cfgcomrdtrate", "often", "found no rate on the page, expected cfgcomrdtrate"),
+        ("cfgcomrdtrate", "inf", "found no rate on the page, expected cfgcomrdtrate"),
+        ("cfgcpf", "1,000,000", "found 1,000,000 per N, expected counts of a unit of force"),
+        ("cfgcpt", "inf", "found inf per Nm, expected counts of a unit of torque"),
+    ],
+)
+def test_a_page_without_numbers_is_refused(tag: str, said: str, found: str) -> None:
+    numbers = {"cfgcomrdtrate": "1000", "cfgcpf": "1e6", "scfgfu": "N", "cfgcpt": "1e6", "scfgtu": "Nm", tag: said}
+    page = "".join(f"<{name}>{text}</{name}>" for name, text in numbers.items())
+    with answering(f"HTTP/1.0 200 OK\r\n\r\n{page}".encode()) as port:
+        assert found in refusal(source_of(f"netft://127.0.0.1?http={port}"))
+
+
+def test_a_controller_with_another_version_is_no_robot() -> None:
+    with answering(struct.pack(">HBB", 4, ord("V"), 1), struct.pack(">HBI", 7, ord("v"), 5)) as port:
+        assert "found an answer that begins" in refusal(source_of(f"ur://127.0.0.1:{port}"))
+
+
+@pytest.mark.parametrize("scheme", ["netft", "sri", "ur", "ft300"])
+@pytest.mark.parametrize(
+    ("host", "found"), [("", "no host, expected its name"), ("a..b", "no host a..b, expected the")]
+)
+def test_a_host_that_is_none_is_said(scheme: str, host: str, found: str) -> None:
+    assert found in refusal(source_of(f"{scheme}://{host}"))
+
+
+def test_a_place_to_listen_at_that_is_none_is_said() -> None:
+    assert "found port 9000 taken (" in refusal(source_of("udp://a..b:9000"))
 
 
 def test_a_robot_is_answered_with_its_ipoc_and_no_correction() -> None:
@@ -153,7 +186,18 @@ def test_any_bytes_are_read(data: bytes) -> None:
         decoder.feed(data, 0.0, Batch())
 
 
-@pytest.mark.parametrize("uri", ["sri://a?rat=1", "ur://a?force=raw", "sri://a?rate=-1", "udp://", "tcp://a"])
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "sri://a?rat=1",
+        "sri://a?rate=-1",
+        "sri://a?zero=yes",
+        "netft://a?zero=true",
+        "ur://a?force=raw",
+        "udp://",
+        "tcp://a",
+    ],
+)
 def test_an_option_that_is_none_is_refused(uri: str) -> None:
     with pytest.raises(ValueError, match="expected"):
         source_of(uri)

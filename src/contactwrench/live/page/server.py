@@ -55,7 +55,7 @@ def serve(hub: Hub, host: str = "127.0.0.1", port: int = 0, token: str | None = 
     """
     try:
         listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, UnicodeError) as error:
         message = f"{host}:{port}: found that it cannot be listened on ({error}), expected a free port: choose another"
         raise DeviceError(message) from None
     port = listening.getsockname()[1]

@@ -42,9 +42,10 @@ class UdpLines:
             self._socket = socket.socket(family, kind)
             self._socket.setblocking(False)
             self._socket.connect(address)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             self.close()
-            raise DeviceError(f"{self.uri}: cannot be sent to ({error.strerror}): check host and network") from None
+            why = getattr(error, "strerror", "") or error
+            raise DeviceError(f"{self.uri}: cannot be sent to ({why}): check host and network") from None
 
     def write(self, turn: Turn) -> None:
         """Send the contact wrenches, none where there is no calibration yet."""

@@ -77,13 +77,13 @@ class NamedColumns:
         try:
             return self._converted(values)
         except InputError:
-            return [self._converted([each])[0] if self._is_turn(each) else None for each in values]
+            return list(map(self._turn, values))
 
-    def _is_turn(self, value: tuple[float, ...]) -> bool:
+    def _turn(self, value: tuple[float, ...]) -> Four | None:
         try:
-            return bool(self._converted([value]))
+            return self._converted([value])[0]
         except InputError:
-            return False
+            return None
 
     def _converted(self, values: list[tuple[float, ...]]) -> list[Four | None]:
         import numpy as np

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from http.client import HTTPConnection, HTTPException
+from math import inf, nan
 from re import search
 from struct import Struct
 from time import monotonic
@@ -77,16 +78,17 @@ class NetFt(Reader[Udp]):
         super().__init__(uri, Udp(uri.text, "Net F/T"), STOP)
         self._at = uri.host, uri.port or PORT
         self._http = uri.whole("http", HTTP_PORT)
-        self._zero = uri.options.get("zero") == "1"
+        self._zero = uri.switch("zero")
 
     def open(self) -> About:
         """As `Source`."""
         deadline = self._link.deadline()
+        self._link.addresses(*self._at)  # or the page would be asked of nobody
         page = self._page()
         name = _text(page, "prodname") or "Net F/T"
-        rate = float(_text(page, "cfgcomrdtrate") or "nan")
+        rate = _number(_text(page, "cfgcomrdtrate"))
         counts = self._counts(page, "force", "cfgcpf", "scfgfu"), self._counts(page, "torque", "cfgcpt", "scfgtu")
-        if not rate > 0.0:
+        if not 0.0 < rate < inf:
             raise self._link.error("no rate on the page", "cfgcomrdtrate", "set the RDT rate on the box's page")
         self._link.connect(*self._at)
         if self._zero:
@@ -128,11 +130,19 @@ class NetFt(Reader[Udp]):
     def _counts(self, page: str, quantity: str, of: str, unit: str) -> float:
         """Counts of one N or N m."""
         number, spelled = _text(page, of), _text(page, unit)
-        known = unit_of(quantity, spelled)
-        if known is None or not float(number or "0") > 0.0:
+        counts, known = _number(number), unit_of(quantity, spelled)
+        if known is None or not 0.0 < counts < inf:
             expected = f"counts of a unit of {quantity}"
             raise self._link.error(f"{number or 'nothing'} per {spelled or 'nothing'}", expected, "set it on its page")
-        return float(number) * per_si(quantity, known)
+        return counts * per_si(quantity, known)
+
+
+def _number(text: str) -> float:
+    """What a text of the page says; NaN where that is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return nan
 
 
 def _text(page: str, tag: str) -> str:

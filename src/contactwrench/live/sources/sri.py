@@ -92,7 +92,7 @@ class Sri(Reader[Tcp]):
         super().__init__(uri, Tcp(uri.text, "SRI interface box"), b"AT+GSD=STOP\r\n")
         self._at = uri.host, uri.port or PORT
         self._asked = uri.rate()
-        self._zero = uri.options.get("zero") == "1"
+        self._zero = uri.switch("zero")
 
     def open(self) -> About:
         """As `Source`."""

@@ -106,6 +106,15 @@ class Link(ABC):
         self._use(made, selectors.DefaultSelector())
         return made
 
+    def addresses(self, host: str, port: int, kind: int = 0) -> list[Any]:
+        """Where a host may be reached. Raises `DeviceError`: none was stated, or nobody knows it."""
+        if not host:
+            raise self.error("no host", "its name or address", f"write {self._uri.partition(':')[0]}://192.168.0.10")
+        try:
+            return socket.getaddrinfo(host, port, type=kind)
+        except (OSError, UnicodeError):
+            raise self.error(f"no host {host}", f"the {self._device}", "check the name, or write its address") from None
+
     def _ready(self, events: int, timeout: float) -> bool:
         """Whether the socket can be used within the time; not where it is closed meanwhile. The lock is held."""
         if self._selector is None or self._socket is None:
@@ -135,20 +144,13 @@ class Tcp(Link):
 
     def connect(self, host: str, port: int, deadline: Deadline) -> None:
         """Connect. Raises `DeviceError`: no such name, refused, or no answer."""
-        if not host:
-            raise self.error("no host", "its name or address", f"write {self._uri.partition(':')[0]}://192.168.0.10")
-        at = f"{host} port {port}"
-        try:
-            addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        except (OSError, UnicodeError):
-            raise self.error(f"no host {host}", f"the {self._device}", "check the name, or write its address") from None
         reason = "no answer"
-        for family, kind, _, _, address in addresses:
+        for family, kind, _, _, address in self.addresses(host, port, socket.SOCK_STREAM):
             reason = self._connected(family, kind, address, deadline)
             if not reason:
                 return
         do = "check its power, its cable and the address; it must be in this computer's network"
-        raise self.error(f"{reason} at {at}", f"the {self._device}", do)
+        raise self.error(f"{reason} at {host} port {port}", f"the {self._device}", do)
 
     def send(self, data: bytes) -> None:
         """Send; a few bytes, which always fit. Raises `DeviceError`."""
@@ -205,10 +207,7 @@ class Udp(Link):
 
     def connect(self, host: str, port: int) -> None:
         """Send to and take from one address only. Raises `DeviceError`."""
-        try:
-            family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        except (OSError, UnicodeError):
-            raise self.error(f"no host {host}", f"the {self._device}", "check the name, or write its address") from None
+        family, kind, _, _, address = self.addresses(host, port, socket.SOCK_DGRAM)[0]
         with self._lock:
             made = self._use_socket(family, kind)
             self._try(lambda: made.connect(address), f"no way to {host}", "check the network")
@@ -250,16 +249,19 @@ class Udp(Link):
     def _try(self, what: Callable[[], Any], found: str, do: str) -> None:
         try:
             what()
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             self._drop()
-            raise self.error(f"{found} ({(error.strerror or str(error)).lower()})", f"the {self._device}", do) from None
+            why = (getattr(error, "strerror", "") or str(error)).lower()
+            raise self.error(f"{found} ({why})", f"the {self._device}", do) from None
 
 
 class StandardInput(Link):
     """What another program writes."""
 
     def start(self) -> None:
-        """Begin."""
+        """Begin. Raises `DeviceError`: it is closed."""
+        if sys.stdin is None:
+            raise self._ended()
         with self._lock:
             self._use(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0), selectors.SelectSelector())
 
@@ -270,5 +272,8 @@ class StandardInput(Link):
                 return []
             data = self._socket.read(MOST_BYTES)
         if not data:
-            raise self.error("its end", "more lines", "keep the program that writes them running")
+            raise self._ended()
         return [data]
+
+    def _ended(self) -> DeviceError:
+        return self.error("its end", "more lines", "keep the program that writes them running")

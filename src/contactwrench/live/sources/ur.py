@@ -167,7 +167,10 @@ class Ur(Reader[Tcp]):
         self._answers = b""
         if self._ask(rtde.VERSION, b"\x00\x02", deadline) != b"\x01":
             raise self._link.error("an RTDE of version 1", "version 2", "update PolyScope to 3.3 or newer")
-        version = CONTROLLER.unpack(self._ask(rtde.CONTROLLER, b"", deadline))
+        said = self._ask(rtde.CONTROLLER, b"", deadline)
+        if len(said) != CONTROLLER.size:
+            raise self._link.another(said, EXPECTED)
+        version = CONTROLLER.unpack(said)
         rate = self._rate or (E_SERIES if version[0] >= 5 else CB3)
         recipe = self._recipe(rate, deadline)
         wrench = self._force if self._force in recipe.places else ""

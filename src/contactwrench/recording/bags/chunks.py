@@ -51,14 +51,12 @@ class Logged:
     @property
     def stamp(self) -> NDArray[np.int64]:
         """When each was recorded (n,) ns."""
-        stamp: NDArray[np.int64] = self.log["stamp"]
-        return stamp
+        return self.log["stamp"]
 
     @property
     def connection(self) -> NDArray[np.int64]:
         """The number of the connection of each (n,)."""
-        connection: NDArray[np.int64] = self.log["connection"]
-        return connection
+        return self.log["connection"]
 
     def __len__(self) -> int:
         return len(self.log)

@@ -7,7 +7,7 @@ with the time of publication and the number of each message; rosbags writes the 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeAlias, cast
@@ -17,6 +17,7 @@ import numpy as np
 from ...errors import FileAccessError, FileFormatError, InputError
 from ...files import identity, new_place
 from ...geometry.arrays import Array
+from ..tables.columns import Tell, unheard
 from .chunks import Connection, Logged, Source, Topic
 from .folder import METADATA, plain_yaml
 from .mcap import Mcap
@@ -49,7 +50,7 @@ def write_bag_with(
     topic: str | None = None,
     frame: str | None = None,
     accept_damaged: bool = False,
-    note: Callable[[str], None] | None = None,
+    note: Tell = unheard,
 ) -> str:
     """Copy a bag and add the contact wrench as a topic of `geometry_msgs/WrenchStamped`.
 
@@ -95,7 +96,7 @@ def write_bag_with(
             _copy_mcaps(bag, path_out, source, name, copied)
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
-        if bag.damage.said and note is not None:
+        if bag.damage.said:
             note(f"the copy lacks what is damaged; {bag.damage.said}")
     return name
 

@@ -145,8 +145,7 @@ def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> 
             f"{np.sum(impossible)} stamps in headers of {topic.name} as that of {sec[row]:.0f} s and {ns[row]:.0f} ns",
             "0 s or more and less than 10^9 ns",
         )
-    t: Array = np.where(impossible | ((sec == 0.0) & (ns == 0.0)), of_bag, sec + 1e-9 * ns)
-    return t
+    return np.where(impossible | ((sec == 0.0) & (ns == 0.0)), of_bag, sec + 1e-9 * ns)
 
 
 def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:

@@ -75,8 +75,7 @@ class Bag:
 def seconds(ns: NDArray[np.int64] | np.int64) -> Array:
     """Stamps in ns as s, rounded as a header's seconds and nanoseconds are."""
     whole, rest = np.divmod(ns, 10**9)
-    s: Array = whole + 1e-9 * rest
-    return s
+    return whole + 1e-9 * rest
 
 
 def is_bag(path: str | Path) -> bool:

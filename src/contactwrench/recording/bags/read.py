@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -12,16 +13,17 @@ from ...assess.robot_arms import Arm, flange_pose
 from ...errors import FileFormatError, InputError, some_of
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
+from ..tables.columns import Advance, unheard
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
 from .open import Bag, Messages, messages, opened_bag, part_read
 from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
-from .transforms import ChainPoses, Poses
+from .transforms import ChainPoses
 
 BATCH = 2**16
 """Readings of a batch, and up to a chunk of the bag more."""
 
-ReadPoses: TypeAlias = Callable[[Messages], Poses]
+ReadPoses: TypeAlias = Callable[[Messages], OrientationStream]
 
 
 def bag_batches(
@@ -32,7 +34,7 @@ def bag_batches(
     frames: tuple[str, str] | None = None,
     arm: Arm | None = None,
     batch: int = BATCH,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = unheard,
     accept_damaged: bool = False,
 ) -> Iterator[Streams]:
     """The streams of a bag (`.bag`, `.mcap`, `.db3` or a ROS 2 folder) piece by piece, each reading and pose once, in
@@ -66,14 +68,13 @@ def bag_batches(
         wrench, pose, source, read_poses = _sources(bag, wrench_topic, pose_topic, frames, arm)
         read_as = _read_as(wrench, pose, frames, base_frame(bag, pose, frames, arm))
         readings: list[tuple[Array, Array]] = []
-        placed: list[Poses] = []
+        placed: list[OrientationStream] = []
         poses_count, said = 0, None
         for part in messages(bag, (wrench, *pose)):
             if wrench in part:
                 readings.append(wrenches(bag, wrench, part[wrench]))
             placed.append(read_poses(part))
-            if advance is not None:
-                advance(part_read(bag, part))
+            advance(part_read(bag, part))
             poses_count += len(placed[-1])
             if max(sum(len(t) for t, _ in readings), sum(map(len, placed))) >= batch:
                 yield _streams(bag, wrench, source, readings, placed, read_as)
@@ -120,7 +121,7 @@ def _read_as(wrench: Topic, pose: tuple[Topic, ...], frames: tuple[str, str] | N
 def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
     seen: dict[str, None] = {}
 
-    def read(part: Messages) -> Poses:
+    def read(part: Messages) -> OrientationStream:
         if topic not in part:
             return _NO_POSES
         placements, frames = poses(bag, topic, part[topic])
@@ -131,13 +132,13 @@ def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
                 f"{bag.path}: topic {topic.name}: found poses of {first} and of {second}, expected one: name another "
                 f"topic with {POSE_FLAG}"
             )
-        return Poses(placements.t, rotations(bag, f"topic {topic.name}", placements), placements.position)
+        return OrientationStream(placements.t, rotations(bag, f"topic {topic.name}", placements), placements.position)
 
     return read
 
 
 def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
-    def read(part: Messages) -> Poses:
+    def read(part: Messages) -> OrientationStream:
         if topic not in part:
             return _NO_POSES
         count = len(part[topic])
@@ -149,7 +150,7 @@ def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
         if not np.isfinite(joints[known]).all():
             row = int(np.argmax(known & ~np.isfinite(joints).all(axis=1)))
             raise FileFormatError(f"{place(bag, topic, t[row])}: found a joint that is no number, expected angles, rad")
-        return Poses(t[known], *flange_pose(arm, joints[known]))
+        return OrientationStream(t[known], *flange_pose(arm, joints[known]))
 
     return read
 
@@ -170,7 +171,7 @@ def _no_poses(bag: Bag, topic: Topic, source: str, arm: Arm | None) -> FileForma
     )
 
 
-_NO_POSES = Poses(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
+_NO_POSES = OrientationStream(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
 
 
 def _streams(
@@ -178,17 +179,17 @@ def _streams(
     wrench: Topic,
     source: str,
     readings: list[tuple[Array, Array]],
-    placed: list[Poses],
+    placed: list[OrientationStream],
     read_as: ReadAs,
 ) -> Streams:
     t = np.concatenate([np.empty(0), *(t for t, _ in readings)])
     values = np.concatenate([np.empty((0, 6)), *(values for _, values in readings)])
-    poses = Poses.concatenate([part for part in placed if len(part)] or [_NO_POSES])
+    poses = OrientationStream.concatenate(placed or [_NO_POSES])
     position = np.asarray(poses.position)
     position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # no flange is at 0, 0, 0 of its base
     return Streams(
         WrenchStream(t, values, f"{bag.path} {wrench.name}"),
-        OrientationStream(poses.t, poses.R_base_flange, position, f"{bag.path} {source}"),
+        replace(poses, position=position, source=f"{bag.path} {source}"),
         read_as,
         bag.damage.said,
     )

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from ...errors import FileFormatError, some_of
-from ...geometry.arrays import Array, Rows, column
+from ...geometry.arrays import Array
+from ...samples.samples import OrientationStream
 from .chunks import Topic
 from .messages import NO_PLACEMENTS, Link, Placements, rotations, transforms
 from .open import Bag, Messages, messages
@@ -45,15 +46,6 @@ class Chain:
     path: tuple[tuple[Link, bool], ...]
     moving: tuple[Link, ...]
     held: dict[Link, Placements]
-
-
-@dataclass(frozen=True, eq=False)
-class Poses(Rows):
-    """Of a flange in its base, at `t` (n,) s: `R_base_flange` (n, 3, 3) and `position` (n, 3) m, None: not known."""
-
-    t: Array = field(metadata=column())
-    R_base_flange: Array = field(metadata=column(3, 3))
-    position: Array | None = field(metadata=column(3))
 
 
 def tree(bag: Bag, topics: Iterable[Topic]) -> dict[Link, Edge]:
@@ -120,7 +112,7 @@ class ChainPoses:
         self.chain = chain(bag, tree(bag, topics), base, flange)
         self.heard = dict.fromkeys(self.chain.moving, NO_PLACEMENTS)
 
-    def read(self, part: Messages) -> Poses:
+    def read(self, part: Messages) -> OrientationStream:
         """The poses of flange in base as far as all links that move are heard by the end of this part."""
         for topic in self.topics:
             news = transforms(self.bag, topic, part[topic]) if topic in part else {}
@@ -130,7 +122,7 @@ class ChainPoses:
         t = _times([placements.t for placements in self.heard.values()], self.until)
         R, position = np.broadcast_to(np.eye(3), (len(t), 3, 3)), np.zeros((len(t), 3))
         if not len(t):
-            return Poses(t, R, position)
+            return OrientationStream(t, R, position)
         for link, upwards in self.chain.path:
             R_link, position_link = self._placed(link, t)
             if upwards:
@@ -140,7 +132,7 @@ class ChainPoses:
         self.until = float(t[-1])
         for link, heard in self.heard.items():
             self.heard[link] = heard.select(slice(int(np.searchsorted(heard.t, self.until, side="right")) - 1, None))
-        return Poses(t, R, position)
+        return OrientationStream(t, R, position)
 
     def _placed(self, link: Link, t: Array) -> tuple[Array, Array]:
         """Rotations and positions of a link at times within those at which it was heard."""
@@ -213,5 +205,4 @@ def _times(stamps: list[Array], after: float) -> Array:
 
 def _rotated(R: Array, vectors: Array) -> Array:
     """The vectors (n, 3), each rotated (n, 3, 3); one of either counts for all."""
-    rotated: Array = (R @ vectors[..., None])[..., 0]
-    return rotated
+    return (R @ vectors[..., None])[..., 0]

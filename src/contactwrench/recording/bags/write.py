@@ -129,5 +129,4 @@ def stamped(ros1: bool, frame: str, stamp: NDArray[np.int64], values: Array) -> 
 def nanoseconds(t: Array) -> NDArray[np.int64]:
     """Times, s, in whole ns: the nearest of those that a float64 can mean."""
     whole = np.floor(t)
-    ns: NDArray[np.int64] = whole.astype(np.int64) * 10**9 + np.rint((t - whole) * 1e9).astype(np.int64)
-    return ns
+    return whole.astype(np.int64) * 10**9 + np.rint((t - whole) * 1e9).astype(np.int64)

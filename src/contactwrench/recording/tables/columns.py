@@ -24,6 +24,8 @@ MOST_COLUMNS, LONGEST_NAME = 10_000, 1_000
 
 Advance: TypeAlias = Callable[[float], None]
 """Is told the part of a recording, 0 to 1, that has been read; NaN where nobody knows its size."""
+Tell: TypeAlias = Callable[[str], None]
+"""Is told a sentence that is good to know."""
 
 WRENCH_COLUMNS = ("fx", "fy", "fz", "tx", "ty", "tz")
 POSITION = ("x", "y", "z")
@@ -37,6 +39,10 @@ FLAW = "flaw"
 """The last column of a recording of a live session: in words why a row has no reading, and what was read. So a row of
 it that was not finished, at the end of a file, can be told from one that somebody wrote so.
 """
+
+
+def unheard(_: object) -> None:
+    """In place of who is told something, where nobody listens."""
 
 
 @dataclass(frozen=True)
@@ -118,12 +124,11 @@ class OpenTable:
     places: dict[str, int]
     bodies: Callable[[Collection[Column]], Iterator[Body]]
 
-    def told(self, columns: Collection[Column], advance: Advance | None) -> Iterator[Body]:
+    def told(self, columns: Collection[Column], advance: Advance) -> Iterator[Body]:
         """The blocks; `advance` is told how far they got."""
         for body in self.bodies(columns):
             yield body
-            if advance is not None:
-                advance(body.done)
+            advance(body.done)
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ def is_parquet(path: str | Path) -> bool:
     return bool(_parts(Path(path))) if os.path.isdir(path) else Path(path).suffix.lower() in SUFFIXES
 
 
-def open_parquet(path: str | Path, rows: int, episode: int | None = None, *, whole: bool = False) -> OpenTable:
+def open_parquet(path: str | Path, rows: int, episode: int | None, *, whole: bool = False) -> OpenTable:
     """A Parquet file, or a folder of them as one table, its files in the order of their names, numbers in these by
     value; at most `rows` rows at a time, with all their columns where they are read `whole`. Files without the episode
     that is stated are left out where some have it. Raises `FileAccessError`, `FileFormatError`, `MissingExtraError`.

@@ -237,7 +237,7 @@ def _stated_times(table: OpenTable, text: str, units: dict[str, str]) -> tuple[C
     return _as_times(table, next(pairs, (found,)), units)
 
 
-def position_columns(table: OpenTable, naming: Naming, taken: Collection[int] = ()) -> tuple[Column, ...]:
+def position_columns(table: OpenTable, naming: Naming, taken: Collection[int]) -> tuple[Column, ...]:
     """The columns x y z if all are there, each once and of one set, and at none of the places `taken`; else none."""
     found = [usual(table, part, "length") for part in POSITION]
     if None in found:

@@ -17,7 +17,7 @@ from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME
 from ...samples.samples import LARGEST_READING, ReadAs
-from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, with_slices
+from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
 from .csv import open_csv
 from .episodes import one_episode
 from .hdf5 import is_hdf5, open_hdf5
@@ -103,7 +103,7 @@ def tables(
     path: str | Path,
     naming: Naming = AS_NAMED,
     rows: int = ROWS,
-    advance: Advance | None = None,
+    advance: Advance = unheard,
     *,
     wrench: bool = True,
 ) -> Iterator[Table]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ...calibration.calibration import Calibration
 from ...model import wrench_matrix
-from .target import Parameters, Setup, Target, commented
+from .target import Parameters, Setup, Target, WithHeader, commented
 from .tool import numbers, rigid_tool
 
 C = """\
@@ -81,34 +81,30 @@ REMARKS = (
 INVERSE = "the robot reports R_flange_base (--inverse-orientation): hand over its transpose"
 
 
-def _parameters(target: str, template: str, row: str, between: str, c: Calibration, setup: Setup) -> Parameters:
-    """Every number in its shortest exact form, in a `template`."""
-    B = c.B if setup.tool_mass is None else wrench_matrix(rigid_tool(c, setup, target))
-    body = template.format(rows=between.join(row.format(numbers(line)) for line in B), d=numbers(c.gravity_direction))
-    remarks = (*REMARKS, *([INVERSE] if c.provenance.get("inverse_orientation") else []))
-    return Parameters(body, remarks, B, c.gravity_direction)
-
-
-def _c(calibration: Calibration, setup: Setup) -> Parameters:
-    return _parameters("c", C, "    {{{}}}", ",\n", calibration, setup)
-
-
-def _python(calibration: Calibration, setup: Setup) -> Parameters:
-    return _parameters("python", PYTHON, "    [{}],", "\n", calibration, setup)
-
-
-def _matlab(calibration: Calibration, setup: Setup) -> Parameters:
-    return _parameters("matlab", MATLAB, "    {}", ";\n", calibration, setup)
-
-
 def in_c(header: Sequence[str], body: str) -> str:
     """A header above the body as one comment of C, which no line of it can end."""
     lines = [line.replace("*/", "* /").replace("/*", "/ *") for line in header]
     return "/*\n" + "".join(f" * {line}".rstrip() + "\n" for line in lines) + " */\n" + body
 
 
+def _target(name: str, program: str, template: str, row: str, between: str, with_header: WithHeader) -> Target:
+    """A language: its `template`, in which B stands `row` by row with `between` between, every number in its shortest
+    exact form.
+    """
+
+    def parameters(c: Calibration, setup: Setup) -> Parameters:
+        B = c.B if setup.tool_mass is None else wrench_matrix(rigid_tool(c, setup, name))
+        rows = between.join(row.format(numbers(line)) for line in B)
+        remarks = (*REMARKS, *([INVERSE] if c.provenance.get("inverse_orientation") else []))
+        return Parameters(template.format(rows=rows, d=numbers(c.gravity_direction)), remarks, B, c.gravity_direction)
+
+    return Target(name, program, "", "", parameters, with_header)
+
+
 TARGETS = (
-    Target("c", "a loop of one's own in C99 or C++", "", "", _c, in_c),
-    Target("python", "a loop of one's own with numpy", "", "", _python, commented("#")),
-    Target("matlab", "a loop of one's own in MATLAB or Octave: contact_wrench.m", "", "", _matlab, commented("%")),
+    _target("c", "a loop of one's own in C99 or C++", C, "    {{{}}}", ",\n", in_c),
+    _target("python", "a loop of one's own with numpy", PYTHON, "    [{}],", "\n", commented("#")),
+    _target(
+        "matlab", "a loop of one's own in MATLAB or Octave: contact_wrench.m", MATLAB, "    {}", ";\n", commented("%")
+    ),
 )

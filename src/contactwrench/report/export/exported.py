@@ -1,4 +1,6 @@
-"""A calibration as a file for another program: the parameters under a header that says what they are worth."""
+"""A calibration as a file for another program: the formats by name, and the parameters of one under a header that says
+what they are worth.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,15 @@ from ...calibration.calibration import Calibration
 from ...calibration.findings import Severity
 from ...calibration.text import headline, parameter_rows
 from ...compensate.filters import delay_of
+from ...errors import InputError
 from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__
+from . import code, research, robots, ros
 from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup, Target
 
+TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *code.TARGETS)}
+"""Every format of parameters, by its name."""
 OF_THE_RECORDING = (
     "the bias is the sensor's in the recording: once the sensor, or its driver, is zeroed anew, it is another"
 )
@@ -25,6 +31,22 @@ COPIED = re.compile(r'\w\([^()]*\)|\[[^]]*\]|"[^"]*"')
 """What a person copies out of a sentence, in one piece: a call, a list, a quotation."""
 MASS_APART, MASS_SURELY_APART, STANDARD_DEVIATIONS = 0.2, 0.1, 5.0
 """In shares of the identified mass: so far off, a stated one is doubted; or less far, by so many of its std."""
+
+
+def target_named(name: str) -> Target:
+    """A format, its name in any case. Raises `InputError`, naming all, for a name that is none."""
+    if name.lower() not in TARGETS:
+        raise InputError(f"--to is {name!r}, expected one of {', '.join(TARGETS)}: contactwrench export --list")
+    return TARGETS[name.lower()]
+
+
+def list_text() -> str:
+    """All formats, each with the program that reads it, and what it needs beside the calibration and loses of it."""
+    lines = []
+    for target in TARGETS.values():
+        needs, loses = f"needs {target.needs}" if target.needs else "", f"loses {target.loses}" if target.loses else ""
+        lines += [target.name, *(f"    {said}" for said in (target.program, needs, loses) if said)]
+    return "\n".join(lines)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
 from ...recording.base_frames import AGAINST_CONTROLLER
-from .payload import fixed, payload_on_flange, principal_axes
+from .payload import Payload, fixed, payload_on_flange, principal_axes
 from .target import Parameters, Setup, Target, commented
 from .tool import roll_pitch_yaw
 
@@ -32,13 +32,12 @@ def _mm(com: Vector) -> str:
     return _listed(com, IN_MM, 6)
 
 
-def _ur(calibration: Calibration, setup: Setup) -> Parameters:
+def _ur(payload: Payload, calibration: Calibration) -> Parameters:
     """URScript manual: set_payload(m, cog), kg and m from the tool mount; set_target_payload(m, cog, inertia): matrix
     elements Ixx, Iyy, Izz, Ixy, Ixz, Iyz, kg m^2, with origin in the CoG and the axes aligned with the tool flange's;
     payload and force: universal-robots.com, SW10_6 prod-scriptmanual set_target_payload; set_gravity: article 7th-axis
     gravity settings, (0, 0, 9.82) on an upright base, the acceleration that holds the robot up.
     """
-    payload = payload_on_flange(calibration, setup, "ur")
     mass, cog = fixed(payload.mass, 8), _listed(payload.com)
     R_controller_base = AGAINST_CONTROLLER.get(str(calibration.provenance.get("base_frame")), np.eye(3))
     upward = -calibration.g * R_controller_base @ calibration.gravity_direction
@@ -64,12 +63,11 @@ def _ur(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _franka(calibration: Calibration, setup: Setup) -> Parameters:
+def _franka(payload: Payload, _: Calibration) -> Parameters:
     """frankaemika/libfranka include/franka/robot.h (setLoad), robot_state.h (m_total; I_load: with respect to the
     centre of mass, in the flange's axes as F_x_Cload is) and issue 48 (what stays on the
     flange is set in Desk); frankaemika/franka_ros2 franka_msgs/srv/SetLoad.srv.
     """
-    payload = payload_on_flange(calibration, setup, "franka")
     mass, com = fixed(payload.mass, 8), _listed(payload.com)
     inertia = _listed(np.zeros(9) if payload.inertia is None else payload.inertia.T.ravel())
     return payload.parameters(
@@ -94,13 +92,12 @@ def _franka(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _kuka(calibration: Calibration, setup: Setup) -> Parameters:
+def _kuka(payload: Payload, _: Calibration) -> Parameters:
     """KRL's LOAD in $config.dat; frames and names: Beckhoff TF5120, KRC_WriteLoadData (M; X, Y, Z and A, B, C relative
     to the flange: of the principal inertia axes; JX, JY, JZ); A, B, C turn about z, y and x in turn, and the origin is
     the centre of mass: KUKA, MA KR IONTEC, load centre of gravity; LoadData of the LBR iiwa: examples of
     Sunrise.Connectivity (kg, mm).
     """
-    payload = payload_on_flange(calibration, setup, "kuka")
     mass, com = fixed(payload.mass, 8), (IN_MM * payload.com).tolist()
     x, y, z = (fixed(part, 6) for part in com)
     moments, R = (np.zeros(3), np.eye(3)) if payload.inertia is None else principal_axes(payload.inertia)
@@ -118,14 +115,13 @@ def _kuka(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _abb(calibration: Calibration, setup: Setup) -> Parameters:
+def _abb(payload: Payload, _: Calibration) -> Parameters:
     """RAPID reference manual, loaddata and tooldata: kg, mm, quaternion q1..q4, kg m^2; the centre of gravity of a
     tool's load is in the wrist's coordinates, that of a payload in the tool's; aom: the principal axes, with their
     origin in the centre of gravity (ros-industrial/abb_robot_driver_interfaces, LoadData.msg); all inertia 0: a point.
     """
     from scipy.spatial.transform import Rotation
 
-    payload = payload_on_flange(calibration, setup, "abb")
     moments, R = (np.zeros(3), np.eye(3)) if payload.inertia is None else principal_axes(payload.inertia)
     aom = np.roll(Rotation.from_matrix(R).as_quat(), 1)
     return payload.parameters(
@@ -139,12 +135,11 @@ def _abb(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
+def _fanuc(payload: Payload, _: Calibration) -> Parameters:
     """The screen MOTION/PAYLOAD SET (kg, cm, kgf cm s^2; x up, y right and z out of the faceplate of an arm at zero,
     the axes of tool frame 0): Lincoln Electric, Setting robot payload. About which point the inertia counts, the centre
     of mass or the faceplate, differs from source to source, and products of inertia have no place.
     """
-    payload = payload_on_flange(calibration, setup, "fanuc")
     centre = zip("XYZ", (IN_CM * payload.com).tolist(), strict=True)
     lines = [f"PAYLOAD           [kg]       : {fixed(payload.mass, 8)}"]
     lines += [f"PAYLOAD CENTER {axis}  [cm]       : {fixed(part, 7)}" for axis, part in centre]
@@ -160,11 +155,10 @@ def _fanuc(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _xarm(calibration: Calibration, setup: Setup) -> Parameters:
+def _xarm(payload: Payload, calibration: Calibration) -> Parameters:
     """xArm-Developer/xArm-Python-SDK xarm/wrapper/xarm_api.py (set_tcp_load: kg, mm) and xarm/x3/ft_sensor.py
     (set_ft_sensor_load_offset: mass, centre of mass in mm, offset; the sum for set_tcp_load takes it in m).
     """
-    payload = payload_on_flange(calibration, setup, "xarm")
     sign = -1.0 if calibration.provenance.get("sign") == "reaction" else 1.0
     own = f"{fixed(payload.tool_mass, 8)}, {_mm(payload.tool_com)}, {_listed(sign * calibration.bias)}"
     return payload.parameters(
@@ -179,12 +173,11 @@ def _xarm(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
+def _fairino(payload: Payload, _: Calibration) -> Parameters:
     """FAIR-INNOVATION/fairino-python-sdk linux/fairino/Robot.py and FAIR-documentation
     source/SDKManual/PythonRobotForceControl.rst: SetLoadWeight kg, SetLoadCoord mm, SetForceSensorPayload kg,
     SetForceSensorPayloadCog mm.
     """
-    payload = payload_on_flange(calibration, setup, "fairino")
     mass = fixed(payload.mass, 8)
     return payload.parameters(
         f"robot.SetLoadWeight(0, {mass})\nrobot.SetLoadCoord({_mm(payload.com)})\n",
@@ -198,8 +191,11 @@ def _fairino(calibration: Calibration, setup: Setup) -> Parameters:
     )
 
 
-def _target(name: str, program: str, mark: str, parameters: Callable[[Calibration, Setup], Parameters]) -> Target:
-    return Target(name, program, NEEDS, LOSES, parameters, commented(mark), USES)
+def _target(name: str, program: str, mark: str, parameters: Callable[[Payload, Calibration], Parameters]) -> Target:
+    def of_payload(calibration: Calibration, setup: Setup) -> Parameters:
+        return parameters(payload_on_flange(calibration, setup, name), calibration)
+
+    return Target(name, program, NEEDS, LOSES, of_payload, commented(mark), USES)
 
 
 TARGETS = (

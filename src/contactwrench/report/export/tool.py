@@ -28,9 +28,10 @@ def rigid_tool(calibration: Calibration, setup: Setup, target: str) -> RigidTool
     """
     c = calibration
     if c.weight is None or c.com is None or c.R_flange_sensor is None:
+        without = "" if setup.tool_mass is None else ", without --tool-mass"
         raise InputError(
             f"{target} takes a mass and a centre of mass, found model {c.model}, which has none: calibrate with "
-            "--model auto, or export B itself with --to c, python or matlab"
+            f"--model auto, or export B itself with --to c, python or matlab{without}"
         )
     weight = c.weight if setup.tool_mass is None else setup.tool_mass * c.g
     return RigidTool(weight, c.com, c.bias, c.R_flange_sensor, c.gravity_direction)
