@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation, Slerp
 
 import contactwrench as cw
@@ -108,10 +109,9 @@ def recording(seed: int, share: float, tau: float, stop: float, cone: float = 18
     mounting = Rotation.from_euler("zxy", [20.0, 0.5, -0.3], degrees=True)
     force = (turn * mounting).inv().apply([0.0, 0.0, -WEIGHT])
     true = np.hstack([force, np.cross([0.01, -0.005, 0.06], force)])
-    late = np.empty_like(true)
-    late[0] = true[0]
-    for k in range(1, len(t)):
-        late[k] = late[k - 1] + (true[k] - late[k - 1]) / (RATE * tau)
+    share_of_new = 1.0 / (RATE * tau)
+    settled = (1.0 - share_of_new) * true[:1]
+    late = lfilter([share_of_new], [1.0, share_of_new - 1.0], true, axis=0, zi=settled)[0]
     noise = rng.standard_normal(true.shape) * np.repeat([0.02, 0.001], 3)
     bias = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.1])
     return cw.Samples((1.0 - share) * true + share * late + bias + noise, turn.as_matrix(), t)
