@@ -29,12 +29,6 @@ panda = cache(partial(cw.calibrate, cw.read(PANDA)))
 """The set of measured poses calibrated by a model."""
 
 
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made and not drawn: where only words are looked at."""
-    monkeypatch.setattr(figures, "svg_text", lambda _: "<svg></svg>")
-
-
 class _Page(HTMLParser):
     """Collects tags, references and text, and checks that every tag is closed in order."""
 

@@ -97,8 +97,8 @@ def test_too_few_stops_or_rows_tell_nothing() -> None:
 
 
 def recording(seed: int, share: float, tau: float, stop: float, cone: float = 180.0) -> cw.Samples:
-    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant; `cone`: deg that the
-    flange leans at most.
+    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant, on one clock; `cone`:
+    deg that the flange leans at most.
     """
     rng, R = np.random.default_rng(seed), Rotation.random(12, rng=np.random.default_rng(seed + 50))
     if cone < 180.0:
@@ -114,7 +114,8 @@ def recording(seed: int, share: float, tau: float, stop: float, cone: float = 18
     late = lfilter([share_of_new], [1.0, share_of_new - 1.0], true, axis=0, zi=settled)[0]
     noise = rng.standard_normal(true.shape) * np.repeat([0.02, 0.001], 3)
     bias = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.1])
-    return cw.Samples((1.0 - share) * true + share * late + bias + noise, turn.as_matrix(), t)
+    wrench = (1.0 - share) * true + share * late + bias + noise
+    return cw.Samples(wrench, turn.as_matrix(), t, delay=0.0, delay_std=1e-4)
 
 
 @pytest.mark.parametrize(("share", "tau", "stop"), [(0.02, 5.0, 3.0), (0.05, 15.0, 3.0), (0.02, 15.0, 8.0)])
