@@ -45,6 +45,12 @@ def without_other_models() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A report's figures of poses are made and not drawn: where only words, or the other figures, are looked at."""
+    monkeypatch.setattr(import_module("contactwrench.report.figures"), "svg_text", lambda _: "<svg></svg>")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Each worker begins with a part of its own, so that what a file's tests share is made once, and ends with what is

@@ -216,7 +216,7 @@ def test_loads_are_weighed_with_an_honest_std() -> None:
     rig, R, rng = example(8, poses=8)
     masses = np.array([0.1, 0.2, 0.5, 1.0])
     z = []
-    for _ in range(100):
+    for _ in range(50):
         calibration = cw.calibrate(noisy(rig, R, rng), "mount", noise=NOISE)
         poses, load = random_rotations(4, rng), masses
         wrench = np.vstack([_loaded(rig, poses[k : k + 1], m) for k, m in enumerate(masses)])

@@ -122,6 +122,7 @@ def test_bad_use_is_one_line(arguments: tuple[str, ...], complaint: str, capsys:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick")
 def test_what_is_planned_calibrates_the_rig(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -97,7 +97,7 @@ def test_a_light_tool_reaches_the_joint_bound_and_says_so() -> None:
     light = rigs[1]
     apart = joint_bound((light,), "mount", poses[1:])[10:, 10:]
     of_mounting, of_tool, of_both, stated = [], [], [], []
-    for _ in range(40):
+    for _ in range(20):
         samples = [recorded(rig, R, rng, "a") for rig, R in zip(rigs, poses, strict=True)]
         found = calibrate_shared(samples, ("mount",), "mount", noise=NOISE)[1]
         assert found.com is not None

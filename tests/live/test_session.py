@@ -23,7 +23,7 @@ FLIPPED = Rotation.from_euler("zx", [-120.0, 176.0], degrees=True)
 
 
 def world(seed: int, **named: object) -> LiveWorld:
-    return LiveWorld(seed, rate=250, pose_rate=125, **named)  # type: ignore[arg-type]
+    return LiveWorld(seed, rate=125, pose_rate=125, **named)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

@@ -29,12 +29,6 @@ panda = cache(partial(cw.calibrate, cw.read(PANDA)))
 """The set of measured poses calibrated by a model."""
 
 
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made and not drawn: where only words are looked at."""
-    monkeypatch.setattr(figures, "svg_text", lambda _: "<svg></svg>")
-
-
 class _Page(HTMLParser):
     """Collects tags, references and text, and checks that every tag is closed in order."""
 
@@ -311,7 +305,9 @@ def test_the_drawing_names_the_axes_the_centre_of_mass_and_the_weight() -> None:
 
 
 @pytest.mark.parametrize("inertia", [1e-4 * np.diag([4.0, 17.0, 19.0]), 1e-4 * np.diag([9.0, 16.0, 25.0]), np.eye(3)])
-def test_the_body_is_drawn_and_in_numbers_where_the_inertia_is_known(inertia: np.ndarray, tmp_path: Path) -> None:
+def test_the_body_is_drawn_and_in_numbers_where_the_inertia_is_known(
+    inertia: np.ndarray, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     """A slim body; a flat one, whose outline is an ellipse all the same; and one that is hardly known."""
     moving_tool = pytest.importorskip("tests.support.moving_tool")
     _, known = moving_tool.known(2, "mount", noise=1.0)
@@ -320,6 +316,7 @@ def test_the_body_is_drawn_and_in_numbers_where_the_inertia_is_known(inertia: np
     assert "nan" not in outlined
     assert outlined.count(figures.BODY) == 1 + 1 + 3
     assert outlined.count(figures.BODY) > figures.sensor_axes(replace(known, dynamics=None)).count(figures.BODY)
+    request.getfixturevalue("undrawn")  # from here on words
     write_calibration_report(tmp_path / "r.html", calibration)
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "Brown: the uniform solid ellipsoid of the same mass and inertia" in page

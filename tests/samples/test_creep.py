@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation, Slerp
 
 import contactwrench as cw
@@ -96,8 +97,8 @@ def test_too_few_stops_or_rows_tell_nothing() -> None:
 
 
 def recording(seed: int, share: float, tau: float, stop: float, cone: float = 180.0) -> cw.Samples:
-    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant; `cone`: deg that the
-    flange leans at most.
+    """A stream of an arm that stops at twelve orientations, from a sensor with one time constant, on one clock; `cone`:
+    deg that the flange leans at most.
     """
     rng, R = np.random.default_rng(seed), Rotation.random(12, rng=np.random.default_rng(seed + 50))
     if cone < 180.0:
@@ -108,13 +109,13 @@ def recording(seed: int, share: float, tau: float, stop: float, cone: float = 18
     mounting = Rotation.from_euler("zxy", [20.0, 0.5, -0.3], degrees=True)
     force = (turn * mounting).inv().apply([0.0, 0.0, -WEIGHT])
     true = np.hstack([force, np.cross([0.01, -0.005, 0.06], force)])
-    late = np.empty_like(true)
-    late[0] = true[0]
-    for k in range(1, len(t)):
-        late[k] = late[k - 1] + (true[k] - late[k - 1]) / (RATE * tau)
+    share_of_new = 1.0 / (RATE * tau)
+    settled = (1.0 - share_of_new) * true[:1]
+    late = lfilter([share_of_new], [1.0, share_of_new - 1.0], true, axis=0, zi=settled)[0]
     noise = rng.standard_normal(true.shape) * np.repeat([0.02, 0.001], 3)
     bias = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.1])
-    return cw.Samples((1.0 - share) * true + share * late + bias + noise, turn.as_matrix(), t)
+    wrench = (1.0 - share) * true + share * late + bias + noise
+    return cw.Samples(wrench, turn.as_matrix(), t, delay=0.0, delay_std=1e-4)
 
 
 @pytest.mark.parametrize(("share", "tau", "stop"), [(0.02, 5.0, 3.0), (0.05, 15.0, 3.0), (0.02, 15.0, 8.0)])

@@ -130,6 +130,7 @@ def test_the_program_calibrates_a_run(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "Hatched: stretches that were left out" in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_stretch_that_was_left_out_is_hatched_where_a_channel_was_saturated_too(tmp_path: Path) -> None:
     samples = recorded(pushed=True).samples
     assert samples.t is not None
@@ -266,6 +267,7 @@ def test_the_picture_of_a_long_recording_stays_small() -> None:
     assert svg == signals_over_time(calibration, long, still)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 def test_a_table_of_poses_has_no_picture_of_the_recording(tmp_path: Path) -> None:
     samples = true_poses(recorded())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from contactwrench.simulate.kinematics import HOME
 from contactwrench.simulate.rig import Physics, build, inverse_dynamics
 from contactwrench.simulate.sensor import SensorStream
 from contactwrench.simulate.settings import Settings, changed
-from contactwrench.simulate.trajectory import stopping
+from contactwrench.simulate.trajectory import Motion, stopping
 from tests.support.world import Array
 
 TOOL = ("tool.mass=1", "tool.com=[0.01,-0.02,0.08]", "sensor.noise.force=0.05", "sensor.noise.torque=0.002",
@@ -52,10 +53,10 @@ def run(
     rng = np.random.default_rng(seed)
     setup = changed(Settings(), [*TOOL, *settings])
     inner = max(rate, 1000.0)
-    rig = build(setup)
     reach = np.minimum(0.5 * (JOINT_RANGE - np.abs(HOME)), MOST_OF_SPEED * MAX_SPEED * move / 3.75)
-    motion = stopping(HOME + rng.uniform(-reach, reach, size=(stops, len(HOME))), move, stop, inner)
-    physics: Physics = inverse_dynamics(rig, motion.joints, motion.velocity, motion.acceleration)
+    postures = rng.uniform(-reach, reach, size=(stops, len(HOME)))
+    of_rig = tuple(setting for setting in settings if not setting.startswith("sensor."))
+    motion, physics = _driven(postures.tobytes(), stop, move, inner, of_rig)
     wrench = physics.wrench if disturb is None else disturb(motion.t, physics.wrench)
     readings = SensorStream(setup.sensor, inner, rng).read(wrench).wrench
     every = slice(None, None, round(inner / rate))
@@ -69,3 +70,13 @@ def run(
     true = physics.wrench[middle] + np.array(setup.sensor.bias)
     samples = cw.Samples(readings[every], R, motion.t[every], source="run")
     return Run(samples, np.stack([begin, begin + stop], axis=1), true, setup)
+
+
+@lru_cache(maxsize=4)
+def _driven(
+    postures: bytes, stop: float, move: float, rate: float, settings: tuple[str, ...]
+) -> tuple[Motion, Physics]:
+    """The motion through postures (k, 7), rad from home, and its physics: the same whatever sensor reads it."""
+    motion = stopping(HOME + np.frombuffer(postures).reshape(-1, len(HOME)), move, stop, rate)
+    rig = build(changed(Settings(), [*TOOL, *settings]))
+    return motion, inverse_dynamics(rig, motion.joints, motion.velocity, motion.acceleration)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import Field, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any, NoReturn, Self, TypeAlias, cast
 
@@ -145,7 +145,7 @@ class Rows(Frozen):
             object.__setattr__(self, name, owned)
 
     def __len__(self) -> int:
-        return next((len(values) for each in _columns(self) if (values := getattr(self, each.name)) is not None), 0)
+        return next((len(values) for name in _columns(self) if (values := getattr(self, name)) is not None), 0)
 
     def select(self, rows: ArrayLike | slice) -> Self:
         """The rows that a mask, indices or a slice pick, in that order."""
@@ -158,7 +158,7 @@ class Rows(Frozen):
                 return tuple(values[place] for place in np.arange(len(values))[pick].tolist())
             return None if values is None else _handed_over(values[pick])
 
-        return replace(self, **{each.name: picked(getattr(self, each.name)) for each in _columns(self)})
+        return replace(self, **{name: picked(getattr(self, name)) for name in _columns(self)})
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -174,7 +174,7 @@ class Rows(Frozen):
         if len(parts) == 1:
             return parts[0]
         with_rows = [part for part in parts if len(part)] or parts[:1]
-        columns = {each.name: joined([getattr(part, each.name) for part in with_rows]) for each in _columns(parts[0])}
+        columns = {name: joined([getattr(part, name) for part in with_rows]) for name in _columns(parts[0])}
         return replace(parts[0], **columns)
 
 
@@ -195,8 +195,8 @@ def _column(values: Any, kind: np.dtype[Any], name: str) -> NDArray[Any]:
     return array
 
 
-def _columns(rows: Rows) -> list[Field[Any]]:
-    return [each for each in fields(rows) if "row" in each.metadata]
+def _columns(rows: Rows) -> list[str]:
+    return [name for name, _, kind in _layout(cast(Any, type(rows))) if kind is not None]
 
 
 def _handed_over(values: NDArray[Any]) -> NDArray[Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from time import monotonic
 
 import pytest
@@ -52,17 +54,25 @@ def test_nobody_there_is_one_line(kind: Kind) -> None:
     assert "\n" not in message
 
 
-@some("connects")
-@pytest.mark.parametrize("answer", [HTTP, b""], ids=["another", "silent"])
-def test_another_device_is_refused_in_one_line(kind: Kind, answer: bytes) -> None:
+def _refused(kind: Kind, answer: bytes) -> tuple[str, str, float]:
+    """The URI at which another device answers, the line that refuses it, and s until that was said."""
     with answering(answer) as port:
         with kind.fake() as fake:
             uri = fake.uri.replace(str(getattr(fake, "http_port", fake.port)), str(port))
         begun = monotonic()
         message = refusal(source_of(uri))
-    assert monotonic() - begun < 3.0
-    assert message.startswith(f"{uri}: found ")
-    assert "\n" not in message
+        return uri, message, monotonic() - begun
+
+
+@pytest.mark.parametrize("answer", [HTTP, b""], ids=["another", "silent"])
+def test_another_device_is_refused_in_one_line(answer: bytes) -> None:
+    """All kinds at once: what takes long is to wait."""
+    connecting = [kind for kind in KINDS.values() if kind.connects]
+    with ThreadPoolExecutor(len(connecting)) as pool:
+        for uri, message, seconds in pool.map(_refused, connecting, repeat(answer)):
+            assert seconds < 3.0, uri
+            assert message.startswith(f"{uri}: found ")
+            assert "\n" not in message
 
 
 def test_a_name_that_is_none_is_said() -> None:

@@ -120,7 +120,7 @@ def readable(source: str, kind: str, errors: tuple[type[Exception], ...]) -> Ite
     except (ContactWrenchError, MemoryError):
         raise
     except errors as error:
-        bytearray(ROOM)  # where memory is short, MemoryError, whatever the library says
+        bytes(ROOM)  # where memory is short, MemoryError, whatever the library says; asked for, not filled
         reason = shown(str(error).partition("\n")[0].partition(". ")[0], 100)
         raise FileFormatError(
             f"{source}: cannot be read as {kind} ({reason}), expected a whole {kind} file: write it anew"
