@@ -19,6 +19,7 @@ import numpy as np
 from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotations_about_z, spread_directions, spread_rotations
+from ..geometry.wrench import cross_matrix
 from ..model import FLIP, RigidTool, gravity_in_flange
 
 FEW_POSES = 5
@@ -83,6 +84,9 @@ class _Moments:
         self.spread = np.sum(r * r, axis=(1, 2))
         both = r.transpose(0, 2, 1) @ wrench
         self.force, self.torque = both[:, :, :3], both[:, :, 3:]
+        # sum R (u x T) = sum r x (R T) is linear in R.
+        of_torque = cross_matrix(self.torque.transpose(0, 2, 1)).transpose(0, 3, 1, 2)
+        self.of_mounting = of_torque.reshape(len(r), 9, 3)
         inertia = self.spread[:, None, None] * np.eye(3) - r.transpose(0, 2, 1) @ r
         values, vectors = np.linalg.eigh(inertia)
         seen = values > LEAST_INERTIA * np.maximum(values[:, 2:], 1e-300)
@@ -98,11 +102,8 @@ class _Moments:
 
     def moment(self, R: Array) -> Array:
         """`sum u x T` (k, m, 3) in flange axes: `inverse_inertia @ moment` is weight * com of least squares there."""
-        P = R.transpose(0, 1, 3, 2) @ self.torque[:, None]
-        in_sensor = np.stack(
-            [P[..., 1, 2] - P[..., 2, 1], P[..., 2, 0] - P[..., 0, 2], P[..., 0, 1] - P[..., 1, 0]], axis=-1
-        )
-        moment: Array = (R @ in_sensor[..., None])[..., 0]
+        k, m = R.shape[:2]
+        moment: Array = R.reshape(k, m, 9) @ self.of_mounting
         return moment
 
     def score(self, R: Array) -> Array:
