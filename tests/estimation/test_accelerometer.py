@@ -186,6 +186,16 @@ def test_another_base_that_is_stated_changes_no_contact(capsys: pytest.CaptureFi
     np.testing.assert_allclose(contact[1], contact[0], atol=1e-6)
 
 
+def test_its_own_noise_is_in_the_std_at_rest_too() -> None:
+    """Readings that scatter by 0.2 m/s^2 shake a contact force of 1 kg by 0.2 N, four times the sensor's noise."""
+    samples = with_readings(Mounted(noise=0.2))
+    found = cw.calibrate(samples, "dynamic")
+    contact = contact_wrenches(found, samples)
+    still = np.asarray(samples.t) < 1.0
+    off = contact.wrench[still, :3] / np.hypot(contact.std[still, :3], 0.05)
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(1.0, abs=0.25)
+
+
 def test_compensation_leaves_little_in_motion() -> None:
     found, samples = calibrated_by_accelerometer(), with_readings(Mounted())
     t = np.asarray(samples.t) - pushed().begin

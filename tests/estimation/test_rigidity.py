@@ -133,3 +133,13 @@ def test_a_wrench_that_is_late_by_little_is_aligned_by_the_motion(late: float) -
     assert calibration.verdict == "good"
     assert calibration.dynamics is not None
     assert calibration.dynamics.residual_rms[:3] == pytest.approx(0.05, rel=0.15)
+
+
+def test_a_few_positions_that_are_missing_are_bridged() -> None:
+    rng = np.random.default_rng(3)
+    whole = clean().position
+    assert whole is not None
+    missing = rng.random(len(whole)) < 0.01
+    found = cw.calibrate(placed(lambda position: np.where(missing[:, None], np.nan, position)), "dynamic")
+    assert found.verdict == "good"
+    assert found.inertia == pytest.approx(cw.calibrate(clean(), "dynamic").inertia, abs=2e-5)

@@ -342,3 +342,34 @@ def test_principal_axes_are_a_rotation_near_to_none(moments: list[float]) -> Non
         assert np.abs(R.T @ R - np.eye(3)).max() < 1e-12
         assert np.linalg.det(R) == pytest.approx(1.0)
     assert np.abs(principal_axes(np.diag(moments))[1] - np.eye(3)).max() < 1e-12
+
+
+def test_where_the_motion_told_the_sensors_place_nobody_needs_to_state_it() -> None:
+    calibration, _ = with_particles(1)
+    assert calibration.dynamics is not None
+    found, target = calibration.dynamics.sensor_offset, TARGETS["mc_rtc"]
+    told = exported(target, calibration, Setup(), "tool.json")
+    stated = exported(target, calibration, Setup(sensor_offset=found), "tool.json")
+    said = "the sensor's origin is where the motion told, ["
+    assert said in " ".join(told.text.split())
+    assert said not in " ".join(stated.text.split())
+    unsure = replace(
+        calibration, dynamics=replace(calibration.dynamics, covariance=100.0 * calibration.dynamics.covariance)
+    )
+    with pytest.raises(InputError, match="no reading tells where the sensor's origin is"):
+        exported(target, unsure, Setup(), "tool.json")
+
+
+def test_a_file_that_subtracts_no_inertia_says_so() -> None:
+    calibration, _ = with_particles(1)
+    assert calibration.dynamics is not None
+    felt = replace(calibration.dynamics, static_rms=np.array([3.0, 0.0, 4.0, 1.0, 1.0, 1.0]))
+    moving, still = (
+        exported(TARGETS["python"], replace(calibration, dynamics=dynamics), Setup(), "tool.json").notes
+        for dynamics in (felt, None)
+    )
+    said = [note for note in moving if note not in still]
+    assert said == [
+        "this file does not subtract what a moving tool exerts: 5 N RMS were felt of that in the motion of the "
+        "calibration"
+    ]

@@ -24,11 +24,14 @@ NOISE = 0.02
 
 @dataclass(frozen=True)
 class Mounted:
-    """How one sits: `axes` (3, 3) of the flange's in its own, its unit for each m/s^2, and what it reads of none."""
+    """How one sits: `axes` (3, 3) of the flange's in its own, its unit for each m/s^2, what it reads of none, and its
+    noise, m/s^2.
+    """
 
     axes: Array = field(default_factory=lambda: Rotation.from_euler("xyz", [40.0, -70.0, 160.0], True).as_matrix())
     unit: float = 1.0 / GRAVITY
     zero: tuple[float, float, float] = (0.01, -0.02, 0.03)
+    noise: float = NOISE
 
 
 def accelerometer(of: Moving, mounted: Mounted, seed: int = 3) -> AccelerometerStream:
@@ -39,7 +42,7 @@ def accelerometer(of: Moving, mounted: Mounted, seed: int = 3) -> AccelerometerS
     down = np.asarray(of.settings.gravity_direction)
     specific_force = np.einsum("nji,nj->ni", rec.R_base_flange, acceleration - GRAVITY * down)
     every = slice(None, None, round(of.settings.recording.rate / RATE))
-    felt = specific_force[every] + NOISE * np.random.default_rng(seed).normal(size=specific_force[every].shape)
+    felt = specific_force[every] + mounted.noise * np.random.default_rng(seed).normal(size=specific_force[every].shape)
     reading = mounted.unit * felt @ mounted.axes.T + np.array(mounted.zero)
     return AccelerometerStream(rec.t[every] + LATE, reading, "imu.csv")
 

@@ -34,4 +34,6 @@ def verify(
     loaded, samples = calibration_and_samples(calibration, gravity, recording)
     result = check(loaded, samples, limit_force=limit_force, limit_torque=limit_torque, g=g)
     options.print_result(result, json, verification_json, verification_text)
+    if loaded.dynamics is not None:
+        options.note("verified at rest, inertia and offset are not: compensate free motion, and see what is left")
     return 0 if result.passed else 1

@@ -123,7 +123,8 @@ def of_poses(read: PositionsRead, position: Array, rate: float, most: float) -> 
         most: Hz, up to which the motion was used.
     """
     off = np.abs(read.matrix - np.eye(3))
-    still = [axis for axis, span in zip("xyz", np.ptp(position, axis=0), strict=True) if span < STANDS]
+    spans = np.nanmax(position, axis=0) - np.nanmin(position, axis=0)
+    still = [axis for axis, span in zip("xyz", spans, strict=True) if span < STANDS]
     if still:
         text = (
             f"the position's {' and '.join(still)} never changes: is that its column? accelerations along it are lost"

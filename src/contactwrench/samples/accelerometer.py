@@ -66,7 +66,7 @@ class Accelerometer(Frozen):
     Attributes:
         matrix: M (3, 3), its unit for each m/s^2 in flange axes.
         bias: b (3,), its unit.
-        noise: m/s^2, by which a mean reading at rest is off, an axis, RMS.
+        noise: m/s^2, by which a reading at rest is off, an axis, RMS.
         delay: s, by which its stamps are later than the wrench's.
     """
 
@@ -132,7 +132,7 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
     Raises:
         InputError: it did not read, it does not turn with gravity, or gravity turns too little in it.
     """
-    specific_force, reading, off = _means(samples, gravity)
+    specific_force, reading, off, scatter = _means(samples, gravity)
     g = float(np.linalg.norm(gravity))
     if len(reading) < 4:
         raise InputError(f"{samples.source}: found no accelerometer's readings, expected some: name another source")
@@ -154,6 +154,7 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
         )
     at_rest = off < 2.0 * REST
     noise = np.median(left[at_rest]) / MEDIAN_OF_THREE if at_rest.any() else unexplained
+    noise = np.hypot(noise, np.median(scatter[at_rest if at_rest.any() else slice(None)]) / told)
     return Accelerometer(matrix, bias, max(float(noise), REST / 10.0))
 
 
@@ -199,9 +200,9 @@ def _longest_run(known: NDArray[np.bool_]) -> slice:
     return slice(*runs[np.argmax(runs[:, 1] - runs[:, 0])].tolist()) if len(runs) else slice(0)
 
 
-def _means(samples: Samples, gravity: Array) -> tuple[Array, Array, Array]:
-    """Of blocks in which it read: specific force at rest (k, 3), the reading (k, 3), and by how much (k,) the former is
-    off because the arm moves, m/s^2.
+def _means(samples: Samples, gravity: Array) -> tuple[Array, Array, Array, Array]:
+    """Of blocks in which it read: specific force at rest (k, 3), the reading (k, 3), by how much (k,) the former is off
+    because the arm moves, m/s^2, and by how much (k,) readings scatter about theirs, an axis.
     """
     t, R = spread_evenly(np.asarray(samples.t)), samples.R_base_flange
     reading = np.full((len(t), 3), np.nan) if samples.accelerometer is None else samples.accelerometer
@@ -212,12 +213,15 @@ def _means(samples: Samples, gravity: Array) -> tuple[Array, Array, Array]:
     count: Array = (last - first + 1).astype(np.float64)
     whole = np.flatnonzero(count > 0.5 * (np.median(count) if len(count) else 0.0))
     down = gravity @ R[known]
-    means = [np.add.reduceat(values, first, axis=0) / count[:, None] for values in (down, reading[known])]
+    read = reading[known]
+    means = [np.add.reduceat(values, first, axis=0) / count[:, None] for values in (down, read)]
+    about = read - np.repeat(means[1], count.astype(int), axis=0)
+    scatter = np.sqrt(np.add.reduceat(np.mean(about**2, axis=1), first) / count)
     begin, end = known[first], known[last]
     turned = np.linalg.norm(rotation_vectors(R[begin].transpose(0, 2, 1) @ R[end]), axis=1)
     speed = turned / np.maximum(t[end] - t[begin], 1e-9)
     off = np.hypot(REST, LEVER * (speed**2 + np.abs(np.gradient(speed)) / BLOCK)) if len(speed) > 1 else speed
-    return -means[0][whole], means[1][whole], off[whole]
+    return -means[0][whole], means[1][whole], off[whole], scatter[whole]
 
 
 def _fitted(specific_force: Array, reading: Array, weight: Array) -> tuple[Array, Array, Array, float]:

@@ -121,6 +121,7 @@ def flange_motion(
             "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia"
         )
     t = spread_evenly(samples.t)
+    position, placed = _bridged(position, placed, t)
     if len(t) < FEWEST or not np.median(np.diff(t)) > 0.0:
         raise InputError(f"{samples.source}: found {len(t)} rows, expected a motion in the order of its times")
     period, node = float(np.median(np.diff(t))), samples.pose_period or 0.0
@@ -152,6 +153,18 @@ def flange_motion(
         stirring,
         accelerometer is not None,
     )
+
+
+def _bridged(place: Array, known: NDArray[np.bool_], t: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Places (n, 3) with those in between where only a few rows in a row have none, and which are known then."""
+    rows = np.flatnonzero(known)
+    if known.all() or len(rows) < 2:
+        return place, known
+    after = np.clip(np.searchsorted(rows, np.arange(len(t))), 1, len(rows) - 1)
+    inside = (np.arange(len(t)) > rows[0]) & (np.arange(len(t)) < rows[-1])
+    few = inside & (t[rows[after]] - t[rows[after - 1]] <= default_gap(t))
+    between = np.stack([np.interp(t, t[rows], values) for values in place[rows].T], axis=1)
+    return np.where((known | few)[:, None], np.where(known[:, None], place, between), np.nan), known | few
 
 
 def _squares(acceleration: Array, angular_velocity: Array) -> Array:

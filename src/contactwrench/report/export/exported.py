@@ -5,7 +5,7 @@ what they are worth.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import wrap
 
 import numpy as np
@@ -29,6 +29,8 @@ OF_THE_RECORDING = (
 COLUMNS = 100
 COPIED = re.compile(r'\w\([^()]*\)|\[[^]]*\]|"[^"]*"')
 """What a person copies out of a sentence, in one piece: a call, a list, a quotation."""
+OFFSET_STD = 2e-3
+"""m, of where the sensor is: what is known worse is asked for."""
 MASS_APART, MASS_SURELY_APART, STANDARD_DEVIATIONS = 0.2, 0.1, 5.0
 """In shares of the identified mass: so far off, a stated one is doubted; or less far, by so many of its std."""
 
@@ -69,6 +71,7 @@ def exported(target: Target, calibration: Calibration, setup: Setup, source: str
     Raises:
         InputError: what the format needs is not stated, or the program could make nothing of the calibration.
     """
+    setup, offset = _with_found_offset(calibration, setup, target)
     parameters = target.parameters(calibration, setup)
     weak = [finding.text for finding in calibration.findings if finding.severity is Severity.WEAK]
     mass, doubted = _stated_mass(calibration, setup)
@@ -78,6 +81,7 @@ def exported(target: Target, calibration: Calibration, setup: Setup, source: str
     then = [
         *([] if doubted else mass),
         *parameters.remarks,
+        *offset,
         *([] if parameters.B is None else [OF_THE_RECORDING]),
         *loss,
     ]
@@ -86,6 +90,20 @@ def exported(target: Target, calibration: Calibration, setup: Setup, source: str
     sentences = (*_origin(target, calibration, source), *first, *_identified(calibration), *then)
     header = [line for sentence in sentences for line in _wrapped(sentence)]
     return Exported(target.with_header(header, parameters.body), (*first, *(loss if matters else [])))
+
+
+def _with_found_offset(c: Calibration, setup: Setup, target: Target) -> tuple[Setup, list[str]]:
+    """The setup with the sensor's place as the motion told it, where that is needed and nobody states it, and what is
+    to be said of that.
+    """
+    d = c.dynamics
+    told = d is not None and d.accelerometer is None and d.std[6:].max() < OFFSET_STD
+    if d is None or not told or setup.sensor_offset is not None or "sensor_offset" not in target.uses:
+        return setup, []
+    each = zip(d.sensor_offset.tolist(), d.std[6:].tolist(), strict=True)
+    place = ", ".join(f"{1e3 * value:.2f} +- {1e3 * std:.2g}" for value, std in each)
+    said = f"the sensor's origin is where the motion told, [{place}] mm from the flange's; --sensor-offset states it"
+    return replace(setup, sensor_offset=d.sensor_offset), [said]
 
 
 def _wrapped(sentence: str) -> list[str]:
@@ -141,6 +159,13 @@ def _other_readings(c: Calibration, parameters: Parameters) -> list[str]:
         cautions.append(
             f"the wrench is stamped {abs(delay):.4g} ms {later} than the orientation: look the orientation up that "
             f"much {earlier}, this file does not do it"
+        )
+    if c.dynamics is not None:
+        subtracted = np.maximum(c.dynamics.static_rms**2 - c.dynamics.residual_rms**2, 0.0)
+        felt = float(np.sqrt(np.sum(subtracted[:3])))
+        cautions.append(
+            f"this file does not subtract what a moving tool exerts: {felt:.2g} N RMS were felt of that in the motion "
+            "of the calibration"
         )
     if c.provenance.get("sign") == "reaction" and not parameters.takes_reaction:
         cautions.append(
