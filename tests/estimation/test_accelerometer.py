@@ -186,6 +186,16 @@ def test_another_base_that_is_stated_changes_no_contact(capsys: pytest.CaptureFi
     np.testing.assert_allclose(contact[1], contact[0], atol=1e-6)
 
 
+def test_readings_too_slow_for_the_motion_are_in_doubt() -> None:
+    every = round(pushed().settings.recording.rate / 10.0)
+    stream = accelerometer(pushed(), Mounted(), every=every)
+    found = cw.calibrate(with_accelerometer(without_positions(), stream), "dynamic")
+    (said,) = (finding.text for finding in found.findings if finding.kind is Kind.SLOW_POSES)
+    assert said.startswith("doubtful: the accelerometer's readings came at 10 Hz, and the arm moved at up to ")
+    known = calibrated_by_accelerometer().findings
+    assert not any(finding.kind is Kind.SLOW_POSES for finding in known)
+
+
 def test_its_own_noise_is_in_the_std_at_rest_too() -> None:
     """Readings that scatter by 0.2 m/s^2 shake a contact force of 1 kg by 0.2 N, four times the sensor's noise."""
     samples = with_readings(Mounted(noise=0.2))

@@ -34,17 +34,17 @@ class Mounted:
     noise: float = NOISE
 
 
-def accelerometer(of: Moving, mounted: Mounted, seed: int = 3) -> AccelerometerStream:
-    """Its readings: the second differences of its places, less gravity, in its own axes."""
+def accelerometer(of: Moving, mounted: Mounted, seed: int = 3, every: int | None = None) -> AccelerometerStream:
+    """Its readings, at every so many samples: the second differences of its places, less gravity, in its own axes."""
     rec = of.recorded
     place = rec.position + rec.R_base_flange @ PLACE
     acceleration = np.gradient(np.gradient(place, rec.t, axis=0), rec.t, axis=0)
     down = np.asarray(of.settings.gravity_direction)
     specific_force = np.einsum("nji,nj->ni", rec.R_base_flange, acceleration - GRAVITY * down)
-    every = slice(None, None, round(of.settings.recording.rate / RATE))
-    felt = specific_force[every] + mounted.noise * np.random.default_rng(seed).normal(size=specific_force[every].shape)
+    some = slice(None, None, every or round(of.settings.recording.rate / RATE))
+    felt = specific_force[some] + mounted.noise * np.random.default_rng(seed).normal(size=specific_force[some].shape)
     reading = mounted.unit * felt @ mounted.axes.T + np.array(mounted.zero)
-    return AccelerometerStream(rec.t[every] + LATE, reading, "imu.csv")
+    return AccelerometerStream(rec.t[some] + LATE, reading, "imu.csv")
 
 
 @lru_cache

@@ -113,15 +113,8 @@ def of_motion(
         yield Finding(Kind.MOTION_USED, Severity.WARNING, seconds + text)
 
 
-def of_poses(read: PositionsRead, position: Array, rate: float, most: float) -> Iterator[Finding]:
-    """What the poses of a motion are not: as the forces say, and by what they are themselves.
-
-    Args:
-        read: how the forces say that they are read.
-        position: (n, 3) m.
-        rate: Hz, of the poses.
-        most: Hz, up to which the motion was used.
-    """
+def of_positions(read: PositionsRead, position: Array) -> Iterator[Finding]:
+    """What positions (n, 3) m of a motion are not: by themselves, and as the forces say that they are read."""
     off = np.abs(read.matrix - np.eye(3))
     spans = np.nanmax(position, axis=0) - np.nanmin(position, axis=0)
     still = [axis for axis, span in zip("xyz", spans, strict=True) if span < STANDS]
@@ -136,9 +129,13 @@ def of_poses(read: PositionsRead, position: Array, rate: float, most: float) -> 
             "their unit, and that they are of the same flange, base and time as the orientations"
         )
         yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
+
+
+def of_rate(what: str, rate: float, most: float) -> Iterator[Finding]:
+    """Whether what tells the motion comes often enough: its rate, and up to where the motion was used, Hz."""
     if rate < ENOUGH_POSES * most:
         text = (
-            f"poses came at {rate:.3g} Hz, and the arm moved at up to {most:.2g} Hz: what lies between them is guessed "
+            f"{what} came at {rate:.3g} Hz, and the arm moved at up to {most:.2g} Hz: what lies between is guessed "
             f"and in no std: record them at {ENOUGH_POSES * most:.2g} Hz or faster, or move more slowly"
         )
         yield Finding.doubtful(Kind.SLOW_POSES, text)

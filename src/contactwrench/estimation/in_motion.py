@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, inertial_matrix
-from ..calibration.findings import Kind
+from ..calibration.findings import Finding, Kind
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
@@ -22,7 +23,7 @@ from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
 from .dynamic import TOGETHER_STD, UNKNOWN_STD, Moved, moved
-from .findings_of_motion import of_motion, of_poses
+from .findings_of_motion import of_motion, of_positions, of_rate
 from .motion_moments import FLAT, motion_moments
 from .possible_tool import nearest_possible
 from .rigidity import positions_read
@@ -121,11 +122,20 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
     said = of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)
     findings = [*calibration.findings, *said]
-    if accelerometer is None:
-        where_it_moves = flange_motion(samples, max(moments.most / FLAT, SLOWEST))
-        positions = positions_read(complete, samples, where_it_moves)
-        findings += of_poses(positions, np.asarray(samples.position), 1.0 / _pose_period(samples), moments.most)
+    findings += _of_what_told_it(complete, samples, moments.most)
     return replace(complete, dynamics=dynamics, findings=tuple(findings))
+
+
+def _of_what_told_it(c: Calibration, samples: Samples, most: float) -> Iterator[Finding]:
+    """What poses, or an accelerometer, are not, which told a motion up to `most` Hz."""
+    own_period = float(np.median(np.diff(spread_evenly(np.asarray(samples.t)))))
+    if samples.accelerometer is not None:
+        rate = 1.0 / (samples.accelerometer_period or own_period)
+        yield from of_rate("the accelerometer's readings", rate, most)
+        return
+    where_it_moves = flange_motion(samples, max(most / FLAT, SLOWEST))
+    yield from of_positions(positions_read(c, samples, where_it_moves), np.asarray(samples.position))
+    yield from of_rate("poses", 1.0 / (samples.pose_period or own_period), most)
 
 
 def _require_places(samples: Samples) -> None:
@@ -135,11 +145,6 @@ def _require_places(samples: Samples) -> None:
             f"{samples.source}: found positions that are all 0, expected the flange's x, y, z: name their columns, "
             "name an accelerometer with --imu, or take model auto"
         )
-
-
-def _pose_period(samples: Samples) -> float:
-    """s, between poses, of samples with times."""
-    return samples.pose_period or float(np.median(np.diff(spread_evenly(np.asarray(samples.t)))))
 
 
 def _accelerometer(calibration: Calibration, samples: Samples) -> Accelerometer | None:
@@ -195,7 +200,8 @@ def _shifted(samples: Samples, delay: float, std: float | None = None) -> Sample
     poses = OrientationStream(np.asarray(samples.t), samples.R_base_flange, samples.position, samples.source)
     paired = synchronize(Streams(wrench, poses), delay, std)
     told = None if samples.accelerometer is None else samples.accelerometer[paired.rows]
-    return replace(paired.samples, accelerometer=told, pose_period=samples.pose_period)
+    periods = {name: getattr(samples, name) for name in ("pose_period", "accelerometer_period")}
+    return replace(paired.samples, accelerometer=told, **periods)
 
 
 def _untold(found: Moved, sought: tuple[str, ...]) -> list[str]:

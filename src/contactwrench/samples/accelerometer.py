@@ -119,7 +119,7 @@ def with_accelerometer(samples: Samples, stream: AccelerometerStream) -> Samples
     at = np.stack([np.interp(samples.t, t, values, np.nan, np.nan) for values in reading.T], axis=1)
     after = np.clip(np.searchsorted(t, samples.t), 1, len(t) - 1)
     at[t[after] - t[after - 1] > default_gap(t)] = np.nan
-    return replace(samples, accelerometer=at)
+    return replace(samples, accelerometer=at, accelerometer_period=float(np.median(np.diff(t))))
 
 
 def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:

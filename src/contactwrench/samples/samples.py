@@ -47,6 +47,7 @@ class Samples(Rows):
             its own.
         damage: what of a damaged file could not be read, one sentence; empty: nothing.
         accelerometer: what one on the tool read (n, 3), own axes and unit; NaN: not known.
+        accelerometer_period: s, between the readings that these were interpolated between; None: each row has its own.
 
     Raises:
         InputError: a wrong shape, a NaN, a reading beyond `LARGEST_READING`, no rotation, a time or a load that nobody
@@ -68,6 +69,7 @@ class Samples(Rows):
     came: Array | None = field(default=None, metadata=column())
     pose_period: float | None = None
     accelerometer: Array | None = field(default=None, metadata=column(3))
+    accelerometer_period: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
