@@ -100,8 +100,9 @@ def left_over_per_pose(calibration: Calibration, methods: tuple[LeftOver, ...]) 
 
 
 def in_order_of_time(calibration: Calibration) -> NDArray[np.intp]:
-    """The places in `poses`, by the time at which each began; without times as they are."""
-    return np.argsort([pose.t_start or 0.0 for pose in calibration.poses], kind="stable")
+    """The places in `poses`, by the middle of the time of each, as they are numbered; without times as they are."""
+    middle = [0.5 * ((pose.t_start or 0.0) + (pose.t_end or 0.0)) for pose in calibration.poses]
+    return np.argsort(middle, kind="stable")
 
 
 def places_in_time(calibration: Calibration) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
