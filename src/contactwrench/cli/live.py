@@ -15,7 +15,7 @@ import typer
 
 from ..errors import InputError, refuse
 from ..files import already_there, entries, target_of
-from ..geometry.ranges import CAPACITY, CUTOFF, NOISE, POSES, Range
+from ..geometry.ranges import CAPACITY, CUTOFF, POSES, WALK, Range
 from . import options
 from .outputs import Writes
 from .signals import caught
@@ -58,7 +58,7 @@ def live(
         str | None, options.text("NAME|URDF[:LINK]", "Plan only what its wrist reaches, as `plan` does.")
     ] = None,
     lowpass: Annotated[float | None, options.number(CUTOFF, "HZ", "Low-pass of the contact wrench.")] = None,
-    drift: Annotated[float | None, options.number(NOISE, "N", "Follow a bias that wanders so far in an hour.")] = None,
+    drift: Annotated[float | None, options.number(WALK, "N", "Follow a bias that wanders so far in an hour.")] = None,
     ranges: Annotated[str | None, options.text("FX,FY,FZ,TX,TY,TZ", "The sensor's ranges, N and N m.")] = None,
     page: Annotated[bool, typer.Option("--page/--no-page", help="Show the session in a browser.")] = True,
     wizard: Annotated[bool, typer.Option("--wizard", help="Without a page: the wizard in this terminal.")] = False,

@@ -48,6 +48,8 @@ class Bota:
                 if not (self._driver.configure() and self._driver.activate()):
                     raise self._error("a driver that does not start", "read what it wrote")
                 step = int(self._driver.get_expected_timestep_us())
+                if step <= 0:
+                    raise self._error(f"a timestep of {step} us", "set the sensor's sampling in the driver's file")
             except RuntimeError as error:
                 raise self._error(str(error) or "a refusal of the driver", "check the file and the cable") from None
         self._pause = 0.5e-6 * step
