@@ -82,8 +82,10 @@ def test_any_matrix_between_given_and_true_positions_is_found(seed: int) -> None
 
 
 def test_a_column_of_positions_that_stands_is_in_doubt_and_three_are_refused() -> None:
-    text = doubts(placed(lambda position: position * [1.0, 1.0, 0.0]))[Kind.POSITIONS_IN_DOUBT]
-    assert text == "doubtful: the position's z never changes: is that its column? accelerations along it are lost"
+    calibration = cw.calibrate(placed(lambda position: position * [1.0, 1.0, 0.0]), "dynamic")
+    (said,) = (finding.text for finding in calibration.findings if finding.kind is Kind.POSITIONS_IN_DOUBT)
+    assert said == "the position's z never changes: if the arm moves along it, that is not its column"
+    assert calibration.verdict == "doubtful"
     with pytest.raises(InputError) as caught:
         cw.calibrate(placed(lambda position: 0.0 * position), "dynamic")
     assert str(caught.value) == (
@@ -119,6 +121,8 @@ def test_what_swings_on_the_tool_is_in_doubt() -> None:
     swings = lfilter([abs(1.0 - pole) ** 2], [1.0, -2.0 * pole.real, abs(pole) ** 2], acceleration, axis=0)
     found = doubts(replace(samples, wrench=samples.wrench - 0.2 * np.hstack([swings, 0.0 * swings])))
     assert NOT_RIGID in found[Kind.NOT_RIGID]
+    share = float(found[Kind.NOT_RIGID].removeprefix("doubtful: ").partition("%")[0])
+    assert 10.0 < share < 30.0
 
 
 @pytest.mark.parametrize("late", [0.006, -0.01])
@@ -129,6 +133,7 @@ def test_a_wrench_that_is_late_by_little_is_aligned_by_the_motion(late: float) -
     assert of_sensor is not None
     behind = np.stack([np.interp(samples.t - late, samples.t, values) for values in samples.wrench.T], axis=1)
     calibration = cw.calibrate(replace(samples, wrench=behind), "dynamic")
+    assert calibration.delay is not None
     assert calibration.delay == pytest.approx(of_sensor + late, abs=2e-4)
     assert calibration.verdict == "good"
     assert calibration.dynamics is not None
@@ -143,3 +148,14 @@ def test_a_few_positions_that_are_missing_are_bridged() -> None:
     found = cw.calibrate(placed(lambda position: np.where(missing[:, None], np.nan, position)), "dynamic")
     assert found.verdict == "good"
     assert found.inertia == pytest.approx(cw.calibrate(clean(), "dynamic").inertia, abs=2e-5)
+
+
+def test_a_delay_that_the_motion_tells_is_applied_and_said() -> None:
+    """Of readings and poses that were paired as they are, or by a delay that is stated: the rest of it."""
+    whole = {stated: cw.calibrate(arm().samples(125.0, delay=stated), "dynamic") for stated in (0.0, 0.008)}
+    for calibration in whole.values():
+        assert calibration.delay == pytest.approx(0.0023, abs=3e-4)
+        (said,) = (finding.text for finding in calibration.findings if finding.kind is Kind.DELAY_OF_MOTION)
+        assert calibration.delay is not None
+        by = f"{1e3 * calibration.delay:.3g} ms later"
+        assert said == f"by the motion the wrench is stamped {by} than the orientation: applied"

@@ -17,7 +17,7 @@ from .bias_tracking import CREEP, RECOVERY, REMNANT, predict, whiten
 from .contact_wrenches import FREE, TOUCHING, Contact
 from .faults import FINE, LEARNED, LEARNING, SAME
 from .noise import SampleNoise
-from .shaking import whiten_shaking
+from .shaking import of_motion, whiten_shaking
 from .state import COVARIANCE, ENDED, NOISE_LEARNED, OCTAVES, THRESHOLDS, Matrix, Row, Sample, State, kernel
 
 RELEASE_RATE = 0.01
@@ -280,7 +280,7 @@ def contact_so_far(s: Any, noise: SampleNoise, release: float | None) -> Contact
     """The contact that lasts (`release` None), or the one that ended with the last sample."""
     rows = float(s.contact_rows)
     of_mean = np.minimum(noise.of_mean(rows) * readings_held(s), noise.of_sample)
-    covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(of_mean + s.of_motion)
+    covariance = np.array(s.systematic if release is None else s.contact_covariance) + np.diag(of_mean) + of_motion(s)
     mean = np.array(s.contact_sum) / rows
     return Contact(float(s.onset), release, np.array(s.peak), mean, covariance, bool(s.onset_seen))
 

@@ -10,7 +10,11 @@ every axis as on the one where it grows most.
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
+import numpy as np
+
+from ..geometry.arrays import Array
 from ..samples.flange_motion import RINGING
 from .state import Sample, State, kernel
 
@@ -102,3 +106,10 @@ def statistic_in_motion(s: State, sample: Sample, growth: float) -> float:
     y = (y - b * x) / d
     z = (z - c * x - e * y) / g
     return (squared - power * (x * x + y * y + z * z)) / (1.0 + growth)
+
+
+def of_motion(s: Any) -> Array:
+    """The covariance (6, 6) that motion adds to a contact wrench: force and torque of what shakes go together."""
+    along = np.array(s.D)[:, LINEAR:]
+    shaken: Array = s.shaken * along @ along.T
+    return shaken + np.diag(np.maximum(np.array(s.of_motion) - np.diag(shaken), 0.0))

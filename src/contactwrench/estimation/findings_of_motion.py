@@ -26,7 +26,7 @@ MOST_OF_IT = 0.9
 """Of the recording, in which an accelerometer is to have read."""
 IMPOSSIBLE = 2.0
 """Standard deviations from the inertia of any body."""
-NOT_RIGID = 1e-3
+NOT_RIGID = 2e-3
 """Of what the motion makes felt, as a share: less, though it shows in a long recording, matters to nobody."""
 OTHERWISE, SURELY_OTHERWISE, ALMOST = 0.08, 8.0, 0.35
 """Of the matrix between true accelerations and those of the positions: what is no rounding of it, in std too, and how
@@ -119,16 +119,22 @@ def of_positions(read: PositionsRead, position: Array) -> Iterator[Finding]:
     spans = np.nanmax(position, axis=0) - np.nanmin(position, axis=0)
     still = [axis for axis, span in zip("xyz", spans, strict=True) if span < STANDS]
     if still:
-        text = (
-            f"the position's {' and '.join(still)} never changes: is that its column? accelerations along it are lost"
-        )
-        yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
+        axes, change = " and ".join(still), "changes" if len(still) == 1 else "change"
+        text = f"the position's {axes} never {change}: if the arm moves along it, that is not its column"
+        yield Finding(Kind.POSITIONS_IN_DOUBT, Severity.WARNING, text)
     elif np.any((off > OTHERWISE) & (off > SURELY_OTHERWISE * read.std)):
         text = (
             f"the forces in motion go with positions that are {_in_words(read.matrix)}: check the columns x, y, z, "
             "their unit, and that they are of the same flange, base and time as the orientations"
         )
         yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
+
+
+def of_delay(late: float) -> Finding:
+    """By how many s the motion says that the wrench is stamped later than the orientation."""
+    by = f"{1e3 * abs(late):.3g} ms {'later' if late > 0.0 else 'earlier'}"
+    text = f"by the motion the wrench is stamped {by} than the orientation: applied"
+    return Finding(Kind.DELAY_OF_MOTION, Severity.NOTE, text)
 
 
 def of_rate(what: str, rate: float, most: float) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, inertial_matrix
+from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, elements, inertial_matrix
 from ..calibration.findings import Finding, Kind
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
@@ -23,7 +23,7 @@ from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
 from .dynamic import TOGETHER_STD, UNKNOWN_STD, Moved, moved
-from .findings_of_motion import of_motion, of_positions, of_rate
+from .findings_of_motion import of_delay, of_motion, of_positions, of_rate
 from .motion_moments import FLAT, motion_moments
 from .possible_tool import nearest_possible
 from .rigidity import positions_read
@@ -32,6 +32,8 @@ ALIGNED, LEAST_LATE = 3, 2e-4
 """Times that readings are put where the motion tells that they belong; and s, which matter to nobody."""
 LEAST_SECONDS = 4.0
 """Of motion."""
+SURELY_BELOW = 3.0
+"""Standard deviations below zero of a moment of inertia that no body has."""
 KNOWN = 0.5
 """Of what was thinkable before: a std that is larger was not told by the motion."""
 FAR_BEYOND, MEDIAN_OF_SQUARES, LEAST_EXPECTED, TRIMMED = 9.0, 0.79, 0.01, 5
@@ -59,7 +61,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
         raise _at_rest(samples, 0.0)
-    late = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or np.inf) else 0.0
+    late = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or 0.0) else 0.0
     samples = as_stamped(samples)
     if samples.accelerometer is None:
         _require_places(samples)
@@ -77,7 +79,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
                 "are they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
             )
         moments = motion_moments(samples, motion)
-        if moments.seconds < LEAST_SECONDS:
+        if moments.seconds < (LEAST_SECONDS if k == 0 else 0.5 * LEAST_SECONDS):  # a shift may cut a window
             raise _at_rest(samples, moments.seconds)
         known = names, calibration.covariance, calibration.noise
         found = moved(tool, tool.weight / mass, *known, moments, stated, ahead_std)
@@ -89,7 +91,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         late, aligned = late + found.late, True
         samples = _shifted(samples, found.late)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
-    if np.linalg.eigvalsh(found.inertia)[-1] < 0.0:
+    if _is_negative(found):
         raise InputError(
             f"{samples.source}: found moments of inertia below zero, expected those of a body: are the torques' sign "
             "and unit those of the forces?"
@@ -122,20 +124,31 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
     said = of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)
     findings = [*calibration.findings, *said]
-    findings += _of_what_told_it(complete, samples, moments.most)
+    findings += _of_what_told_it(complete, samples, moments.most, moments.usual)
+    if aligned and accelerometer is None:
+        findings.append(of_delay(late))
     return replace(complete, dynamics=dynamics, findings=tuple(findings))
 
 
-def _of_what_told_it(c: Calibration, samples: Samples, most: float) -> Iterator[Finding]:
-    """What poses, or an accelerometer, are not, which told a motion up to `most` Hz."""
-    own_period = float(np.median(np.diff(spread_evenly(np.asarray(samples.t)))))
+def _is_negative(found: Moved) -> bool:
+    """Whether the largest moment of inertia is surely below zero."""
+    moments, axes = np.linalg.eigh(found.inertia)
+    slope = elements(np.outer(axes[:, -1], axes[:, -1])) * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
+    return bool(moments[-1] < -SURELY_BELOW * np.sqrt(slope @ found.covariance[:6, :6] @ slope))
+
+
+def _of_what_told_it(c: Calibration, samples: Samples, most: float, usual: float) -> Iterator[Finding]:
+    """What poses, or an accelerometer, are not, which told a motion up to `most` Hz, nearly all of it up to `usual`."""
+    t = spread_evenly(np.asarray(samples.t))
     if samples.accelerometer is not None:
-        rate = 1.0 / (samples.accelerometer_period or own_period)
-        yield from of_rate("the accelerometer's readings", rate, most)
+        rate = 1.0 / (samples.accelerometer_period or float(np.median(np.diff(t))))
+        yield from of_rate("the accelerometer's readings", rate, usual)
         return
+    turned = np.flatnonzero(np.any(samples.R_base_flange[1:] != samples.R_base_flange[:-1], axis=(1, 2)))
+    own_period = float(np.median(np.diff(t[turned]))) if len(turned) > 1 else float(np.median(np.diff(t)))  # held ones
     where_it_moves = flange_motion(samples, max(most / FLAT, SLOWEST))
     yield from of_positions(positions_read(c, samples, where_it_moves), np.asarray(samples.position))
-    yield from of_rate("poses", 1.0 / (samples.pose_period or own_period), most)
+    yield from of_rate("poses", 1.0 / (samples.pose_period or own_period), usual)
 
 
 def _require_places(samples: Samples) -> None:
@@ -185,13 +198,17 @@ def tool_of(calibration: Calibration) -> RigidTool:
     return RigidTool(*parts, calibration.gravity_direction)
 
 
-def as_stamped(samples: Samples) -> Samples:
-    """The samples with the orientation that belongs to each reading, where rows came with one and are late."""
-    delay, std = samples.delay, samples.delay_std
-    in_rows = samples.pose_period is None and samples.t is not None
-    if not in_rows or delay is None or std is None or not is_significant(delay, std):
+def as_stamped(samples: Samples, calibration: Calibration | None = None) -> Samples:
+    """The samples with the orientation that belongs to each reading, by their delay or a calibration's: where rows came
+    with one and are late; and where they were paired, by what the calibration's delay is beyond theirs.
+    """
+    of = samples if calibration is None else calibration
+    delay, std, applied = of.delay, of.delay_std, 0.0
+    if samples.t is None or delay is None or std is None or not is_significant(delay, std):
         return samples
-    return _shifted(samples, delay, std)
+    if samples.pose_period is not None:
+        applied = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or 0.0) else 0.0
+    return _shifted(samples, delay - applied, std) if delay != applied else samples
 
 
 def _shifted(samples: Samples, delay: float, std: float | None = None) -> Samples:

@@ -26,6 +26,8 @@ BANDS = (0.75, 1.75, 3.25, 5.25, 7.75, 11.0, 15.5, 22.0, 31.0, 44.0, 62.0)
 """Hz, where a band ends and the next begins."""
 FLAT = 0.75
 """Of the bandwidth: so far the motion is as it was."""
+MOSTLY = 0.99
+"""Of the same power: what is beyond is an edge of it, as of a motion whose acceleration jumps."""
 NEARLY_ALL, LEVER = 0.999, 0.1
 """Of the power of an acceleration, m from the flange: up to where that is, bands are used. Beyond, a window shows what
 leaks from below, the same in all bands, and would count as often as there are bands.
@@ -45,13 +47,15 @@ READINGS = slice(3 * REGRESSORS, 3 * REGRESSORS + 6)
 @dataclass(frozen=True, eq=False)
 class MotionMoments:
     """Of w windows of so many `rows`, and b bands up to `most` Hz: `products` (w, b, 72, 72) of the columns and the
-    readings, and how many frequencies, both signs counted, each band has in a window, `count` (b,).
+    readings, and how many frequencies, both signs counted, each band has in a window, `count` (b,). Up to `usual` Hz is
+    most of the motion.
     """
 
     products: Array
     count: Array
     rows: int
     most: float
+    usual: float
 
     @property
     def seconds(self) -> float:
@@ -69,8 +73,10 @@ def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
         starts = starts[np.linspace(0, len(starts) - 1, MOST_WINDOWS).astype(int)]
     frequency = np.fft.rfftfreq(rows, period)
     if not len(starts):
-        return MotionMoments(np.empty((0, 1, READINGS.stop, READINGS.stop)), np.ones(1), rows, 0.0)
-    most = min(FLAT * motion.bandwidth, _where_nearly_all_is(motion, rows, period))
+        return MotionMoments(np.empty((0, 1, READINGS.stop, READINGS.stop)), np.ones(1), rows, 0.0, 0.0)
+    most, usual = (
+        min(FLAT * motion.bandwidth, up_to) for up_to in _where_shares_are(motion, rows, period, (NEARLY_ALL, MOSTLY))
+    )
     ends = np.array([*(edge for edge in BANDS if edge < most), np.inf])
     band = np.searchsorted(ends, frequency, "right")
     band[frequency > most] = -1
@@ -86,18 +92,18 @@ def motion_moments(samples: Samples, motion: FlangeMotion) -> MotionMoments:
         seen = np.fft.rfft(columns[start : start + rows] * taper, axis=0, norm="ortho") * np.sqrt(both)[:, None]
         for b, (_, place) in enumerate(used):
             products[k, b] = (seen[place].conj().T @ seen[place]).real
-    return MotionMoments(products, np.array([both[place].sum() for _, place in used]), rows, most)
+    return MotionMoments(products, np.array([both[place].sum() for _, place in used]), rows, most, usual)
 
 
-def _where_nearly_all_is(motion: FlangeMotion, rows: int, period: float) -> float:
-    """Hz, up to which nearly all of the motion's accelerations lie."""
+def _where_shares_are(motion: FlangeMotion, rows: int, period: float, shares: tuple[float, ...]) -> list[float]:
+    """Hz, up to which such shares of the power of the motion's accelerations lie."""
     from scipy.signal import welch
 
     accelerations = np.column_stack([motion.acceleration, LEVER * motion.angular_acceleration])
     known = accelerations * motion.inside[:, None]
     frequency, power = welch(known, 1.0 / period, "hann", rows, detrend=False, scaling="spectrum", axis=0)
     share = np.cumsum(power.sum(axis=1)) / max(float(power.sum()), 1e-300)
-    return float(frequency[int(np.searchsorted(share, NEARLY_ALL))])
+    return [float(frequency[int(np.searchsorted(share, each))]) for each in shares]
 
 
 def _moving_windows(t: Array, motion: FlangeMotion, rows: int) -> NDArray[np.intp]:

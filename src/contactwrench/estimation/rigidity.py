@@ -32,7 +32,7 @@ RIDGE = 1e-9
 @dataclass(frozen=True, eq=False)
 class BeyondRigid:
     """Of what a rigid tool leaves in motion: how much any matrix of the motion's terms explains, over what it would of
-    noise, `ratio`; and how large that is, as a share of all that the motion makes felt.
+    noise, `ratio`; and how large that is, as a share of the force, or of the torque, that the motion makes felt.
     """
 
     ratio: float
@@ -54,7 +54,8 @@ def beyond_rigid(left: Array, weight: Array, variance: Array, moments: MotionMom
         moments: of the motion.
     """
     columns, still = np.r_[: MOTION.stop], ONE + 1
-    gain, of_any, of_rigid = 0.0, 0.0, 0.0
+    gain, of_any, of_rigid = 0.0, np.zeros(2), np.zeros(2)
+    felt = moments.products.sum(axis=(0, 1))[MOTION, MOTION]
     for axis, (own, combination) in enumerate(zip(weight.T, left, strict=True)):
         seen = np.einsum("w,b,wbij->ij", own, 1.0 / variance[axis], moments.products)
         normal, right = seen[np.ix_(columns, columns)], seen[columns] @ combination
@@ -63,9 +64,11 @@ def beyond_rigid(left: Array, weight: Array, variance: Array, moments: MotionMom
         more = np.linalg.solve(scaled, pull)
         fewer = np.linalg.solve(scaled[:still, :still], pull[:still])
         gain += float(pull @ more - pull[:still] @ fewer)
-        found, rigid, of_terms = (unit * more)[MOTION], combination[MOTION], normal[MOTION, MOTION]
-        of_any, of_rigid = of_any + found @ of_terms @ found, of_rigid + rigid @ of_terms @ rigid
-    return BeyondRigid(gain / left[:, MOTION].size, float(np.sqrt(of_any / max(of_rigid, 1e-300))))
+        found, rigid = (unit * more)[MOTION], combination[MOTION]
+        of_any[axis // 3] += found @ felt @ found
+        of_rigid[axis // 3] += rigid @ felt @ rigid
+    share = float(np.sqrt(np.max(of_any / np.maximum(of_rigid, 1e-300))))
+    return BeyondRigid(gain / left[:, MOTION].size, share)
 
 
 @dataclass(frozen=True, eq=False)

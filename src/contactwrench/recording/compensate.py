@@ -218,13 +218,14 @@ def _of_samples(
     """The contact wrenches of samples with times, judged where there is a compensator."""
     if compensator is None or samples.t is None:
         return replace(_plain(calibration, samples, treatment), judged=True)
-    motion = motion_of(calibration.with_gravity(treatment.gravity), samples)
+    there = calibration.with_gravity(treatment.gravity)
+    motion = motion_of(there, samples)
     rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t), motion=motion)
     wrench, std, frame, point = rows.wrench, rows.std, treatment.output_frame, treatment.point
     if frame != "sensor" or point is not None:
         covariance = np.asarray(rows.covariance)[rows.covariance_of]
-        of_motion = np.nan_to_num(rows.std**2 - covariance[:, range(6), range(6)])
-        covariance[:, range(6), range(6)] += np.maximum(of_motion, 0.0)
+        if motion is not None:
+            covariance += there.covariance_in_motion(samples.R_base_flange, motion)
         wrench, std = in_axes(calibration, samples.R_base_flange, wrench, covariance, frame, point)
         std = np.where(np.isfinite(rows.std), std, np.nan)
     return ContactWrenches(wrench, std, samples.t, True, rows.valid, rows.reason, rows.contact, rows.contacts)

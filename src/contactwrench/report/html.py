@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -190,7 +190,7 @@ def _in_motion(c: Calibration, samples: Samples | None) -> str:
         f"whole recording. {c.dynamics.seconds:.3g} s of motion told the inertia; the {told} up to "
         f"{c.dynamics.bandwidth:.2g} Hz."
     )
-    drawn = in_motion.left_in_motion(c, replace(free, delay=c.delay, delay_std=c.delay_std))
+    drawn = in_motion.left_in_motion(c, free)
     return "<h3>In motion</h3>" + figure_html(drawn, said)
 
 

@@ -43,7 +43,7 @@ def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str]]:
 
 def left_in_motion(calibration: Calibration, samples: Samples) -> str:
     """The norm of force and torque left over time, the most in each moment, and the spectrum of the force."""
-    samples = as_stamped(samples)
+    samples = as_stamped(samples, calibration)
     motion = motion_of(calibration, samples)
     t = spread_evenly(np.asarray(samples.t)) - calibration.first_time
     known = np.ones(len(t), dtype=bool) if motion is None else motion.inside

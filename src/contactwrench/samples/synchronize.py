@@ -175,8 +175,8 @@ class _Pairing:
             position,
             readings.load_mass,
             readings.source,
-            self._delay if self._delay_std is not None else None,
-            self._delay_std,
+            self._delay if self._delay_std is not None or self._delay else None,
+            0.0 if self._delay_std is None and self._delay else self._delay_std,  # stated
             readings.saturated,
             self._read_as,
             pose_period=self._pose_period,
