@@ -64,7 +64,8 @@ def test_a_rigid_tool_and_its_own_positions_are_not_in_doubt(seed: int) -> None:
     ids=["mirrored", "exchanged", "turned", "scaled"],
 )
 def test_positions_of_other_axes_are_told_by_the_forces(matrix: Array, words: str) -> None:
-    text = doubts(placed(lambda position: position @ matrix.T))[Kind.POSITIONS_IN_DOUBT]
+    """And nothing else, which would lead elsewhere."""
+    (text,) = doubts(placed(lambda position: position @ matrix.T)).values()
     assert text == (
         f"doubtful: the forces in motion go with positions that are {words}: check the columns x, y, z, their unit, "
         "and that they are of the same flange, base and time as the orientations"

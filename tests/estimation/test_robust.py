@@ -23,6 +23,8 @@ BAD = [3, 8, 9, 20]
 RIGID = ("auto", "yaw", "mount", "mount+base")
 OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
 EVERY_10_S = 10.0 * np.arange(24.0)
+APART = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
+"""N and N m: how far the two sides of a backlash lie apart."""
 
 
 def _rig(seed: int) -> tuple[Rig, Array, np.random.Generator]:
@@ -290,12 +292,11 @@ def test_a_heavy_tool_on_a_quiet_sensor_shows_no_gain() -> None:
 
 def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_backlash() -> None:
     """0.6 N of 20: taken for a contact, in doubt, and the std tells of the 0.3 N by which the bias would be off."""
-    apart = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
     for seed in range(6):
         rig, _, rng = _rig(seed)
         rig, R = replace(rig, weight=20.0), SIX_SPREAD
         wrench = noisy_readings(rig, R, NOISE, rng)
-        wrench[3] += apart
+        wrench[3] += APART
         calibration = cw.calibrate(cw.Samples(wrench, R, EVERY_10_S[:6]))
         assert calibration.verdict.startswith("doubtful")
         assert any(finding.kind is Kind.POSE_IN_DOUBT for finding in calibration.findings)
@@ -303,7 +304,7 @@ def test_a_single_one_of_six_poses_may_be_in_contact_or_on_the_other_side_of_bac
             "doubtful: pose 4 (t = 30 s) was left out of 6: if it is off by backlash, the bias is off by half of that; "
             "record more poses"
         ) in calibration.warnings
-        between = rig.bias[:3] + 0.5 * apart[:3]
+        between = rig.bias[:3] + 0.5 * APART[:3]
         assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
 
 
@@ -318,29 +319,29 @@ def test_one_of_six_poses_in_contact_is_found_though_it_bends_the_fit(seed: int)
     assert [pose.rejected is not None for pose in calibration.poses] == [k == touching for k in range(6)]
 
 
+def _with_some_alike(seed: int, first: int, count: int) -> tuple[Rig, cw.Calibration]:
+    """24 poses of a tool of 20 N, so many of them off by `APART`."""
+    rig, R, rng = _rig(seed)
+    wrench = noisy_readings(replace(rig, weight=20.0), R, NOISE, rng)
+    wrench[first : first + count] += APART
+    return rig, cw.calibrate(cw.Samples(wrench, R))
+
+
 def test_several_poses_left_out_alike_may_be_on_the_other_side_of_backlash_too() -> None:
     """7 of 24, all off by 0.6 N: they are left out, in doubt, and the std reaches what backlash would make of it."""
-    apart = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
     for seed in range(4):
-        rig, R, rng = _rig(seed)
-        wrench = noisy_readings(replace(rig, weight=20.0), R, NOISE, rng)
-        wrench[3:10] += apart
-        calibration = cw.calibrate(cw.Samples(wrench, R))
+        rig, calibration = _with_some_alike(seed, 3, 7)
         assert [pose.rejected is not None for pose in calibration.poses] == [3 <= k < 10 for k in range(24)]
         assert calibration.verdict.startswith("doubtful")
-        between = rig.bias[:3] + 0.5 * apart[:3]
+        between = rig.bias[:3] + 0.5 * APART[:3]
         assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
 
 
 def test_two_of_many_poses_left_out_alike_are_in_contact() -> None:
     """2 of 24: no backlash leaves that few on its other side, and the std tells of none."""
-    apart = np.array([0.36, 0.0, 0.48, 0.024, 0.018, 0.0])
     for seed in range(4):
-        rig, R, rng = _rig(seed)
-        wrench = noisy_readings(replace(rig, weight=20.0), R, NOISE, rng)
-        wrench[3:5] += apart
-        calibration = cw.calibrate(cw.Samples(wrench, R))
-        assert np.linalg.norm(calibration.std["bias"][:3]) < 0.05 * np.linalg.norm(apart)
+        _, calibration = _with_some_alike(seed, 3, 2)
+        assert np.linalg.norm(calibration.std["bias"][:3]) < 0.05 * np.linalg.norm(APART)
 
 
 def test_a_torque_that_no_backlash_of_that_tool_makes_is_a_contact_and_no_more() -> None:

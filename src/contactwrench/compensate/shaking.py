@@ -4,7 +4,8 @@ Drives and links shake the tool as a whole: an acceleration that no pose has, al
 force through the centre of mass, so forces and torques are noisy together, three numbers and not six; a contact whose
 force goes elsewhere still stands out. Taken for six independent axes that noise would pass the threshold ten times too
 often. What the torque about the centre of mass has beside that, and all else that grows in motion, is taken to grow on
-every axis as on the one where it grows most.
+every axis as on the one where it grows most. What a low-pass takes of the shaking is not counted, so the test is on the
+safe side.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.dynamics import ACCELERATION
 from ..geometry.arrays import Array
 from ..samples.flange_motion import RINGING
 from .state import Sample, State, kernel
 
-LINEAR = 9
+LINEAR: int = ACCELERATION.start
 """Of the terms, the first of the flange's acceleration."""
 
 

@@ -12,6 +12,8 @@ from ..calibration.dynamics import Dynamics
 from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..samples.accelerometer import Accelerometer
+from ..samples.samples import Samples
+from ..samples.timestamps import spread_evenly
 from .dynamic import STATED_OFFSET_STD, Moved
 from .motion_moments import FLAT
 from .rigidity import PositionsRead
@@ -28,10 +30,6 @@ IMPOSSIBLE = 2.0
 """Standard deviations from the inertia of any body."""
 NOT_RIGID = 2e-3
 """Of what the motion makes felt, as a share: less, though it shows in a long recording, matters to nobody."""
-OTHERWISE, SURELY_OTHERWISE, ALMOST = 0.08, 8.0, 0.35
-"""Of the matrix between true accelerations and those of the positions: what is no rounding of it, in std too, and how
-far it may be off one that only exchanges axes. The sensor's filter and delay make some hundredths.
-"""
 STANDS = 1e-6
 """m: a column that changes less is no position of a moving flange."""
 ENOUGH_POSES = 8.0
@@ -115,17 +113,16 @@ def of_motion(
 
 def of_positions(read: PositionsRead, position: Array) -> Iterator[Finding]:
     """What positions (n, 3) m of a motion are not: by themselves, and as the forces say that they are read."""
-    off = np.abs(read.matrix - np.eye(3))
     spans = np.nanmax(position, axis=0) - np.nanmin(position, axis=0)
     still = [axis for axis, span in zip("xyz", spans, strict=True) if span < STANDS]
     if still:
         axes, change = " and ".join(still), "changes" if len(still) == 1 else "change"
         text = f"the position's {axes} never {change}: if the arm moves along it, that is not its column"
         yield Finding(Kind.POSITIONS_IN_DOUBT, Severity.WARNING, text)
-    elif np.any((off > OTHERWISE) & (off > SURELY_OTHERWISE * read.std)):
+    elif read.otherwise:
         text = (
-            f"the forces in motion go with positions that are {_in_words(read.matrix)}: check the columns x, y, z, "
-            "their unit, and that they are of the same flange, base and time as the orientations"
+            f"the forces in motion go with positions that are {read.cause or 'not those given'}: check the columns x, "
+            "y, z, their unit, and that they are of the same flange, base and time as the orientations"
         )
         yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
 
@@ -137,26 +134,23 @@ def of_delay(late: float) -> Finding:
     return Finding(Kind.DELAY_OF_MOTION, Severity.NOTE, text)
 
 
-def of_rate(what: str, rate: float, most: float) -> Iterator[Finding]:
-    """Whether what tells the motion comes often enough: its rate, and up to where the motion was used, Hz."""
-    if rate < ENOUGH_POSES * most:
+def of_rate(samples: Samples, usual: float) -> Iterator[Finding]:
+    """Whether poses, or an accelerometer's readings, come often enough for a motion that is nearly all below `usual`
+    Hz; of rows that hold a pose those count that have a new one.
+    """
+    t = spread_evenly(np.asarray(samples.t))
+    what, period = "the accelerometer's readings", samples.accelerometer_period
+    if samples.accelerometer is None:
+        what, period = "poses", samples.pose_period
+        turned = np.flatnonzero(np.any(samples.R_base_flange[1:] != samples.R_base_flange[:-1], axis=(1, 2)))
+        t = t[turned] if len(turned) > 1 else t
+    rate = 1.0 / (period or float(np.median(np.diff(t))))
+    if rate < ENOUGH_POSES * usual:
         text = (
-            f"{what} came at {rate:.3g} Hz, and the arm moved at up to {most:.2g} Hz: what lies between is guessed "
-            f"and in no std: record them at {ENOUGH_POSES * most:.2g} Hz or faster, or move more slowly"
+            f"{what} came at {rate:.3g} Hz, and the arm moved at up to {usual:.2g} Hz: what lies between is guessed "
+            f"and in no std: record them at {ENOUGH_POSES * usual:.2g} Hz or faster, or move more slowly"
         )
         yield Finding.doubtful(Kind.SLOW_POSES, text)
-
-
-def _in_words(matrix: Array) -> str:
-    """What true positions are of those given, by the matrix between their accelerations."""
-    exchanged, scale = np.round(matrix), float(np.trace(matrix)) / 3.0
-    if np.abs(matrix - exchanged).max() < ALMOST and np.abs(exchanged @ exchanged.T - np.eye(3)).max() == 0.0:
-        each = ["-"[: int(row.sum() < 0.0)] + "xyz"[int(np.argmax(np.abs(row)))] for row in exchanged]
-        if each != ["x", "y", "z"]:
-            return f"{', '.join(each)} of those given"
-    if np.abs(matrix - scale * np.eye(3)).max() < OTHERWISE * scale:
-        return f"{scale:.3g} times those given"
-    return "not those given"
 
 
 def _of_accelerometer(accelerometer: Accelerometer, read: float) -> Iterator[Finding]:

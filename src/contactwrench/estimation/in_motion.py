@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, elements, inertial_matrix
-from ..calibration.findings import Finding, Kind
+from ..calibration.findings import Kind
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
@@ -24,7 +23,7 @@ from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
 from .dynamic import TOGETHER_STD, UNKNOWN_STD, Moved, moved
 from .findings_of_motion import of_delay, of_motion, of_positions, of_rate
-from .motion_moments import FLAT, motion_moments
+from .motion_moments import FLAT, MotionMoments, motion_moments
 from .possible_tool import nearest_possible
 from .rigidity import positions_read
 
@@ -32,6 +31,8 @@ ALIGNED, LEAST_LATE = 3, 2e-4
 """Times that readings are put where the motion tells that they belong; and s, which matter to nobody."""
 LEAST_SECONDS = 4.0
 """Of motion."""
+BY_WRONG_POSITIONS = (Kind.CONTACT_IN_MOTION, Kind.SLOW_SENSOR, Kind.NOT_RIGID, Kind.DELAY_OF_MOTION)
+"""What follows from positions that are plainly wrong, and would lead a person elsewhere."""
 SURELY_BELOW = 3.0
 """Standard deviations below zero of a moment of inertia that no body has."""
 KNOWN = 0.5
@@ -53,43 +54,18 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
             it is looked for.
 
     Raises:
-        InputError: no times, no positions, or positions that are not in m; an accelerometer that does not follow
-            gravity.
+        InputError: no times, no positions, or positions that are not in m or all 0; an accelerometer that does not
+            follow gravity; moments of inertia below zero.
         UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
     """
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
         raise _at_rest(samples, 0.0)
-    late = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or 0.0) else 0.0
-    samples = as_stamped(samples)
-    if samples.accelerometer is None:
-        _require_places(samples)
-    accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
-    tool = tool_of(calibration)
-    names, mass = calibration.parameter_names, float(calibration.mass or 0.0)
-    ahead_std = None if accelerometer is None else TOGETHER_STD if accelerometer.delay else UNKNOWN_STD
-    aligned = accelerometer is not None
-    for k in range(ALIGNED):
-        motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
-        shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
-        if shaken > ARM_IS_LARGER and accelerometer is None:
-            raise InputError(
-                f"{samples.source}: found the flange accelerating at {shaken:.3g} m/s^2 RMS, expected positions in m: "
-                "are they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
-            )
-        moments = motion_moments(samples, motion)
-        if moments.seconds < (LEAST_SECONDS if k == 0 else 0.5 * LEAST_SECONDS):  # a shift may cut a window
-            raise _at_rest(samples, moments.seconds)
-        known = names, calibration.covariance, calibration.noise
-        found = moved(tool, tool.weight / mass, *known, moments, stated, ahead_std)
-        told_late = abs(found.late) > LEAST_LATE and is_significant(found.late, found.late_std)
-        if k == ALIGNED - 1 or (accelerometer is None and not told_late):
-            break
-        if accelerometer is not None:
-            accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
-        late, aligned = late + found.late, True
-        samples = _shifted(samples, found.late)
+    followed = _followed(calibration, as_stamped(samples), stated, _applied(samples))
+    samples, motion, moments, found = followed.samples, followed.motion, followed.moments, followed.found
+    accelerometer, late = followed.accelerometer, followed.late
+    tool, mass = tool_of(calibration), float(calibration.mass or 0.0)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
     if _is_negative(found):
         raise InputError(
@@ -118,16 +94,73 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
         accelerometer=accelerometer,
     )
     complete = replace(calibration, requested_model="dynamic", dynamics=dynamics)
-    if aligned:
+    if late is not None:
         complete = replace(complete, delay=late, delay_std=found.late_std)
     dynamics = _with_what_is_left(complete, dynamics, samples, motion)
     read = 1.0 if samples.accelerometer is None else float(np.isfinite(samples.accelerometer).all(axis=1).mean())
-    said = of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)
-    findings = [*calibration.findings, *said]
-    findings += _of_what_told_it(complete, samples, moments.most, moments.usual)
-    if aligned and accelerometer is None:
-        findings.append(of_delay(late))
-    return replace(complete, dynamics=dynamics, findings=tuple(findings))
+    said = [*of_motion(found, tool.weight, stated, untold, moved_by, dynamics, moments.most, read)]
+    if late is not None and accelerometer is None:
+        said.append(of_delay(late))
+    if accelerometer is None:
+        where_it_moves = flange_motion(samples, max(moments.most / FLAT, SLOWEST))
+        read_as = positions_read(complete, samples, where_it_moves)
+        if read_as.otherwise and read_as.cause is not None:
+            said = [each for each in said if each.kind not in BY_WRONG_POSITIONS]
+        said += of_positions(read_as, np.asarray(samples.position))
+    said += of_rate(samples, moments.usual)
+    return replace(complete, dynamics=dynamics, findings=(*calibration.findings, *said))
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A motion as it was followed: `samples` with each reading where it belongs, the `motion`, its `moments`, what was
+    `found`, how an accelerometer sits, and by how many s the wrench is `late` in all; None: nothing was put elsewhere.
+    """
+
+    samples: Samples
+    motion: FlangeMotion
+    moments: MotionMoments
+    found: Moved
+    accelerometer: Accelerometer | None
+    late: float | None
+
+
+def _followed(calibration: Calibration, samples: Samples, stated: Array | None, applied: float) -> _Followed:
+    """The motion in samples, to which a delay of so many s was `applied`; readings that it says are late are put where
+    they belong, and it is followed again. Raises as `with_motion`.
+    """
+    if samples.accelerometer is None:
+        _require_places(samples)
+    accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
+    tool, late = tool_of(calibration), applied
+    known = calibration.parameter_names, calibration.covariance, calibration.noise
+    ahead_std = None if accelerometer is None else TOGETHER_STD if accelerometer.delay else UNKNOWN_STD
+    for k in range(ALIGNED):
+        motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
+        shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
+        if shaken > ARM_IS_LARGER and accelerometer is None:
+            raise InputError(
+                f"{samples.source}: found the flange accelerating at {shaken:.3g} m/s^2 RMS, expected positions in m: "
+                "are they in mm? name the columns x_mm, y_mm, z_mm, or state the unit"
+            )
+        moments = motion_moments(samples, motion)
+        if moments.seconds < (LEAST_SECONDS if k == 0 else 0.5 * LEAST_SECONDS):  # a shift may cut a window
+            raise _at_rest(samples, moments.seconds)
+        found = moved(tool, calibration.g, *known, moments, stated, ahead_std)
+        is_late = abs(found.late) > LEAST_LATE and is_significant(found.late, found.late_std)
+        if k == ALIGNED - 1 or (accelerometer is None and not is_late):
+            break
+        if accelerometer is not None:
+            accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
+        late += found.late
+        samples = _shifted(samples, found.late)
+    return _Followed(samples, motion, moments, found, accelerometer, late if k else None)
+
+
+def _applied(samples: Samples) -> float:
+    """By how many s the wrench is late as far as its samples know."""
+    known = samples.delay and is_significant(samples.delay, samples.delay_std or 0.0)
+    return float(samples.delay) if known and samples.delay else 0.0
 
 
 def _is_negative(found: Moved) -> bool:
@@ -135,20 +168,6 @@ def _is_negative(found: Moved) -> bool:
     moments, axes = np.linalg.eigh(found.inertia)
     slope = elements(np.outer(axes[:, -1], axes[:, -1])) * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
     return bool(moments[-1] < -SURELY_BELOW * np.sqrt(slope @ found.covariance[:6, :6] @ slope))
-
-
-def _of_what_told_it(c: Calibration, samples: Samples, most: float, usual: float) -> Iterator[Finding]:
-    """What poses, or an accelerometer, are not, which told a motion up to `most` Hz, nearly all of it up to `usual`."""
-    t = spread_evenly(np.asarray(samples.t))
-    if samples.accelerometer is not None:
-        rate = 1.0 / (samples.accelerometer_period or float(np.median(np.diff(t))))
-        yield from of_rate("the accelerometer's readings", rate, usual)
-        return
-    turned = np.flatnonzero(np.any(samples.R_base_flange[1:] != samples.R_base_flange[:-1], axis=(1, 2)))
-    own_period = float(np.median(np.diff(t[turned]))) if len(turned) > 1 else float(np.median(np.diff(t)))  # held ones
-    where_it_moves = flange_motion(samples, max(most / FLAT, SLOWEST))
-    yield from of_positions(positions_read(c, samples, where_it_moves), np.asarray(samples.position))
-    yield from of_rate("poses", 1.0 / (samples.pose_period or own_period), usual)
 
 
 def _require_places(samples: Samples) -> None:
@@ -203,11 +222,10 @@ def as_stamped(samples: Samples, calibration: Calibration | None = None) -> Samp
     with one and are late; and where they were paired, by what the calibration's delay is beyond theirs.
     """
     of = samples if calibration is None else calibration
-    delay, std, applied = of.delay, of.delay_std, 0.0
+    delay, std = of.delay, of.delay_std
     if samples.t is None or delay is None or std is None or not is_significant(delay, std):
         return samples
-    if samples.pose_period is not None:
-        applied = samples.delay if samples.delay and is_significant(samples.delay, samples.delay_std or 0.0) else 0.0
+    applied = 0.0 if samples.pose_period is None else _applied(samples)
     return _shifted(samples, delay - applied, std) if delay != applied else samples
 
 

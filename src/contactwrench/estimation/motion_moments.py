@@ -26,12 +26,12 @@ BANDS = (0.75, 1.75, 3.25, 5.25, 7.75, 11.0, 15.5, 22.0, 31.0, 44.0, 62.0)
 """Hz, where a band ends and the next begins."""
 FLAT = 0.75
 """Of the bandwidth: so far the motion is as it was."""
-MOSTLY = 0.99
-"""Of the same power: what is beyond is an edge of it, as of a motion whose acceleration jumps."""
 NEARLY_ALL, LEVER = 0.999, 0.1
 """Of the power of an acceleration, m from the flange: up to where that is, bands are used. Beyond, a window shows what
 leaks from below, the same in all bands, and would count as often as there are bands.
 """
+MOSTLY = 0.99
+"""Of that power: what is beyond is an edge of it, as of a motion whose acceleration jumps."""
 MOST_WINDOWS = 600
 """Of ten minutes; of a longer recording as many, evenly."""
 MOVING = 0.02

@@ -195,7 +195,7 @@ class _Trimmed:
         return kept
 
     def settled(self, clean: NDArray[np.bool_], distance: Array, log_prior: LogPrior) -> NDArray[np.bool_]:
-        """The likeliest set, from one that is near, and the distances from its fit."""
+        """The likeliest set that is reached from `clean`, with the distances (n,) from its fit."""
         for _ in range(MOST_CONCENTRATIONS):
             before, (clean, distance) = clean, self.likeliest(distance, log_prior)
             if (clean == before).all():

@@ -67,7 +67,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
     moved = stepped(tool, step, names)
     axes = small_change_about(tool, moved, names)
     off = steps - step
-    alternatives = _off_by_exactness(tables, weight, off**2 + own_variance)
+    off_by_tilt = _off_by_exactness(tables, weight, off**2 + own_variance)
     covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
     of_axes = axes @ _of_axes(problem, first) @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes, 1)
@@ -102,14 +102,14 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
-        beliefs=_beliefs(problem, tables, weight, errors, alternatives),
+        beliefs=_beliefs(problem, tables, weight, errors, off_by_tilt),
     )
 
 
 def _off_by_exactness(tables: list[Table], weight: Array, squared: Array) -> tuple[float, float]:
     """Of mounting and base: by how many std the weight, com or bias is off, RMS, where that one is exactly nominal and
-    was mostly taken not to be, or the other way round; 0 where that is not in doubt. `squared` (m, p): how far the
-    parameters of each member are off the mean.
+    was mostly taken not to be, or the other way round; 0 where that is not in doubt. At most the root of 1 over its
+    probability, as the std counts it too. `squared` (m, p): how far the parameters of each member are off the mean.
     """
     exact = np.array([table.hypotheses[h].exact for table in tables for h in table.members.hypothesis])
     total, off = weight @ squared[:, OF_TOOL], []
@@ -257,7 +257,7 @@ def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, le
 
 
 def _beliefs(
-    problem: Problem, tables: list[Table], weight: Array, errors: Array, alternatives: tuple[float, float]
+    problem: Problem, tables: list[Table], weight: Array, errors: Array, off_by_tilt: tuple[float, float]
 ) -> Beliefs:
     """Probabilities, read off the members."""
     judged = problem.question.model == "auto" and problem.question.earlier is None
@@ -292,8 +292,8 @@ def _beliefs(
         levels=likeliest({Kind.TWO_LEVELS})[1],
         mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
         base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
-        off_by_mounting=alternatives[0] * judged,
-        off_by_base=alternatives[1] * judged,
+        off_by_mounting=off_by_tilt[0] * judged,
+        off_by_base=off_by_tilt[1] * judged,
         any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)) * judged,
         any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)) * judged,
     )

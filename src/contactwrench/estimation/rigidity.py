@@ -27,6 +27,10 @@ BY_CHANCE = 1.6
 ROWS = 4000
 """Of the motion, evenly: to tell nine numbers and three."""
 RIDGE = 1e-9
+OTHERWISE, SURELY_OTHERWISE, ALMOST = 0.08, 8.0, 0.35
+"""Of the matrix between true accelerations and those of the positions: what is no rounding of it, in std too, and how
+far it may be off one that only exchanges axes. The sensor's filter and delay make some hundredths.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,24 @@ class PositionsRead:
 
     matrix: Array
     std: Array
+
+    @property
+    def otherwise(self) -> bool:
+        """Whether they are read otherwise than they are given."""
+        off = np.abs(self.matrix - np.eye(3))
+        return bool(np.any((off > OTHERWISE) & (off > SURELY_OTHERWISE * self.std)))
+
+    @property
+    def cause(self) -> str | None:
+        """What true positions are of those given, where that is something plain: axes exchanged or reversed, a unit."""
+        exchanged, scale = np.round(self.matrix), float(np.trace(self.matrix)) / 3.0
+        if np.abs(self.matrix - exchanged).max() < ALMOST and np.array_equal(exchanged @ exchanged.T, np.eye(3)):
+            each = ["-"[: int(row.sum() < 0.0)] + "xyz"[int(np.argmax(np.abs(row)))] for row in exchanged]
+            if each != ["x", "y", "z"]:
+                return f"{', '.join(each)} of those given"
+        if np.abs(self.matrix - scale * np.eye(3)).max() < OTHERWISE * scale:
+            return f"{scale:.3g} times those given"
+        return None
 
 
 def positions_read(calibration: Calibration, samples: Samples, motion: FlangeMotion) -> PositionsRead:

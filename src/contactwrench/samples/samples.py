@@ -37,8 +37,8 @@ class Samples(Rows):
         load_mass: hung on the tool (n,), kg; 0 is none.
         came: when the arm had come to rest at the orientation (n,), s, at `t` or before; None: not known.
         source: where they come from, in words.
-        delay: of wrench behind orientation, s, where it was estimated when the two were paired.
-        delay_std: of `delay`, s.
+        delay: of wrench behind orientation, s, where it was estimated or stated when the two were paired.
+        delay_std: of `delay`, s; 0 of a stated one.
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
         read_as: how their file was read: options of reading, and what was found, under the names that the provenance of
             a calibration has for them.
