@@ -12,7 +12,7 @@ from contactwrench.estimation.least_squares import Members, Priors, gram, solved
 from contactwrench.estimation.moments import moments_of, precision_diagonal, precision_times
 from contactwrench.estimation.noise import NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
-from contactwrench.estimation.priors import Question
+from contactwrench.estimation.priors import PriorRows, Question
 from contactwrench.estimation.tables import Problem, Table, settled
 from contactwrench.model import PARAMETERS, RigidTool
 from tests.support.rigs import NOISE, example
@@ -75,8 +75,8 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
     tool = _tool(rig)
     problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), _noise())
     moments = moments_of(np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), np.ones(n), kernels)
-    none, of_one = np.zeros((1, p, p)), np.zeros(1)
-    nothing = Priors(none, np.zeros((1, p)), of_one, none, of_one, np.ones(1))
+    nothing_known = PriorRows(np.zeros(0), np.zeros((0, p)))
+    nothing = Priors(nothing_known, np.zeros((1, 0)), np.zeros((1, p, p)), np.zeros(1), np.ones(1))
     pairs = np.arange(len(kernels.drift)), np.zeros(len(kernels.drift), dtype=int)
     return solved(gram(tool, NAMES, moments.S), moments, kernels.log_prior, nothing, pairs, _noise())
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..model import RigidTool, all_but_the_bias
 from .least_squares import Priors
 from .noise import ALIKE, AXES
-from .priors import EXACT_TILT_SD, Question, rows_of
+from .priors import EXACT_TILT_SD, PriorRows, Question, nominal, rows_of
 
 PROBABILITY = {(True, True): 0.4, (True, False): 0.15, (False, True): 0.15, (False, False): 0.3}
 """Of (mounting, base) exactly nominal: in four of ten cells both, in three neither."""
@@ -74,25 +74,34 @@ def _options(
     return [(s, float(np.log(share) - log_sides - 2.0 * np.log(s)), exact) for s, share, exact in options]
 
 
+def known_at(tool: RigidTool, names: tuple[str, ...], question: Question) -> PriorRows:
+    """What is known of the parameters but the bias, and of `auto` what is nominal, linearised at `tool`: standard
+    deviations of 1 m and 1 rad for the latter.
+    """
+    auto = question.model == "auto" and question.earlier is None
+    pieces = (*question.knowledge, nominal(question.gravity_direction)) if auto else question.knowledge
+    known, columns = rows_of(pieces, tool, names), all_but_the_bias(names)
+    if known is None:
+        return PriorRows(np.zeros(0), np.zeros((0, len(columns))))
+    return PriorRows(known.residuals, known.jacobian[:, columns])
+
+
 def priors_at(
     tool: RigidTool, names: tuple[str, ...], hypotheses: tuple[Hypothesis, ...], question: Question
 ) -> Priors:
     """What is known beforehand under each hypothesis, linearised at `tool`."""
-    columns, h = all_but_the_bias(names), len(hypotheses)
-    auto = question.model == "auto" and question.earlier is None
-    known = rows_of((*question.knowledge, *(question.nominal if auto else ())), tool, names)
-    J, off = (known.jacobian[:, columns], known.residuals) if known else (np.zeros((0, len(columns))), np.zeros(0))
-    precision, of_volume = np.ones((h, len(off))), np.zeros((h, len(columns), len(columns)))
-    if auto:
+    known, h = known_at(tool, names, question), len(hypotheses)
+    J = known.jacobian
+    precision, of_volume = np.ones((h, len(J))), np.zeros((h, J.shape[1], J.shape[1]))
+    if question.model == "auto" and question.earlier is None:
         tilts = np.array([[0.0 if sd is None else sd**-2.0 for sd in (each.mount, each.base)] for each in hypotheses])
         precision[:, -7:-4] = 1.0 / (COM_SD**2 + float(tool.com @ tool.com))
         precision[:, -4:] = np.repeat(tilts, 2, axis=1)
         of_volume += np.multiply.outer(tilts[:, 0] == 0.0, J[-4:-2].T @ J[-4:-2])
         of_volume[:, [-2, -1], [-2, -1]] += tilts[:, 1:] == 0.0
     return Priors(
-        (J.T * precision[:, None, :]) @ J,
-        (precision * off) @ J,
-        precision @ off**2,
+        known,
+        precision,
         of_volume,
         np.array([hypothesis.log_prior for hypothesis in hypotheses]),
         np.array([hypothesis.apart for hypothesis in hypotheses]),

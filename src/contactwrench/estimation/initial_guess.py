@@ -20,10 +20,13 @@ from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotations_about_z, spread_directions, spread_rotations
 from ..geometry.wrench import cross_matrix
-from ..model import FLIP, RigidTool, gravity_in_flange
+from ..model import FLIP, RigidTool, gravity_in_flange, response_of
 
 FEW_POSES = 5
 """Up to here an unknown base has local optima that score well, so that every direction of gravity goes on."""
+
+ALIKE = 0.9
+"""Correlation of two changes of gravity."""
 
 LEAST_INERTIA = 1e-9
 """Of the poses' spread: a direction in which a centre of mass shows less does not show."""
@@ -55,6 +58,14 @@ def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity
     d, k = np.repeat(np.arange(len(directions)), of_each), best.ravel()
     order = np.argsort(-scores[d, k])[:most]
     return [linear_fit(R_base_flange, wrench, mountings[d[i], k[i]], directions[d[i]]) for i in order]
+
+
+def alike(guess: RigidTool, tool: RigidTool, R_base_flange: Array) -> bool:
+    """Whether gravity changes with the pose in the same way in the sensor's axes of both, for centred orientations
+    (k, 9): the one leads to the other then.
+    """
+    u, v = (R_base_flange @ response_of(each.R_flange_sensor.T, each.gravity_direction).T for each in (guess, tool))
+    return bool(np.sum(u * v) > ALIKE * np.sqrt(np.sum(u * u) * np.sum(v * v)))
 
 
 def explained_by_guess(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:

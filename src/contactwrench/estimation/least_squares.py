@@ -9,6 +9,7 @@ Thompson, 1971). The evidence is Laplace's (MacKay, 1992), in the parameters and
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian
 from .moments import Moments
 from .noise import NoiseModel
+from .priors import PriorRows
 
 MOST_PASSES = 12
 SETTLED = 1e-2
@@ -30,17 +32,35 @@ Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True, eq=False)
 class Priors:
-    """Of each of h hypotheses: information (h, p, p) and pull (h, p) of what is known beforehand, linearised, its
-    misfit (h,), what joins the information in the evidence's determinant only, (h, p, p), the logarithm (h,) of its
-    normalised probability, and how far `apart` (h,) the noises of axes are (noise.py).
+    """What is `known` (q rows) beforehand, linearised, and the `precision` (h, q) of these under each of h hypotheses;
+    what joins the information in the evidence's determinant only, (h, p, p), the logarithm (h,) of the normalised
+    probability of each, and how far `apart` (h,) the noises of axes are (noise.py).
     """
 
-    information: Array
-    pull: Array
-    misfit: Array
+    known: PriorRows
+    precision: Array
     of_volume: Array
     log_prior: Array
     apart: Array
+
+    @cached_property
+    def information(self) -> Array:
+        """Of the parameters, (h, p, p)."""
+        J = self.known.jacobian
+        information: Array = (J.T * self.precision[:, None, :]) @ J
+        return information
+
+    @cached_property
+    def pull(self) -> Array:
+        """Towards what is known, (h, p)."""
+        pull: Array = (self.precision * self.known.residuals) @ self.known.jacobian
+        return pull
+
+    @cached_property
+    def misfit(self) -> Array:
+        """Of what is known, (h,)."""
+        misfit: Array = self.precision @ self.known.residuals**2
+        return misfit
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,18 +98,23 @@ def alike(errors: Array) -> bool:
     return float(np.sum(off**2)) <= MOST_SCATTER * 6.0 * (len(errors) - 1.0)
 
 
-def log_density_outlying(errors: Array) -> float:
-    """Logarithm of the density of outlying errors (k, 6) in units of the noise: wide with one width for all or one for
-    each, or all off by the same, as poses are that touch the same thing in the same way.
+def log_density_outlying(errors: Array, out: NDArray[np.bool_] | None = None) -> Array:
+    """Logarithm of the density of outlying errors (..., n, 6) in units of the noise, those that are `out` (..., n), or
+    all: wide with one width for all or one for each, or all off by the same, as poses are that touch the same thing in
+    the same way.
     """
-    k, squared = len(errors), np.sum(errors**2, axis=1)
-    of_each = -6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared, WIDTHS**-2.0)
-    apart = np.logaddexp.reduce(of_each, axis=1).sum() - (k - 1.0) * np.log(len(WIDTHS))
-    mean = errors.mean(axis=0)
-    spread = 1.0 + k * WIDTHS**2
-    alike = -0.5 * (np.sum((errors - mean) ** 2) + k * (mean @ mean) / spread) - 3.0 * np.log(spread)
-    options = [np.logaddexp.reduce(of_each.sum(axis=0)), apart, np.logaddexp.reduce(alike)]
-    return float(np.logaddexp.reduce(options) - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
+    out = np.ones(errors.shape[:-1], dtype=bool) if out is None else out
+    k, errors = out.sum(axis=-1), errors * out[..., None]
+    squared = np.sum(errors**2, axis=-1)
+    of_each = (-6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared, WIDTHS**-2.0)) * out[..., None]
+    apart = (np.logaddexp.reduce(of_each, axis=-1) * out).sum(axis=-1) - (k - 1.0) * np.log(len(WIDTHS))
+    total = errors.sum(axis=-2)
+    along, spread = np.sum(total**2, axis=-1) / np.maximum(k, 1), 1.0 + np.multiply.outer(k, WIDTHS**2)
+    off = (squared.sum(axis=-1) - along)[..., None]
+    alike = np.logaddexp.reduce(-0.5 * (off + along[..., None] / spread) - 3.0 * np.log(spread), axis=-1)
+    options = np.logaddexp.reduce([np.logaddexp.reduce(of_each.sum(axis=-2), axis=-1), apart, alike], axis=0)
+    density: Array = options - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k
+    return density
 
 
 def likely_clean(
@@ -213,11 +218,11 @@ class _Trimmed:
         fits = self.fit(masks)
         log_variance = np.log(fits.variance)
         log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
-        evidence = -0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
-        for k, mask in enumerate(masks):
-            z = fits.left[k, ~mask] / np.sqrt(np.repeat(fits.variance[:, k], 3))
-            density = log_density_outlying(z) if k else 0.0
-            evidence[k] += log_prior(n, k) + density - 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
+        z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
+        k = np.arange(len(masks))
+        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + [log_prior(n, out) for out in k.tolist()]
+        density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
+        evidence = density - 0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
         best = int(np.argmax(evidence))
         return masks[best], fits.distance[best]
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -81,11 +80,6 @@ class Question:
     knowledge: tuple[Knowledge, ...] = ()
     earlier: RigidTool | None = None
 
-    @cached_property
-    def nominal(self) -> tuple[Knowledge, ...]:
-        """That the centre of mass is the sensor's, and mounting and base not tilted; standard deviations 1 m, 1 rad."""
-        return known_com(np.zeros(3), 1.0), nominal_mounting(1.0), known_gravity(self.gravity_direction, 1.0)
-
 
 @dataclass(frozen=True, eq=False)
 class KnownTool:
@@ -144,6 +138,22 @@ def nominal_mounting(std: float) -> Knowledge:
     def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
         flange_z = tool.R_flange_sensor[2]
         return PriorRows(-flange_z[:2] / std, cross_matrix(flange_z)[:2] @ mounting_turn(names) / std)
+
+    return rows
+
+
+def nominal(gravity_direction: Array) -> Knowledge:
+    """That the centre of mass is the sensor's, and mounting and base are not tilted, with standard deviations of 1 m
+    and 1 rad; (7) rows.
+    """
+    mounting = nominal_mounting(1.0)
+
+    def rows(tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+        of_mounting = mounting(tool, names)
+        turn, derivative = _turn_of_gravity(gravity_direction, tool.gravity_direction)
+        jacobian = np.zeros((7, len(names)))
+        jacobian[:3, 1:4], jacobian[3:5], jacobian[5:, -2:] = np.eye(3), of_mounting.jacobian, derivative
+        return PriorRows(np.concatenate([-tool.com, of_mounting.residuals, -turn]), jacobian)
 
     return rows
 

@@ -13,18 +13,17 @@ from numpy.typing import NDArray
 
 from ..calibration.findings import Kind
 from ..geometry.arrays import Array
-from ..model import PARAMETERS, RigidTool, response
+from ..model import PARAMETERS, RigidTool, response, response_jacobian
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import Hypothesis, hypotheses_of, priors_at
-from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
-from .least_squares import gram
+from .initial_guess import SEARCH_OF_MODEL, Search, alike, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import ODDS, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question
-from .tables import Problem, Table, settled
+from .tables import Problem, Table, near_kernels, settled
 
 MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
@@ -121,7 +120,7 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     for k, (any_mounting, any_base) in enumerate(rivals):
         hypotheses = hypotheses_of(question, any_mounting, any_base)
         start = _start(problem, Search(any_mounting, any_base), best[0].kept)
-        rival = settled(problem, start, best[0].kept, hypotheses)
+        rival = settled(problem, start, best[0].kept, hypotheses, near_kernels(best[:1]))
         if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
             tables = look(problem, rival.tool, hypotheses)
             if tables[0].log_evidence > found[0].log_evidence:
@@ -143,7 +142,10 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
     both = np.column_stack([R.reshape(-1, 9), wrench])
     rows: Array = np.linalg.qr(both - both.mean(axis=0)).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
-    reached = (_approached(problem, guess, rows, len(wrench), wide) for guess in guesses)
+    reached: list[tuple[float, RigidTool]] = []
+    for guess in guesses:
+        if not any(alike(guess, tool, rows[:, :9]) for _, tool in reached):
+            reached.append(_approached(problem, guess, rows, len(wrench), wide))
     return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
 
 
@@ -154,17 +156,18 @@ def _approached(
     have the moments of all `poses`.
     """
     R, wrench = np.split(rows, [9], axis=1)
-    weight = 1.0 / relative_variances(problem.question.noise)
+    root = np.sqrt(1.0 / relative_variances(problem.question.noise))
     for _ in range(SETTLE_ITERATIONS):
-        X = np.concatenate([R, wrench - R @ response(tool).T], axis=1)
-        G = gram(tool, problem.names, (X.T @ X)[None])[0]
-        misfit = float(weight @ G[:, -1, -1])
-        total = np.tensordot(weight / max(misfit / (6.0 * poses), 1e-30), G, 1)
+        errors = ((wrench - R @ response(tool).T) * root).ravel()
+        misfit = float(errors @ errors)
+        scale = 1.0 / max(misfit / (6.0 * poses), 1e-30)
+        J = (response_jacobian(tool, problem.names) * root[:, None]).transpose(1, 0, 2)
+        D: Array = (R @ J.reshape(-1, 9).T).reshape(errors.size, -1)
         known = priors_at(tool, problem.names, (wide,), problem.question)
-        information = total[:-1, :-1] + known.information[0]
+        information = scale * D.T @ D + known.information[0]
         unit = np.sqrt(np.maximum(np.diag(information), 0.0)) + 1e-100
         scaled = information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))
-        step = np.linalg.solve(scaled, (total[:-1, -1] + known.pull[0]) / unit) / unit
+        step = np.linalg.solve(scaled, (scale * errors @ D + known.pull[0]) / unit) / unit
         if float(np.max(np.abs(step) * unit)) < CLOSE:
             break
         tool = problem.stepped(tool, step)

@@ -19,13 +19,14 @@ from ..model import (
     all_but_the_bias,
     free_wrench,
     gravity_in_flange,
+    response,
     response_jacobian,
     stepped,
     wrench_matrix,
 )
 from .bias_drift import STRENGTHS, Drift, Kernels
-from .hypotheses import Hypothesis, priors_at
-from .least_squares import Members, gram, solved
+from .hypotheses import Hypothesis, known_at, priors_at
+from .least_squares import Members, Priors, gram, solved
 from .moments import moments_of, precision_times
 from .noise import NoiseModel
 from .outliers import LEVEL_SHARE, log_density_outlying, log_prior_outlying
@@ -40,11 +41,14 @@ NEAR = 12.0
 LOOK = 2
 """Passes of a rough look."""
 
-LONG_WAY = 3.0
-"""Standard deviations: after a longer step all kernels are looked at again."""
+FEW_PAIRS = 60
+"""Of kernels and hypotheses, of which each is looked at closely."""
+
+STRAIGHT, BENT = 0.05, 1.0
+"""Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
+second on all kernels are looked at again."""
 
 CENTRINGS = 10
-CENTRED = 0.05
 LARGEST_TURN = 0.5
 """rad in one step."""
 
@@ -100,9 +104,12 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out; their `kernels`."""
+    """Members linearised at `tool` for the poses `kept` (n,), with the evidence of those left out; their `kernels`, and
+    the `priors` there.
+    """
 
     tool: RigidTool
+    priors: Priors
     hypotheses: tuple[Hypothesis, ...]
     kept: NDArray[np.bool_]
     kernels: Kernels
@@ -145,24 +152,20 @@ def table_at(
     moments = moments_of(X, problem.relative[kept], kernels.of_poses(kept))
     G = gram(tool, problem.names, moments.S)
     priors = priors_at(tool, problem.names, hypotheses, problem.question)
-    all_kernels, all_hypotheses = np.arange(len(among)), np.arange(len(hypotheses))
-    rough = np.zeros(len(among))
-    if len(among) > 1:
-        pairs = all_kernels, np.full(len(among), len(hypotheses) - 1)
-        looked_at = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK)
+    k, h = np.indices((len(among), len(hypotheses))).reshape(2, -1)
+    if len(k) > FEW_PAIRS:
+        each, widest = np.arange(len(among)), np.full(len(among), len(hypotheses) - 1)
+        looked_at = solved(G, moments, kernels.log_prior, priors, (each, widest), problem.noise, LOOK)
         rough = looked_at.log_evidence + _log_plausible(tool, kernels, looked_at)
-    likeliest = int(np.argmax(rough))
-    of_hypotheses = np.zeros(len(hypotheses))
-    if len(hypotheses) > 1:
-        pairs = np.full(len(hypotheses), likeliest), all_hypotheses
-        of_hypotheses = solved(G, moments, kernels.log_prior, priors, pairs, problem.noise, LOOK).log_evidence
-    together = np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max())
-    k, h = np.nonzero(together > -NEAR)
+        likeliest, each = np.full(len(hypotheses), int(np.argmax(rough))), np.arange(len(hypotheses))
+        looked_at = solved(G, moments, kernels.log_prior, priors, (likeliest, each), problem.noise, LOOK)
+        of_hypotheses = looked_at.log_evidence
+        k, h = np.nonzero(np.add.outer(rough - rough.max(), of_hypotheses - of_hypotheses.max()) > -NEAR)
     members = solved(G, moments, kernels.log_prior, priors, (k, h), problem.noise)
     log_evidence = members.log_evidence + _log_plausible(tool, kernels, members)
     members = replace(members, kernel=among[k], log_evidence=log_evidence)
     members = members.select(log_evidence > log_evidence.max() - FAR)
-    table = Table(tool, hypotheses, kept, problem.kernels, members)
+    table = Table(tool, priors, hypotheses, kept, problem.kernels, members)
     return replace(table, members=replace(members, log_evidence=members.log_evidence + _of_the_rest(problem, table)))
 
 
@@ -211,20 +214,34 @@ def settled(
     hypotheses: tuple[Hypothesis, ...],
     among: NDArray[np.intp] | None = None,
 ) -> Table:
-    """The table at the mean of its own members. After a short step, kernels that come nowhere near are not looked at
-    again.
+    """The table near the mean of its own members: where that makes no difference, it stays linearised at `tool`. Where
+    it makes little, kernels that come nowhere near are not looked at again.
     """
     table = table_at(problem, tool, kept, hypotheses, among)
     for _ in range(CENTRINGS):
-        weight = np.exp(table.members.log_evidence - table.log_evidence)
-        step = weight @ table.members.step
-        std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
-        size = float(np.max(np.abs(step) / std))
-        if size < CENTRED:
+        step = np.exp(table.members.log_evidence - table.log_evidence) @ table.members.step
+        moved = problem.stepped(table.tool, step)
+        bent = _bent(problem, table, step, moved)
+        if bent < STRAIGHT:
             break
-        near = among if size > LONG_WAY else near_kernels([table])
-        table = table_at(problem, problem.stepped(table.tool, step), kept, hypotheses, near)
+        table = table_at(problem, moved, kept, hypotheses, among if bent > BENT else near_kernels([table]))
     return table
+
+
+def _bent(problem: Problem, table: Table, step: Array, moved: RigidTool) -> float:
+    """By how many standard deviations readings and priors differ at the tool `moved` by a `step` (p,) from what they
+    are taken to be there where all is linearised.
+    """
+    if not np.isclose(moved.weight, table.tool.weight + step[0], rtol=1e-9, atol=0.0):
+        return np.inf
+    m, known = table.members, table.priors.known
+    J = response_jacobian(table.tool, problem.names)
+    beyond = response(moved) - response(table.tool) - np.tensordot(step, J, 1)
+    of_readings = problem.R_base_flange[table.kept].reshape(-1, 9) @ beyond.T
+    of_readings = (of_readings - of_readings.mean(axis=0)) ** 2 / m.variance[table.best]
+    of_known = known_at(moved, problem.names, problem.question).residuals - known.residuals + known.jacobian @ step
+    precision = np.exp(m.log_evidence - table.log_evidence) @ table.priors.precision[m.hypothesis]
+    return float(np.sqrt(np.sum(of_readings) + precision @ of_known**2))
 
 
 def near_kernels(tables: list[Table]) -> NDArray[np.intp]:
