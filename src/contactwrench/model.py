@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -35,6 +35,8 @@ MOUNT = ("mount_x", "mount_y", "mount_z")
 GRAVITY = ("gravity_a", "gravity_b")
 AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 ABOUT_AXES = cross_matrix(np.eye(3))
+FEW_TOOLS = 16
+"""At which a search stands at a time, whose responses are kept."""
 
 PARAMETERS: dict[str, tuple[str, ...]] = {
     "paper": (*LINEAR_PARAMETERS, "yaw"),
@@ -135,9 +137,10 @@ def wrench_jacobian(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...
     return J
 
 
+@lru_cache(maxsize=FEW_TOOLS)
 def response(tool: RigidTool) -> Array:
     """C (6, 9): the free wrench less the bias is `C @ vec(R_base_flange)`, row-major."""
-    return response_of(wrench_matrix(tool)[:, :3], tool.gravity_direction)
+    return read_only(response_of(wrench_matrix(tool)[:, :3], tool.gravity_direction))
 
 
 def response_of(A: Array, d: Array) -> Array:
@@ -146,6 +149,7 @@ def response_of(A: Array, d: Array) -> Array:
     return C.reshape(*C.shape[:-2], 9)
 
 
+@lru_cache(maxsize=FEW_TOOLS)
 def response_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     """Derivative (p, 6, 9) of `response` with respect to the rigid parameters `names`, those of the bias left out."""
     R_sensor_flange, d = tool.R_flange_sensor.T, tool.gravity_direction
@@ -159,8 +163,8 @@ def response_jacobian(tool: RigidTool, names: tuple[str, ...]) -> Array:
     torque[4:7] = com @ force[4:7]
     a, b = horizontal_axes(d)
     J = response_of(np.concatenate([force, torque], axis=1), d)
-    J[7:] = response_of(wrench_matrix(tool)[:, :3], np.stack([-b, a]))
-    return J[_of_response(names)]
+    J[7:] = response_of(np.concatenate([force[0], torque[0]]) * tool.weight, np.stack([-b, a]))
+    return read_only(J[_of_response(names)])
 
 
 @cache

@@ -80,6 +80,8 @@ class Kernels:
 
     def of_poses(self, kept: NDArray[np.bool_]) -> Kernels:
         """The same for some of the poses (n,)."""
+        if kept.all():
+            return self
         drifts = tuple(Drift(drift.kind, drift.columns[kept], drift.first_after) for drift in self.drifts)
         return Kernels(drifts, self.drift, self.strength, self.log_prior)
 

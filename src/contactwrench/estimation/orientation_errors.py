@@ -80,17 +80,17 @@ def of_orientation(problem: Problem, tables: list[Table], weight: Array) -> tupl
     """
     of_parameters, of_B, k = np.zeros((len(problem.names),) * 2), np.zeros((24, 24)), 0
     for table in tables:
-        kinds = [table.kernel_of(j)[0].kind for j in range(len(table.members.kernel))]
+        kinds = table.kinds
         for kind in (Kind.GAIN, Kind.ROBOT):
-            own = [j for j, of in enumerate(kinds) if of is kind]
-            if not own:
+            own = np.flatnonzero(kinds == kind)
+            if not len(own):
                 continue
-            share = weight[[k + j for j in own]]
-            best = max(own, key=lambda j: float(table.members.log_evidence[j]))
+            share = weight[k + own]
+            best = int(own[np.argmax(table.members.log_evidence[own])])
             if kind is Kind.GAIN:
                 of_B += float(share.sum()) * _slopes(problem, table, best)
             else:
-                strength = np.array([table.kernel_of(j)[1] for j in own])
+                strength = table.kernels.strength[table.members.kernel[own]]
                 power = strength**2 * table.members.variance[own, :3].mean(axis=1)
                 of_parameters += float(share @ power) * _turns(problem, table, best)
         k += len(kinds)

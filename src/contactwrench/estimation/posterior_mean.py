@@ -40,18 +40,19 @@ DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT)
 """Errors that a new orientation has anew."""
 
 
-def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_out: bool) -> RigidEstimate:
-    """The mean of all members of the tables, which are linearised at one tool; with or without `held_out` errors."""
+def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain: bool) -> RigidEstimate:
+    """The mean of all members of the tables, which are linearised at one tool; if `plain`, without held-out errors and
+    beliefs.
+    """
     names, columns, first = problem.names, problem.columns, tables[0]
     tool, bias = first.tool, slice(4, 10)
     J = response_jacobian(tool, names)
     log_all = np.concatenate([table.members.log_evidence for table in tables])
     weight = np.exp(log_all - np.logaddexp.reduce(log_all))
     steps, within = np.zeros((len(weight), len(names))), np.zeros((len(names), len(names)))
-    own_variance = np.zeros_like(steps)
-    for table, here in _members(tables):
+    own_variance, last_biases = np.zeros_like(steps), [_last_bias(problem, table) for table in tables]
+    for (table, here), (mean, own) in zip(_members(tables), last_biases, strict=True):
         m, share = table.members, weight[here]
-        mean, own = _last_bias(problem, table)
         steps[here, columns] = m.step
         of_mean = np.tensordot(mean[:, :9], J, (1, 2)).transpose(0, 2, 1)
         steps[here, bias] = mean[:, 9:] - (of_mean @ m.step[:, :, None])[:, :, 0]
@@ -69,7 +70,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
     off = steps - step
     off_by_tilt = _off_by_exactness(tables, weight, off**2 + own_variance)
     covariance = axes @ (within + (weight * off.T) @ off) @ axes.T
-    of_axes = axes @ _of_axes(problem, first) @ axes.T
+    of_axes = axes @ _of_axes(problem, first, *(of_all[first.best] for of_all in last_biases[0])) @ axes.T
     covariance = covariance + np.tensordot(_noisier_alone(problem, first) - 1.0, of_axes, 1)
     of_parameters, of_B = of_orientation(problem, tables, weight)
     covariance = _nearest_positive(0.5 * (covariance + covariance.T), axes @ of_parameters @ axes.T)
@@ -97,12 +98,12 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, held_
         dof=_dof(problem, first, of_axes, covariance),
         kept=first.kept,
         errors=errors,
-        held_out=deleted_errors(problem, first) if held_out else None,
+        held_out=None if plain else deleted_errors(problem, first),
         reduced_chi2=_reduced_chi2(problem, errors[first.kept], readings.select(first.kept), float(left.sum())),
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
-        beliefs=_beliefs(problem, tables, weight, errors, off_by_tilt),
+        beliefs=None if plain else _beliefs(problem, tables, weight, errors, off_by_tilt),
     )
 
 
@@ -197,21 +198,22 @@ def _last_bias(problem: Problem, table: Table) -> tuple[Array, Array]:
     return np.array([mean[k] for k in table.members.kernel]), np.array([own[k] for k in table.members.kernel])
 
 
-def _of_axes(problem: Problem, table: Table) -> Array:
-    """What each axis' noise contributes to the covariance of the parameters (6, p, p), of the likeliest member."""
+def _of_axes(problem: Problem, table: Table, mean: Array, own: float) -> Array:
+    """What each axis' noise contributes to the covariance of the parameters (6, p, p), of the likeliest member; `mean`
+    and `own` as `_last_bias` has them.
+    """
     m, best, names = table.members, table.best, problem.names
     of_step = m.covariance[best]
     X = np.concatenate([problem.R_base_flange.reshape(-1, 9), problem.errors(table.tool)], axis=1)[table.kept]
     kernel = table.kernels.select(m.kernel[best : best + 1]).of_poses(table.kept)
     G = gram(table.tool, names, moments_of(X, problem.relative[table.kept], kernel).S)[0, :, :-1, :-1]
     of_axis = of_step @ (G / m.variance[best][:, None, None]) @ of_step
-    mean, own = _last_bias(problem, table)
     to_all = np.zeros((len(names), len(of_step)))
     to_all[problem.columns] = np.eye(len(of_step))
-    to_all[4:10] = -(response_jacobian(table.tool, names) @ mean[best, :9]).T
+    to_all[4:10] = -(response_jacobian(table.tool, names) @ mean[:9]).T
     contribution: Array = to_all @ of_axis @ to_all.T
     axes = np.arange(6)
-    contribution[axes, 4 + axes, 4 + axes] += own[best] * m.variance[best]
+    contribution[axes, 4 + axes, 4 + axes] += own * m.variance[best]
     return contribution
 
 

@@ -73,7 +73,7 @@ def estimated(
         of_stops = float(np.mean(readings.least_variance / found))
         problem = replace(problem, relative=1.0 + min(of_stops, 1.0) * (relative - 1.0))
         tables = [settled(problem, tables[0].tool, table.kept, table.hypotheses) for table in tables[:1]] + tables[1:]
-    return mean_of(problem, tables, readings, held_out=not plain)
+    return mean_of(problem, tables, readings, plain)
 
 
 FEWEST_FOR_ORIENTATION = 5

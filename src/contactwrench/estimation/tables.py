@@ -121,6 +121,12 @@ class Table:
         return self.kernels.drifts[self.kernels.drift[k]], float(self.kernels.strength[k])
 
     @property
+    def kinds(self) -> NDArray[np.object_]:
+        """Of the drifts of all members."""
+        kinds = np.array([drift.kind for drift in self.kernels.drifts], dtype=object)
+        return kinds[self.kernels.drift[self.members.kernel]]
+
+    @property
     def log_evidence(self) -> float:
         """Of all members together."""
         return float(np.logaddexp.reduce(self.members.log_evidence))
