@@ -102,23 +102,26 @@ def test_a_mounting_far_off_nominal_by_four_poses_is_in_doubt_and_by_twelve_is_n
 
 
 @pytest.mark.parametrize(
-    ("off", "base", "texts"),
+    ("exact", "off", "base", "texts"),
     [
-        (2.6, 0.0, ["the sensor's z is exactly parallel to the flange's"]),
-        (0.0, 2.6, ["gravity is exactly in the stated direction"]),
-        (1.9, 1.9, []),
+        (0.893, 2.6, 0.0, ["the sensor's z is exactly parallel to the flange's"]),
+        (0.893, 0.0, 2.6, ["gravity is exactly in the stated direction"]),
+        (0.893, 1.9, 1.9, []),
+        (0.981, 3.6, 3.4, ["the sensor's z is exactly parallel to the flange's"]),
+        (0.019, 3.4, 3.6, ["gravity is exactly in the stated direction"]),
     ],
 )
-def test_a_tilt_that_decides_the_answer_is_in_doubt(off: float, base: float, texts: list[str]) -> None:
+def test_a_tilt_that_decides_the_answer_is_in_doubt(exact: float, off: float, base: float, texts: list[str]) -> None:
     estimate, _, poses = fitted()
     assert isinstance(estimate.beliefs, Beliefs)
-    beliefs = replace(estimate.beliefs, mounting_exact=0.893, base_exact=0.893, off_by_mounting=off, off_by_base=base)
+    beliefs = replace(estimate.beliefs, mounting_exact=exact, base_exact=exact, off_by_mounting=off, off_by_base=base)
     assert of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0) == [
         Finding(
             Kind.TILT_IN_DOUBT,
             Severity.DOUBTFUL,
-            f"doubtful: whether {text} decides the answer, with a probability of 89.3 % that it is: the other way the "
-            "answer is 2.6 std off; tilt the tool further, about more than one axis, or state it with --known",
+            f"doubtful: whether {text} decides the answer, with a probability of {100.0 * exact:.1f} % that it is: the "
+            f"other way the answer is {max(off, base):.1f} std off; tilt the tool further, about more than one axis, "
+            "or state it with --known",
         )
         for text in texts
     ]

@@ -74,6 +74,9 @@ class Estimate:
 IN_DOUBT = 1.0 / 20.0
 """Probability of a rival from which on a decision is in doubt."""
 
+EXCLUDED = 1.0 / 500.0
+"""The same where the rival's answer is so far off that a decision against it would be a confident error."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Beliefs:
@@ -82,7 +85,7 @@ class Beliefs:
     error that goes `with_orientation`, a bias in two `levels` (n, 6) among them, by which it is off their middle; that
     mounting and base are exactly nominal, `mounting_exact` and `base_exact`, or point anywhere, `any_mounting` and
     `any_base`. By how many std the answer would be off, were the less likely of exactly nominal or not so,
-    `off_by_mounting` and `off_by_base`; 0 where it is not in doubt.
+    `off_by_mounting` and `off_by_base`; 0 where that one is excluded.
     """
 
     outlying: Array

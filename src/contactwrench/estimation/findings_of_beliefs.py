@@ -22,8 +22,9 @@ LARGE_SHARE = 0.25
 LIKE_CONTACTS, FEW_LIKE_CONTACTS = 0.3, 2
 """Of the poses, and poses: so few after a step may as well be in contact, all in the same way."""
 
-DECIDES = 2.0
-"""Standard deviations by which the answer is off in a rival's case, from which on the rival matters."""
+DECIDES, DECIDES_BY_FAR = 2.0, 3.5
+"""Standard deviations by which the answer is off in a rival's case, from which on the rival matters; the second where
+it is unlikely."""
 
 FEW_POSES = 4
 MOST_NAMED = 6
@@ -90,7 +91,7 @@ def _tilt_in_doubt(beliefs: Beliefs) -> list[Finding]:
             f"answer is {off:.1f} std off; tilt the tool further, about more than one axis, or state it with --known",
         )
         for what, exact, off in each
-        if off > DECIDES
+        if off > (DECIDES if min(exact, 1.0 - exact) > IN_DOUBT else DECIDES_BY_FAR)
     ]
 
 

@@ -17,7 +17,7 @@ from ..model import (
     wrench_matrix,
 )
 from .bias_drift import Drift
-from .estimate import IN_DOUBT, Beliefs, RigidEstimate
+from .estimate import EXCLUDED, IN_DOUBT, Beliefs, RigidEstimate
 from .least_squares import gram
 from .moments import moments_of, precision_times
 from .noise import MOST_DOF, PoseReadings
@@ -109,16 +109,16 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
 
 def _off_by_exactness(tables: list[Table], weight: Array, squared: Array) -> tuple[float, float]:
     """Of mounting and base: by how many std the weight, com or bias is off, RMS, where that one is exactly nominal and
-    was mostly taken not to be, or the other way round; 0 where that is not in doubt. At most the root of 1 over its
-    probability, as the std counts it too. `squared` (m, p): how far the parameters of each member are off the mean.
+    was mostly taken not to be, or the other way round; 0 where that is as good as excluded. At most the root of 1 over
+    its probability, as the std counts it too. `squared` (m, p): how far the parameters of each member are off the mean.
     """
     exact = np.array([table.hypotheses[h].exact for table in tables for h in table.members.hypothesis])
     total, off = weight @ squared[:, OF_TOOL], []
     for is_exact in exact.T:
         rival = is_exact if weight[is_exact].sum() < 0.5 else ~is_exact
         share = float(weight[rival].sum())
-        of_rival = weight[rival] @ squared[rival, OF_TOOL] / max(share, IN_DOUBT)
-        off.append(float(np.sqrt(np.max(of_rival / np.maximum(total, 1e-300)))) * (share > IN_DOUBT))
+        of_rival = weight[rival] @ squared[rival, OF_TOOL] / max(share, EXCLUDED)
+        off.append(float(np.sqrt(np.max(of_rival / np.maximum(total, 1e-300)))) * (share > EXCLUDED))
     return off[0], off[1]
 
 
