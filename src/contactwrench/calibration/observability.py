@@ -51,21 +51,17 @@ class Observability(Frozen):
     trade_offs: tuple[str, ...]
 
 
-def require_full_rank(
-    tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array | None = None
-) -> None:
+def require_full_rank(tool: RigidTool, R_base_flange: Array, names: tuple[str, ...], known: Array) -> None:
     """Raise `UnobservableError`, naming the parameters, unless the poses (n, 3, 3), with what is `known` beforehand,
     separate all of `names`; `known` (q, p): derivatives of what is known, each as good as seen.
     """
-    J = natural_jacobian(tool, R_base_flange, names)
-    if known is not None:
-        unit = np.ones(len(names))
-        unit[[0, *range(4, 7)]] = tool.weight
-        unit[1:4] = LEVER
-        unit[7:10] = tool.weight * LEVER
-        rows = known * unit
-        length = np.linalg.norm(rows, axis=1, keepdims=True)
-        J = np.vstack([J, rows / np.where(length > 0.0, length, 1.0)])
+    unit = np.ones(len(names))
+    unit[[0, *range(4, 7)]] = tool.weight
+    unit[1:4] = LEVER
+    unit[7:10] = tool.weight * LEVER
+    rows = known * unit
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    J = np.vstack([natural_jacobian(tool, R_base_flange, names), rows / np.where(length > 0.0, length, 1.0)])
     require_separable(J, names, R_base_flange, tool.gravity_direction)
 
 

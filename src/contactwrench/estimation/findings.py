@@ -243,9 +243,8 @@ def _contradicts_prior(fit: RigidEstimate, question: Question) -> Row:
     """Readings and the earlier calibration do not go together."""
     from scipy.special import chdtrc
 
-    known = rows_of(question.knowledge, fit.tool, fit.names)
-    off = np.zeros(1) if known is None else known.residuals
-    by_chance = float(chdtrc(float(len(off)), float(off @ off)))
+    off = rows_of(question.knowledge, fit.tool, fit.names).residuals
+    by_chance = float(chdtrc(max(float(len(off)), 1.0), float(off @ off)))
     text = (
         "the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches something; "
         "calibrate anew, without --prior"

@@ -80,10 +80,8 @@ def known_at(tool: RigidTool, names: tuple[str, ...], question: Question) -> Pri
     """
     auto = question.model == "auto" and question.earlier is None
     pieces = (*question.knowledge, nominal(question.gravity_direction)) if auto else question.knowledge
-    known, columns = rows_of(pieces, tool, names), all_but_the_bias(names)
-    if known is None:
-        return PriorRows(np.zeros(0), np.zeros((0, len(columns))))
-    return PriorRows(known.residuals, known.jacobian[:, columns])
+    known = rows_of(pieces, tool, names)
+    return PriorRows(known.residuals, known.jacobian[:, all_but_the_bias(names)])
 
 
 def priors_at(

@@ -112,8 +112,8 @@ def implausible(estimate: Estimate, question: Question) -> Iterator[Finding]:
         com = _com_of(estimate.B)
     else:
         weight, com, spread = estimate.tool.weight, estimate.tool.com, np.sqrt(np.diag(estimate.covariance)[:4])
-        rows = rows_of(question.knowledge, estimate.tool, estimate.names)
-        known = known if rows is None else np.abs(rows.jacobian[:, :4]).sum(axis=0)
+        rows = rows_of(question.knowledge, estimate.tool, estimate.names).jacobian
+        known = np.abs(rows[:, :4]).sum(axis=0)
     mass, distance, along = weight / STANDARD_GRAVITY, float(np.linalg.norm(com)), to_the_tool(estimate.B, com)
     odd = oddity(weight, com, along, spread[1:]) if weight > SURE * spread[0] or distance > FURTHEST_COM else ""
     of_mass = odd in (TOO_HEAVY, TOO_LIGHT)
@@ -140,8 +140,9 @@ def _leaning(estimate: RigidEstimate, question: Question) -> Iterator[Finding]:
     if not tilts:
         return
     std, stated = float(np.sqrt(np.diag(estimate.covariance)[tilts].max())), question.priors.base
-    if stated is None and (known := rows_of(question.knowledge, estimate.tool, estimate.names)) is not None:
-        stated = 1.0 / max(float(np.linalg.norm(known.jacobian[:, tilts], 2)), 1e-300)
+    if stated is None and question.knowledge:
+        known = rows_of(question.knowledge, estimate.tool, estimate.names).jacobian
+        stated = 1.0 / max(float(np.linalg.norm(known[:, tilts], 2)), 1e-300)
     angle = float(np.arccos(np.clip(found @ question.gravity_direction, -1.0, 1.0)))
     if angle - SURE * std > max(LEANS, SURE * (stated or 0.0)):
         direction = ",".join(f"{part:.3g}" for part in found.round(3) + 0.0)

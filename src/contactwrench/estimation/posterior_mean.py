@@ -82,10 +82,9 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in BIAS_MOVED else left_by
     covariance[bias, bias] += _of_other_causes(problem, tables, weight)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
-    known = rows_of(problem.question.knowledge, moved, names)
+    known = rows_of(problem.question.knowledge, moved, names).jacobian
     whitened = wrench_jacobian(moved, problem.R_base_flange[first.kept], names) / np.sqrt(variance)[:, None]
-    rows = whitened.reshape(-1, len(names))
-    rows = rows if known is None else np.vstack([rows, known.jacobian])
+    rows = np.vstack([whitened.reshape(-1, len(names)), known])
     length = np.linalg.norm(rows, axis=0)
     return RigidEstimate(
         names=names,

@@ -172,11 +172,9 @@ def known_rotations(R_flange_sensor: Array, gravity_direction: Array, informatio
     return KnownTool(tool, np.hstack([np.zeros((len(information), 4)), information]), turn)
 
 
-def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows | None:
-    """All rows together, None where nothing is known."""
-    if not knowledge:
-        return None
-    rows = [piece(tool, names) for piece in knowledge]
+def rows_of(knowledge: tuple[Knowledge, ...], tool: RigidTool, names: tuple[str, ...]) -> PriorRows:
+    """All rows together."""
+    rows = [PriorRows(np.zeros(0), np.zeros((0, len(names)))), *(piece(tool, names) for piece in knowledge)]
     return PriorRows(np.concatenate([r.residuals for r in rows]), np.concatenate([r.jacobian for r in rows]))
 
 

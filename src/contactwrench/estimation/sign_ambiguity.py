@@ -91,12 +91,12 @@ def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: s
     readings, and show a weight beyond the digits of the readings.
     """
     tool, names, n = estimate.tool, PARAMETERS[model], len(readings)
-    known = rows_of(question.knowledge, tool, names)
+    known = rows_of(question.knowledge, tool, names).jacobian
     if model in HELD_GRAVITY:
         # a tilt that the prior lets in is not what separates
         tool = replace(tool, gravity_direction=question.gravity_direction)
-    require_full_rank(tool, readings.R_base_flange, names, None if known is None else known.jacobian)
-    if model == "mount+base" and known is None and n < FEWEST_POSES_WITH_BASE:
+    require_full_rank(tool, readings.R_base_flange, names, known)
+    if model == "mount+base" and not len(known) and n < FEWEST_POSES_WITH_BASE:
         raise UnobservableError(
             f"found {n} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
             "with fewer, several tools and bases fit alike; record 6 or more that turn about two axes"
