@@ -41,10 +41,10 @@ DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT)
 
 
 def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain: bool) -> RigidEstimate:
-    """The mean of all members of the tables, which are linearised at one tool; if `plain`, without held-out errors and
-    beliefs.
+    """The mean of all members of the tables, which are linearised at one tool; if `plain`, without held-out errors, and
+    but for `auto` without beliefs.
     """
-    names, columns, first = problem.names, problem.columns, tables[0]
+    names, columns, first, auto = problem.names, problem.columns, tables[0], problem.question.model == "auto"
     tool, bias = first.tool, slice(4, 10)
     J = response_jacobian(tool, names)
     log_all = np.concatenate([table.members.log_evidence for table in tables])
@@ -102,7 +102,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
         readings_left=left,
         singular_values=np.asarray(np.linalg.svd(rows / np.where(length > 0.0, length, 1.0), compute_uv=False)),
         gain_covariance=0.5 * (of_B + of_B.T) if of_B.any() else None,
-        beliefs=None if plain else _beliefs(problem, tables, weight, errors, off_by_tilt),
+        beliefs=None if plain and not auto else _beliefs(problem, tables, weight, errors, off_by_tilt),
     )
 
 

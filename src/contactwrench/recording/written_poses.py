@@ -29,6 +29,8 @@ from .tables.table import WrittenRows, in_seconds, open_table, rotations, writte
 from .tables.units import ANGLE
 
 ColumnSet: TypeAlias = tuple[tuple[str, ...], Array]
+JUMP = 0.01
+"""Of the range of an orientation's numbers: more from row to row is another pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +74,30 @@ def poses_of(written: Written, R_base_flange: Array) -> Written:
     stream = is_stream(samples)
     t = samples.t if stream and samples.t is not None else np.arange(len(samples), dtype=np.float64)
     recorded = recorded_poses(replace(samples, t=t), len(samples) + 1, stream)
-    poses, rows = in_time(recorded.visits or recorded.poses), []
+    poses, rows, means = in_time(recorded.visits or recorded.poses), [], []
     order = np.argsort(t, kind="stable")
     for pose in poses:
         start, end = np.array([pose.t_start, pose.t_end], dtype=np.float64)
         during = order[np.searchsorted(t[order], start) : np.searchsorted(t[order], end, "right")]
-        off = np.sum((samples.R_base_flange[during] - pose.R_base_flange) ** 2, axis=(1, 2))
-        rows.append(during[np.argmin(off)])
-    return written.at(np.array(rows, dtype=np.intp), np.array([pose.wrench for pose in poses]).reshape(-1, 6))
+        if stream:
+            off = np.sum((samples.R_base_flange[during] - pose.R_base_flange) ** 2, axis=(1, 2))
+            rows.append(during[np.argmin(off)])
+            means.append(pose.wrench)
+            continue
+        for visit in np.split(during, 1 + np.flatnonzero(_jumps(written.sets, during))):
+            rows.append(visit[0])
+            means.append(written.wrench[visit].mean(axis=0))
+    return written.at(np.array(rows, dtype=np.intp), np.array(means).reshape(-1, 6))
+
+
+def _jumps(sets: tuple[ColumnSet, ...], rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether the numbers of an orientation jump from one of the rows (n,) to the next, (n - 1,): two poses may be one
+    by a convention that is not theirs.
+    """
+    jumps = np.zeros(max(len(rows) - 1, 0), dtype=bool)
+    for _, numbers in sets:
+        jumps |= np.abs(np.diff(numbers[rows], axis=0)).max(axis=1) > JUMP * float(np.ptp(numbers, axis=0).max())
+    return jumps
 
 
 def rows_as_written(path: str | Path, options: Options) -> Written:
