@@ -20,7 +20,7 @@ from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..geometry.rotations import rotations_about_z, spread_directions, spread_rotations
 from ..geometry.wrench import cross_matrix
-from ..model import FLIP, RigidTool, gravity_in_flange, response_of
+from ..model import FLIP, RigidTool, gravity_in_flange
 
 FEW_POSES = 5
 """Up to here an unknown base has local optima that score well, so that every direction of gravity goes on."""
@@ -50,22 +50,25 @@ SEARCH_OF_MODEL = {
 
 
 def initial_guesses(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> list[RigidTool]:
-    """The most promising tools, best first, from poses (n, 3, 3) and their readings (n, 6)."""
+    """The most promising tools, best first, from poses (n, 3, 3) and their readings (n, 6). Where gravity changes with
+    the pose alike in the sensor's axes of two, one leads where the other does, and the better is enough.
+    """
     few = len(wrench) <= FEW_POSES
     scores, mountings, directions = _scored(R_base_flange, wrench, search, gravity_direction)
     of_each, most = (1, len(directions) if few else 4) if search.any_base else (2, 2)
     best = np.argsort(-scores, axis=1)[:, :of_each]
     d, k = np.repeat(np.arange(len(directions)), of_each), best.ravel()
     order = np.argsort(-scores[d, k])[:most]
-    return [linear_fit(R_base_flange, wrench, mountings[d[i], k[i]], directions[d[i]]) for i in order]
-
-
-def alike(guess: RigidTool, tool: RigidTool, R_base_flange: Array) -> bool:
-    """Whether gravity changes with the pose in the same way in the sensor's axes of both, for centred orientations
-    (k, 9): the one leads to the other then.
-    """
-    u, v = (R_base_flange @ response_of(each.R_flange_sensor.T, each.gravity_direction).T for each in (guess, tool))
-    return bool(np.sum(u * v) > ALIKE * np.sqrt(np.sum(u * u) * np.sum(v * v)))
+    guesses: list[RigidTool] = []
+    changes: list[Array] = []
+    for down, mounting in ((directions[d[i]], mountings[d[i], k[i]]) for i in order):
+        u = gravity_in_flange(R_base_flange, down) @ mounting
+        change = (u - u.mean(axis=0)).ravel()
+        change = change / max(float(np.linalg.norm(change)), 1e-300)
+        if all(change @ other < ALIKE for other in changes):
+            changes.append(change)
+            guesses.append(linear_fit(R_base_flange, wrench, mounting, down))
+    return guesses
 
 
 def explained_by_guess(R_base_flange: Array, wrench: Array, search: Search, gravity_direction: Array) -> float:

@@ -17,7 +17,7 @@ from ..model import PARAMETERS, RigidTool, response, response_jacobian
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
 from .hypotheses import Hypothesis, hypotheses_of, priors_at
-from .initial_guess import SEARCH_OF_MODEL, Search, alike, initial_guesses
+from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import ODDS, orientation_errors
 from .posterior import explored
@@ -142,10 +142,7 @@ def _start(problem: Problem, search: Search, kept: NDArray[np.bool_] | None = No
     both = np.column_stack([R.reshape(-1, 9), wrench])
     rows: Array = np.linalg.qr(both - both.mean(axis=0)).R  # few, with the moments of all
     wide = Hypothesis(None if search.any_mounting else WIDE, None if search.any_base else WIDE, (False, False), 0.0)
-    reached: list[tuple[float, RigidTool]] = []
-    for guess in guesses:
-        if not any(alike(guess, tool, rows[:, :9]) for _, tool in reached):
-            reached.append(_approached(problem, guess, rows, len(wrench), wide))
+    reached = (_approached(problem, guess, rows, len(wrench), wide) for guess in guesses)
     return min(reached, key=lambda misfit_and_tool: misfit_and_tool[0])[1]
 
 
