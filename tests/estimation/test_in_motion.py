@@ -110,7 +110,8 @@ def test_a_short_push_is_no_finding_and_a_shaking_arm_is() -> None:
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
     assert said.severity is Severity.WARNING
     assert said.text.endswith(
-        "of the motion is far noisier than the rest and counts little: contact, cables or shaking"
+        "of the motion is far noisier than the rest and counts little: contact, cables, shaking, or another "
+        "tool than at the stops"
     )
     assert np.abs(_off(found, shaken)).max() < OFTEN
     assert found.dynamics is not None
@@ -143,7 +144,8 @@ def test_contact_through_all_of_the_motion_is_said_and_counts_in_the_std() -> No
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
     assert said.severity is Severity.WARNING
     assert said.text == (
-        "1.4 N RMS of the force below 2.5 Hz is left in motion, 14% of the weight: contact, cables or shaking; what is "
+        "1.4 N RMS of the force below 2.5 Hz is left in motion, 14% of the weight: contact, cables, shaking, "
+        "or another tool than at the stops; what is "
         "known of the inertia counts with it"
     )
     assert np.abs(_off(found, pushed())).max() < OFTEN
@@ -157,7 +159,10 @@ def test_contact_through_all_of_the_motion_is_said_and_counts_in_the_std() -> No
 def test_something_picked_up_after_the_stops_is_said_and_counts_little() -> None:
     found = with_motion(cw.calibrate(pushed().samples()), _reading(lambda free, _: 1.1 * free), None)
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
-    assert said.text == ("35% of the motion is far noisier than the rest and counts little: contact, cables or shaking")
+    assert said.text == (
+        "35% of the motion is far noisier than the rest and counts little: contact, cables, shaking, or another "
+        "tool than at the stops"
+    )
     assert np.abs(_off(found, pushed())).max() < OFTEN
 
 
@@ -231,14 +236,14 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
     "no positions": (
         lambda: cw.calibrate(replace(pushed().samples(), position=None), "dynamic"),
         InputError,
-        "virtual rig: found no positions, expected t and the flange's x, y, z in each row, from which its acceleration "
-        "is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
+        "virtual rig: found no positions, expected t and all of the flange's x, y, z in each row, from which its "
+        "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "no times": (
         lambda: cw.calibrate(replace(_at_rest(), t=None), "dynamic"),
         InputError,
-        "virtual rig: found no times, expected t and the flange's x, y, z in each row, from which its acceleration is "
-        "taken: record them, name an accelerometer with --imu, or calibrate without inertia",
+        "virtual rig: found no times, expected t and all of the flange's x, y, z in each row, from which its "
+        "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "positions in mm": (
         lambda: cw.calibrate(_scaled(1000.0), "dynamic"),

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from contactwrench.samples.samples import at_limit
+from tests.support.recordings import WRENCH, csv_text, run, written
 
+QUAT = ("qx", "qy", "qz", "qw")
 T = np.arange(5000) / 1000.0
 
 
@@ -24,6 +29,23 @@ def test_clipped_channels_are_seen(quantum: float) -> None:
     found = at_limit(wrench)
     assert not (found & ~clipped).any()
     assert found[clipped].mean() > 0.9
+
+
+@pytest.mark.parametrize(("limit", "said"), [(8.0, True), (9.9, False), (11.0, False)])
+def test_many_readings_at_a_limit_are_said_before_anything_is_asked_of_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: float, said: bool
+) -> None:
+    wrench = swinging(0.02)
+    wrench[:, 1] = np.minimum(wrench[:, 1], limit)
+    readings = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([T, wrench])), "wrench.csv")
+    turns = Rotation.from_rotvec(np.outer(T, [0.3, 0.1, 0.0])).as_quat()
+    poses = written(tmp_path, csv_text(("t", *QUAT), np.column_stack([T, turns])), "poses.csv")
+    done = run(capsys, "calibrate", "--wrench", readings, "--pose", poses)
+    lost = (
+        f"Note: {at_limit(wrench).sum()} of 5000 rows with a saturated channel (fy) were left out: "
+        "set the sensor's range larger, or load it less\n"
+    )
+    assert (lost in done.err, "saturated" in done.err) == (said, said), done.err
 
 
 @pytest.mark.parametrize("quantum", [0.0, 0.01, 0.5])

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
 from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
+from ..model import AXES
 
 ReadAs: TypeAlias = Mapping[str, str | int]
 """How a file was read, by the names of the options of reading."""
@@ -82,11 +83,16 @@ class Samples(Rows):
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
 
     def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
-        """The samples less those with a saturated channel, and a note where there are such."""
+        """The samples less those with a saturated channel, and a note where there are such, with the channels that
+        stand at their largest or smallest value there.
+        """
         if self.saturated is None or not self.saturated.any():
             return self, ()
-        count = int(self.saturated.sum())
-        return self.select(~self.saturated), (f"{count} rows with a saturated channel were left out",)
+        lost = self.wrench[self.saturated]
+        most, least = (np.sum(lost == f(self.wrench, axis=0), axis=0) for f in (np.max, np.min))
+        stuck = ", ".join(axis for axis, n in zip(AXES, np.maximum(most, least), strict=True) if n >= LONGEST_CHANCE)
+        of = f"{len(lost)} of {len(self)} rows with a saturated channel"
+        return self.select(~self.saturated), (f"{of}{f' ({stuck})' if stuck else ''} were left out",)
 
 
 @dataclass(frozen=True, eq=False)
