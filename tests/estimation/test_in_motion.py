@@ -53,6 +53,22 @@ def test_inertia_and_offset_are_found_within_their_std_in_spite_of_a_push() -> N
     assert np.array_equal(found.std["sensor_offset"], found.dynamics.std[6:])
 
 
+def test_single_readings_that_jump_are_left_out_and_said() -> None:
+    clean = pushed().samples()
+    wrench = clean.wrench.copy()
+    wrench[250::500] += 60.0
+    found = cw.calibrate(replace(clean, wrench=wrench), "dynamic")
+    assert np.abs(_off(found, pushed())).max() < OFTEN
+    assert found.verdict == cw.calibrate(clean, "dynamic").verdict
+    (said,) = _of_kind(found, Kind.SPIKES)
+    assert said.severity is Severity.REFUSED
+    assert said.text == (
+        f"{len(wrench[250::500])} of {len(wrench)} readings that jump and are back in the next row were left out: look "
+        "at the sensor's cable, shield and driver"
+    )
+    assert not _of_kind(calibrated(), Kind.SPIKES)
+
+
 def test_noisy_poses_of_100_hz_tell_them_too() -> None:
     found = calibrated()
     assert np.abs(_off(found, pushed())).max() < OFTEN

@@ -1,4 +1,6 @@
-"""Flat tops: channels that stand at their limit are seen, and nothing else is taken for one."""
+"""Flat tops and spikes: channels that stand at their limit and readings that jump are seen, and nothing else is taken
+for one.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from contactwrench.samples.samples import at_limit
+from contactwrench.samples.samples import at_limit, spikes
 from tests.support.recordings import WRENCH, csv_text, run, written
 
 QUAT = ("qx", "qy", "qz", "qw")
@@ -59,3 +61,22 @@ def test_an_arm_at_rest_without_noise_stands_at_no_limit() -> None:
     assert not at_limit(levels).any()
     assert not at_limit(np.full((100, 6), np.nan)).any()
     assert not at_limit(np.empty((0, 6))).any()
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01])
+def test_single_readings_that_jump_are_seen(quantum: float) -> None:
+    wrench, jumped = swinging(0.02), np.random.default_rng(2).random(5000) < 0.003
+    jumped[1:] &= ~jumped[:-1]
+    jumped[[0, -1]] = False
+    wrench[jumped, 3] -= 40.0
+    wrench = np.rint(wrench / quantum) * quantum if quantum else wrench
+    assert jumped.sum() > 5
+    assert np.array_equal(spikes(wrench), jumped)
+
+
+def test_motion_noise_steps_and_pushes_are_no_spikes() -> None:
+    stepped, pushed, coarse = swinging(0.02), swinging(0.02), np.rint(swinging(0.0) / 5.0) * 5.0
+    stepped[2500:] += 40.0
+    pushed[2500:2503] += 40.0
+    for wrench in (swinging(0.0), swinging(3.0), swinging(0.02)[::100], stepped, pushed, coarse, np.zeros((5, 6))):
+        assert not spikes(wrench).any()

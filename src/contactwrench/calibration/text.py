@@ -11,7 +11,7 @@ from ..errors import visible
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import AXES, GRAVITY, MOUNT, horizontal_axes
-from ..samples.delay import applied_or_not
+from ..samples.delay import is_significant
 from ..statistics import counted, meaningful_digits, two_digits
 from .dynamics import elements
 from .fields import CalibrationFields
@@ -126,8 +126,9 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
         origin = "flange" if c.dynamics.accelerometer is None else "accelerometer, flange axes"
         rows += [_row(f"offset_{x}", 1e3 * v, 1e3 * s, f"mm, sensor from {origin}") for x, v, s in place]
     if c.delay is not None and c.delay_std is not None:
-        unit = f"ms, wrench after orientation; {applied_or_not(c.delay, c.delay_std)}"
-        rows.append(_row("delay", 1e3 * c.delay, 1e3 * c.delay_std, unit))
+        late = "wrench" if c.delay >= 0.0 else "orientation"
+        unit = f"ms, {late} late; {'applied' if is_significant(c.delay, c.delay_std) else 'not applied'}"
+        rows.append(_row("delay", 1e3 * abs(c.delay), 1e3 * c.delay_std, unit))
     return rows
 
 

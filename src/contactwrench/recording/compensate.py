@@ -186,7 +186,8 @@ def _paired(
     order, delay = InOrder(), treatment.applied_delay(calibration)
     if delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
-        note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
+        by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
+        note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
     recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))

@@ -24,6 +24,10 @@ LONGEST_CHANCE, TIMES_USUAL = 20, 4.0
 """Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
 many times any other run in which that channel does not move.
 """
+SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
+"""Times the usual jump from row to row, and of what the channel spans but for so much at each end: a spike jumps
+further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +184,17 @@ def at_limit(wrench: Array) -> NDArray[np.bool_]:
             flat = extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * elsewhere))
             standing |= np.repeat(flat, length)
     return standing
+
+
+def spikes(wrench: Array) -> NDArray[np.bool_]:
+    """Whether readings (n, 6) in turn jump from both neighbours, which agree, as no tool and no push does: (n,)."""
+    before, after = wrench[:-2], wrench[2:]
+    jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
+    if len(jump) < LONGEST_CHANCE:
+        return np.zeros(len(wrench), dtype=bool)
+    span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
+    far = np.maximum(SPIKE * np.median(jump, axis=0), SPIKE_OF_SPAN * span)
+    return np.r_[False, np.any((jump > far) & (np.abs(after - before) < AGREE * jump), axis=1), False]
 
 
 def _rotations(R: Array) -> Array:
