@@ -344,6 +344,14 @@ def test_what_is_read_is_never_overwritten(tmp_path: Path, panda_json: Path, cap
     assert not other.exists()
 
 
+def test_the_local_gravity_changes_no_contact_wrench_and_that_is_said(panda_json: Path, capsys: Capture) -> None:
+    plain, stated = (
+        run(capsys, "compensate", PANDA, "-c", panda_json, "-o", "-", *more) for more in ((), ("--g", "9.81"))
+    )
+    assert (plain.out, plain.err) == (stated.out, "")
+    assert stated.err == "Note: --g has no effect: it makes a weight a mass, and that is the calibration's\n"
+
+
 def test_a_reading_flag_that_differs_from_the_calibrations_is_noted(panda_json: Path, capsys: Capture) -> None:
     done = run(capsys, "compensate", PANDA, "-c", panda_json, "-o", "-")
     assert done.err == ""

@@ -100,6 +100,8 @@ def simulate(
         )
     if pushes and trajectory is None:
         raise InputError(f"found --pushes {pushes} without a motion, expected --trajectory: add it")
+    if orientation is not None and not Path(poses or "").suffix:
+        raise InputError(f"found --orientation {orientation} and no file of poses, expected --poses FILE: leave it out")
     source = trajectory or poses or DEFAULT_POSES
     rng = np.random.default_rng(seed)
     grams = options.numbers("0" if load_g is None else load_g, "--load-g", "numbers like 100,200,500", LOAD)
