@@ -138,7 +138,9 @@ def test_verify_passes_on_the_same_tool_and_fails_on_another(tmp_path: Path, cap
 
     done = run(capsys, "verify", same, "-c", tmp_path / "tool.json")
     assert (done.status, done.err) == (0, "")
-    assert done.out.splitlines()[-1].startswith("PASSED  the residual is what the calibration's covariance and noise")
+    assert done.out.splitlines()[-1].startswith(
+        "PASSED  the residual is no more than the calibration's covariance and noise"
+    )
     done = run(capsys, "verify", moved, "-c", tmp_path / "tool.json")
     assert (done.status, done.err) == (1, "")
     assert done.out.splitlines()[-1].startswith("FAILED  the residual is more than the calibration's covariance and")

@@ -19,6 +19,8 @@ from .fields import CalibrationFields
 NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
 Row = tuple[str, str, str, str]  # name, value, standard deviation, unit
 
+LEAST_OF_DIRECTION = 1e-6
+"""Of a unit vector's part, in words: that along it is known to the square of the others."""
 COLUMNS = 80
 """Of text where nobody says how wide it may be."""
 LABEL = re.compile(r" *(?:[-*] |\S+  +)?")
@@ -115,7 +117,7 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
     if std["gravity"] is not None:
         d, axes = c.gravity_direction, np.stack(horizontal_axes(c.gravity_direction), axis=1)
         about = cross_matrix(d) @ axes @ _block(c, GRAVITY) @ axes.T @ cross_matrix(d).T
-        spread, k = np.sqrt(np.diag(about)), int(np.argmax(np.abs(d)))
+        spread, k = np.sqrt(np.maximum(np.diag(about), LEAST_OF_DIRECTION**2)), int(np.argmax(np.abs(d)))
         rows += [_row(f"gravity_{x}", v, s, "in base axes") for x, v, s in zip("xyz", d, spread, strict=True)]
         rows.append(_row("lean", *_angle_to_axis(d, k, about), f"deg, of gravity from the base's {'xyz'[k]}"))
     if c.dynamics is not None:

@@ -123,7 +123,8 @@ def of_positions(read: PositionsRead, position: Array) -> Iterator[Finding]:
     elif read.otherwise:
         text = (
             f"the forces in motion go with positions that are {read.cause or 'not those given'}: check the columns x, "
-            "y, z, their unit, and that they are of the same flange, base and time as the orientations"
+            "y, z, their unit, that they are of the same flange, base and time as the orientations, and the tool that "
+            "of the stops"
         )
         yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
 
