@@ -124,12 +124,7 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
 
 
 def advice_on_poses(
-    tool: RigidTool | None,
-    covariance: Array,
-    noise: Array,
-    names: tuple[str, ...],
-    weakest: str,
-    R_base_flange: Array,
+    tool: RigidTool | None, covariance: Array, noise: Array, names: tuple[str, ...], weakest: str, R_base_flange: Array
 ) -> str:
     """Why the poses (n, 3, 3) leave the parameter `weakest` open, and what the best one of six further poses, with
     gravity along an axis of the sensor, would make of its std with the same `noise` (6,).
@@ -173,11 +168,7 @@ def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:
 
 
 def describe(
-    R_base_flange: Array,
-    gravity_direction: Array,
-    singular_values: Array,
-    covariance: Array,
-    names: tuple[str, ...],
+    R_base_flange: Array, gravity_direction: Array, singular_values: Array, covariance: Array, names: tuple[str, ...]
 ) -> Observability:
     """The observability of a fit of full rank, from its whitened singular values and covariance (p, p)."""
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -120,12 +120,7 @@ def require_writable(output: Path, path: Path, options: Options) -> None:
 
 
 def write_compensated(
-    output: Path,
-    recording: Iterable[ContactWrenches],
-    path: Path,
-    options: Options,
-    output_frame: str,
-    note: Tell,
+    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
 ) -> str | None:
     """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
     bag has it.
@@ -175,12 +170,7 @@ def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> 
 
 
 def _paired(
-    path: str | Path,
-    options: Options,
-    calibration: Calibration,
-    treatment: Treatment,
-    advance: Advance,
-    note: Tell,
+    path: str | Path, options: Options, calibration: Calibration, treatment: Treatment, advance: Advance, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order, delay = InOrder(), treatment.applied_delay(calibration)

@@ -146,11 +146,7 @@ def pairs_in_batches(
 
 
 def read_samples(
-    path: str | Path,
-    options: Options,
-    advance: Advance = unheard,
-    tell: Tell = unheard,
-    begin: Tell = unheard,
+    path: str | Path, options: Options, advance: Advance = unheard, tell: Tell = unheard, begin: Tell = unheard
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
     orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.

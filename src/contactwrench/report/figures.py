@@ -140,8 +140,8 @@ def sensor_axes(calibration: Calibration) -> str:
             ax.annotate("", tip, tail, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.4, "ls": style})
             onwards = (tip - tail) / max(float(np.linalg.norm(tip - tail)), 1e-300)
             side = "center" if abs(onwards[0]) < 0.3 else "left" if onwards[0] > 0.0 else "right"
-            text = {"textcoords": "offset points", "ha": side, "va": "center", "color": colour, "bbox": PLAIN}
-            ax.annotate(name, tip, 7.0 * onwards, **text)
+            of_name: dict[str, Any] = {"ha": side, "va": "center", "color": colour, "bbox": PLAIN}
+            ax.annotate(name, tip, 7.0 * onwards, textcoords="offset points", **of_name)
             ax.plot(*beyond, alpha=0.0)  # so that there is room for the name
         at = ", ".join(f"{1e3 * part:.1f}" for part in com)
         ax.set_title(f"com {at} mm", color="#1b6e9c")
@@ -214,7 +214,8 @@ def std_over_orientations(calibration: Calibration) -> str:
                 here = side * r[:, 2] >= 0.0
                 ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=7, mfc="none", mec=LEFT_OUT, mew=1.2)
                 ax.plot(*_equal_area(r[here & fitted], side), "o", ms=4, mfc="white", mec="#2a3036", mew=0.7)
-                said = f"{_side(side)}: {counted(int((here & fitted).sum()), 'pose')}"
+                toward = f"gravity to flange {'+' if side > 0.0 else '-'}z"
+                said = f"{toward}: {counted(int((here & fitted).sum()), 'pose')}"
                 half = std[side * seen[:, 2] > 0.0]
                 ends = " to ".join(map(two_digits, (half.min(), half.max())))
                 ax.set_title(f"{said}\n{ends} {name.partition(', ')[2]}", fontsize=9, color="#2a3036")
@@ -243,10 +244,6 @@ def _globe(ax: Axes, side: float) -> None:
     ax.plot(0.0, 0.0, "+", ms=5, color="#9aa2a9")
     ax.set(aspect="equal", xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
     ax.set_axis_off()
-
-
-def _side(side: float) -> str:
-    return f"gravity to flange {'+' if side > 0.0 else '-'}z"
 
 
 @contextmanager

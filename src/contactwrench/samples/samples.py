@@ -188,13 +188,14 @@ def at_limit(wrench: Array) -> NDArray[np.bool_]:
 
 def spikes(wrench: Array) -> NDArray[np.bool_]:
     """Whether readings (n, 6) in turn jump from both neighbours, which agree, as no tool and no push does: (n,)."""
-    before, after = wrench[:-2], wrench[2:]
-    jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
-    if len(jump) < LONGEST_CHANCE:
-        return np.zeros(len(wrench), dtype=bool)
-    span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
-    far = np.maximum(SPIKE * np.median(jump, axis=0), SPIKE_OF_SPAN * span)
-    return np.r_[False, np.any((jump > far) & (np.abs(after - before) < AGREE * jump), axis=1), False]
+    spiked = np.zeros(len(wrench), dtype=bool)
+    if len(wrench) > LONGEST_CHANCE:
+        before, after = wrench[:-2], wrench[2:]
+        jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
+        span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
+        far = np.maximum(SPIKE * np.median(jump, axis=0), SPIKE_OF_SPAN * span)
+        spiked[1:-1] = np.any((jump > far) & (np.abs(after - before) < AGREE * jump), axis=1)
+    return spiked
 
 
 def _rotations(R: Array) -> Array:
