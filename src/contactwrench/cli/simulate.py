@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
+from ..geometry.wrench import WRENCH_AXES
 from ..statistics import counted
 from . import options
 from .outputs import Writes
@@ -228,13 +229,11 @@ def _moving(
 
 
 def _said(recorded: Recorded, output: Path, truth: Path) -> str:
-    from ..simulate.recording import AXES
-
     rows = len(recorded.t)
     lines = [f"Wrote {counted(rows, 'row')} to {output}, and what is true to {truth}"]
     stuck = recorded.saturated.sum(axis=0)
     if stuck.any():
-        channels = ", ".join(f"{axis} in {n}" for axis, n in zip(AXES, stuck, strict=True) if n)
+        channels = ", ".join(f"{axis} in {n}" for axis, n in zip(WRENCH_AXES, stuck, strict=True) if n)
         lines.append(
             f"  saturated: {channels} of {rows} rows; they show less than there is: leave them out (column saturated), "
             "or give the sensor room (--set sensor.bias=0)"

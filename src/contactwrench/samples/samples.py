@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
 from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
-from ..model import AXES
+from ..geometry.wrench import WRENCH_AXES
 
 ReadAs: TypeAlias = Mapping[str, str | int]
 """How a file was read, by the names of the options of reading."""
@@ -94,7 +94,9 @@ class Samples(Rows):
             return self, ()
         lost = self.wrench[self.saturated]
         most, least = (np.sum(lost == f(self.wrench, axis=0), axis=0) for f in (np.max, np.min))
-        stuck = ", ".join(axis for axis, n in zip(AXES, np.maximum(most, least), strict=True) if n >= LONGEST_CHANCE)
+        stuck = ", ".join(
+            axis for axis, n in zip(WRENCH_AXES, np.maximum(most, least), strict=True) if n >= LONGEST_CHANCE
+        )
         of = f"{len(lost)} of {len(self)} rows with a saturated channel"
         return self.select(~self.saturated), (f"{of}{f' ({stuck})' if stuck else ''} were left out",)
 
