@@ -167,7 +167,7 @@ def read_samples(
     if streams.wrench.saturated is None:
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
-    both = samples.source if options.pose_file is None else f"{samples.source} with {name_of(options.pose_file)}"
+    both = samples.source if options.pose_file is None else f"{samples.source}, {name_of(options.pose_file)}"
     samples = replace(samples, damage=streams.damage, source=both)
     for note in notes:
         tell(note)

@@ -1,5 +1,5 @@
 """Flat tops and spikes: channels that stand at their limit and readings that jump are seen, and nothing else is taken
-for one.
+for one; and which file is named.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import contactwrench as cw
+from contactwrench.errors import InputError
+from contactwrench.samples.flange_motion import flange_motion
 from contactwrench.samples.samples import at_limit, spikes
 from tests.support.recordings import WRENCH, csv_text, run, written
 
@@ -80,3 +83,16 @@ def test_motion_noise_steps_and_pushes_are_no_spikes() -> None:
     pushed[2500:2503] += 40.0
     for wrench in (swinging(0.0), swinging(3.0), swinging(0.02)[::100], stepped, pushed, coarse, np.zeros((5, 6))):
         assert not spikes(wrench).any()
+
+
+def test_of_two_files_both_are_named_as_what_lacks_may_be_of_either(tmp_path: Path) -> None:
+    readings = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([T, swinging(0.02)])), "wrench.csv")
+    turns = Rotation.from_rotvec(np.outer(T, [0.3, 0.1, 0.0])).as_quat()
+    poses = written(tmp_path, csv_text(("t", "x", "y", *QUAT), np.column_stack([T, T, T, turns])), "poses.csv")
+    samples = cw.read(readings, pose_file=poses)
+    with pytest.raises(InputError) as refused:
+        flange_motion(samples)
+    assert str(refused.value) == (
+        f"{readings}, {poses}: found no positions, expected t and all of the flange's x, y, z in each row, from which "
+        "its acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia"
+    )
