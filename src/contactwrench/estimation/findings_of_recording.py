@@ -91,8 +91,7 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     samples, notes = samples.unsaturated()
     findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
     in_turn = samples.t is not None and len(samples) > 1 and np.median(np.diff(samples.t)) <= SLOWEST
-    spiked = spikes(samples.wrench) if in_turn else np.zeros(len(samples), dtype=bool)
-    if spiked.any():
+    if in_turn and (spiked := spikes(samples.wrench)).any():
         text = (
             f"{np.sum(spiked)} of {len(samples)} readings that jump and are back in the next row were left out: look "
             "at the sensor's cable, shield and driver"

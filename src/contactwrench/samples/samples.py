@@ -92,11 +92,9 @@ class Samples(Rows):
         """
         if self.saturated is None or not self.saturated.any():
             return self, ()
-        lost = self.wrench[self.saturated]
-        most, least = (np.sum(lost == f(self.wrench, axis=0), axis=0) for f in (np.max, np.min))
-        stuck = ", ".join(
-            axis for axis, n in zip(WRENCH_AXES, np.maximum(most, least), strict=True) if n >= LONGEST_CHANCE
-        )
+        lost, most, least = self.wrench[self.saturated], self.wrench.max(axis=0), self.wrench.min(axis=0)
+        standing = np.maximum((lost == most).sum(axis=0), (lost == least).sum(axis=0)) >= LONGEST_CHANCE
+        stuck = ", ".join(np.array(WRENCH_AXES)[standing])
         of = f"{len(lost)} of {len(self)} rows with a saturated channel"
         return self.select(~self.saturated), (f"{of}{f' ({stuck})' if stuck else ''} were left out",)
 
