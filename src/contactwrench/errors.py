@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterable, Sequence
 
-LONGEST = 299
-"""Characters of a message on a terminal."""
+LONGEST, LONGEST_ADVICE = 299, 150
+"""Characters of a message on a terminal; and of its last clause, what to do, up to which that stays whole."""
 BEFORE = "contactwrench: "
 _LONG = (
     (r"\S{100,}", 60),
@@ -12,7 +12,7 @@ _LONG = (
     ("[^:,;]{120,}", 60),
     ("/[^:,;()]{40,}|\\S{40,}", 30),
     ("[^:;]{80,}", 60),
-    (f".{{{LONGEST},}}", LONGEST),
+    (f".{{{LONGEST - LONGEST_ADVICE},}}", LONGEST - LONGEST_ADVICE - 1),
 )
 """What is made shorter in a message that is too long, down to how many characters, in this order: a long name, a list
 in brackets, a name with blanks, any path or name; then the longest part, and the whole.
@@ -77,18 +77,23 @@ def some_of(names: Iterable[str], most: int = 12) -> str:
 
 
 def shortened(message: str, rules: Sequence[tuple[str, int]] = _LONG) -> str:
-    """A message that is short enough: without the middle of long names and lists, of our words only where it must."""
+    """A message that is short enough: without the middle of long names and lists, of our words only where it must, and
+    of what to do, its last clause, last of all.
+    """
+    advice = message[message.rfind(": ") :] if ": " in message[-LONGEST_ADVICE:] else ""
+    found = message.removesuffix(advice)
     for which, least in rules:
-        while (excess := len(message) - LONGEST) > 0 and (found := re.findall(which, message)):
-            longest = max(found, key=len)
-            message = message.replace(longest, _without_middle(longest, max(len(longest) - excess, least)), 1)
-    return message
+        while (excess := len(found + advice) - LONGEST) > 0 and (long := re.findall(which, found)):
+            longest = max(long, key=len)
+            found = found.replace(longest, _without_middle(longest, max(len(longest) - excess, least)), 1)
+    return found + advice
 
 
 def with_room_for(message: str, *more: str, end: str = "") -> str:
     """A message, those of the further parts, the most useful first, that leave all words on a terminal, and its end."""
     for part in more:
-        if len(shortened(f"{BEFORE}{message}{part}{end}", _LONG[:4])) <= LONGEST:
+        short = shortened(f"{BEFORE}{message}{part}{end}", _LONG[:4])
+        if len(short) <= LONGEST and part in short:
             message += part
     return message + end
 

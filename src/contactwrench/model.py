@@ -17,7 +17,7 @@ import numpy as np
 
 from .geometry.arrays import Array, Frozen, read_only
 from .geometry.rotations import rotation_exp
-from .geometry.wrench import cross_matrix
+from .geometry.wrench import WRENCH_AXES, cross_matrix
 
 LINEAR_PARAMETERS = (
     "weight",
@@ -33,7 +33,7 @@ LINEAR_PARAMETERS = (
 )
 MOUNT = ("mount_x", "mount_y", "mount_z")
 GRAVITY = ("gravity_a", "gravity_b")
-AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+AXES = WRENCH_AXES
 ABOUT_AXES = cross_matrix(np.eye(3))
 FEW_TOOLS = 16
 """At which a search stands at a time, whose responses are kept."""

@@ -138,7 +138,9 @@ def test_verify_passes_on_the_same_tool_and_fails_on_another(tmp_path: Path, cap
 
     done = run(capsys, "verify", same, "-c", tmp_path / "tool.json")
     assert (done.status, done.err) == (0, "")
-    assert done.out.splitlines()[-1].startswith("PASSED  the residual is what the calibration's covariance and noise")
+    assert done.out.splitlines()[-1].startswith(
+        "PASSED  the residual is no more than the calibration's covariance and noise"
+    )
     done = run(capsys, "verify", moved, "-c", tmp_path / "tool.json")
     assert (done.status, done.err) == (1, "")
     assert done.out.splitlines()[-1].startswith("FAILED  the residual is more than the calibration's covariance and")
@@ -342,6 +344,14 @@ def test_what_is_read_is_never_overwritten(tmp_path: Path, panda_json: Path, cap
     assert recording.read_bytes() == PANDA.read_bytes()
     assert cal.read_bytes() == panda_json.read_bytes()
     assert not other.exists()
+
+
+def test_the_local_gravity_changes_no_contact_wrench_and_that_is_said(panda_json: Path, capsys: Capture) -> None:
+    plain, stated = (
+        run(capsys, "compensate", PANDA, "-c", panda_json, "-o", "-", *more) for more in ((), ("--g", "9.81"))
+    )
+    assert (plain.out, plain.err) == (stated.out, "")
+    assert stated.err == "Note: --g has no effect: it makes a weight a mass, and that is the calibration's\n"
 
 
 def test_a_reading_flag_that_differs_from_the_calibrations_is_noted(panda_json: Path, capsys: Capture) -> None:

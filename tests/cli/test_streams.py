@@ -164,6 +164,26 @@ def test_a_long_path_keeps_its_ends_and_the_rest_of_the_message() -> None:
         assert len(short) == errors.LONGEST
 
 
+STILL = " (still stretches: 4, left out: 12; stop for a second or two at each)"
+
+
+def test_what_to_do_is_never_cut() -> None:
+    names = ", ".join(f"parameter_{k}" for k in range(30))
+    for advice in (": move the arm, or take model auto", f": move the arm{STILL}"):
+        message = f"run.csv: found 0 s of motion (the longest of 39: {names}), expected 4 s, to tell {names}{advice}"
+        short = shortened(message)
+        assert len(short) == errors.LONGEST
+        assert short.startswith("run.csv: found 0 s of motion (")
+        assert short.endswith(advice)
+
+
+def test_a_further_part_is_said_whole_or_not_at_all() -> None:
+    message = "run.csv: found no motion: move the arm"
+    assert errors.with_room_for(message, STILL) == message + STILL
+    message = f"run.csv: found no motion to tell {'a number, ' * 18}expected one: move the arm"
+    assert errors.with_room_for(message, STILL) == message
+
+
 @posix
 def test_bytes_that_are_no_text_are_printed(tmp_path: Path) -> None:
     path = os.fsencode(tmp_path) + b"/K\xf6ln.csv"

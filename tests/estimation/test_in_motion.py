@@ -53,6 +53,22 @@ def test_inertia_and_offset_are_found_within_their_std_in_spite_of_a_push() -> N
     assert np.array_equal(found.std["sensor_offset"], found.dynamics.std[6:])
 
 
+def test_single_readings_that_jump_are_left_out_and_said() -> None:
+    clean = pushed().samples()
+    wrench = clean.wrench.copy()
+    wrench[250::500] += 60.0
+    found = cw.calibrate(replace(clean, wrench=wrench), "dynamic")
+    assert np.abs(_off(found, pushed())).max() < OFTEN
+    assert found.verdict == cw.calibrate(clean, "dynamic").verdict
+    (said,) = _of_kind(found, Kind.SPIKES)
+    assert said.severity is Severity.REFUSED
+    assert said.text == (
+        f"{len(wrench[250::500])} of {len(wrench)} readings that jump and are back in the next row were left out: look "
+        "at the sensor's cable, shield and driver"
+    )
+    assert not _of_kind(calibrated(), Kind.SPIKES)
+
+
 def test_noisy_poses_of_100_hz_tell_them_too() -> None:
     found = calibrated()
     assert np.abs(_off(found, pushed())).max() < OFTEN
@@ -110,7 +126,8 @@ def test_a_short_push_is_no_finding_and_a_shaking_arm_is() -> None:
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
     assert said.severity is Severity.WARNING
     assert said.text.endswith(
-        "of the motion is far noisier than the rest and counts little: contact, cables or shaking"
+        "of the motion is far noisier than the rest and counts little: contact, cables, shaking, or another "
+        "tool than at the stops"
     )
     assert np.abs(_off(found, shaken)).max() < OFTEN
     assert found.dynamics is not None
@@ -143,7 +160,8 @@ def test_contact_through_all_of_the_motion_is_said_and_counts_in_the_std() -> No
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
     assert said.severity is Severity.WARNING
     assert said.text == (
-        "1.4 N RMS of the force below 2.5 Hz is left in motion, 14% of the weight: contact, cables or shaking; what is "
+        "1.4 N RMS of the force below 2.5 Hz is left in motion, 14% of the weight: contact, cables, shaking, "
+        "or another tool than at the stops; what is "
         "known of the inertia counts with it"
     )
     assert np.abs(_off(found, pushed())).max() < OFTEN
@@ -157,7 +175,10 @@ def test_contact_through_all_of_the_motion_is_said_and_counts_in_the_std() -> No
 def test_something_picked_up_after_the_stops_is_said_and_counts_little() -> None:
     found = with_motion(cw.calibrate(pushed().samples()), _reading(lambda free, _: 1.1 * free), None)
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
-    assert said.text == ("35% of the motion is far noisier than the rest and counts little: contact, cables or shaking")
+    assert said.text == (
+        "35% of the motion is far noisier than the rest and counts little: contact, cables, shaking, or another "
+        "tool than at the stops"
+    )
     assert np.abs(_off(found, pushed())).max() < OFTEN
 
 
@@ -231,14 +252,14 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
     "no positions": (
         lambda: cw.calibrate(replace(pushed().samples(), position=None), "dynamic"),
         InputError,
-        "virtual rig: found no positions, expected t and the flange's x, y, z in each row, from which its acceleration "
-        "is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
+        "virtual rig: found no positions, expected t and all of the flange's x, y, z in each row, from which its "
+        "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "no times": (
         lambda: cw.calibrate(replace(_at_rest(), t=None), "dynamic"),
         InputError,
-        "virtual rig: found no times, expected t and the flange's x, y, z in each row, from which its acceleration is "
-        "taken: record them, name an accelerometer with --imu, or calibrate without inertia",
+        "virtual rig: found no times, expected t and all of the flange's x, y, z in each row, from which its "
+        "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia",
     ),
     "positions in mm": (
         lambda: cw.calibrate(_scaled(1000.0), "dynamic"),

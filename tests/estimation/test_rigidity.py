@@ -68,7 +68,7 @@ def test_positions_of_other_axes_are_told_by_the_forces(matrix: Array, words: st
     (text,) = doubts(placed(lambda position: position @ matrix.T)).values()
     assert text == (
         f"doubtful: the forces in motion go with positions that are {words}: check the columns x, y, z, their unit, "
-        "and that they are of the same flange, base and time as the orientations"
+        "that they are of the same flange, base and time as the orientations, and the tool that of the stops"
     )
 
 

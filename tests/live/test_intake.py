@@ -76,3 +76,10 @@ def test_a_stall_is_no_rate(stall: float) -> None:
 def test_bursts_at_the_right_rate_are_no_rate(burst: float) -> None:
     """As a TCP stack makes them that acknowledges late."""
     assert [event for event in said(1_000.0, (1_000.0, 20.0), burst=burst) if event.kind == "rate"] == []
+
+
+@pytest.mark.parametrize("replay", [True, False])
+def test_a_recording_is_asked_for_no_rate_as_it_is_played_at_any(replay: bool) -> None:
+    intake = Intake("run.csv", "sensor")
+    intake.opened(About("run.csv", wrench=True, orientation=True, rate=500.0, replay=replay), 0.0)
+    assert intake.shown(1.0).asked == (None if replay else 500.0)

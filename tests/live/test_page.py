@@ -161,12 +161,13 @@ def test_what_is_not_valid_says_why_and_shows_no_number(browser: Any) -> None:
 def test_it_says_whether_inertia_is_subtracted(browser: Any) -> None:
     moment = snapshot(Phase.RUN)
     assert moment.running is not None
-    said = {None: "", True: " The tool's inertia is subtracted.", False: " The tool's inertia is not subtracted."}
+    missing = "The tool's inertia is not subtracted: while the arm accelerates, it reads as contact."
     with showing(moment) as (hub, server), opened(browser, server.url) as page:
-        for inertia, text in said.items():
+        for inertia, text in ((None, ""), (True, " The tool's inertia is subtracted."), (False, "")):
             running = msgspec.structs.replace(moment.running, inertia=inertia)
             hub.publish(msgspec.json.encode(msgspec.structs.replace(moment, running=running)))
             seen(page, "#run-text", f"Calibration gripper.json.{text} 12 readings were not valid.")
+            assert (page.inner_text("#detail") == missing) == (inertia is not True)
 
 
 def test_news_that_stop_are_marked_and_come_back(browser: Any) -> None:

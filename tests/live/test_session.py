@@ -243,3 +243,12 @@ def test_what_a_device_says_of_itself_is_told() -> None:
     session.opened("sensor", About("ATI Gamma", True, False, settings={"zero": "the box zeroed itself"}), 1.0)
     (event,) = session.events()
     assert event.text == "ATI Gamma: connected; zero: the box zeroed itself"
+
+
+def test_what_happened_is_said_in_the_order_of_its_times() -> None:
+    """A recording's readings begin before the program knows of it."""
+    session = cw.live.Session(sensor="run.csv", robot=None)
+    session.opened("sensor", About("run.csv", wrench=True, orientation=True, replay=True), 2.0)
+    session.outlet_ended("the disk is full", 1.0)
+    session.outlet_ended("the disk is full", 3.0)
+    assert [event.t for event in session.events()] == [2.0, 2.0, 3.0]

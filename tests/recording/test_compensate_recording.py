@@ -122,6 +122,8 @@ def test_every_reading_has_its_row_and_its_own_orientation(tmp_path: Path, calib
         "the wrench is taken to be stamped 13 ms later than the orientation, as stated",
         "29 readings after the last orientation left out",
     ]
+    list(compensated(path, layout, calibration, Treatment(delay=-LATE), note=notes.append))
+    assert notes[2] == "the wrench is taken to be stamped 13 ms earlier than the orientation, as stated"
     off = found.wrench[inside] - true_contact(t[inside] - LATE - 100.0)
     assert np.abs(off.mean(axis=0) / NOISE).max() < 0.5
     assert np.abs(off / NOISE).max() < 6.0

@@ -221,7 +221,7 @@ def saturated_table(values: list[str]) -> str:
 
 @pytest.mark.slow
 def test_saturated_rows_are_left_out_and_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    note = "2 rows with a saturated channel were left out"
+    note = "2 of 17 rows with a saturated channel were left out"
     path = written(tmp_path, saturated_table(["0"] * 6 + ["1", "1"] + ["0"] * 9))
     free = cw.read(PANDA)
     samples = cw.read(path)

@@ -347,17 +347,22 @@ def test_a_calibration_shows_it() -> None:
 
     rig, R, rng = example(1)
     samples = noisy(rig, R, rng)
-    silent, late, unsure = (
+    silent, late, early, unsure = (
         cw.calibrate(replace(samples, delay=delay, delay_std=std), "mount")
-        for delay, std in ((None, None), (0.0042, 0.0001), (0.0002, 0.0001))
+        for delay, std in ((None, None), (0.0042, 0.0001), (-0.0042, 0.0001), (-0.0002, 0.0001))
     )
     assert "delay" not in str(silent)
-    (shown,) = (line for line in str(late).splitlines() if "delay" in line)
-    assert " ".join(shown.split()) == "delay 4.20 +- 0.10 ms, wrench after orientation; applied"
-    assert "ms, wrench after orientation; not applied: less than 3 standard deviations from zero" in str(unsure)
+    for found, expected in (
+        (late, "delay 4.20 +- 0.10 ms, wrench late; applied"),
+        (early, "delay 4.20 +- 0.10 ms, orientation late; applied"),
+        (unsure, "delay 0.20 +- 0.10 ms, orientation late; not applied"),
+    ):
+        (shown,) = (line for line in str(found).splitlines() if "delay" in line)
+        assert len(shown) <= 80
+        assert " ".join(shown.split()) == expected
     assert late.diff(unsure).meaning[-1] == (
-        "the delay between wrench and orientation changed by -4 ms (28.3 std): another clock, or another filter in the "
-        "sensor"
+        "the delay between wrench and orientation changed by -4.4 ms (31.1 std): another clock, or another filter in "
+        "the sensor"
     )
     assert not any("delay" in sentence for sentence in late.diff(late).meaning)
     assert "delay" not in silent.diff(late).names

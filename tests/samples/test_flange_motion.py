@@ -213,7 +213,9 @@ def test_what_shakes_an_arm_goes_on_when_it_has_stopped() -> None:
 def test_what_tells_no_motion_is_refused_word_for_word() -> None:
     analytic = Analytic(np.arange(100) / 100.0, 1.0)
     whole = analytic.samples
-    lack = ", expected t and the flange's x, y, z in each row, from which its acceleration is taken: record them, name "
+    lack = (
+        ", expected t and all of the flange's x, y, z in each row, from which its acceleration is taken: record them, "
+    )
     for samples, message in (
         (cw.Samples(whole.wrench, whole.R_base_flange, None, whole.position), "arrays: found no times" + lack),
         (cw.Samples(whole.wrench, whole.R_base_flange, whole.t), "arrays: found no positions" + lack),

@@ -305,6 +305,14 @@ BAD_FILES = {
         ),
         (["--pushes=3"], "found --pushes 3 without a motion, expected --trajectory: add it"),
         (
+            ["--trajectory=sweep", "--orientation=rpy"],
+            "found --orientation rpy and no file of poses, expected --poses FILE: leave it out",
+        ),
+        (
+            ["--poses=plan:3", "--orientation=kuka_abc"],
+            "found --orientation kuka_abc and no file of poses, expected --poses FILE: leave it out",
+        ),
+        (
             ["--pushes=30", "--trajectory=sweep"],
             "30 pushes do not fit into 20 s, expected 91 s or more, or fewer pushes",
         ),

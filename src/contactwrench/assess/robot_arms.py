@@ -161,11 +161,7 @@ def _about_x(quarter_deg: int) -> Array:
 
 
 def _arms(
-    lengths: Mapping[str, ArrayLike],
-    twists: tuple[int, ...],
-    limits: ArrayLike,
-    home: tuple[int, ...],
-    source: str,
+    lengths: Mapping[str, ArrayLike], twists: tuple[int, ...], limits: ArrayLike, home: tuple[int, ...], source: str
 ) -> dict[str, Arm]:
     """Arms with one wrist, by their Denavit-Hartenberg twists, deg: `Rx(twist 0) Rz(q1) Rx(twist 1) ... Rx(twist k)`.
 

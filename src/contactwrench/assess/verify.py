@@ -200,7 +200,7 @@ def verify(
     if limit_force is None and limit_torque is None:
         passed = test.probability >= SIGNIFICANCE
         reason = (
-            f"the {judged} is {'what' if passed else 'more than'} the calibration's covariance and noise explain "
+            f"the {judged} is {'no more' if passed else 'more'} than the calibration's covariance and noise explain "
             f"(chi-square {test.chi2:.3g} per reading, probability {percent(test.probability)}{test.caution})"
         )
     else:

@@ -28,6 +28,7 @@ class Kind(StrEnum):
     DAMAGED_RECORDING = "damaged_recording"
     ANGLES_IN_DOUBT = "angles_in_doubt"
     SATURATED_ROWS = "saturated_rows"
+    SPIKES = "spikes"
     LOADED_ROWS = "loaded_rows"
     STILL_SEGMENTS_LEFT_OUT = "still_segments_left_out"
     POSES_ON_THE_WAY = "poses_on_the_way"

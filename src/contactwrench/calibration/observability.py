@@ -99,7 +99,10 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
     """The reason for a deficiency in terms of the poses, and what to do."""
     n = len(R_base_flange)
     if n == 1:
-        return "all rows have one orientation (within 0.2 deg); record at least 6 orientations that tilt the tool"
+        return (
+            "all poses at rest have one orientation (within 0.2 deg); stop at 6 or more that tilt the tool, or give an "
+            "earlier calibration of it with --prior"
+        )
     r = gravity_in_flange(R_base_flange, gravity_direction)
     spread = np.linalg.svd(r - r.mean(axis=0), compute_uv=False) / np.sqrt(n)
     if spread[0] < SAME_POSE_ANGLE:
@@ -117,12 +120,7 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
 
 
 def advice_on_poses(
-    tool: RigidTool | None,
-    covariance: Array,
-    noise: Array,
-    names: tuple[str, ...],
-    weakest: str,
-    R_base_flange: Array,
+    tool: RigidTool | None, covariance: Array, noise: Array, names: tuple[str, ...], weakest: str, R_base_flange: Array
 ) -> str:
     """Why the poses (n, 3, 3) leave the parameter `weakest` open, and what the best one of six further poses, with
     gravity along an axis of the sensor, would make of its std with the same `noise` (6,).
@@ -166,11 +164,7 @@ def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:
 
 
 def describe(
-    R_base_flange: Array,
-    gravity_direction: Array,
-    singular_values: Array,
-    covariance: Array,
-    names: tuple[str, ...],
+    R_base_flange: Array, gravity_direction: Array, singular_values: Array, covariance: Array, names: tuple[str, ...]
 ) -> Observability:
     """The observability of a fit of full rank, from its whitened singular values and covariance (p, p)."""
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))

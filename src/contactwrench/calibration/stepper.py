@@ -36,16 +36,7 @@ def stepper(B: Array, gravity_direction: Array) -> Step:
     ) = B.tolist()
 
     def step(
-        fx: float,
-        fy: float,
-        fz: float,
-        tx: float,
-        ty: float,
-        tz: float,
-        qx: float,
-        qy: float,
-        qz: float,
-        qw: float,
+        fx: float, fy: float, fz: float, tx: float, ty: float, tz: float, qx: float, qy: float, qz: float, qw: float
     ) -> tuple[float, float, float, float, float, float]:
         sx = qy * ez - qz * ey
         sy = qz * ex - qx * ez

@@ -11,7 +11,7 @@ from ..errors import visible
 from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import AXES, GRAVITY, MOUNT, horizontal_axes
-from ..samples.delay import applied_or_not
+from ..samples.delay import is_significant
 from ..statistics import counted, meaningful_digits, two_digits
 from .dynamics import elements
 from .fields import CalibrationFields
@@ -19,6 +19,8 @@ from .fields import CalibrationFields
 NOISE_IS_LEARNED = "noise of a sample unknown: a Compensator takes its first second for free air"
 Row = tuple[str, str, str, str]  # name, value, standard deviation, unit
 
+LEAST_OF_DIRECTION = 1e-6
+"""Of a unit vector's part, in words: that along it is known to the square of the others."""
 COLUMNS = 80
 """Of text where nobody says how wide it may be."""
 LABEL = re.compile(r" *(?:[-*] |\S+  +)?")
@@ -115,7 +117,7 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
     if std["gravity"] is not None:
         d, axes = c.gravity_direction, np.stack(horizontal_axes(c.gravity_direction), axis=1)
         about = cross_matrix(d) @ axes @ _block(c, GRAVITY) @ axes.T @ cross_matrix(d).T
-        spread, k = np.sqrt(np.diag(about)), int(np.argmax(np.abs(d)))
+        spread, k = np.sqrt(np.maximum(np.diag(about), LEAST_OF_DIRECTION**2)), int(np.argmax(np.abs(d)))
         rows += [_row(f"gravity_{x}", v, s, "in base axes") for x, v, s in zip("xyz", d, spread, strict=True)]
         rows.append(_row("lean", *_angle_to_axis(d, k, about), f"deg, of gravity from the base's {'xyz'[k]}"))
     if c.dynamics is not None:
@@ -126,8 +128,9 @@ def parameter_rows(calibration: CalibrationFields) -> list[Row]:
         origin = "flange" if c.dynamics.accelerometer is None else "accelerometer, flange axes"
         rows += [_row(f"offset_{x}", 1e3 * v, 1e3 * s, f"mm, sensor from {origin}") for x, v, s in place]
     if c.delay is not None and c.delay_std is not None:
-        unit = f"ms, wrench after orientation; {applied_or_not(c.delay, c.delay_std)}"
-        rows.append(_row("delay", 1e3 * c.delay, 1e3 * c.delay_std, unit))
+        late = "wrench" if c.delay >= 0.0 else "orientation"
+        unit = f"ms, {late} late; {'applied' if is_significant(c.delay, c.delay_std) else 'not applied'}"
+        rows.append(_row("delay", 1e3 * abs(c.delay), 1e3 * c.delay_std, unit))
     return rows
 
 

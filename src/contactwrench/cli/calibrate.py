@@ -14,6 +14,7 @@ import typer
 from ..files import STDOUT
 from ..geometry.arrays import Array
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, TILT_STD_DEG, TURN_DEG
+from ..geometry.wrench import STANDARD_GRAVITY
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .recordings import Recordings, with_reading_options
@@ -96,7 +97,7 @@ def calibrate(
     json: options.Json = False,
     recordings: Recordings,
     gravity: options.Gravity = None,
-    g: options.StandardGravity = options.DEFAULT_G,
+    g: options.StandardGravity = STANDARD_GRAVITY,
 ) -> int:
     """Identify weight, centre of mass, bias and mounting from contact-free poses."""
     from ..calibration.calibration import Calibration

@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InputError
 from ..files import STDOUT
-from ..geometry.ranges import CUTOFF, DELAY, POINT, WALK
+from ..geometry.ranges import CUTOFF, DELAY, POINT, WALK, G
 from . import options
 from .outputs import NAMES_FOLDER, Writes
 from .progress import progress
@@ -86,7 +86,7 @@ def compensate(
     ] = None,
     recording: Recordings,
     gravity: options.Gravity = None,
-    g: options.StandardGravity = options.DEFAULT_G,
+    g: Annotated[float | None, options.number(G, "G", "Of no effect: it makes masses, and forces need none.")] = None,
 ) -> None:
     """Subtract weight and bias: one contact wrench, with its standard deviation, for each reading of FILE."""
     from ..calibration.calibration import Calibration
@@ -113,7 +113,8 @@ def compensate(
         lines, notes = compensate_recording(
             recording.path, alike.options, alike.calibration, treatment, output, report, advance
         )
-    for sentence in (*alike.notes, *notes):
+    of_g = () if g is None else ("--g has no effect: it makes a weight a mass, and that is the calibration's",)
+    for sentence in (*alike.notes, *of_g, *notes):
         options.note(sentence)
     for line in lines:
         options.say(line, err=str(output) == STDOUT)

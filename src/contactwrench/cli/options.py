@@ -16,7 +16,6 @@ from ..errors import InputError, shortened, visible
 from ..geometry.arrays import Array
 from ..geometry.orientation import CONVENTIONS
 from ..geometry.ranges import DIRECTION, NOISE, ON_FLANGE, G, Range
-from ..geometry.wrench import STANDARD_GRAVITY
 
 Result = TypeVar("Result")
 MOST_COLUMNS = 120
@@ -62,8 +61,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing output.")]
 OUTPUT_HELP = "an existing file is replaced only with --force; - is"
 """Of every output's help."""
-
-DEFAULT_G = STANDARD_GRAVITY
 
 
 def spelled(run: Callable[..., Any], parameters: Collection[Parameter]) -> Callable[..., Any]:

@@ -95,7 +95,7 @@ def _to_be_kept(outputs: Mapping[str, Writes], values: Mapping[str, Any], read: 
             if identity(target) in written:
                 raise FileAccessError(f"{file}: found two outputs in one file, expected one each: name another")
             written.add(identity(target))
-            if not values["force"] and not (mark.page and _is_page(target)):
+            if not values["force"] and not (mark.page and target.is_file() and OF_PAGE in target.read_bytes()[-200:]):
                 if target.exists() and target.stat().st_size:
                     raise already_there(file)
                 kept |= set() if target.exists() else {target}
@@ -128,10 +128,6 @@ def _require_unread(file: Path, read: Mapping[Key, str]) -> None:
         when, name = "would be", next(filter(None, map(read.get, map(identity, target.parents))), None)
     if name is not None:
         raise FileAccessError(f"{file}: found what {when} read as {name}, expected another file to write: name one")
-
-
-def _is_page(file: Path) -> bool:
-    return file.is_file() and OF_PAGE in file.read_bytes()[-200:]
 
 
 def _is_part(path: Path) -> bool:

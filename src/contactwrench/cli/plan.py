@@ -52,7 +52,9 @@ def plan(
         ),
         Writes(),
     ] = None,
-    model: Annotated[str, options.text("M", "What will be fitted: auto, yaw, mount, mount+base.")] = "auto",
+    model: Annotated[
+        str, options.text("M", "What will be fitted, with --dynamic to the stops: auto, yaw, mount, mount+base.")
+    ] = "auto",
     dynamic: Annotated[
         bool,
         typer.Option(

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
+from ..geometry.wrench import WRENCH_AXES
 from ..statistics import counted
 from . import options
 from .outputs import Writes
@@ -100,6 +101,8 @@ def simulate(
         )
     if pushes and trajectory is None:
         raise InputError(f"found --pushes {pushes} without a motion, expected --trajectory: add it")
+    if orientation is not None and not Path(poses or "").suffix:
+        raise InputError(f"found --orientation {orientation} and no file of poses, expected --poses FILE: leave it out")
     source = trajectory or poses or DEFAULT_POSES
     rng = np.random.default_rng(seed)
     grams = options.numbers("0" if load_g is None else load_g, "--load-g", "numbers like 100,200,500", LOAD)
@@ -226,13 +229,11 @@ def _moving(
 
 
 def _said(recorded: Recorded, output: Path, truth: Path) -> str:
-    from ..simulate.recording import AXES
-
     rows = len(recorded.t)
     lines = [f"Wrote {counted(rows, 'row')} to {output}, and what is true to {truth}"]
     stuck = recorded.saturated.sum(axis=0)
     if stuck.any():
-        channels = ", ".join(f"{axis} in {n}" for axis, n in zip(AXES, stuck, strict=True) if n)
+        channels = ", ".join(f"{axis} in {n}" for axis, n in zip(WRENCH_AXES, stuck, strict=True) if n)
         lines.append(
             f"  saturated: {channels} of {rows} rows; they show less than there is: leave them out (column saturated), "
             "or give the sensor room (--set sensor.bias=0)"

@@ -35,5 +35,7 @@ def verify(
     result = check(loaded, samples, limit_force=limit_force, limit_torque=limit_torque, g=g)
     options.print_result(result, json, verification_json, verification_text)
     if loaded.dynamics is not None:
-        options.note("verified at rest, inertia and offset are not: compensate free motion, and see what is left")
+        options.note(
+            "only the stops were verified: for inertia and offset compensate free motion, and see what is left"
+        )
     return 0 if result.passed else 1

@@ -22,6 +22,7 @@ LITTLE_WEIGHT = 0.25
 """Of a window: it is noisier than most, a push or a shake."""
 MANY = 0.1
 """Of the windows; and of the weight, what is left of the force in motion."""
+OTHER_FORCES = "contact, cables, shaking, or another tool than at the stops"
 CONTRADICTS = 3.0
 """Standard deviations of a stated offset."""
 MOST_OF_IT = 0.9
@@ -81,11 +82,11 @@ def of_motion(
     if left > MANY * weight:
         text = (
             f"{left:.2g} N RMS of the force below {most:.2g} Hz is left in motion, {left / weight:.0%} of the weight: "
-            "contact, cables or shaking; what is known of the inertia counts with it"
+            f"{OTHER_FORCES}; what is known of the inertia counts with it"
         )
         yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
     elif noisy > MANY:
-        text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: contact, cables or shaking"
+        text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: {OTHER_FORCES}"
         yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
     if found.blur > max(SLOW_SENSOR, SURELY * found.blur_std):
         corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * found.blur))
@@ -122,7 +123,8 @@ def of_positions(read: PositionsRead, position: Array) -> Iterator[Finding]:
     elif read.otherwise:
         text = (
             f"the forces in motion go with positions that are {read.cause or 'not those given'}: check the columns x, "
-            "y, z, their unit, and that they are of the same flange, base and time as the orientations"
+            "y, z, their unit, that they are of the same flange, base and time as the orientations, and the tool that "
+            "of the stops"
         )
         yield Finding.doubtful(Kind.POSITIONS_IN_DOUBT, text)
 

@@ -11,8 +11,8 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
-from ..samples.recorded_poses import RecordedPoses
-from ..samples.samples import Samples
+from ..samples.recorded_poses import SLOWEST, RecordedPoses
+from ..samples.samples import Samples, spikes
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
 
 MOST_SEGMENTS_NAMED = 3
@@ -85,11 +85,18 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
 
 
 def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The rows without load and saturation, and what there is to say of the samples."""
+    """The rows without load, saturation and spikes, and what there is to say of the samples."""
     damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
     doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
     samples, notes = samples.unsaturated()
     findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
+    in_turn = samples.t is not None and len(samples) > 1 and np.median(np.diff(samples.t)) <= SLOWEST
+    if in_turn and (spiked := spikes(samples.wrench)).any():
+        text = (
+            f"{np.sum(spiked)} of {len(samples)} readings that jump and are back in the next row were left out: look "
+            "at the sensor's cable, shield and driver"
+        )
+        samples, findings = samples.select(~spiked), (*findings, Finding(Kind.SPIKES, Severity.REFUSED, text))
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
         return samples, findings
     free = samples.load_mass == 0.0

@@ -49,10 +49,7 @@ G = Range(0.1, 100.0, "m/s^2")
 """From an asteroid's to a large planet's; a centrifuge's."""
 WEIGHT, WEIGHT_STD = Range(1e-6, 1e6, "N"), Range(1e-6, 1e6, "N")
 LOAD, LOAD_KG = Range(1e-3, 1e6, "g", or_zero=True), Range(1e-6, 1e6, "kg", or_zero=True)
-TOOL_MASS, SENSOR_MASS = (
-    Range(1e-6, 200.0, "kg (is it in g?)"),
-    Range(0.0, 50.0, "kg (is it in g?)"),
-)
+TOOL_MASS, SENSOR_MASS = Range(1e-6, 200.0, "kg (is it in g?)"), Range(0.0, 50.0, "kg (is it in g?)")
 POINT, POINT_STD = Range(-10.0, 10.0, "m (is it in mm?)"), Range(1e-6, 10.0, "m")
 ON_FLANGE = Range(-2.0, 2.0, "m (is it in mm?)")
 DIRECTION, ENTRY = Range(-1e6, 1e6), Range(-2.0, 2.0)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from .arrays import Array, numbers
 
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 STANDARD_GRAVITY = 9.80665
 """m/s^2, by definition (3rd CGPM, 1901)."""
 

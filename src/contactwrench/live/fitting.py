@@ -140,8 +140,8 @@ def shown(result: Fitted) -> Fit:
 def _delay_in_words(c: Calibration) -> str:
     if c.delay is None or c.delay_std is None:
         return "not told by the motion so far: none is applied"
-    applied = "applied" if is_significant(c.delay, c.delay_std) else "not applied"
-    return f"wrench {1e3 * c.delay:.1f} +- {1e3 * c.delay_std:.1f} ms behind the orientation, {applied}"
+    late, applied = "wrench" if c.delay >= 0.0 else "orientation", is_significant(c.delay, c.delay_std)
+    return f"{late} {1e3 * abs(c.delay):.1f} +- {1e3 * c.delay_std:.1f} ms late, {'' if applied else 'not '}applied"
 
 
 def force_std(calibration: Calibration | None) -> tuple[float | None, float | None]:

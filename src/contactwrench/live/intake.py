@@ -122,7 +122,7 @@ class Intake:
             self.state,
             self.text,
             self._rate.hz,
-            None if about is None else about.rate,
+            None if about is None or about.replay else about.rate,
             self.samples,
             self.lost,
             self.repeated,

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from math import inf, isfinite, nan
 from typing import Any
 
+from msgspec.structs import replace
+
 from ..calibration.calibration import Calibration
 from ..compensate.contact_wrenches import ContactWrench
 from ..errors import ContactWrenchError
@@ -226,6 +228,8 @@ class Session:
             self._say(Event(t, kind, WARNINGS.get(kind, "note"), text, "" if intake is None else intake.uri))
 
     def _say(self, event: Event) -> None:
+        if self._events and event.t < self._events[-1].t:  # a recording's samples begin before its device is known
+            event = replace(event, t=self._events[-1].t)
         self._events.append(event)
         self._new.append(event)
 

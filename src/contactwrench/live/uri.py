@@ -27,11 +27,7 @@ SOURCES: Mapping[str, str] = {
     "tcp": "sources.lines:TcpLines",
     "stdin": "sources.lines:StdinLines",
 }
-SINKS: Mapping[str, str] = {
-    "udp": "sinks.lines:UdpLines",
-    "ros2": "sinks.ros2:Ros2",
-    "file": "sinks.file:ContactFile",
-}
+SINKS: Mapping[str, str] = {"udp": "sinks.lines:UdpLines", "ros2": "sinks.ros2:Ros2", "file": "sinks.file:ContactFile"}
 """By scheme: where in this package the class is. Other packages add theirs as entry points of these groups."""
 SOURCE_GROUP, SINK_GROUP = "contactwrench.sources", "contactwrench.sinks"
 

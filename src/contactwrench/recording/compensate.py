@@ -120,12 +120,7 @@ def require_writable(output: Path, path: Path, options: Options) -> None:
 
 
 def write_compensated(
-    output: Path,
-    recording: Iterable[ContactWrenches],
-    path: Path,
-    options: Options,
-    output_frame: str,
-    note: Tell,
+    output: Path, recording: Iterable[ContactWrenches], path: Path, options: Options, output_frame: str, note: Tell
 ) -> str | None:
     """Write what `compensated` makes of a recording, batch by batch, in the axes `output_frame`; the topic in which a
     bag has it.
@@ -175,18 +170,14 @@ def _plain(calibration: Calibration, samples: Samples, treatment: Treatment) -> 
 
 
 def _paired(
-    path: str | Path,
-    options: Options,
-    calibration: Calibration,
-    treatment: Treatment,
-    advance: Advance,
-    note: Tell,
+    path: str | Path, options: Options, calibration: Calibration, treatment: Treatment, advance: Advance, note: Tell
 ) -> Iterator[ContactWrenches]:
     """Brought onto one clock, with a word on each row that has no contact wrench."""
     order, delay = InOrder(), treatment.applied_delay(calibration)
     if delay != 0.0:
         whose = "the calibration's" if treatment.delay is None else "as stated"
-        note(f"the wrench is taken to be stamped {1e3 * delay:.4g} ms later than the orientation, {whose}")
+        by = f"{1e3 * abs(delay):.4g} ms {'later' if delay > 0.0 else 'earlier'}"
+        note(f"the wrench is taken to be stamped {by} than the orientation, {whose}")
     recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))

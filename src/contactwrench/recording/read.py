@@ -68,6 +68,8 @@ def bag_blocks(path: str | Path, options: Options, rows: int, advance: Advance) 
         )
 
 
+MANY_AT_A_LIMIT = 0.1
+"""Of the readings."""
 Block: TypeAlias = Table | Streams
 Reader: TypeAlias = Callable[[str | Path, Options, int, Advance], Iterator[Block]]
 
@@ -144,11 +146,7 @@ def pairs_in_batches(
 
 
 def read_samples(
-    path: str | Path,
-    options: Options,
-    advance: Advance = unheard,
-    tell: Tell = unheard,
-    begin: Tell = unheard,
+    path: str | Path, options: Options, advance: Advance = unheard, tell: Tell = unheard, begin: Tell = unheard
 ) -> Samples:
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
     orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
@@ -169,15 +167,20 @@ def read_samples(
     if streams.wrench.saturated is None:
         streams = replace(streams, wrench=replace(streams.wrench, saturated=at_limit(streams.wrench.wrench)))
     samples, notes = on_one_clock(streams)
-    samples = replace(samples, damage=streams.damage)
+    both = samples.source if options.pose_file is None else f"{samples.source}, {name_of(options.pose_file)}"
+    samples = replace(samples, damage=streams.damage, source=both)
     for note in notes:
         tell(note)
     return _completed(samples, path, options, tell)
 
 
 def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell) -> Samples:
-    """With an accelerometer's readings, and what is doubtful in how angles were read; of times `tell` hears."""
+    """With an accelerometer's readings, and what is doubtful in how angles were read; `tell` hears of times, and of
+    many readings at a limit, which leave too little of what will be asked for.
+    """
     samples = with_accelerations(samples, path, options)
+    if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):
+        tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
     if reader_of(path, options) is bag_blocks:
         return samples
     if said := times_in_doubt(path, options.naming, samples.t):

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 WIDTH = 10.0
 """Inches, of a figure as wide as the text."""
 BODY = "#7a5c2e"
+PLAIN = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.6}
+"""Behind a name, so that lines do not cross it."""
 MOST_OF_BAND = 1.6
 """Of the longest semi-axis: a band that goes further is cut off, so that the axes can be seen."""
 SIDES = (1.0, -1.0)
@@ -136,10 +138,13 @@ def sensor_axes(calibration: Calibration) -> str:
         for name, start, way, colour, style in arrows:
             tail, tip, beyond = ((start + length * reach * way) @ onto_paper for length in (0.0, 1.0, 1.15))
             ax.annotate("", tip, tail, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.4, "ls": style})
-            ax.text(beyond[0], beyond[1], name, ha="center", va="center", color=colour)
+            onwards = (tip - tail) / max(float(np.linalg.norm(tip - tail)), 1e-300)
+            side = "center" if abs(onwards[0]) < 0.3 else "left" if onwards[0] > 0.0 else "right"
+            of_name: dict[str, Any] = {"ha": side, "va": "center", "color": colour, "bbox": PLAIN}
+            ax.annotate(name, tip, 7.0 * onwards, textcoords="offset points", **of_name)
             ax.plot(*beyond, alpha=0.0)  # so that there is room for the name
         at = ", ".join(f"{1e3 * part:.1f}" for part in com)
-        ax.annotate(f"com {at} mm", steps[3], (9.0, 0.0), textcoords="offset points", va="center", color="#1b6e9c")
+        ax.set_title(f"com {at} mm", color="#1b6e9c")
         ax.set(aspect="equal")
         ax.margins(0.08)
         ax.set_axis_off()
@@ -209,7 +214,8 @@ def std_over_orientations(calibration: Calibration) -> str:
                 here = side * r[:, 2] >= 0.0
                 ax.plot(*_equal_area(r[here & ~fitted], side), "o", ms=7, mfc="none", mec=LEFT_OUT, mew=1.2)
                 ax.plot(*_equal_area(r[here & fitted], side), "o", ms=4, mfc="white", mec="#2a3036", mew=0.7)
-                said = f"{_side(side)}: {counted(int((here & fitted).sum()), 'pose')}"
+                toward = f"gravity to flange {'+' if side > 0.0 else '-'}z"
+                said = f"{toward}: {counted(int((here & fitted).sum()), 'pose')}"
                 half = std[side * seen[:, 2] > 0.0]
                 ends = " to ".join(map(two_digits, (half.min(), half.max())))
                 ax.set_title(f"{said}\n{ends} {name.partition(', ')[2]}", fontsize=9, color="#2a3036")
@@ -238,10 +244,6 @@ def _globe(ax: Axes, side: float) -> None:
     ax.plot(0.0, 0.0, "+", ms=5, color="#9aa2a9")
     ax.set(aspect="equal", xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
     ax.set_axis_off()
-
-
-def _side(side: float) -> str:
-    return f"gravity to flange {'+' if side > 0.0 else '-'}z"
 
 
 @contextmanager

@@ -153,9 +153,7 @@ def difference_text(change: Difference) -> str:
         lines.append(f"  gravity is {np.rad2deg(change.gravity_angle):.3g} deg apart in base axes")
     if change.mounting_angle is not None:
         lines.append(f"  the mountings are {np.rad2deg(change.mounting_angle):.3g} deg apart")
-    free = change.free_wrench * _MILLI
-    each = ", ".join(f"{axis} {value:.3g}" for axis, value in zip(AXES, free, strict=True))
-    lines.append(f"  largest change of the free wrench: {each} (N, mN m)")
+    lines += ["", *_axes_lines({"free wrench by": change.free_wrench}), ""]
     if change.significant:
         lines.append(f"* more than 3 standard deviations: {', '.join(change.significant)}")
     else:

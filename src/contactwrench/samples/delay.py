@@ -225,11 +225,7 @@ def delay_in_words(delay: Delay) -> str:
         return f"delay between wrench and orientation not applied: {delay.reason}"
     late = "later" if delay.value >= 0.0 else "earlier"
     by = f"{1e3 * abs(delay.value):.2f} +- {1e3 * delay.std:.2g} ms {late}"
-    return f"the wrench is stamped {by} than the orientation: {applied_or_not(delay.value, delay.std)}"
-
-
-def applied_or_not(delay: float, std: float) -> str:
-    """Whether a delay of that std is applied, in words."""
-    if is_significant(delay, std):
-        return "applied"
-    return f"not applied: less than {SIGNIFICANT:g} standard deviations from zero"
+    applied = (
+        "applied" if delay.significant else f"not applied: less than {SIGNIFICANT:g} standard deviations from zero"
+    )
+    return f"the wrench is stamped {by} than the orientation: {applied}"

@@ -117,8 +117,8 @@ def flange_motion(
     if samples.t is None or not placed.any():
         lacking = "times" if samples.t is None else "positions"
         raise InputError(
-            f"{samples.source}: found no {lacking}, expected t and the flange's x, y, z in each row, from which its "
-            "acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia"
+            f"{samples.source}: found no {lacking}, expected t and all of the flange's x, y, z in each row, from which "
+            "its acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia"
         )
     t = spread_evenly(samples.t)
     position, placed = _bridged(position, placed, t)

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen, Rows, column, read_only
 from ..geometry.orientation import nearest_rotations
 from ..geometry.ranges import ENTRY, LOAD_KG, PLACE, READING, TIME, Range
+from ..geometry.wrench import WRENCH_AXES
 
 ReadAs: TypeAlias = Mapping[str, str | int]
 """How a file was read, by the names of the options of reading."""
@@ -22,6 +23,10 @@ LARGEST_READING = READING.most
 LONGEST_CHANCE, TIMES_USUAL = 20, 4.0
 """Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
 many times any other run in which that channel does not move.
+"""
+SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
+"""Times the usual jump from row to row, and of what the channel spans but for so much at each end: a spike jumps
+further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
 """
 
 
@@ -82,11 +87,16 @@ class Samples(Rows):
         object.__setattr__(self, "R_base_flange", _rotations(self.R_base_flange))
 
     def unsaturated(self) -> tuple[Samples, tuple[str, ...]]:
-        """The samples less those with a saturated channel, and a note where there are such."""
+        """The samples less those with a saturated channel, and a note where there are such, with the channels that
+        stand at their largest or smallest value there.
+        """
         if self.saturated is None or not self.saturated.any():
             return self, ()
-        count = int(self.saturated.sum())
-        return self.select(~self.saturated), (f"{count} rows with a saturated channel were left out",)
+        lost, most, least = self.wrench[self.saturated], self.wrench.max(axis=0), self.wrench.min(axis=0)
+        standing = np.maximum((lost == most).sum(axis=0), (lost == least).sum(axis=0)) >= LONGEST_CHANCE
+        stuck = ", ".join(np.array(WRENCH_AXES)[standing])
+        of = f"{len(lost)} of {len(self)} rows with a saturated channel"
+        return self.select(~self.saturated), (f"{of}{f' ({stuck})' if stuck else ''} were left out",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +184,18 @@ def at_limit(wrench: Array) -> NDArray[np.bool_]:
             flat = extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * elsewhere))
             standing |= np.repeat(flat, length)
     return standing
+
+
+def spikes(wrench: Array) -> NDArray[np.bool_]:
+    """Whether readings (n, 6) in turn jump from both neighbours, which agree, as no tool and no push does: (n,)."""
+    spiked = np.zeros(len(wrench), dtype=bool)
+    if len(wrench) > LONGEST_CHANCE:
+        before, after = wrench[:-2], wrench[2:]
+        jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
+        span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
+        far = np.maximum(SPIKE * np.median(jump, axis=0), SPIKE_OF_SPAN * span)
+        spiked[1:-1] = np.any((jump > far) & (np.abs(after - before) < AGREE * jump), axis=1)
+    return spiked
 
 
 def _rotations(R: Array) -> Array:

@@ -17,6 +17,7 @@ from ..files import write_text
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import ROWS
 from ..geometry.rotations import rotation_exp
+from ..geometry.wrench import WRENCH_AXES
 from ..samples.samples import Samples
 from .rig import Physics, build, inverse_dynamics
 from .sensor import SensorStream, friction_torque, joint_torque_readings
@@ -171,9 +172,8 @@ def record_motion(
     )
 
 
-AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 COLUMNS = (
-    *("t", *AXES, "qx", "qy", "qz", "qw", "x", "y", "z", "load_g"),
+    *("t", *WRENCH_AXES, "qx", "qy", "qz", "qw", "x", "y", "z", "load_g"),
     *(f"q{k}" for k in range(1, 8)),
     *(f"tau{k}" for k in range(1, 8)),
     "saturated",
@@ -216,7 +216,7 @@ def write_truth(path: Path, recorded: Recorded, command: dict[str, object]) -> N
         "bias": settings.sensor.bias,
         "R_flange_sensor": settings.R_flange_sensor.tolist(),
         "gravity_direction": (settings.gravity_direction + 0.0).tolist(),
-        "saturated": dict(zip(AXES, recorded.saturated.sum(axis=0).tolist(), strict=True)),
+        "saturated": dict(zip(WRENCH_AXES, recorded.saturated.sum(axis=0).tolist(), strict=True)),
         "pushes": [vars(push) | {"force": push.force.tolist()} for push in recorded.pushes],
         "command": command,
         "settings": msgspec.to_builtins(settings),

@@ -90,11 +90,7 @@ def _whole(found: dict[str, list[Candidate | None]]) -> dict[str, list[Candidate
 
 
 def _angles(
-    table: OpenTable,
-    naming: Naming,
-    chosen: Convention,
-    columns: list[Candidate],
-    by_part: dict[str, list[Candidate]],
+    table: OpenTable, naming: Naming, chosen: Convention, columns: list[Candidate], by_part: dict[str, list[Candidate]]
 ) -> list[Column]:
     """The columns of a convention that the names tell, in their units."""
     made = _in_their_units(table, naming, chosen, columns)

@@ -100,12 +100,7 @@ def open_set(path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS) -> O
 
 
 def tables(
-    path: str | Path,
-    naming: Naming = AS_NAMED,
-    rows: int = ROWS,
-    advance: Advance = unheard,
-    *,
-    wrench: bool = True,
+    path: str | Path, naming: Naming = AS_NAMED, rows: int = ROWS, advance: Advance = unheard, *, wrench: bool = True
 ) -> Iterator[Table]:
     """A table block by block.
 

@@ -30,10 +30,7 @@ LINES = 2000
 
 
 def write_contact_wrenches(
-    path: str | Path,
-    batches: Iterable[ContactWrenches],
-    recording: str | Path | None = None,
-    naming: Naming = AS_NAMED,
+    path: str | Path, batches: Iterable[ContactWrenches], recording: str | Path | None = None, naming: Naming = AS_NAMED
 ) -> None:
     """Write one row per sample, in order. Memory for one batch.
 

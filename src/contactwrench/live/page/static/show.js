@@ -142,9 +142,11 @@ const INSTRUCTIONS = {
   },
   run(now) {
     const state = contactState(now, "");
-    return [`${LAMPS[state.level]} ${state.text}`, state.reason, state.level];
+    const inertia = !now.contact || (now.running && now.running.inertia) ? "" : NOT_SUBTRACTED;
+    return [`${LAMPS[state.level]} ${state.text}`, state.reason || inertia, state.level];
   },
 };
+const NOT_SUBTRACTED = "The tool's inertia is not subtracted: while the arm accelerates, it reads as contact.";
 
 function showInstruction(now, fault) {
   const stands = !fault.text || now.phase === "fit";
@@ -355,12 +357,10 @@ function showSix(id, values, stds, invalid) {
   });
 }
 
-const INERTIA = { true: " The tool's inertia is subtracted.", false: " The tool's inertia is not subtracted." };
-
 function showRun(now) {
   const running = now.running;
   if (!running) return;
-  set("run-text", `Calibration ${running.calibration}.${INERTIA[running.inertia] || ""} ${running.invalid} readings were not valid.`
+  set("run-text", `Calibration ${running.calibration}.${running.inertia ? " The tool's inertia is subtracted." : ""} ${running.invalid} readings were not valid.`
     + (now.recording ? ` Recording to ${now.recording}.` : ""));
   const contacts = running.contacts.slice(-10).reverse();
   list("contacts", contacts.length ? contacts : [null], () => make("li", "what"), (item, contact) => set(item.children[0], contact

@@ -1,0 +1,98 @@
+"""Flat tops and spikes: channels that stand at their limit and readings that jump are seen, and nothing else is taken
+for one; and which file is named.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import contactwrench as cw
+from contactwrench.errors import InputError
+from contactwrench.samples.flange_motion import flange_motion
+from contactwrench.samples.samples import at_limit, spikes
+from tests.support.recordings import WRENCH, csv_text, run, written
+
+QUAT = ("qx", "qy", "qz", "qw")
+T = np.arange(5000) / 1000.0
+
+
+def swinging(noise: float, seed: int = 1) -> np.ndarray:
+    phase = np.arange(6)
+    return 10.0 * np.sin(2.0 * T[:, None] + phase) + noise * np.random.default_rng(seed).normal(size=(5000, 6))
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01])
+def test_clipped_channels_are_seen(quantum: float) -> None:
+    wrench = swinging(0.02)
+    wrench[:, 1], wrench[:, 4] = np.minimum(wrench[:, 1], 8.0), np.maximum(wrench[:, 4], -9.0)
+    wrench = np.rint(wrench / quantum) * quantum if quantum else wrench
+    clipped = (wrench[:, 1] >= 8.0) | (wrench[:, 4] <= -9.0)
+    found = at_limit(wrench)
+    assert not (found & ~clipped).any()
+    assert found[clipped].mean() > 0.9
+
+
+@pytest.mark.parametrize(("limit", "said"), [(8.0, True), (9.9, False), (11.0, False)])
+def test_many_readings_at_a_limit_are_said_before_anything_is_asked_of_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: float, said: bool
+) -> None:
+    wrench = swinging(0.02)
+    wrench[:, 1] = np.minimum(wrench[:, 1], limit)
+    readings = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([T, wrench])), "wrench.csv")
+    turns = Rotation.from_rotvec(np.outer(T, [0.3, 0.1, 0.0])).as_quat()
+    poses = written(tmp_path, csv_text(("t", *QUAT), np.column_stack([T, turns])), "poses.csv")
+    done = run(capsys, "calibrate", "--wrench", readings, "--pose", poses)
+    lost = (
+        f"Note: {at_limit(wrench).sum()} of 5000 rows with a saturated channel (fy) were left out: "
+        "set the sensor's range larger, or load it less\n"
+    )
+    assert (lost in done.err, "saturated" in done.err) == (said, said), done.err
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01, 0.5])
+def test_what_is_not_clipped_is_not_taken_for_it(quantum: float) -> None:
+    wrench = swinging(0.02)
+    assert not at_limit(np.rint(wrench / quantum) * quantum if quantum else wrench).any()
+
+
+def test_an_arm_at_rest_without_noise_stands_at_no_limit() -> None:
+    levels = np.repeat(np.random.default_rng(2).normal(size=(10, 6)), 500, axis=0)
+    assert not at_limit(levels).any()
+    assert not at_limit(np.full((100, 6), np.nan)).any()
+    assert not at_limit(np.empty((0, 6))).any()
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01])
+def test_single_readings_that_jump_are_seen(quantum: float) -> None:
+    wrench, jumped = swinging(0.02), np.random.default_rng(2).random(5000) < 0.003
+    jumped[1:] &= ~jumped[:-1]
+    jumped[[0, -1]] = False
+    wrench[jumped, 3] -= 40.0
+    wrench = np.rint(wrench / quantum) * quantum if quantum else wrench
+    assert jumped.sum() > 5
+    assert np.array_equal(spikes(wrench), jumped)
+
+
+def test_motion_noise_steps_and_pushes_are_no_spikes() -> None:
+    stepped, pushed, coarse = swinging(0.02), swinging(0.02), np.rint(swinging(0.0) / 5.0) * 5.0
+    stepped[2500:] += 40.0
+    pushed[2500:2503] += 40.0
+    for wrench in (swinging(0.0), swinging(3.0), swinging(0.02)[::100], stepped, pushed, coarse, np.zeros((5, 6))):
+        assert not spikes(wrench).any()
+
+
+def test_of_two_files_both_are_named_as_what_lacks_may_be_of_either(tmp_path: Path) -> None:
+    readings = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([T, swinging(0.02)])), "wrench.csv")
+    turns = Rotation.from_rotvec(np.outer(T, [0.3, 0.1, 0.0])).as_quat()
+    poses = written(tmp_path, csv_text(("t", "x", "y", *QUAT), np.column_stack([T, T, T, turns])), "poses.csv")
+    samples = cw.read(readings, pose_file=poses)
+    with pytest.raises(InputError) as refused:
+        flange_motion(samples)
+    assert str(refused.value) == (
+        f"{readings}, {poses}: found no positions, expected t and all of the flange's x, y, z in each row, from which "
+        "its acceleration is taken: record them, name an accelerometer with --imu, or calibrate without inertia"
+    )
