@@ -20,9 +20,8 @@ from ..model import AXES, affine_jacobian, gravity_in_flange, wrench_jacobian
 from .affine import force_matrix
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
-from .plausibility import implausible
+from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, weighs_next_to_nothing
 from .priors import Question, rows_of
-from .subtracted_payload import LIGHTEST_TOOL, LIKELIEST_CAUSE, weighs_next_to_nothing
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the

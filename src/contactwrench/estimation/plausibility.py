@@ -1,5 +1,5 @@
 """What no fit can tell, tool and base can: units and signs that are mistaken alike in all poses, a pull that never
-ends, and channels that are dead.
+ends, a tool that weighs next to nothing as its payload is subtracted already, and channels that are dead.
 
 Such readings leave nothing, yet the tool that explains them is absurd, or the base leans as nobody said. The limits are
 those of things, not of the sets at hand; each is beyond what a robot carries, as whatever passes here is believed.
@@ -17,11 +17,10 @@ from ..calibration.findings import Finding, Kind
 from ..errors import refuse
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.wrench import STANDARD_GRAVITY
-from ..model import AXES, GRAVITY
+from ..model import AXES, GRAVITY, RigidTool, gravity_in_flange
 from ..samples.samples import Samples
 from .estimate import Estimate, RigidEstimate
 from .priors import Question, rows_of
-from .subtracted_payload import tilts_widely
 
 LIGHTEST, HEAVIEST = 0.005, 2300.0
 """kg: two M4 screws; the payload of the strongest arm, FANUC M-2000iA/2300."""
@@ -69,10 +68,34 @@ TEXTS = {
 SURELY = "? Weigh the tool; contactwrench diagnose lists other units and signs; if it is so: --known {}+-STD"
 """Of each oddity, what is found and the likeliest mistakes; then what decides."""
 
+LIGHTEST_TOOL = 0.5
+"""N: few tools weigh less, and what a controller leaves of one whose payload it subtracts mostly does."""
+
+WIDE_TILT = 0.1
+"""Standard deviation of gravity's direction, seen from the flange, along the second of its main axes: poses tilted by
+some 10 deg to all sides show the weight of a tool.
+"""
+
+LIKELIEST_CAUSE = (
+    "likeliest the controller or driver subtracts the payload, or zeroes at each pose: record the sensor's raw signal "
+    "(of a UR ft_raw_wrench, not an external force)"
+)
 
 REVERSED = "tx, ty and tz reversed"
 USUAL = 1.5
 """Of the logarithm of a centre of mass: by so much torques in N mm are forgiven, as they are commoner than the rest."""
+
+
+def weighs_next_to_nothing(tool: RigidTool, R_base_flange: Array) -> bool:
+    """Whether poses (n, 3, 3) that tilt the tool widely show next to no weight."""
+    return abs(tool.weight) < LIGHTEST_TOOL and tilts_widely(R_base_flange, tool.gravity_direction)
+
+
+def tilts_widely(R_base_flange: Array, gravity_direction: Array) -> bool:
+    """Whether orientations (n, 3, 3) tilt a tool to all sides."""
+    r = gravity_in_flange(R_base_flange, gravity_direction)
+    spread = np.linalg.svd(r - r.mean(axis=0), compute_uv=False) / np.sqrt(len(r))
+    return len(spread) > 1 and bool(spread[1] > WIDE_TILT)
 
 
 def oddity(weight: float, com: Array, along: float, std: Array | float = 0.0) -> str:

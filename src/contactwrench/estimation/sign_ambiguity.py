@@ -21,9 +21,9 @@ from .estimate import RigidEstimate
 from .findings import POOR_SHARE
 from .initial_guess import SEARCH_OF_MODEL, explained_by_guess
 from .noise import PoseReadings
+from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE
 from .priors import Question, rows_of
 from .rigid import estimated
-from .subtracted_payload import LIGHTEST_TOOL, LIKELIEST_CAUSE
 
 FEWEST_POSES_WITH_BASE = 4
 HELD_GRAVITY = ("yaw", "mount")
