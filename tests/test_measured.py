@@ -214,6 +214,6 @@ def test_its_accelerometer_sits_as_in_the_static_poses() -> None:
     least_squares = np.linalg.lstsq(np.column_stack([force, np.ones(len(force))]), reading, rcond=None)[0]
     wrench, pose, imu = SWING
     samples = cw.read(wrench, pose_file=pose, imu=str(imu))
-    sits = mounted_accelerometer(samples, np.array([0.0, 0.0, -9.81]))
+    sits, _ = mounted_accelerometer(samples, np.array([0.0, 0.0, -9.81]))
     assert sits.matrix == pytest.approx(least_squares[:3].T, abs=0.004)
     assert sits.bias == pytest.approx(least_squares[3], abs=0.01)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
@@ -40,6 +41,7 @@ from tests.support.world import Array
 
 OFTEN = 3.5
 """Standard deviations."""
+_DOWN = np.array([0.0, 0.0, -9.80665])
 
 
 def _said(calibration: cw.Calibration) -> list[Finding]:
@@ -137,7 +139,7 @@ def test_an_arm_that_is_carried_to_and_fro_has_a_good_one() -> None:
     carried = 3.0 * np.sin(2.0 * np.pi * 0.8 * t)[:, None] * [0.6, 0.0, 0.8] * (t > 0.4 * t[-1])[:, None]
     felt = np.einsum("nji,nj->ni", samples.R_base_flange, carried) @ Mounted().axes.T * Mounted().unit
     shaken = replace(samples, accelerometer=np.asarray(samples.accelerometer) + felt)
-    sits = mounted_accelerometer(shaken, np.array([0.0, 0.0, -9.80665]))
+    sits, _ = mounted_accelerometer(shaken, np.array([0.0, 0.0, -9.80665]))
     assert sits.matrix == pytest.approx(Mounted().unit * Mounted().axes, abs=0.03 * Mounted().unit)
 
 
@@ -290,6 +292,75 @@ def test_what_tells_no_acceleration_is_refused(what: str) -> None:
     with pytest.raises(error) as refused:
         asked()
     assert str(refused.value).startswith(message)
+
+
+def _warned(calibration: cw.Calibration) -> list[str]:
+    return [said.text for said in _said(calibration) if said.severity is Severity.WARNING]
+
+
+def _read(change: Callable[[AccelerometerStream], Array]) -> cw.Calibration:
+    stream = accelerometer(pushed(), Mounted())
+    return cw.calibrate(with_accelerometer(without_positions(), replace(stream, reading=change(stream))), "dynamic")
+
+
+def _behind(order: int, corner: float) -> Callable[[AccelerometerStream], Array]:
+    """A Butterworth filter of so many Hz, which has been at rest."""
+
+    def filtered(stream: AccelerometerStream) -> Array:
+        sections = butter(order, corner, fs=1.0 / float(stream.t[1] - stream.t[0]), output="sos")
+        begin = sosfilt_zi(sections)[:, :, None] * stream.reading[0]
+        return np.asarray(sosfilt(sections, stream.reading, axis=0, zi=begin)[0])
+
+    return filtered
+
+
+@pytest.mark.parametrize(("order", "corner"), [(1, 8.0), (1, 15.0), (1, 30.0), (2, 15.0), (2, 30.0)])
+def test_its_own_slow_filter_is_told_from_inertia(order: int, corner: float) -> None:
+    """What it delays and weakens shows beside the wrench, which feels the same; one of second order delays alone."""
+    found = _read(_behind(order, corner))
+    assert np.abs(_off(found)).max() < OFTEN
+    assert found.verdict == "good"
+    slow = [text for text in _warned(found) if text.startswith("the accelerometer follows what the sensor feels as ")]
+    assert len(slow) == (order == 1 and corner < 16.0)
+    if slow:
+        said = float(slow[0].partition("of first order at ")[2].partition(" Hz: ")[0])
+        assert said == pytest.approx(corner, rel=0.1)
+        assert slow[0].endswith("contact in motion is not: set its filter faster")
+    assert not any(text.startswith("the accelerometer follows") for text in _warned(calibrated_by_accelerometer()))
+
+
+def test_a_zero_that_drifts_is_found_and_said() -> None:
+    drift = np.array([0.2, -0.1, 0.1]) * Mounted().unit
+    found = _read(lambda stream: stream.reading + np.outer(stream.t / stream.t[-1], drift))
+    assert np.abs(_off(found)).max() < OFTEN
+    assert found.dynamics is not None
+    assert found.dynamics.accelerometer is not None
+    assert found.dynamics.accelerometer.drift == pytest.approx(drift / Mounted().unit, abs=0.02)
+    (said,) = _warned(found)
+    assert said.startswith("the accelerometer's zero drifted by 0.2")
+    assert said.endswith("not where contact is read: let it warm up, and calibrate again")
+    assert _warned(calibrated_by_accelerometer()) == []
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_what_is_not_known_of_how_it_sits_is_its_scatter(noise: float) -> None:
+    """Of scale and axes over 20 recordings: a sixth off in their std, of which nine agree."""
+    off = []
+    for seed in range(20):
+        stream = accelerometer(pushed(), Mounted(noise=noise), seed)
+        sits, covariance = mounted_accelerometer(with_accelerometer(without_positions(), stream), _DOWN)
+        misread = np.linalg.solve(Mounted().unit * Mounted().axes, sits.matrix) - np.eye(3)
+        off.append(misread / np.sqrt(np.diag(covariance)[:3]))
+    assert np.sqrt(np.mean(np.var(off, axis=0))) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_its_noise_is_in_what_the_motion_tells(seed: int) -> None:
+    """In all six axes at once; and it is no motion, up to whose frequencies readings are used."""
+    stream = accelerometer(pushed(), Mounted(noise=0.2), seed)
+    found = cw.calibrate(with_accelerometer(without_positions(), stream), "dynamic")
+    assert np.abs(_off(found)).max() < OFTEN
+    assert found.verdict == "good"
 
 
 def test_an_arm_that_did_not_tilt_it_is_refused() -> None:

@@ -214,7 +214,8 @@ def _check_dynamics(c: CalibrationFields, d: Dynamics) -> None:
     if (imu := d.accelerometer) is not None:
         _require_shape("dynamics.accelerometer.matrix", imu.matrix, (3, 3))
         _require_shape("dynamics.accelerometer.bias", imu.bias, (3,))
-        numbers = np.r_[imu.matrix.ravel(), imu.bias, imu.noise, imu.delay]
+        _require_shape("dynamics.accelerometer.drift", imu.drift, (3,))
+        numbers = np.r_[imu.matrix.ravel(), imu.bias, imu.drift, imu.noise, imu.delay]
         if not (np.abs(numbers) <= LARGEST_NUMBER).all() or not imu.scale > 0.0 or not imu.noise >= 0.0:
             raise InputError("dynamics.accelerometer has numbers that none has, expected a matrix with an inverse")
     if not (np.array_equal(d.inertia, d.inertia.T) and can_exist(d.inertia)):

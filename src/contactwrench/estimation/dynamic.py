@@ -6,8 +6,9 @@ the same faults, and would outvote them; so what the stops know is taken from th
 a noise that has a variance for each axis and band, estimated from what is left, and a weight for each window, so that a
 push or a shake counts little.
 
-Meanwhile the bias may be off by what poses differ by, the readings a little late and blurred by the sensor's filter,
-and all forces as much too large as the weight: a sensor's scale, which stops and motion have in common, moves nothing.
+Meanwhile the bias may be off by what poses differ by, the readings a little late and blurred by the sensor's filter, an
+accelerometer's by its own, and all forces as much too large as the weight: a sensor's scale, which stops and motion
+have in common, moves nothing.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ OFFSET_STD, STATED_OFFSET_STD = 0.1, 5e-4
 """m, of where the sensor is from the flange: unless it is stated, and as a data sheet or a ruler states it."""
 LATE_STD, BLUR_STD = 1e-3, 1e-3
 """s, of what is left of the delay; s^2, of what a filter weakens of a second derivative: one of first order at 4 Hz."""
-TOGETHER_STD, UNKNOWN_STD = 1e-4, 3e-2
-"""s, by which accelerations are ahead of the wrench: of positions, and of an accelerometer whose delay the shaking of
-drives told; and of one whose delay nothing did, as of a wrench whose delay nothing did.
+TOGETHER_STD, SHAKEN_STD, UNKNOWN_STD = 1e-4, 5e-3, 3e-2
+"""s, by which accelerations are ahead of the wrench: of positions; of an accelerometer whose delay the shaking of
+drives told, which its filter delays otherwise than slow motion; and of one whose delay nothing did, as of a wrench.
 """
 PASSES, SETTLED = 30, 1e-3
 """At most; and the standard deviations of a step that is none any more."""
@@ -39,8 +40,11 @@ OF_ITS_OWN = 0.5
 LEAST_LEFT = 0.2
 """Of the numbers in a band, whatever the parameters take."""
 LATER = BENDS.stop
-INERTIA, OFFSET, LATE, BLUR, AHEAD = slice(0, 6), slice(6, 9), 9, 10, 11
-"""Places after the tool's parameters."""
+INERTIA, OFFSET, LATE, BLUR, AHEAD, SLOW = slice(0, 6), slice(6, 9), 9, 10, 11, 12
+ROWS = slice(SLOW + 1, SLOW + 13)
+"""Places after the tool's parameters; last by how much an accelerometer is misread, three rows [E, e] of four."""
+NO_ROWS = np.zeros((4, 4))
+"""What positions have: nothing of them is found from stops."""
 ANEW = ("weight", "bias_fx", "bias_fy", "bias_fz", "bias_tx", "bias_ty", "bias_tz")
 """Of these what the motion alone would have; of no further interest."""
 
@@ -50,8 +54,9 @@ class Moved:
     """What the motion tells: `inertia` (3, 3) kg m^2 about the centre of mass, sensor axes; `sensor_offset` (3,) m,
     flange axes; their `covariance` (9, 9) and that with the tool's parameters (9, p), the std (9,) `before` of the
     same, and the `weight` (w, 6) of each window. The RMS `left` (6,) of readings in motion, N and N m, in the bands
-    used, and the filter's `blur`, s^2, with its std. By how much an accelerometer is `ahead` of the wrench, and the
-    wrench `late` beside the poses, s, with its std. What goes `beyond` a rigid tool, which is in the covariance.
+    used, and the `blur` of the sensor's filter beside the poses, s^2; by how much an accelerometer is `slow` beside the
+    wrench, s^2, and `ahead` of it, s; and the wrench `late` beside the poses, s; each with its std. What goes `beyond`
+    a rigid tool, which is in the covariance.
     """
 
     inertia: Array
@@ -63,7 +68,10 @@ class Moved:
     left: Array
     blur: float
     blur_std: float
+    slow: float
+    slow_std: float
     ahead: float
+    ahead_std: float
     late: float
     late_std: float
     beyond: BeyondRigid
@@ -79,6 +87,7 @@ class _Point:
     late: float = 0.0
     blur: float = 0.0
     ahead: float = 0.0
+    slow: float = 0.0
     apart: bool = False
 
     def stepped(self, step: Array, names: tuple[str, ...]) -> _Point:
@@ -90,6 +99,7 @@ class _Point:
             self.late + float(of_motion[LATE]),
             self.blur + float(of_motion[BLUR]),
             self.ahead + float(of_motion[AHEAD]),
+            self.slow + float(of_motion[SLOW]),
             self.apart,
         )
 
@@ -103,6 +113,7 @@ def moved(
     moments: MotionMoments,
     sensor_offset: Array | None,
     ahead_std: float | None = None,
+    of_rows: Array = NO_ROWS,
 ) -> Moved:
     """The posterior of inertia and offset.
 
@@ -115,9 +126,12 @@ def moved(
         moments: of the motion.
         sensor_offset: (3,) m, where it is stated.
         ahead_std: s, of by how much an accelerometer is ahead of the wrench; None: positions told the accelerations.
+        of_rows: covariance (4, 4) of each row [E, e] by which it is misread at the stops.
     """
     apart = ahead_std is not None
-    late_std, ahead_std = (LATE_STD, TOGETHER_STD) if ahead_std is None else (UNKNOWN_STD, ahead_std)
+    of_timing = LATE_STD, BLUR_STD, TOGETHER_STD, TOGETHER_STD**2
+    if ahead_std is not None:
+        of_timing = UNKNOWN_STD, BLUR_STD, ahead_std, BLUR_STD
     p, mass = len(names), tool.weight / g
     before = np.r_[np.full(6, mass * GYRATION_STD**2), np.full(3, OFFSET_STD)]
     begin = np.zeros(3) if sensor_offset is None else sensor_offset
@@ -125,51 +139,76 @@ def moved(
     if sensor_offset is not None:
         before[OFFSET] = STATED_OFFSET_STD
     anew = [names.index(name) for name in ANEW]
-    stays = [k for k in range(p) if k not in anew]
-    sought = [*anew, *range(p, p + AHEAD + 1)]
+    stays = [*(k for k in range(p) if k not in anew), *range(p + SLOW + 1, p + ROWS.stop)]
+    sought = [*anew, *range(p, p + SLOW + 1)]
     own = slice(len(ANEW), len(ANEW) + len(DYNAMIC_PARAMETERS))
-    prior = np.diag(1.0 / np.r_[np.sqrt(covariance[0, 0]), noise, before, late_std, BLUR_STD, ahead_std] ** 2)
+    prior = np.diag(1.0 / np.r_[np.sqrt(covariance[0, 0]), noise, before, of_timing] ** 2)
     weight, of_all = np.ones((len(moments.products), 6)), 0.5 * moments.count * len(moments.products)
     off, spent = np.zeros(len(prior)), np.zeros((6, len(moments.count)))
-    usual = OF_ITS_OWN * moments.count.sum()
+    of_window = float(moments.count.sum())
+    usual = OF_ITS_OWN * of_window
     for _ in range(PASSES):
         left, J = _left_and_jacobian(at, g, names)
         power = np.sum((left @ moments.products) * left, axis=3).transpose(0, 2, 1)
         variance = np.einsum("wa,wab->ab", weight, power) / np.maximum(of_all - spent, LEAST_LEFT * of_all)
-        weight = (usual + moments.count.sum()) / (usual + 2.0 * np.sum(power / variance, axis=2))
+        weight = (usual + of_window) / (usual + 2.0 * np.sum(power / variance, axis=2))
         summed = np.einsum("wa,wbij->abij", weight, moments.products)[:, :, :LATER] / variance[:, :, None, None]
         each = J.transpose(0, 2, 1)[:, None] @ summed[..., :LATER] @ J[:, None]
         of_sought = each[:, :, sought][..., sought]
         inverse = _inverse(prior + of_sought.sum(axis=(0, 1)))
         spent = np.einsum("pq,abqp->ab", inverse, of_sought)
         step = inverse @ (np.einsum("aip,abij,aj->p", J[:, :, sought], summed, left) - prior @ off)
-        off, whole = off + step, np.zeros(p + AHEAD + 1)
+        off, whole = off + step, np.zeros(p + SLOW + 1)
         whole[sought] = step
         at = at.stepped(whole, names)
         if float(np.max(np.abs(step) / np.sqrt(np.diag(inverse)))) < SETTLED:
             break
-    follows = np.zeros((len(DYNAMIC_PARAMETERS), p))
+    follows = np.zeros((len(DYNAMIC_PARAMETERS), J.shape[2]))
     follows[:, stays] = -(inverse @ each[:, :, sought][..., stays].sum(axis=(0, 1)))[own]
-    of_motion = inverse[own, own] - np.outer(inverse[own, 0], inverse[own, 0]) * prior[0, 0]
+    pull = _pull(left, J[:, :, sought], weight, variance, moments.products)
+    of_motion = (inverse @ (prior + pull) @ inverse)[own, own]
+    of_motion = of_motion - np.outer(inverse[own, 0], inverse[own, 0]) * prior[0, 0]
+    of_motion *= 1.0 + 2.0 / (usual + of_window)  # a location of Student's t has so much less information (Lange 1989)
     follows[:, 0] = inverse[own, 0] * prior[0, 0]
     beyond = beyond_rigid(left, weight, variance, moments)
     if beyond.shows:
         of_motion = beyond.ratio * of_motion
+    of_stops = np.zeros((J.shape[2], J.shape[2]))
+    of_stops[:p, :p], of_stops[p:, p:][ROWS, ROWS] = covariance, np.kron(np.eye(3), of_rows)
+    late_std, blur_std, ahead_std, slow_std = np.sqrt(np.diag(inverse))[-SLOW + LATE - 1 :].tolist()
     return Moved(
         inertia=at.inertia,
         sensor_offset=at.sensor_offset,
-        covariance=of_motion + follows @ covariance @ follows.T,
-        with_parameters=follows @ covariance,
+        covariance=of_motion + follows @ of_stops @ follows.T,
+        with_parameters=(follows @ of_stops)[:, :p],
         before=before,
         weight=weight,
         left=np.sqrt(power.sum(axis=2).mean(axis=0) / moments.rows),
         blur=at.blur,
+        blur_std=blur_std,
+        slow=at.slow,
+        slow_std=slow_std,
         ahead=at.ahead,
+        ahead_std=ahead_std,
         late=at.late,
-        late_std=float(np.sqrt(inverse[LATE - AHEAD - 1, LATE - AHEAD - 1])),
+        late_std=late_std,
         beyond=beyond,
-        blur_std=float(np.sqrt(inverse[BLUR - AHEAD - 1, BLUR - AHEAD - 1])),
     )
+
+
+def _pull(left: Array, J: Array, weight: Array, variance: Array, products: Array) -> Array:
+    """Covariance (q, q) of what pulls at the parameters of J (6, 66, q): an axis is noisy together with another by what
+    is left of both, as a force that shakes a tool, or an accelerometer's own noise, is in all six. Arguments as in
+    `beyond_rigid`.
+    """
+    half, std = np.sqrt(weight), np.sqrt(variance).T
+    pairs = (half[:, :, None] * half[:, None]).reshape(len(half), -1).T
+    summed = (pairs @ products.reshape(len(half), -1)).reshape(6, 6, *products.shape[1:])
+    cross = np.einsum("ai,acbij,cj->bac", left, summed, left, optimize=True)
+    own = np.sqrt(np.einsum("baa->ba", cross)) * std
+    share = cross / (own[:, :, None] * own[:, None])
+    alike = np.einsum("bac,acbij->acij", share, summed[..., :LATER, :LATER])
+    return np.asarray(np.einsum("aip,acij,cjq->pq", J, alike, J, optimize=True))
 
 
 def _inverse(information: Array) -> Array:
@@ -187,16 +226,19 @@ def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Ar
     free = np.zeros((6, REGRESSORS))
     free[:, ORIENTATION], free[:, ONE] = response(at.tool), at.tool.bias
     free[:, MOTION] = inertial_matrix(at.tool, mass, at.inertia, at.sensor_offset)
-    felt = np.zeros((6, REGRESSORS))  # an accelerometer's part: acceleration less gravity
-    felt[:, MOTION][:, ACCELERATION] = of_acceleration = free[:, MOTION][:, ACCELERATION]
-    felt[:, ORIENTATION] = -g * response_of(of_acceleration, at.tool.gravity_direction)
+    of_acceleration, reading = free[:, MOTION][:, ACCELERATION], np.zeros((4, REGRESSORS))
+    reading[:3, MOTION][:, ACCELERATION], reading[3, ONE] = np.eye(3), 1.0  # acceleration less gravity, and 1
+    reading[:3, ORIENTATION] = -g * response_of(np.eye(3), at.tool.gravity_direction)
+    felt = of_acceleration @ reading[:3]
     of_poses = free - felt if at.apart else free
-    left = np.hstack([-free, at.late * of_poses + at.ahead * felt, -at.blur * free, np.eye(6)])
+    left = np.hstack([-free, at.late * of_poses + at.ahead * felt, at.slow * felt - at.blur * of_poses, np.eye(6)])
     of_free = np.zeros((6, REGRESSORS, p + len(DYNAMIC_PARAMETERS)))
     of_free[:, ORIENTATION, all_but_the_bias(names)] = response_jacobian(at.tool, names).transpose(1, 2, 0)
     of_free[range(6), ONE, [names.index(name) for name in ANEW[1:]]] = 1.0
     of_free[:, MOTION] = inertial_jacobian(at.tool, mass, at.inertia, at.sensor_offset, names).transpose(1, 0, 2)
-    J = np.zeros((6, LATER, p + AHEAD + 1))
+    J = np.zeros((6, LATER, p + ROWS.stop))
     J[:, :, : p + LATE] = np.concatenate([of_free, -at.late * of_free, at.blur * of_free], axis=1)
-    J[:, CHANGES, p + LATE], J[:, BENDS, p + BLUR], J[:, CHANGES, p + AHEAD] = -of_poses, free, -felt
+    J[:, CHANGES, p + LATE], J[:, CHANGES, p + AHEAD] = -of_poses, -felt
+    J[:, BENDS, p + BLUR], J[:, BENDS, p + SLOW] = of_poses, -felt
+    J[:, :REGRESSORS, p + SLOW + 1 :] = -np.einsum("ai,jr->arij", of_acceleration, reading).reshape(6, REGRESSORS, 12)
     return left, J

@@ -37,6 +37,11 @@ ENOUGH_POSES = 8.0
 """For each period of the fastest motion used: with 5 of them std were up to ten times too small, with 12 they hold."""
 SLOW_SENSOR, SURELY = 5e-5, 5.0
 """s^2, of the blur that a filter of first order at 16 Hz has, and standard deviations: it is said."""
+OF_SENSOR = "set the sensor's filter faster, or state it where contact is judged (--sensor-filter)"
+OF_IMU = "the inertia is told in spite of it, contact in motion is not: set its filter faster"
+"""What to do."""
+DRIFTED = 0.03
+"""m/s^2, of an accelerometer from begin to end: as much of a kilogram's force is of the size of a sensor's noise."""
 
 
 def of_motion(
@@ -88,17 +93,19 @@ def of_motion(
     elif noisy > MANY:
         text = f"{noisy:.0%} of the motion is far noisier than the rest and counts little: {OTHER_FORCES}"
         yield Finding(Kind.CONTACT_IN_MOTION, Severity.WARNING, text)
-    if found.blur > max(SLOW_SENSOR, SURELY * found.blur_std):
-        corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * found.blur))
-        text = (
-            f"the readings follow the motion as behind a low-pass of first order at {corner:.2g} Hz: set the sensor's "
-            "filter faster, or state it where contact is judged (--sensor-filter)"
-        )
-        yield Finding(Kind.SLOW_SENSOR, Severity.WARNING, text)
+    for kind, slow, std, what, remedy in (
+        (Kind.SLOW_SENSOR, found.blur, found.blur_std, "the readings follow the motion", OF_SENSOR),
+        (Kind.ACCELEROMETER, found.slow, found.slow_std, "the accelerometer follows what the sensor feels", OF_IMU),
+    ):
+        if slow > max(SLOW_SENSOR, SURELY * std):
+            corner = 1.0 / (2.0 * np.pi * np.sqrt(2.0 * slow))
+            text = f"{what} as behind a low-pass of first order at {corner:.2g} Hz: {remedy}"
+            yield Finding(kind, Severity.WARNING, text)
     if found.beyond.shows and found.beyond.share > NOT_RIGID:
         text = (
             f"{found.beyond.share:.2%} of what the motion makes felt follows it as no rigid tool does: something "
-            "swings on the tool, or the motion is told too slowly or late; it is counted in the std of the inertia"
+            "swings on the tool, the motion is told too slowly or late, or an accelerometer's zero wanders; it is in "
+            "the std of the inertia"
         )
         yield Finding.doubtful(Kind.NOT_RIGID, text)
     if dynamics.accelerometer is not None:
@@ -168,6 +175,12 @@ def _of_accelerometer(accelerometer: Accelerometer, read: float) -> Iterator[Fin
             "taken as gravity turns in it"
         )
         yield Finding.doubtful(Kind.ACCELEROMETER, text)
+    if (drift := float(np.linalg.norm(accelerometer.drift))) > DRIFTED:
+        text = (
+            f"the accelerometer's zero drifted by {drift:.2g} m/s^2: taken off here, not where contact is read: "
+            "let it warm up, and calibrate again"
+        )
+        yield Finding(Kind.ACCELEROMETER, Severity.WARNING, text)
     if accelerometer.mirrors:
         text = "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
         yield Finding(Kind.ACCELEROMETER, Severity.WARNING, text)

@@ -21,7 +21,7 @@ from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream
 from ..samples.synchronize import synchronize
 from ..samples.timestamps import spread_evenly
-from .dynamic import TOGETHER_STD, UNKNOWN_STD, Moved, moved
+from .dynamic import NO_ROWS, SHAKEN_STD, UNKNOWN_STD, Moved, moved
 from .findings_of_motion import of_delay, of_motion, of_positions, of_rate
 from .motion_moments import FLAT, MotionMoments, motion_moments
 from .possible_tool import nearest_possible
@@ -131,10 +131,13 @@ def _followed(calibration: Calibration, samples: Samples, stated: Array | None, 
     """
     if samples.accelerometer is None:
         _require_places(samples)
-    accelerometer, gravity = _accelerometer(calibration, samples), calibration.g * calibration.gravity_direction
+    gravity = calibration.g * calibration.gravity_direction
+    accelerometer, of_rows = _accelerometer(calibration, samples)
     tool, late = tool_of(calibration), applied
+    if accelerometer is not None:
+        samples = _without_drift(samples, accelerometer)
     known = calibration.parameter_names, calibration.covariance, calibration.noise
-    ahead_std = None if accelerometer is None else TOGETHER_STD if accelerometer.delay else UNKNOWN_STD
+    ahead_std = None if accelerometer is None else SHAKEN_STD if accelerometer.delay else UNKNOWN_STD
     for k in range(ALIGNED):
         motion = flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
         shaken = float(np.sqrt(np.mean(np.sum(motion.acceleration**2, axis=1))))
@@ -146,14 +149,20 @@ def _followed(calibration: Calibration, samples: Samples, stated: Array | None, 
         moments = motion_moments(samples, motion)
         if moments.seconds < (LEAST_SECONDS if k == 0 else 0.5 * LEAST_SECONDS):  # a shift may cut a window
             raise _at_rest(samples, moments.seconds)
-        found = moved(tool, calibration.g, *known, moments, stated, ahead_std)
-        is_late = abs(found.late) > LEAST_LATE and is_significant(found.late, found.late_std)
-        if k == ALIGNED - 1 or (accelerometer is None and not is_late):
+        found = moved(tool, calibration.g, *known, moments, stated, ahead_std, of_rows)
+        is_late, is_ahead = (
+            abs(off) > LEAST_LATE and is_significant(off, std)
+            for off, std in ((found.late, found.late_std), (found.ahead, found.ahead_std))
+        )
+        if k == ALIGNED - 1 or not (is_late or is_ahead):
             break
+        if is_late:
+            late += found.late
+            samples = _shifted(samples, found.late)
         if accelerometer is not None:
-            accelerometer = replace(accelerometer, delay=accelerometer.delay - found.ahead)
-        late += found.late
-        samples = _shifted(samples, found.late)
+            delay = accelerometer.delay - (found.ahead if is_ahead else 0.0)
+            sits, of_rows = mounted_accelerometer(samples, gravity)
+            accelerometer = replace(sits, delay=delay, drift=accelerometer.drift)
     return _Followed(samples, motion, moments, found, accelerometer, late if k else None)
 
 
@@ -179,15 +188,22 @@ def _require_places(samples: Samples) -> None:
         )
 
 
-def _accelerometer(calibration: Calibration, samples: Samples) -> Accelerometer | None:
+def _accelerometer(calibration: Calibration, samples: Samples) -> tuple[Accelerometer | None, Array]:
     """How the accelerometer of samples sits, and how late it is; None where there is none."""
     if samples.accelerometer is None or samples.t is None:
-        return None
+        return None, NO_ROWS
     gravity = calibration.g * calibration.gravity_direction
-    found = mounted_accelerometer(samples, gravity)
+    found, covariance = mounted_accelerometer(samples, gravity)
     angular = flange_motion(samples, accelerometer=found, gravity=gravity).terms[:, :9]
     late = delay_behind(samples.wrench[:, :3], samples.accelerometer, angular, spread_evenly(samples.t))
-    return replace(found, delay=late)
+    return replace(found, delay=late), covariance
+
+
+def _without_drift(samples: Samples, accelerometer: Accelerometer) -> Samples:
+    """The samples with an accelerometer's readings as if its bias had been that of the middle."""
+    t = np.asarray(samples.t)
+    drifted = np.outer((t - t[0]) / (t[-1] - t[0]) - 0.5, accelerometer.scale * accelerometer.drift)
+    return replace(samples, accelerometer=np.asarray(samples.accelerometer) - drifted)
 
 
 def _at_rest(samples: Samples, seconds: float) -> UnobservableError:

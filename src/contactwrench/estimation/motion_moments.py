@@ -99,7 +99,9 @@ def _where_shares_are(motion: FlangeMotion, rows: int, period: float, shares: tu
     """Hz, up to which such shares of the power of the motion's accelerations lie."""
     from scipy.signal import welch
 
-    accelerations = np.column_stack([motion.acceleration, LEVER * motion.angular_acceleration])
+    accelerations = LEVER * motion.angular_acceleration
+    if not motion.of_accelerometer:  # whose own noise, up to its Nyquist frequency, is no motion
+        accelerations = np.column_stack([motion.acceleration, accelerations])
     known = accelerations * motion.inside[:, None]
     frequency, power = welch(known, 1.0 / period, "hann", rows, detrend=False, scaling="spectrum", axis=0)
     share = np.cumsum(power.sum(axis=1)) / max(float(power.sum()), 1e-300)

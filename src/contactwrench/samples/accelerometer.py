@@ -1,11 +1,12 @@
 """An accelerometer on the tool: what it reads, and how it sits, from how gravity turns in it.
 
-    y = M f + b,   f = a - g R_base_flange^T d        specific force, flange axes
+    y = M f + b + c t,   f = a - g R_base_flange^T d        specific force, flange axes
 
-At rest f is gravity alone, which the arm turns. So M (3, 3), scale and axes of the instrument, and b follow from the
-poses, in whatever unit and however it was screwed on; then the acceleration of its own place follows from its readings.
-Nothing else says where that place is: what is measured from it, as the sensor's origin, counts from there. By how much
-it is stamped later than the wrench shows in what both feel, the shaking of drives above all.
+At rest f is gravity alone, which the arm turns. So M (3, 3), scale and axes of the instrument, b, and how it drifts as
+the instrument warms, follow from the poses, in whatever unit and however it was screwed on; then the acceleration of
+its own place follows from its readings. Nothing else says where that place is: what is measured from it, as the
+sensor's origin, counts from there. By how much it is stamped later than the wrench shows in what both feel, the shaking
+of drives above all.
 """
 
 from __future__ import annotations
@@ -32,6 +33,10 @@ PASSES, BEYOND = 10, 3.0
 """In which means that are so many standard deviations off come to count less."""
 OWN_SHAPE = 0.02
 """Of the scale: how far from a rotation an instrument's axes and scales are."""
+DRIFT = 0.1
+"""m/s^2, from begin to end: what a zero drifts by as an instrument warms."""
+PRIOR = np.array([OWN_SHAPE**-2, OWN_SHAPE**-2, OWN_SHAPE**-2, 0.0, DRIFT**-2])
+"""Information on a row of the matrix, relative, the bias, and its drift."""
 LEAST_TURN = 0.02
 """Of gravity squared, about the second of the axes over which it is spread: 8 deg to each side."""
 EVERY_WAY = 0.05
@@ -46,6 +51,8 @@ LONGEST = 0.05
 """s, either way, in which the delay is looked for."""
 LEAST_ALIKE = 0.2
 """Of the force's power there, explained by the acceleration at the best delay: less tells none."""
+ALIKE = 40
+"""Of these means in a row: 4 s, a stop and the move to the next."""
 UNITS = {"m/s^2": 1.0, "g": 1.0 / 9.80665, "mg": 1e3 / 9.80665, "mm/s^2": 1e3}
 AS_A_UNIT = 0.05
 
@@ -68,12 +75,14 @@ class Accelerometer(Frozen):
         bias: b (3,), its unit.
         noise: m/s^2, by which a reading at rest is off, an axis, RMS.
         delay: s, by which its stamps are later than the wrench's.
+        drift: (3,), m/s^2, by which the bias rose from begin to end of the recording, about the mean.
     """
 
     matrix: Matrix
     bias: Vector
     noise: float
     delay: float = 0.0
+    drift: Vector = field(default_factory=lambda: np.zeros(3))
 
     @property
     def scale(self) -> float:
@@ -122,8 +131,9 @@ def with_accelerometer(samples: Samples, stream: AccelerometerStream) -> Samples
     return replace(samples, accelerometer=at, accelerometer_period=float(np.median(np.diff(t))))
 
 
-def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
-    """How the accelerometer of samples with times sits, from means over 0.1 s; those in motion count little.
+def mounted_accelerometer(samples: Samples, gravity: Array) -> tuple[Accelerometer, Array]:
+    """How the accelerometer of samples with times sits, from means over 0.1 s; those in motion count little. And the
+    covariance (4, 4) of each row `[E, e]`, by which a specific force f is found as f + E f + e.
 
     Args:
         samples: with its readings.
@@ -132,19 +142,20 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
     Raises:
         InputError: it did not read, it does not turn with gravity, or gravity turns too little in it.
     """
-    specific_force, reading, off, scatter = _means(samples, gravity)
+    specific_force, reading, off, scatter, time = _means(samples, gravity)
+    columns = np.column_stack([specific_force, np.ones(len(time)), time])
     g = float(np.linalg.norm(gravity))
     if len(reading) < 4:
         raise InputError(f"{samples.source}: found no accelerometer's readings, expected some: name another source")
     weight = 1.0 / off**2
     for _ in range(PASSES):
-        matrix, bias, spread, told = _fitted(specific_force, reading, weight)
+        found, spread, told = _fitted(columns, reading, weight)
         if spread[1] < LEAST_TURN * g**2:
             raise InputError(
                 f"{samples.source}: found gravity turning too little in the accelerometer, expected stops that tilt it "
                 "by 10 deg and more, both ways: add some"
             )
-        left = np.linalg.norm(reading - specific_force @ matrix.T - bias, axis=1) / told
+        left = np.linalg.norm(reading - columns @ found, axis=1) / told
         weight = 1.0 / (off**2 + np.maximum(left / BEYOND, 0.0) ** 2)
     unexplained = float(np.sqrt(np.average(left**2, weights=weight)))
     if (share := min(unexplained / g, 1.0)) > MOST_UNEXPLAINED:
@@ -155,7 +166,27 @@ def mounted_accelerometer(samples: Samples, gravity: Array) -> Accelerometer:
     at_rest = off < 2.0 * REST
     noise = np.median(left[at_rest]) / MEDIAN_OF_THREE if at_rest.any() else unexplained
     noise = np.hypot(noise, np.median(scatter[at_rest if at_rest.any() else slice(None)]) / told)
-    return Accelerometer(matrix, bias, max(float(noise), REST / 10.0))
+    residual = np.asarray(np.linalg.solve(found[:3].T, (reading - columns @ found).T).T, dtype=np.float64)
+    sits = Accelerometer(found[:3].T, found[3], max(float(noise), REST / 10.0), drift=found[4] / told)
+    return sits, _covariance(columns, residual, off**-2)
+
+
+def _covariance(columns: Array, residual: Array, weight: Array) -> Array:
+    """Of a row `[E, e]`, as `mounted_accelerometer` has it. Means of the same seconds are off alike, as by a pose.
+
+    Args:
+        columns: of means (k, 5), as in `_fitted`.
+        residual: by which each is off (k, 3), m/s^2.
+        weight: that it had (k,), s^4/m^2.
+    """
+    first = np.arange(0, len(weight), ALIKE)
+    weighted = weight[:, None] * np.column_stack([np.ones(len(weight)), residual, columns])
+    total, off, pull = np.split(np.add.reduceat(weighted, first, axis=0), [1, 4], axis=1)
+    count = float(total.sum() ** 2 / np.sum(total**2))
+    variance = float(np.sum(off**2) / (3.0 * np.sum(total**2))) * count / max(count - len(PRIOR), 1.0)
+    inverse = np.linalg.inv((weight * columns.T) @ columns + np.diag(PRIOR))
+    covariance: Array = inverse @ (variance * pull.T @ pull + np.diag(PRIOR)) @ inverse
+    return covariance[:4, :4]
 
 
 def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> float:
@@ -200,9 +231,10 @@ def _longest_run(known: NDArray[np.bool_]) -> slice:
     return slice(*runs[np.argmax(runs[:, 1] - runs[:, 0])].tolist()) if len(runs) else slice(0)
 
 
-def _means(samples: Samples, gravity: Array) -> tuple[Array, Array, Array, Array]:
+def _means(samples: Samples, gravity: Array) -> tuple[Array, ...]:
     """Of blocks in which it read: specific force at rest (k, 3), the reading (k, 3), by how much (k,) the former is off
-    because the arm moves, m/s^2, and by how much (k,) readings scatter about theirs, an axis.
+    because the arm moves, m/s^2, by how much (k,) readings scatter about theirs, an axis, and when it was (k,), from
+    -0.5 to 0.5 over the recording.
     """
     t, R = spread_evenly(np.asarray(samples.t)), samples.R_base_flange
     reading = np.full((len(t), 3), np.nan) if samples.accelerometer is None else samples.accelerometer
@@ -218,28 +250,28 @@ def _means(samples: Samples, gravity: Array) -> tuple[Array, Array, Array, Array
     about = read - np.repeat(means[1], count.astype(int), axis=0)
     scatter = np.sqrt(np.add.reduceat(np.mean(about**2, axis=1), first) / count)
     begin, end = known[first], known[last]
+    time = (0.5 * (t[begin] + t[end]) - t[0]) / (t[-1] - t[0]) - 0.5
     turned = np.linalg.norm(rotation_vectors(R[begin].transpose(0, 2, 1) @ R[end]), axis=1)
     speed = turned / np.maximum(t[end] - t[begin], 1e-9)
     off = np.hypot(REST, LEVER * (speed**2 + np.abs(np.gradient(speed)) / BLOCK)) if len(speed) > 1 else speed
-    return -means[0][whole], means[1][whole], off[whole], scatter[whole]
+    return -means[0][whole], means[1][whole], off[whole], scatter[whole], time[whole]
 
 
-def _fitted(specific_force: Array, reading: Array, weight: Array) -> tuple[Array, Array, Array, float]:
-    """Scale and axes, bias, how far gravity is spread over its axes, largest first, and the scale: the similarity that
-    fits best (Umeyama 1991), which mirrors only where that shows, then whatever matrix is near it.
+def _fitted(columns: Array, reading: Array, weight: Array) -> tuple[Array, Array, float]:
+    """What each of the columns (k, 5), specific force, 1 and time, adds to a reading (5, 3); how far gravity is spread
+    over its axes, largest first; and the scale: the similarity that fits best (Umeyama 1991), which mirrors only where
+    that shows, then whatever matrix is near it.
     """
     total = weight.sum()
-    centre, level = weight @ specific_force / total, weight @ reading / total
-    f, y = specific_force - centre, reading - level
-    spread = np.linalg.eigvalsh(np.cov(specific_force.T, bias=True))[::-1]
+    f, y = (each - weight @ each / total for each in (columns[:, :3], reading))
+    spread = np.linalg.eigvalsh(np.cov(f.T, bias=True))[::-1]
     U, s, Vt = np.linalg.svd((weight * y.T) @ f)
     proper = np.sign(np.linalg.det(U @ Vt))
     turn = np.diag([1.0, 1.0, 1.0 if spread[2] > EVERY_WAY * spread.sum() / 3.0 else proper])
     power = float(weight @ np.sum(f**2, axis=1))
     scale = float(np.trace(turn * s)) / power
-    nominal = scale * U @ turn @ Vt
-    own = scale * OWN_SHAPE
-    information = (weight * f.T) @ f / scale**2 + np.eye(3) / own**2
-    right = (weight * (y - f @ nominal.T).T) @ f / scale**2
-    matrix: Array = nominal + np.linalg.solve(information, right.T).T
-    return matrix, np.asarray(level - matrix @ centre), np.asarray(spread), scale
+    nominal = np.zeros((5, 3))
+    nominal[:3] = scale * (U @ turn @ Vt).T
+    information = (weight * columns.T) @ columns + np.diag(PRIOR)
+    right = (weight * columns.T) @ (reading - columns @ nominal)
+    return nominal + np.linalg.solve(information, right), np.asarray(spread), scale
