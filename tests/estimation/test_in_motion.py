@@ -11,11 +11,10 @@ import pytest
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 import contactwrench as cw
-from contactwrench.calibration.dynamics import can_exist, elements, second_moments
+from contactwrench.calibration.dynamics import can_exist, elements, nearest_possible, second_moments
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import ContactWrenchError, InputError, UnobservableError
 from contactwrench.estimation.in_motion import with_motion
-from contactwrench.estimation.possible_tool import nearest_possible
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import changed
@@ -266,6 +265,15 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
         InputError,
         "virtual rig: found the flange accelerating at 1.95e+03 m/s^2 RMS, expected positions in m: are they in mm? "
         "name the columns x_mm, y_mm, z_mm, or state the unit",
+    ),
+    "torques in N mm": (
+        lambda: cw.calibrate(
+            replace(pushed().samples(), wrench=pushed().samples().wrench * np.repeat([1.0, 1e3], 3)), "dynamic"
+        ),
+        InputError,
+        "virtual rig: the centre of mass comes out 83 m from the sensor: are the torques in N mm? So far no tool of 1 "
+        "kg reaches: or are the forces in kgf or lbf? Weigh the tool; contactwrench diagnose lists other units and "
+        "signs; if it is so: --known com_mm=X,Y,Z+-STD",
     ),
     "offset in mm": (
         lambda: cw.calibrate(pushed().samples(), "dynamic", sensor_offset=[0.0, 0.0, 50.0]),

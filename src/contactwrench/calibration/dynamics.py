@@ -25,6 +25,8 @@ from ..samples.accelerometer import Accelerometer
 from ..samples.flange_motion import FlangeMotion
 from ..samples.motion import PRODUCTS
 
+LEAST_SIZE = 1e-4
+"""m: a tool is no smaller in any direction."""
 INERTIA = ("inertia_xx", "inertia_xy", "inertia_xz", "inertia_yy", "inertia_yz", "inertia_zz")
 SENSOR_OFFSET = ("offset_x", "offset_y", "offset_z")
 DYNAMIC_PARAMETERS = (*INERTIA, *SENSOR_OFFSET)
@@ -105,7 +107,10 @@ def symmetric(elements: Array) -> Array:
 
 
 def can_exist(inertia: Array) -> bool:
-    """Whether a body has this inertia (3, 3) about its centre of mass."""
+    """Whether a body has this inertia (3, 3) about its centre of mass: of a density rho >= 0 the second moments are
+    positive definite, which says at once that its principal moments obey the triangle inequality (Wensing, Kim and
+    Slotine 2018).
+    """
     return bool(np.linalg.eigvalsh(second_moments(inertia))[0] >= 0.0)
 
 
@@ -113,6 +118,29 @@ def second_moments(inertia: Array) -> Array:
     """The integral of rho x x^T about the centre of mass, (3, 3), kg m^2."""
     second: Array = 0.5 * np.trace(inertia) * np.eye(3) - inertia
     return second
+
+
+def nearest_possible(inertia: Array, covariance: Array, mass: float) -> tuple[Array, float]:
+    """The inertia (3, 3) of a body that can exist which is nearest in standard deviations, and how many these are:
+    `covariance` (6, 6) of its elements. Second moments are L L^T with a triangular L (Rucker and Wensing 2022, who take
+    the logarithm of its diagonal; that goes to minus infinity for the nearest body, which is flat in some direction).
+    """
+    from scipy.optimize import least_squares
+
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    wanted, size = elements(inertia), mass * LEAST_SIZE**2
+
+    def inertia_of(lower: Array) -> Array:
+        L = np.zeros((3, 3))
+        L[np.tril_indices(3)] = lower
+        second = mass * (L @ L.T) + size * np.eye(3)
+        return np.asarray(np.trace(second) * np.eye(3) - second)
+
+    values, vectors = np.linalg.eigh(second_moments(inertia))
+    begin = np.linalg.cholesky((vectors * np.maximum(values / mass, 10.0 * LEAST_SIZE**2)) @ vectors.T)
+    first = begin[np.tril_indices(3)]
+    found = least_squares(lambda lower: whiten @ (elements(inertia_of(lower)) - wanted), first, x_scale="jac")
+    return symmetric(elements(inertia_of(found.x))), float(np.sqrt(2.0 * found.cost))
 
 
 @dataclass(frozen=True, eq=False)

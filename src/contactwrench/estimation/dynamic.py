@@ -17,7 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..calibration.dynamics import ACCELERATION, DYNAMIC_PARAMETERS, inertial_jacobian, inertial_matrix, symmetric
+from ..calibration.dynamics import (
+    ACCELERATION,
+    DYNAMIC_PARAMETERS,
+    elements,
+    inertial_jacobian,
+    inertial_matrix,
+    symmetric,
+)
 from ..geometry.arrays import Array
 from ..model import RigidTool, all_but_the_bias, response, response_jacobian, response_of, stepped
 from .motion_moments import BENDS, CHANGES, MOTION, ONE, ORIENTATION, REGRESSORS, MotionMoments
@@ -33,6 +40,8 @@ TOGETHER_STD, SHAKEN_STD, UNKNOWN_STD = 1e-4, 5e-3, 3e-2
 """s, by which accelerations are ahead of the wrench: of positions; of an accelerometer whose delay the shaking of
 drives told, which its filter delays otherwise than slow motion; and of one whose delay nothing did, as of a wrench.
 """
+SURELY_BELOW = 3.0
+"""Standard deviations below zero of a moment of inertia that no body has."""
 PASSES, SETTLED = 30, 1e-3
 """At most; and the standard deviations of a step that is none any more."""
 OF_ITS_OWN = 0.5
@@ -75,6 +84,13 @@ class Moved:
     late: float
     late_std: float
     beyond: BeyondRigid
+
+    @property
+    def is_negative(self) -> bool:
+        """Whether the largest moment of inertia is surely below zero."""
+        moments, axes = np.linalg.eigh(self.inertia)
+        slope = elements(np.outer(axes[:, -1], axes[:, -1])) * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
+        return bool(moments[-1] < -SURELY_BELOW * np.sqrt(slope @ self.covariance[:6, :6] @ slope))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, elements, inertial_matrix
-from ..calibration.findings import Kind
+from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA, Dynamics, can_exist, inertial_matrix, nearest_possible
+from ..calibration.findings import Kind, Severity
 from ..errors import InputError, UnobservableError
 from ..geometry.arrays import Array
 from ..geometry.ranges import ON_FLANGE
 from ..model import RigidTool
-from ..samples.accelerometer import Accelerometer, delay_behind, mounted_accelerometer
+from ..samples.accelerometer import Accelerometer, delay_behind, mounted_accelerometer, without_drift
 from ..samples.delay import is_significant
 from ..samples.flange_motion import SLOWEST, FlangeMotion, flange_motion
 from ..samples.recorded_poses import is_stream
@@ -24,7 +24,6 @@ from ..samples.timestamps import spread_evenly
 from .dynamic import NO_ROWS, SHAKEN_STD, UNKNOWN_STD, Moved, moved
 from .findings_of_motion import of_delay, of_motion, of_positions, of_rate
 from .motion_moments import FLAT, MotionMoments, motion_moments
-from .possible_tool import nearest_possible
 from .rigidity import positions_read
 
 ALIGNED, LEAST_LATE = 3, 2e-4
@@ -33,8 +32,6 @@ LEAST_SECONDS = 4.0
 """Of motion."""
 BY_WRONG_POSITIONS = (Kind.CONTACT_IN_MOTION, Kind.SLOW_SENSOR, Kind.NOT_RIGID, Kind.DELAY_OF_MOTION)
 """What follows from positions that are plainly wrong, and would lead a person elsewhere."""
-SURELY_BELOW = 3.0
-"""Standard deviations below zero of a moment of inertia that no body has."""
 KNOWN = 0.5
 """Of what was thinkable before: a std that is larger was not told by the motion."""
 FAR_BEYOND, MEDIAN_OF_SQUARES, LEAST_EXPECTED, TRIMMED = 9.0, 0.79, 0.01, 5
@@ -58,6 +55,9 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
             follow gravity; moments of inertia below zero.
         UnobservableError: the arm does not move, or so little that nothing of the inertia shows.
     """
+    for odd in calibration.findings:  # as torques in N mm make it, whose motion tells nothing
+        if odd.kind is Kind.IMPLAUSIBLE_TOOL and odd.severity is Severity.WEAK:
+            raise InputError(f"{samples.source}: {odd.text.removeprefix('weak: ')}")
     stated = None if sensor_offset is None else ON_FLANGE.require(sensor_offset, "sensor offset", (3,))
     told = samples.position is not None or samples.accelerometer is not None
     if samples.t is not None and told and not is_stream(samples):
@@ -67,7 +67,7 @@ def with_motion(calibration: Calibration, samples: Samples, sensor_offset: Array
     accelerometer, late = followed.accelerometer, followed.late
     tool, mass = tool_of(calibration), float(calibration.mass or 0.0)
     untold = _untold(found, DYNAMIC_PARAMETERS if stated is None else INERTIA)
-    if _is_negative(found):
+    if found.is_negative:
         raise InputError(
             f"{samples.source}: found moments of inertia below zero, expected those of a body: are the torques' sign "
             "and unit those of the forces?"
@@ -135,7 +135,7 @@ def _followed(calibration: Calibration, samples: Samples, stated: Array | None, 
     accelerometer, of_rows = _accelerometer(calibration, samples)
     tool, late = tool_of(calibration), applied
     if accelerometer is not None:
-        samples = _without_drift(samples, accelerometer)
+        samples = without_drift(samples, accelerometer)
     known = calibration.parameter_names, calibration.covariance, calibration.noise
     ahead_std = None if accelerometer is None else SHAKEN_STD if accelerometer.delay else UNKNOWN_STD
     for k in range(ALIGNED):
@@ -163,20 +163,13 @@ def _followed(calibration: Calibration, samples: Samples, stated: Array | None, 
             delay = accelerometer.delay - (found.ahead if is_ahead else 0.0)
             sits, of_rows = mounted_accelerometer(samples, gravity)
             accelerometer = replace(sits, delay=delay, drift=accelerometer.drift)
-    return _Followed(samples, motion, moments, found, accelerometer, late if k else None)
+    return _Followed(samples, motion, moments, found, accelerometer, late if late != applied else None)
 
 
 def _applied(samples: Samples) -> float:
     """By how many s the wrench is late as far as its samples know."""
     known = samples.delay and is_significant(samples.delay, samples.delay_std or 0.0)
     return float(samples.delay) if known and samples.delay else 0.0
-
-
-def _is_negative(found: Moved) -> bool:
-    """Whether the largest moment of inertia is surely below zero."""
-    moments, axes = np.linalg.eigh(found.inertia)
-    slope = elements(np.outer(axes[:, -1], axes[:, -1])) * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
-    return bool(moments[-1] < -SURELY_BELOW * np.sqrt(slope @ found.covariance[:6, :6] @ slope))
 
 
 def _require_places(samples: Samples) -> None:
@@ -197,13 +190,6 @@ def _accelerometer(calibration: Calibration, samples: Samples) -> tuple[Accelero
     angular = flange_motion(samples, accelerometer=found, gravity=gravity).terms[:, :9]
     late = delay_behind(samples.wrench[:, :3], samples.accelerometer, angular, spread_evenly(samples.t))
     return replace(found, delay=late), covariance
-
-
-def _without_drift(samples: Samples, accelerometer: Accelerometer) -> Samples:
-    """The samples with an accelerometer's readings as if its bias had been that of the middle."""
-    t = np.asarray(samples.t)
-    drifted = np.outer((t - t[0]) / (t[-1] - t[0]) - 0.5, accelerometer.scale * accelerometer.drift)
-    return replace(samples, accelerometer=np.asarray(samples.accelerometer) - drifted)
 
 
 def _at_rest(samples: Samples, seconds: float) -> UnobservableError:

@@ -189,6 +189,13 @@ def _covariance(columns: Array, residual: Array, weight: Array) -> Array:
     return covariance[:4, :4]
 
 
+def without_drift(samples: Samples, accelerometer: Accelerometer) -> Samples:
+    """The samples with an accelerometer's readings as if its bias had been that of the middle."""
+    t = np.asarray(samples.t)
+    drifted = np.outer((t - t[0]) / (t[-1] - t[0]) - 0.5, accelerometer.scale * accelerometer.drift)
+    return replace(samples, accelerometer=np.asarray(samples.accelerometer) - drifted)
+
+
 def delay_behind(force: Array, reading: Array, angular: Array, t: Array) -> float:
     """s, by which an accelerometer's readings (n, 3) are later than forces (n, 3) at times t (n,); 0 where none shows.
     A rigid tool has both alike, gravity included: less what goes with the `angular` terms (n, k), one is a fixed
