@@ -337,6 +337,16 @@ def test_several_poses_left_out_alike_may_be_on_the_other_side_of_backlash_too()
         assert np.linalg.norm(calibration.bias[:3] - between) < 2.2 * np.linalg.norm(calibration.std["bias"][:3])
 
 
+@pytest.mark.parametrize("seed", [0, 1, 11])
+def test_two_levels_in_five_poses_without_times_leave_the_weight(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rig, R = usual_rig(rng, 20.0), random_rotations(5, rng)
+    wrench = noisy_readings(rig, R, OF_MEAN, rng)
+    wrench[:2] += 0.4 * np.array([0.6, -0.5, 0.6, 0.03, 0.02, -0.03])
+    calibration = cw.calibrate(cw.Samples(wrench, R))
+    assert calibration.weight == pytest.approx(20.0, abs=3.5 * float(calibration.std["weight"]))
+
+
 def test_two_of_many_poses_left_out_alike_are_in_contact() -> None:
     """2 of 24: no backlash leaves that few on its other side, and the std tells of none."""
     for seed in range(4):
