@@ -263,38 +263,37 @@ def _beliefs(
     """Probabilities, read off the members."""
     judged = problem.question.model == "auto" and problem.question.earlier is None
     hypotheses = [table.hypotheses[h] for table in tables for h in table.members.hypothesis]
-    of_table = np.repeat(np.arange(len(tables)), [len(table.members.kernel) for table in tables])
-    drifts = [table.kernel_of(k)[0] for table in tables for k in range(len(table.members.kernel))]
-    of_kind: dict[Kind, float] = {}
-    for one, share in zip(drifts, weight, strict=True):
-        if one.kind is not None:
-            of_kind[one.kind] = of_kind.get(one.kind, 0.0) + float(share)
+    tilts = np.array([(*h.exact, judged and h.mount is None, judged and h.base is None) for h in hypotheses])
+    mounting_exact, base_exact, any_mounting, any_base = (weight @ tilts).tolist()
+    of_table = [float(weight[here].sum()) for _, here in _members(tables)]
+    kinds = np.concatenate([table.kinds for table in tables])
+    of_kind = {kind: float(weight[kinds == kind].sum()) for kind in dict.fromkeys(kinds) if kind is not None}
 
-    def likeliest(kinds: Set[Kind]) -> tuple[Drift | None, Array]:
+    def likeliest(some: Set[Kind]) -> tuple[Drift | None, Array]:
         """The likeliest drift of these kinds, and what each pose's bias was off by it, (n, 6)."""
-        of_drift: dict[int, float] = {}
-        for one, share in zip(drifts, weight, strict=True):
-            if one.kind in kinds:
-                of_drift[id(one)] = of_drift.get(id(one), 0.0) + float(share)
-        found = max(of_drift, key=lambda one: of_drift[one], default=None)
-        for k in np.argsort(-weight):
-            if id(drifts[k]) == found:
-                before = int(np.sum(of_table < of_table[k]))
-                return drifts[k], explained(problem, tables[of_table[k]], int(k) - before)[1]
-        return None, np.zeros_like(problem.wrench)
+        of_drift: dict[int, list[tuple[float, Drift, Table, int]]] = {}
+        for table, here in _members(tables):
+            for k in np.flatnonzero([kind in some for kind in table.kinds]).tolist():
+                drift = table.kernel_of(k)[0]
+                of_drift.setdefault(id(drift), []).append((float(weight[here][k]), drift, table, k))
+        if not of_drift:
+            return None, np.zeros_like(problem.wrench)
+        members = max(of_drift.values(), key=lambda each: sum(share for share, *_ in each))
+        _, drift, table, k = max(members, key=lambda member: member[0])
+        return drift, explained(problem, table, k)[1]
 
     drift, change = likeliest(BIAS_MOVED)
     return Beliefs(
-        outlying=np.bincount(of_table, weight, len(tables)) @ np.array([~table.kept for table in tables]),
+        outlying=of_table @ np.array([~table.kept for table in tables]),
         moved={kind: share for kind, share in of_kind.items() if kind in BIAS_MOVED},
         drift=drift,
         change=change,
         with_orientation={kind: share for kind, share in of_kind.items() if kind not in BIAS_MOVED},
         levels=likeliest({Kind.TWO_LEVELS})[1],
-        mounting_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[0])),
-        base_exact=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.exact[1])),
+        mounting_exact=mounting_exact,
+        base_exact=base_exact,
         off_by_mounting=off_by_tilt[0] * judged,
         off_by_base=off_by_tilt[1] * judged,
-        any_mounting=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.mount is None)) * judged,
-        any_base=float(sum(w for w, h in zip(weight, hypotheses, strict=True) if h.base is None)) * judged,
+        any_mounting=any_mounting,
+        any_base=any_base,
     )
