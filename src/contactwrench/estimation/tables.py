@@ -44,7 +44,7 @@ LOOK = 2
 FEW_PAIRS = 60
 """Of kernels and hypotheses, of which each is looked at closely."""
 
-STRAIGHT, BENT = 0.05, 1.0
+STRAIGHT, BENT = 0.02, 1.0
 """Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
 second on all kernels are looked at again."""
 
