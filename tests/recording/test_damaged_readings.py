@@ -66,7 +66,12 @@ def test_an_arm_at_rest_without_noise_stands_at_no_limit() -> None:
     assert not at_limit(np.empty((0, 6))).any()
 
 
-@pytest.mark.parametrize("quantum", [0.0, 0.01])
+def turning(wrench: np.ndarray, period: float = 0.002) -> cw.Samples:
+    t = period * np.arange(float(len(wrench)))
+    return cw.Samples(wrench, Rotation.from_rotvec(np.outer(t, [0.3, 0.1, 0.0])).as_matrix(), t)
+
+
+@pytest.mark.parametrize("quantum", [0.0, 0.01, 0.5])
 def test_single_readings_that_jump_are_seen(quantum: float) -> None:
     wrench, jumped = swinging(0.02), np.random.default_rng(2).random(5000) < 0.003
     jumped[1:] &= ~jumped[:-1]
@@ -74,15 +79,28 @@ def test_single_readings_that_jump_are_seen(quantum: float) -> None:
     wrench[jumped, 3] -= 40.0
     wrench = np.rint(wrench / quantum) * quantum if quantum else wrench
     assert jumped.sum() > 5
-    assert np.array_equal(spikes(wrench), jumped)
+    assert np.array_equal(spikes(turning(wrench)), jumped)
 
 
 def test_motion_noise_steps_and_pushes_are_no_spikes() -> None:
     stepped, pushed, coarse = swinging(0.02), swinging(0.02), np.rint(swinging(0.0) / 5.0) * 5.0
     stepped[2500:] += 40.0
     pushed[2500:2503] += 40.0
-    for wrench in (swinging(0.0), swinging(3.0), swinging(0.02)[::100], stepped, pushed, coarse, np.zeros((5, 6))):
-        assert not spikes(wrench).any()
+    still = np.rint(np.random.default_rng(4).normal(0.0, 0.3, (5000, 6)))  # one digit comes and goes
+    one_digit = np.zeros((5000, 6))
+    one_digit[2000, 2] = 0.1
+    for wrench in (swinging(0.0), swinging(3.0), stepped, pushed, coarse, still, one_digit, np.zeros((5, 6))):
+        assert not spikes(turning(wrench)).any()
+    assert not spikes(turning(swinging(0.02)[::100], 0.2)).any()
+
+
+def test_a_pose_of_a_single_row_in_a_table_with_times_is_no_spike() -> None:
+    """A home pose, five times, then another, once; and rows in no order."""
+    R, wrench = np.tile(np.eye(3), (60, 1, 1)), np.random.default_rng(5).normal(0.0, 0.02, (60, 6))
+    R[5::6] = Rotation.from_rotvec([0.7, 0.2, 0.1]).as_matrix()
+    wrench[5::6] += 8.0
+    assert not spikes(cw.Samples(wrench, R, 0.1 * np.arange(60.0))).any()
+    assert not spikes(cw.Samples(wrench, np.tile(np.eye(3), (60, 1, 1)), -0.1 * np.arange(60.0))).any()
 
 
 def test_of_two_files_both_are_named_as_what_lacks_may_be_of_either(tmp_path: Path) -> None:

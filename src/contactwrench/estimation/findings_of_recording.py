@@ -11,7 +11,7 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
-from ..samples.recorded_poses import SLOWEST, RecordedPoses
+from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
 
@@ -90,8 +90,7 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
     samples, notes = samples.unsaturated()
     findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
-    in_turn = samples.t is not None and len(samples) > 1 and np.median(np.diff(samples.t)) <= SLOWEST
-    if in_turn and (spiked := spikes(samples.wrench)).any():
+    if (spiked := spikes(samples)).any():
         text = (
             f"{np.sum(spiked)} of {len(samples)} readings that jump and are back in the next row were left out: look "
             "at the sensor's cable, shield and driver"

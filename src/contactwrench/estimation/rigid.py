@@ -23,7 +23,7 @@ from .orientation_errors import ODDS, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question
-from .tables import Problem, Table, near_kernels, settled
+from .tables import Problem, Table, near_kernels, settled, table_at
 
 MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
@@ -72,7 +72,10 @@ def estimated(
         found = np.exp(members.log_evidence - tables[0].log_evidence) @ members.variance
         of_stops = float(np.mean(readings.least_variance / found))
         problem = replace(problem, relative=1.0 + min(of_stops, 1.0) * (relative - 1.0))
-        tables = [settled(problem, tables[0].tool, table.kept, table.hypotheses) for table in tables[:1]] + tables[1:]
+        problems = [replace(problem, kernels=table.kernels) for table in tables]
+        first = settled(problems[0], tables[0].tool, tables[0].kept, tables[0].hypotheses)
+        others = zip(problems[1:], tables[1:], strict=True)
+        tables = [first, *(table_at(own, first.tool, table.kept, table.hypotheses) for own, table in others)]
     return mean_of(problem, tables, readings, plain)
 
 

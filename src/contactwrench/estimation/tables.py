@@ -44,9 +44,12 @@ LOOK = 2
 FEW_PAIRS = 60
 """Of kernels and hypotheses, of which each is looked at closely."""
 
-STRAIGHT, BENT = 0.02, 1.0
+STRAIGHT, BENT = 0.01, 1.0
 """Standard deviations that readings and priors differ from their linearisation: up to the first it will do, from the
 second on all kernels are looked at again."""
+
+LONG_WAY = 3.0
+"""Standard deviations: after a longer step they are, too."""
 
 CENTRINGS = 10
 LARGEST_TURN = 0.5
@@ -221,7 +224,7 @@ def settled(
     among: NDArray[np.intp] | None = None,
 ) -> Table:
     """The table near the mean of its own members: where that makes no difference, it stays linearised at `tool`. Where
-    it makes little, kernels that come nowhere near are not looked at again.
+    it makes little, and is near, kernels that come nowhere near are not looked at again.
     """
     table = table_at(problem, tool, kept, hypotheses, among)
     for _ in range(CENTRINGS):
@@ -230,7 +233,9 @@ def settled(
         bent = _bent(problem, table, step, moved)
         if bent < STRAIGHT:
             break
-        table = table_at(problem, moved, kept, hypotheses, among if bent > BENT else near_kernels([table]))
+        std = np.sqrt(np.maximum(np.diag(table.members.covariance[table.best]), 1e-300))
+        anew = bent > BENT or float(np.max(np.abs(step) / std)) > LONG_WAY
+        table = table_at(problem, moved, kept, hypotheses, among if anew else near_kernels([table]))
     return table
 
 

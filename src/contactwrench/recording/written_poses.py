@@ -6,6 +6,7 @@ each visit for itself, so that what belongs to the next or the previous one can 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -29,8 +30,8 @@ from .tables.table import WrittenRows, in_seconds, open_table, rotations, writte
 from .tables.units import ANGLE
 
 ColumnSet: TypeAlias = tuple[tuple[str, ...], Array]
-JUMP = 0.01
-"""Of the range of an orientation's numbers: more from row to row is another pose."""
+APART = 0.01, 0.001
+"""Of the range of an orientation's numbers, and of the largest: more is another pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +85,24 @@ def poses_of(written: Written, R_base_flange: Array) -> Written:
             rows.append(during[np.argmin(off)])
             means.append(pose.wrench)
             continue
-        for visit in np.split(during, 1 + np.flatnonzero(_jumps(written.sets, during))):
-            rows.append(visit[0])
-            means.append(written.wrench[visit].mean(axis=0))
+        for at_one in _groups(written.sets, during):
+            rows.append(at_one[0])
+            means.append(written.wrench[at_one].mean(axis=0))
     return written.at(np.array(rows, dtype=np.intp), np.array(means).reshape(-1, 6))
 
 
-def _jumps(sets: tuple[ColumnSet, ...], rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether the numbers of an orientation jump from one of the rows (n,) to the next, (n - 1,): two poses may be one
-    by a convention that is not theirs.
+def _groups(sets: tuple[ColumnSet, ...], rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Rows of one pose each (n,), by how near the numbers of an orientation are: two poses may be one by a convention
+    that is not theirs.
     """
-    jumps = np.zeros(max(len(rows) - 1, 0), dtype=bool)
-    for _, numbers in sets:
-        jumps |= np.abs(np.diff(numbers[rows], axis=0)).max(axis=1) > JUMP * float(np.ptp(numbers, axis=0).max())
-    return jumps
+    while len(rows):
+        near = np.ones(len(rows), dtype=bool)
+        for _, numbers in sets:
+            size = float(np.ptp(numbers, axis=0).max()), float(np.abs(numbers).max())
+            off = np.abs(numbers[rows] - numbers[rows[0]]).max(axis=1)
+            near &= off <= max(share * whole for share, whole in zip(APART, size, strict=True))
+        yield rows[near]
+        rows = rows[~near]
 
 
 def rows_as_written(path: str | Path, options: Options) -> Written:

@@ -167,8 +167,8 @@ def _signals(c: Calibration, samples: Samples | None) -> str:
     """The recording over time, of a stream."""
     if samples is None or not is_stream(samples):
         return ""
-    free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
-    still = still_segments(free.unsaturated()[0])  # as the poses were made
+    free, _ = contact_free(samples)
+    still = still_segments(free)  # as the poses were made
     seconds = sum(stretch.t_end - stretch.t_start for stretch in still.accepted)
     hatched = signals.left_out_spans(c, still)
     numbered = " Hatched: stretches that were left out, by the numbers below." if hatched else ""

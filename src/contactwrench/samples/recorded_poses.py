@@ -17,13 +17,10 @@ from ..geometry.arrays import Array
 from ..geometry.rotations import rotation_log
 from .creep import MOST_STOPS, Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
-from .samples import Samples
+from .samples import SLOWEST, Samples
 from .slow_motion import poses_on_the_way
 from .still_noise import StillNoise, still_noise_of
 from .still_segments import StillSegment, StillSegments, still_segments
-
-SLOWEST = 0.25
-"""s from row to row: a stream has four rows a second or more."""
 
 FASTEST_TURN = np.deg2rad(360.0)
 HOLD = 0.05

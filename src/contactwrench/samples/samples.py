@@ -28,6 +28,10 @@ SPIKE, SPIKE_OF_SPAN, SPAN_LEAST, AGREE = 30.0, 0.5, 0.05, 0.1
 """Times the usual jump from row to row, and of what the channel spans but for so much at each end: a spike jumps
 further, and its neighbours differ by no more of it than that. Of nine measured recordings one has any, 5 in contact.
 """
+SLOWEST = 0.25
+"""s from row to row: a stream has four rows a second or more."""
+STAYS = 0.1
+"""Of a rotation's entries: rows that are apart by more do not tell what a reading in between should be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,15 +190,20 @@ def at_limit(wrench: Array) -> NDArray[np.bool_]:
     return standing
 
 
-def spikes(wrench: Array) -> NDArray[np.bool_]:
-    """Whether readings (n, 6) in turn jump from both neighbours, which agree, as no tool and no push does: (n,)."""
-    spiked = np.zeros(len(wrench), dtype=bool)
-    if len(wrench) > LONGEST_CHANCE:
-        before, after = wrench[:-2], wrench[2:]
-        jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
-        span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
-        far = np.maximum(SPIKE * np.median(jump, axis=0), SPIKE_OF_SPAN * span)
-        spiked[1:-1] = np.any((jump > far) & (np.abs(after - before) < AGREE * jump), axis=1)
+def spikes(samples: Samples) -> NDArray[np.bool_]:
+    """Whether readings (n,) jump from both neighbours, which agree, as no tool and no push does while the arm stays."""
+    wrench, spiked = samples.wrench, np.zeros(len(samples), dtype=bool)
+    if samples.t is None or len(wrench) <= LONGEST_CHANCE:
+        return spiked
+    step, turn = np.diff(samples.t), np.abs(np.diff(samples.R_base_flange, axis=0)).max(axis=(1, 2))
+    in_turn = (step > 0.0) & (step <= SLOWEST) & (turn < STAYS)
+    before, after = wrench[:-2], wrench[2:]
+    jump = np.abs(wrench[1:-1] - 0.5 * (before + after))
+    usual = [np.median(each[each > 0.0]) if each.any() else np.inf for each in jump.T]  # digits that stay jump by none
+    span = np.ptp(np.quantile(wrench, [SPAN_LEAST, 1.0 - SPAN_LEAST], axis=0), axis=0)
+    far = jump > np.maximum(SPIKE * np.array(usual), SPIKE_OF_SPAN * span)
+    alone = in_turn[:-1] & in_turn[1:]
+    spiked[1:-1] = alone & np.any(far & (np.abs(after - before) < AGREE * jump), axis=1)
     return spiked
 
 
