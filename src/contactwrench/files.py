@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
+from glob import escape, iglob
 from io import BufferedReader, RawIOBase
 from pathlib import Path
 from typing import IO, Any, TextIO
@@ -69,6 +70,12 @@ def entries(folder: Path) -> list[Path]:
         return list(folder.iterdir())
     except OSError as error:
         raise FileAccessError(f"{folder}: cannot be read ({_reason(error)}): check its permissions") from None
+
+
+def parts_of(folder: str) -> Iterator[str]:
+    """What is in a folder as deep as a recording is, LeRobot's data/chunk-000/file-000.parquet; no more of a disk."""
+    for depth in ("*", "*/*", "*/*/*"):
+        yield from iglob(os.path.join(escape(folder), depth), include_hidden=True)
 
 
 @contextmanager
