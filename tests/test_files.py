@@ -206,6 +206,11 @@ def test_identity_is_that_of_the_file(tmp_path: Path) -> None:
     assert identity("n" * 5000) == identity(f"./{'n' * 5000}")
 
 
+def test_a_name_of_any_bytes_can_stand_in_a_text(tmp_path: Path) -> None:
+    write_text(tmp_path / "tool.py", "# from tool\udcff.json, é\n")
+    assert (tmp_path / "tool.py").read_text(encoding="utf-8") == "# from tool\\udcff.json, é\n"
+
+
 def test_a_folder_is_looked_into_as_deep_as_a_recording(tmp_path: Path) -> None:
     """A home folder, or /, is named by mistake."""
     deep = tmp_path / "[a]" / "data" / "chunk-000" / "file-000.parquet"

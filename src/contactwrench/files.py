@@ -160,7 +160,7 @@ def make_folder(path: Path) -> None:
 
 
 def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
-    """Write UTF-8 text, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
+    """Write UTF-8 text, other bytes of names escaped, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
     pieces = [pieces] if isinstance(pieces, str) else pieces
     if str(path) == STDOUT:
         if sys.__stdout__ is None:
@@ -169,7 +169,7 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
             sys.stdout.write(piece)
         sys.stdout.flush()
     else:
-        write_bytes(path, (piece.encode() for piece in pieces))
+        write_bytes(path, (piece.encode(errors="backslashreplace") for piece in pieces))
 
 
 def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:
