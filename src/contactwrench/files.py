@@ -160,7 +160,7 @@ def make_folder(path: Path) -> None:
 
 
 def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
-    """Write UTF-8 text, other bytes of names escaped, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
+    """Write UTF-8 text, other bytes escaped, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
     pieces = [pieces] if isinstance(pieces, str) else pieces
     if str(path) == STDOUT:
         if sys.__stdout__ is None:
