@@ -13,7 +13,7 @@ import pytest
 
 import contactwrench
 from contactwrench.errors import FileAccessError
-from contactwrench.files import identity, read_bytes, write_text
+from contactwrench.files import identity, parts_of, read_bytes, write_text
 
 FULL = Path("/dev/full")
 WITHOUT_DISK = "cannot be written (no space left on device): check the space on the disk and the permissions"
@@ -204,6 +204,20 @@ def test_identity_is_that_of_the_file(tmp_path: Path) -> None:
     hard.hardlink_to(path)
     assert identity(path) == identity(link) == identity(hard) != identity(tmp_path)
     assert identity("n" * 5000) == identity(f"./{'n' * 5000}")
+
+
+def test_a_name_of_any_bytes_can_stand_in_a_text(tmp_path: Path) -> None:
+    write_text(tmp_path / "tool.py", "# from tool\udcff.json, é\n")
+    assert (tmp_path / "tool.py").read_text(encoding="utf-8") == "# from tool\\udcff.json, é\n"
+
+
+def test_a_folder_is_looked_into_as_deep_as_a_recording(tmp_path: Path) -> None:
+    """A home folder, or /, is named by mistake."""
+    deep = tmp_path / "[a]" / "data" / "chunk-000" / "file-000.parquet"
+    (deep / "more").mkdir(parents=True)
+    (deep.parent / "loop").symlink_to(tmp_path)
+    found = {os.path.relpath(path, tmp_path / "[a]") for path in parts_of(str(tmp_path / "[a]"))}
+    assert found == {"data", "data/chunk-000", "data/chunk-000/file-000.parquet", "data/chunk-000/loop"}
 
 
 def test_only_files_py_opens_files_to_be_written() -> None:

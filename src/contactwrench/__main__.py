@@ -94,8 +94,11 @@ def _size(argument: str) -> int:
     """Bytes of the file that an argument names, or of all in a folder; 0 for none."""
     flag, _, value = argument.partition("=")
     path = argument if os.path.lexists(argument) else value * (flag not in OUTPUTS)
-    within = [os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names]
-    return sum(os.path.getsize(file) for file in within or [path] if os.path.isfile(file))
+    if not os.path.isdir(path):
+        return os.path.getsize(path) if os.path.isfile(path) else 0
+    from .files import parts_of
+
+    return sum(os.path.getsize(file) for file in parts_of(path) if os.path.isfile(file))
 
 
 if __name__ == "__main__":

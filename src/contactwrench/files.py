@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
+from glob import escape, iglob
 from io import BufferedReader, RawIOBase
 from pathlib import Path
 from typing import IO, Any, TextIO
@@ -69,6 +70,12 @@ def entries(folder: Path) -> list[Path]:
         return list(folder.iterdir())
     except OSError as error:
         raise FileAccessError(f"{folder}: cannot be read ({_reason(error)}): check its permissions") from None
+
+
+def parts_of(folder: str) -> Iterator[str]:
+    """What is in a folder as deep as a recording is, LeRobot's data/chunk-000/file-000.parquet; no more of a disk."""
+    for depth in ("*", "*/*", "*/*/*"):
+        yield from iglob(os.path.join(escape(folder), depth), include_hidden=True)
 
 
 @contextmanager
@@ -153,7 +160,7 @@ def make_folder(path: Path) -> None:
 
 
 def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
-    """Write UTF-8 text, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
+    """Write UTF-8 text, other bytes escaped, as `write_bytes`; `-` is standard output. Raises `FileAccessError`."""
     pieces = [pieces] if isinstance(pieces, str) else pieces
     if str(path) == STDOUT:
         if sys.__stdout__ is None:
@@ -162,7 +169,7 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
             sys.stdout.write(piece)
         sys.stdout.flush()
     else:
-        write_bytes(path, (piece.encode() for piece in pieces))
+        write_bytes(path, (piece.encode(errors="backslashreplace") for piece in pieces))
 
 
 def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:

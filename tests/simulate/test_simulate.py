@@ -258,6 +258,7 @@ def test_poses_and_motions_from_files(tmp_path: Path, capsys: Capture) -> None:
 
 
 BAD_FILES = {
+    "many.csv": "qx,qy,qz,qw\n" + "0,0,0,1\n" * 10_001,
     "far.csv": "qx,qy,qz,qw,x,y,z\n0,0,0,1,3,0,0\n",
     "mm.csv": "a,b,c,x,y,z\n0,0,180,500,0,600\n",
     "ms.csv": "t,q1,q2,q3,q4,q5,q6,q7\n0,0,0,0,0,0,0,0\n1000000,0,0,0,0,0,0,0.1\n",
@@ -279,6 +280,7 @@ BAD_FILES = {
             ["--poses=random:0"],
             "--poses is random:0, expected paper, plan, plan:N, random:N (1 to 10000) or a CSV file",
         ),
+        (["--poses=many.csv"], "many.csv: found 10001 poses, expected at most 10000: leave rows out"),
         (["--poses=gone.csv"], "gone.csv: there is no such file, expected a readable file: check the path"),
         (
             ["--poses=far.csv"],

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias, get_args
 
 from ..errors import FileAccessError
-from ..files import KEPT, STDOUT, already_there, identity, target_of
+from ..files import KEPT, STDOUT, already_there, identity, parts_of, target_of
 from ..recording.bags.folder import METADATA
 from ..recording.bags.open import SUFFIXES_OF_BAGS
 from ..recording.tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
@@ -29,8 +29,6 @@ NAMES_FOLDER: Final = "names a folder"
 """In the annotation of a text: it may name a folder that is read, too. A path may always."""
 OF_PAGE = b"<footer>contactwrench "
 """At the end of the pages that the program writes."""
-DEPTHS = ("*", "*/*", "*/*/*")
-"""Of a recording's files in its folder: LeRobot has data/chunk-000/file-000.parquet."""
 KINDS = (*SUFFIXES_OF_BAGS, *SUFFIXES_OF_PARQUET, ".zstd")
 
 
@@ -115,8 +113,7 @@ def _read(value: object, *, or_folder: bool) -> Iterator[tuple[Key, str]]:
                 for name in (METADATA, *(f"{file.name}-{kind}" for kind in ("wal", "shm", "journal"))):
                     yield identity(file.with_name(name)), text
         elif or_folder and text and os.path.isdir(text):
-            within = [path for depth in DEPTHS for path in Path(text).glob(depth)]
-            for path in [Path(text), *(path for path in within if path.is_dir() or _is_part(path))]:
+            for path in [text, *(path for path in parts_of(text) if os.path.isdir(path) or _is_part(Path(path)))]:
                 yield identity(path), text
 
 

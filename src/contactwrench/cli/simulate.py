@@ -25,7 +25,7 @@ ONE_OVER_F = 0.035
 """N: as much as the white noise."""
 TORQUE_PER_FORCE = 0.02
 """m: of the 1/f noise."""
-MOST_RANDOM, DIGITS = 10_000, 10
+MOST_POSES, DIGITS = 10_000, 10
 
 
 def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
@@ -158,16 +158,18 @@ def _joints(settings: Settings, poses: str, orientation: str, rng: np.random.Gen
         return paper_joints(rig)
     if kind == "plan" and (not colon or _is_count(count)):
         return _planned(settings, int(count or 6))
-    if kind == "random" and _is_count(count) and 0 < int(count) <= MOST_RANDOM:
+    if kind == "random" and _is_count(count) and 0 < int(count) <= MOST_POSES:
         return random_joints(rig, int(count), rng)
     if not Path(poses).suffix:
         raise InputError(
-            f"--poses is {poses}, expected paper, plan, plan:N, random:N (1 to {MOST_RANDOM}) or a CSV file"
+            f"--poses is {poses}, expected paper, plan, plan:N, random:N (1 to {MOST_POSES}) or a CSV file"
         )
     from ..assess.robot_arms import known_arm, within_limits
     from ..recording.target_poses import read_target_poses
 
     targets = read_target_poses(poses, JOINTS, orientation)
+    if (found := len(targets.R_base_flange if targets.joints is None else targets.joints)) > MOST_POSES:
+        raise InputError(f"{poses}: found {found} poses, expected at most {MOST_POSES}: leave rows out")
     try:
         if targets.joints is not None:
             return np.array([within_limits(known_arm("iiwa7"), row) for row in targets.joints])

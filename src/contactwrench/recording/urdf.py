@@ -25,7 +25,7 @@ FLANGES = ("tool0", "flange")
 REVOLUTE = ("revolute", "continuous")
 WITHOUT_LIMIT = (-2.0 * np.pi, 2.0 * np.pi)
 
-URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE)
+URDF = re.compile(r"(?P<file>.+\.urdf)(?::(?P<flange>.+))?", re.IGNORECASE | re.DOTALL)
 
 
 MOST_JOINTS, FARTHEST = 2_000, 1e6
