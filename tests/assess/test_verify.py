@@ -213,6 +213,18 @@ def test_repeated_rows_count_as_one_pose() -> None:
     assert alarms <= 6
 
 
+def test_single_readings_that_jump_are_left_out_as_in_a_calibration() -> None:
+    rig, R, rng = example(7)
+    calibration, seen = cw.calibrate(noisy(rig, R, rng), "mount"), np.repeat(random_rotations(4, rng), 200, axis=0)
+    wrench = noisy_readings(rig, seen, NOISE, rng)
+    clean = cw.Samples(wrench, seen, 0.01 * np.arange(800.0))
+    wrench[50::100, 2] += 300.0
+    found = verify(calibration, cw.Samples(wrench, seen, 0.01 * np.arange(800.0)))
+    assert [finding.kind for finding in found.findings] == [Kind.SPIKES]
+    assert found.passed
+    assert not verify(calibration, clean).findings
+
+
 @pytest.mark.slow
 def test_loads_are_weighed_with_an_honest_std() -> None:
     rig, R, rng = example(8, poses=8)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..calibration.observability import LEVER, natural_jacobian, require_separable
 from ..errors import AmbiguityError, InputError, UnobservableError
 from ..estimation.calibrate import calibrate
+from ..estimation.findings_of_recording import contact_free
 from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.ranges import POSES
@@ -152,8 +153,7 @@ def _noise_of_readings(still: StillNoise | None) -> Array | None:
 
 def recorded_orientations(samples: Samples) -> Array:
     """The orientations (m, 3, 3) of the contact-free poses in a recording, in the order of their first rows."""
-    samples, _ = samples.unsaturated()
-    free = samples if samples.load_mass is None else samples.select(samples.load_mass == 0.0)
+    free, _ = contact_free(samples)
     return np.array([pose.R_base_flange for pose in resting_poses(free, is_stream(samples))]).reshape(-1, 3, 3)
 
 

@@ -18,6 +18,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
+from ..estimation.findings_of_recording import usable
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose
@@ -173,8 +174,8 @@ def verify(
         if value is not None:
             limits.require(value, name)
     g = float(G.require(calibration.g if g is None else g, "g"))
-    samples, notes = samples.unsaturated()
-    findings = [Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes]
+    samples, left_out = usable(samples)
+    findings = [*left_out]
     load = np.zeros(len(samples)) if samples.load_mass is None else samples.load_mass
     if not len(samples):
         raise InputError(f"{samples.source}: found no samples, expected contact-free poses")

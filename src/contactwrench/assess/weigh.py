@@ -19,6 +19,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
+from ..estimation.findings_of_recording import usable
 from ..estimation.plausibility import FURTHEST_COM
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.ranges import G
@@ -163,8 +164,7 @@ def gravity_in_sensor(calibration: Calibration, R_base_flange: Array) -> Array:
 
 def _of_one_object(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The samples in which the object is held, and that others were left out."""
-    samples, notes = samples.unsaturated()
-    findings = tuple(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes)
+    samples, findings = usable(samples)
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
         return samples, findings
     loaded = samples.load_mass > 0.0

@@ -84,18 +84,25 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
     return replace(honest, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))
 
 
-def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The rows without load, saturation and spikes, and what there is to say of the samples."""
-    damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
-    doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
+def usable(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The rows without saturation and spikes, and what was left out."""
     samples, notes = samples.unsaturated()
-    findings = (*damage, *doubt, *(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes))
+    findings = tuple(Finding(Kind.SATURATED_ROWS, Severity.REFUSED, note) for note in notes)
     if (spiked := spikes(samples)).any():
         text = (
             f"{np.sum(spiked)} of {len(samples)} readings that jump and are back in the next row were left out: look "
             "at the sensor's cable, shield and driver"
         )
         samples, findings = samples.select(~spiked), (*findings, Finding(Kind.SPIKES, Severity.REFUSED, text))
+    return samples, findings
+
+
+def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The usable rows without load, and what there is to say of the samples."""
+    damage = [Finding(Kind.DAMAGED_RECORDING, Severity.WARNING, samples.damage)] if samples.damage else []
+    doubt = [Finding.doubtful(Kind.ANGLES_IN_DOUBT, samples.doubt)] if samples.doubt else []
+    samples, left_out = usable(samples)
+    findings = (*damage, *doubt, *left_out)
     if samples.load_mass is None or not (samples.load_mass > 0.0).any():
         return samples, findings
     free = samples.load_mass == 0.0
