@@ -46,8 +46,7 @@ def test_all_poses_equal(model: str, rows: int) -> None:
         assert "expected 3 or more" in message
     elif message.startswith("cannot"):
         assert message.endswith(
-            ": all poses at rest have one orientation (within 0.2 deg); stop at 6 or more that tilt the tool, or give "
-            "an earlier calibration of it with --prior"
+            ": all poses at rest have one orientation; record 6 or more that tilt the tool, or take --prior"
         )
 
 

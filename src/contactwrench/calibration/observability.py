@@ -99,10 +99,7 @@ def _why(R_base_flange: Array, gravity_direction: Array) -> str:
     """The reason for a deficiency in terms of the poses, and what to do."""
     n = len(R_base_flange)
     if n == 1:
-        return (
-            "all poses at rest have one orientation (within 0.2 deg); stop at 6 or more that tilt the tool, or give an "
-            "earlier calibration of it with --prior"
-        )
+        return "all poses at rest have one orientation; record 6 or more that tilt the tool, or take --prior"
     r = gravity_in_flange(R_base_flange, gravity_direction)
     spread = np.linalg.svd(r - r.mean(axis=0), compute_uv=False) / np.sqrt(n)
     if spread[0] < SAME_POSE_ANGLE:

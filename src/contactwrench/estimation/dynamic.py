@@ -181,10 +181,12 @@ def moved(
             break
     follows = np.zeros((len(DYNAMIC_PARAMETERS), J.shape[2]))
     follows[:, stays] = -(inverse @ each[:, :, sought][..., stays].sum(axis=(0, 1)))[own]
-    pull = _pull(left, J[:, :, sought], weight, variance, moments.products)
-    of_motion = (inverse @ (prior + pull) @ inverse)[own, own]
+    of_motion = inverse[own, own]
+    if apart:
+        pull = _pull(left, J[:, :, sought], weight, variance, moments.products)
+        of_motion = (inverse @ (prior + pull) @ inverse)[own, own]
+        of_motion *= 1.0 + 2.0 / (usual + of_window)  # so much less Student's t tells of a location (Lange 1989)
     of_motion = of_motion - np.outer(inverse[own, 0], inverse[own, 0]) * prior[0, 0]
-    of_motion *= 1.0 + 2.0 / (usual + of_window)  # a location of Student's t has so much less information (Lange 1989)
     follows[:, 0] = inverse[own, 0] * prior[0, 0]
     beyond = beyond_rigid(left, weight, variance, moments)
     if beyond.shows:

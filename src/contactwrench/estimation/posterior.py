@@ -72,13 +72,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     whole = sorted([*found, *of_levels], key=lambda table: -table.log_evidence)
     first = whole[0]
     others = [t for t in whole[1:] if t.log_evidence > first.log_evidence - FAR]
-    return [
-        first,
-        *(
-            t if t.tool is first.tool else table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses)
-            for t in others
-        ),
-    ]
+    return [first, *(table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses) for t in others)]
 
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:

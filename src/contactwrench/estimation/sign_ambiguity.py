@@ -37,6 +37,7 @@ LEAST_WEIGHT = 1e-9
 SIGNIFICANCE = 0.001
 NEAR_TIE = 0.9
 SURE_SIDE = 4.0
+SURE_LEAN = 3.0
 SURE_WEIGHT = 3.0
 """Standard deviations: a fit whose weight is less sure explains nothing, so that a tie with it says nothing either."""
 
@@ -92,10 +93,13 @@ def require_answerable(estimate: RigidEstimate, readings: PoseReadings, model: s
     """
     tool, names, n = estimate.tool, PARAMETERS[model], len(readings)
     known = rows_of(question.knowledge, tool, names).jacobian
-    if model in HELD_GRAVITY:
-        # a tilt that the prior lets in is not what separates
-        tool = replace(tool, gravity_direction=question.gravity_direction)
-    require_full_rank(tool, readings.R_base_flange, names, known)
+    lean = float(np.linalg.norm(tool.gravity_direction - question.gravity_direction))
+    places = [] if model in HELD_GRAVITY else [tool]
+    if model in HELD_GRAVITY or lean < SURE_LEAN * float(np.sqrt(np.trace(estimate.covariance[-2:, -2:]))):
+        # a tilt that the prior lets in, or noise, is not what separates
+        places.append(replace(tool, gravity_direction=question.gravity_direction))
+    for each in places:
+        require_full_rank(each, readings.R_base_flange, names, known)
     if model == "mount+base" and not len(known) and n < FEWEST_POSES_WITH_BASE:
         raise UnobservableError(
             f"found {n} distinct orientations, expected {FEWEST_POSES_WITH_BASE} or more for mount+base: "
