@@ -77,6 +77,8 @@ def poses_of(written: Written, R_base_flange: Array) -> Written:
     recorded = recorded_poses(replace(samples, t=t), len(samples) + 1, stream)
     poses, rows, means = in_time(recorded.visits or recorded.poses), [], []
     order = np.argsort(t, kind="stable")
+    sizes = [(x, float(np.ptp(x, axis=0).max()), float(np.abs(x).max())) for _, x in written.sets]
+    sets = [(numbers, max(APART[0] * span, APART[1] * most)) for numbers, span, most in sizes]
     for pose in poses:
         start, end = np.array([pose.t_start, pose.t_end], dtype=np.float64)
         during = order[np.searchsorted(t[order], start) : np.searchsorted(t[order], end, "right")]
@@ -85,22 +87,20 @@ def poses_of(written: Written, R_base_flange: Array) -> Written:
             rows.append(during[np.argmin(off)])
             means.append(pose.wrench)
             continue
-        for at_one in _groups(written.sets, during):
+        for at_one in _groups(sets, during):
             rows.append(at_one[0])
             means.append(written.wrench[at_one].mean(axis=0))
     return written.at(np.array(rows, dtype=np.intp), np.array(means).reshape(-1, 6))
 
 
-def _groups(sets: tuple[ColumnSet, ...], rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+def _groups(sets: list[tuple[Array, float]], rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
     """Rows of one pose each (n,), by how near the numbers of an orientation are: two poses may be one by a convention
-    that is not theirs.
+    that is not theirs. `sets` of numbers, and by how much they differ from pose to pose.
     """
     while len(rows):
         near = np.ones(len(rows), dtype=bool)
-        for _, numbers in sets:
-            size = float(np.ptp(numbers, axis=0).max()), float(np.abs(numbers).max())
-            off = np.abs(numbers[rows] - numbers[rows[0]]).max(axis=1)
-            near &= off <= max(share * whole for share, whole in zip(APART, size, strict=True))
+        for numbers, apart in sets:
+            near &= np.abs(numbers[rows] - numbers[rows[0]]).max(axis=1) <= apart
         yield rows[near]
         rows = rows[~near]
 
