@@ -17,6 +17,7 @@ import pytest
 
 from contactwrench.cli.lab import lab
 from tests.lab.clients import ask, connected, exactly, line, nothing_left, rtde, sri_packet
+from tests.support.signals import heard
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 
@@ -64,11 +65,6 @@ def test_every_pair_starts_at_the_ports_that_are_asked_for(
     assert all(f":{port}" in out for port in (first, first + 2, first + 3))
 
 
-def _heard() -> None:
-    """Also where the tests run under nohup."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
 def _is_closed(port: int) -> bool:
     with suppress(OSError), connected(port):
         return False
@@ -88,7 +84,7 @@ def test_a_live_session_beside_it_ends_with_it(number: str, status: int, said: s
             stdout=PIPE,
             stderr=PIPE,
             text=True,
-            preexec_fn=_heard,  # noqa: PLW1509 - it locks nothing
+            preexec_fn=heard,  # noqa: PLW1509 - it locks nothing
         )
         program = ending.enter_context(started)
         ending.callback(program.kill)

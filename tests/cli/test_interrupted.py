@@ -14,6 +14,7 @@ import pytest
 import contactwrench as cw
 from contactwrench import __main__ as program
 from tests.support.recordings import PANDA
+from tests.support.signals import heard
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 
@@ -49,13 +50,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def _heard() -> None:
-    """Also where the tests run under nohup."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
 def struck(
-    folder: Path, event: str, part: str, name: str, before: Callable[[], object] = _heard
+    folder: Path, event: str, part: str, name: str, before: Callable[[], object] = heard
 ) -> subprocess.CompletedProcess[str]:
     (folder / "out.csv").unlink(missing_ok=True)
     script = PLANTED.format(event=event, part=part, name=name)

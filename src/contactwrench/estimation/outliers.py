@@ -133,7 +133,7 @@ def likely_clean(
     h = max(int(np.ceil(CLEAN_SHARE * n)), min(n - 1, FEWEST_POSES))
     problem = _Trimmed(J, errors, information, pull, lever, h)
     kept = problem.concentrated(_subsets(n), CONCENTRATIONS)
-    best = kept[np.argsort(problem.fit(kept).score)[:FINALISTS]]
+    best = kept[np.argsort(problem.fit(kept, 1).score)[:FINALISTS]]
     best = problem.concentrated(best, MOST_CONCENTRATIONS)
     fits = problem.fit(best)
     first = int(np.argmin(fits.score))
@@ -170,7 +170,7 @@ class _Trimmed:
         self.rough = max(float(np.median(squared)) / 6.0, 1e-20)
         self.products = np.einsum("ngap,ngaq->gnpq", groups, groups).reshape(2, n, -1)
 
-    def fit(self, kept: NDArray[np.bool_]) -> _Fits:
+    def fit(self, kept: NDArray[np.bool_], passes: int = VARIANCE_PASSES) -> _Fits:
         """The fits to the poses kept (k, n), forces and torques with variances of their own."""
         k, n = kept.shape
         q, share = self.J.shape[2], kept.astype(np.float64)
@@ -178,7 +178,7 @@ class _Trimmed:
         variance = np.array([1.0, self.unit[3] ** 2])[:, None] * self.rough * np.ones((2, k))
         count = kept.sum(axis=1)
         freedom = np.maximum(3.0 * count - 0.5 * q, 0.25 * count)
-        for _ in range(VARIANCE_PASSES):
+        for _ in range(passes):
             total = np.einsum("gkpq,gk->kpq", products, 1.0 / variance)
             normal = total[:, :q, :q] + self.information
             unit = np.sqrt(np.einsum("kpp->kp", normal)) + 1e-100
@@ -192,7 +192,7 @@ class _Trimmed:
     def concentrated(self, kept: NDArray[np.bool_], times: int) -> NDArray[np.bool_]:
         """Each set replaced by the `h` poses nearest to its own fit, so many times."""
         for _ in range(times):
-            before, nearest = kept, np.argpartition(self.fit(kept).distance, self.h - 1, axis=1)[:, : self.h]
+            before, nearest = kept, np.argpartition(self.fit(kept, 1).distance, self.h - 1, axis=1)[:, : self.h]
             kept = np.zeros_like(before)
             np.put_along_axis(kept, nearest, True, axis=1)
             if (kept == before).all():

@@ -12,7 +12,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
-from .delay_fit import GRID, Fit, Scan, fitted, scan, standard_deviation, thinned
+from .delay_fit import GRID, Fit, Scan, fitted, scans, standard_deviation, thinned
 from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
 from .synchronize import default_gap, synchronize
@@ -103,9 +103,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     if np.arccos(np.clip(cosine_of_turn.min(), -1.0, 1.0)) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
     thin = thinned(scanned)
-    states = [motion.state_at(thin.t - delay) for delay in delays]  # a fifth of the search: once for both directions
-    scans = [scan(motion, thin, delays, states, down) for down in (stated, None)]
-    fit, used, chosen = _settled(motion, means, scans)
+    fit, used, chosen = _settled(motion, means, *scans(motion, thin, delays, stated))
     if int(chosen.misfit.argmin()) in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond", True)
     std = standard_deviation(motion, used, fit)
@@ -136,20 +134,22 @@ def _known(motion: ArmMotion, means: WrenchStream, least: float, most: float) ->
     return means.select(motion.is_known(means.t - most, means.t - least))
 
 
-def _settled(motion: ArmMotion, means: WrenchStream, scans: list[Scan]) -> tuple[Fit, WrenchStream, Scan]:
-    """The fit from the first scan, or from another if it is far better, and the means that it is of: all that are known
-    at its delay and near it; and the scan.
+def _settled(motion: ArmMotion, means: WrenchStream, stated: Scan, free: Scan) -> tuple[Fit, WrenchStream, Scan]:
+    """The fit under gravity as stated, or anywhere if that is far better, and the means that it is of: all that are
+    known at its delay and near it; and the scan.
     """
-    reach = max(abs(scanned.best) for scanned in scans) + 2.0 * GRID
+    reach = max(abs(stated.best), abs(free.best)) + 2.0 * GRID
     thin = thinned(_known(motion, means, -reach, reach))
-    fit, chosen = fitted(motion, thin, scans[0].best, scans[0].down), scans[0]
-    for other in scans[1:]:
-        other_fit = fitted(motion, thin, other.best, other.down)
-        if other_fit.misfit < fit.misfit - ANOTHER_BASE:
-            fit, chosen = other_fit, other
+    fit, chosen = fitted(motion, thin, stated.best, stated.down), stated
+    if free.least < stated.least - ANOTHER_BASE:
+        anywhere = fitted(motion, thin, free.best, free.down)
+        if anywhere.misfit < fit.misfit - ANOTHER_BASE:
+            fit, chosen = anywhere, free
     for _ in range(2):
-        used = _known(motion, means, fit.delay - GRID, fit.delay + GRID)
+        used, before = _known(motion, means, fit.delay - GRID, fit.delay + GRID), fit.delay
         fit = fitted(motion, used, fit.delay, fit.down)
+        if abs(fit.delay - before) < 0.5 * GRID:
+            break
     return fit, used, chosen
 
 

@@ -8,7 +8,7 @@ outside it (contacts) count less.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,10 +71,11 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """`misfit` (k,) at each delay, the `best` delay s, and `down` (3,) there."""
+    """`misfit` (k,) at each delay, the `best` delay s and what is left there, `least`; gravity along `down` (3,)."""
 
     misfit: Array
     best: float
+    least: float
     down: Array
 
 
@@ -83,36 +84,52 @@ def thinned(means: WrenchStream) -> WrenchStream:
     return means.select(slice(None, None, -(-len(means) // SCANNED)))
 
 
-def scan(motion: ArmMotion, thin: WrenchStream, delays: Array, states: list[Array], down: Array | None) -> Scan:
-    """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms; under gravity along `down` (3,).
+def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -> list[Scan]:
+    """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms: under gravity as `stated` (3,),
+    and where the base's three axes explain the wrench in its place.
 
-    `states` are the motion's at the `thin` means, for each delay. Where down is None, the base's three axes explain the
-    wrench in its place, and down is what they have in common: the first singular vector of their coefficients. Contacts
-    are told from the rest at no delay first, then at the best of some.
+    Down is then what the three have in common: the first singular vector of their coefficients. Contacts are told from
+    the rest at no delay first, then at the best of some.
     """
-    weight = np.ones(len(thin))
+    states, weight = [motion.state_at(thin.t - delay) for delay in delays], np.ones(len(thin))
 
     def reweighted(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
-            residual, *_ = _explained(motion.state_at(thin.t - delay), thin.wrench, down, weight)
+            residual, *_ = _explained(motion.state_at(thin.t - delay), thin.wrench, None, weight)
             weight = _weight(residual, _variance(residual, thin, weight if weight.min() < 1.0 else None))
         return weight
 
     def misfits(states: list[Array]) -> Array:
-        residuals = (_explained(state, thin.wrench, down, weight)[0] for state in states)
-        return np.array([np.log(_variance(residual, thin, weight)).sum() for residual in residuals])
+        left = np.array([_left(state, thin.wrench, stated, weight) for state in states])
+        misfit: Array = np.log(left / weight.sum() + _least_variance(thin)).sum(axis=2)
+        return misfit
 
     weight = reweighted(0.0, weight)
-    weight = reweighted(float(delays[misfits(states).argmin()]), weight)
-    misfit = misfits(states)
-    best = float(delays[misfit.argmin()])
-    near = best + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
-    best = float(near[misfits([motion.state_at(thin.t - delay) for delay in near]).argmin()])
-    if down is None:
-        of_axes = _explained(motion.state_at(thin.t - best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
-        noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
-        down = np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0]
-    return Scan(misfit, best, down)
+    weight = reweighted(float(delays[misfits(states)[:, 1].argmin()]), weight)
+    found = []
+    for k, misfit in enumerate(misfits(states).T):
+        near = delays[misfit.argmin()] + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
+        of_near = misfits([motion.state_at(thin.t - delay) for delay in near])[:, k]
+        found.append(Scan(misfit, float(near[of_near.argmin()]), float(of_near.min()), stated))
+    of_axes = _explained(motion.state_at(thin.t - found[1].best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
+    noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
+    return [found[0], replace(found[1], down=np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0])]
+
+
+def _left(state: Array, wrench: Array, stated: Array, weight: Array) -> tuple[Array, Array]:
+    """The weighted sums of squares (6,) that the motion's state leaves of readings (n, 6): under gravity as `stated`
+    (3,), and where the base's three axes explain them in its place.
+    """
+    columns = np.sqrt(weight)[:, None] * np.column_stack([_columns(state, None), wrench])
+    anywhere, one = _sums(columns, columns), np.eye(columns.shape[1])
+    gravity = np.column_stack([one[:, :1], one[:, 1:10] @ np.kron(stated[:, None], np.eye(3)), one[:, 10:]])
+
+    def left(moments: Array) -> Array:
+        explained = _independent(moments[:-6, :-6]).T @ moments[:-6, -6:]
+        of_axes: Array = np.maximum(np.diag(moments)[-6:] - (explained**2).sum(axis=0), 0.0)
+        return of_axes
+
+    return left(gravity.T @ anywhere @ gravity), left(anywhere)
 
 
 def _explained(state: Array, wrench: Array, down: Array | None, weight: Array) -> tuple[Array, Array, Array, Array]:
@@ -141,8 +158,13 @@ def _variance(residual: Array, means: WrenchStream, weight: Array | None = None)
         variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2
     else:
         variance = _sums(weight[:, None], residual**2)[0] / weight.sum()
-    floored: Array = variance + (ROUNDING * means.wrench.var(axis=0) + 1e-24)
+    floored: Array = variance + _least_variance(means)
     return floored
+
+
+def _least_variance(means: WrenchStream) -> Array:
+    least: Array = ROUNDING * means.wrench.var(axis=0) + 1e-24
+    return least
 
 
 def _weight(residual: Array, variance: Array) -> Array:
@@ -216,12 +238,18 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
     """An orthonormal basis (n, k) of columns (n, p), and what turns coefficients on it into those of the columns
     (p, k), the smallest where columns say the same.
     """
-    size = np.linalg.norm(columns, axis=0)
+    unit = _independent(_sums(columns, columns))
+    return _times(columns, unit), unit
+
+
+def _independent(moments: Array) -> Array:
+    """What makes an orthonormal basis (p, k) of columns with these moments (p, p)."""
+    size = np.sqrt(np.diag(moments))
     size = np.where(size > SAME * size[0], size, np.inf)
-    values, vectors = np.linalg.eigh(_sums(scaled := columns / size, scaled))
+    values, vectors = np.linalg.eigh(moments / np.outer(size, size))
     kept = values > SAME * values[-1]
     unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
-    return _times(columns, unit), unit
+    return unit
 
 
 def _times(tall: Array, matrix: Array) -> Array:
