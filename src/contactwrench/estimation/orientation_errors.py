@@ -19,7 +19,6 @@ from ..geometry.arrays import Array
 from ..geometry.wrench import cross_matrix
 from ..model import gravity_in_flange, matrix_jacobian, wrench_jacobian, wrench_matrix
 from .bias_drift import Drift
-from .hypotheses import priors_at
 from .moments import precision_times
 from .tables import Problem, Table
 
@@ -112,9 +111,8 @@ def _slopes(problem: Problem, table: Table, member: int) -> Array:
     whitened = (D / unit[:, :, None]).reshape(-1, q + 18)
     information = whitened.T @ whitened
     right = whitened.T @ (problem.errors(table.tool)[kept] / unit).ravel()
-    prior = priors_at(table.tool, problem.names, table.hypotheses, problem.question)
-    information[np.ix_(problem.columns, problem.columns)] += prior.information[m.hypothesis[member]]
-    right[problem.columns] += prior.pull[m.hypothesis[member]]
+    information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[member]]
+    right[problem.columns] += table.priors.pull[m.hypothesis[member]]
     information[range(q, q + 18), range(q, q + 18)] += np.repeat(1.0 / (strength**2 * variance), 3)
     covariance = _inverse(information)
     to_B = np.zeros((24, q + 18))
@@ -140,19 +138,18 @@ def _turns(problem: Problem, table: Table, member: int) -> Array:
         [precision_times(drift.columns[kept], strength, relative, D[:, axis]) / variance[axis] for axis in AXES], axis=1
     )
     information = np.einsum("naq,nar->qr", D, weighted)
-    prior = priors_at(table.tool, problem.names, table.hypotheses, problem.question)
-    information[np.ix_(problem.columns, problem.columns)] += prior.information[m.hypothesis[member]]
+    information[np.ix_(problem.columns, problem.columns)] += table.priors.information[m.hypothesis[member]]
     gain = np.einsum("qr,nar->nqa", _inverse(information), weighted)
     r = gravity_in_flange(problem.R_base_flange[kept], table.tool.gravity_direction)
     place = np.flatnonzero(kept)
     alike = CORRELATION ** np.abs(np.subtract.outer(place, place))
     by_axis = gain * np.sqrt(variance / np.mean(variance[:3]))
-    of_columns = np.einsum("nqa,nk->kqa", by_axis, drift.columns[kept])
-    by_kernel = np.einsum("kqa,kra->qr", of_columns, of_columns)
+    of_columns = np.tensordot(drift.columns[kept], by_axis, (0, 0))
+    by_kernel = np.tensordot(of_columns, of_columns, ((0, 2), (0, 2)))
     turn = 1.5 / max(table.tool.weight**2, 1e-12)  # rad^2
     turned = gain @ (wrench_matrix(table.tool)[:, :3] @ cross_matrix(r))
-    by_turns = turn * np.einsum("nqc,nm,mrc->qr", turned, alike, turned, optimize=True)
-    beyond: Array = by_turns - by_kernel
+    of_alike = np.tensordot(alike, turned, 1)
+    beyond: Array = turn * np.tensordot(turned, of_alike, ((0, 2), (0, 2))) - by_kernel
     return beyond
 
 

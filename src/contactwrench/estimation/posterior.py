@@ -15,7 +15,7 @@ from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 from ..model import RigidTool, response_jacobian, wrench_jacobian
 from .bias_drift import kernels_of
-from .hypotheses import Hypothesis, priors_at
+from .hypotheses import Hypothesis
 from .moments import precision_diagonal, precision_times
 from .orientation_errors import two_levels
 from .outliers import likely_clean, log_prior_outlying, log_prior_two_levels
@@ -72,7 +72,15 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
     whole = sorted([*found, *of_levels], key=lambda table: -table.log_evidence)
     first = whole[0]
     others = [t for t in whole[1:] if t.log_evidence > first.log_evidence - FAR]
-    return [first, *(table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses) for t in others)]
+    return [
+        first,
+        *(
+            t
+            if t.tool is first.tool and t.kernels is not problem.kernels
+            else table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses)
+            for t in others
+        ),
+    ]
 
 
 def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
@@ -84,10 +92,9 @@ def _as_two_levels(problem: Problem, kept: NDArray[np.bool_]) -> Problem:
 def _clean_poses(problem: Problem, table: Table) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """As `likely_clean` has them, linearised at the table's tool."""
     J = wrench_jacobian(table.tool, problem.R_base_flange, problem.names)
-    priors = priors_at(table.tool, problem.names, table.hypotheses[-1:], problem.question)
     q, columns = len(problem.names), problem.columns
     information, pull = np.zeros((q, q)), np.zeros(q)
-    information[np.ix_(columns, columns)], pull[columns] = priors.information[0], priors.pull[0]
+    information[np.ix_(columns, columns)], pull[columns] = table.priors.information[-1], table.priors.pull[-1]
     return likely_clean(J, problem.errors(table.tool), information, pull, LEVER)
 
 
