@@ -25,6 +25,9 @@ MOST_PASSES = 12
 SETTLED = 1e-2
 """Relative change of a variance; an estimate changes by far less than a hundredth of its std."""
 
+FEW = 0.25
+"""Of a stack: when no more are still moving, these go on alone."""
+
 RIDGE = 1e-13
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
@@ -103,16 +106,17 @@ def solved(
     pairs: Pairs,
     noise: NoiseModel,
     passes: int = MOST_PASSES,
+    begin: Array | None = None,
 ) -> Members:
     """The solutions under `pairs` of a kernel, whose `log_prior` (k,) counts, and a hypothesis; noise and parameters at
-    their joint optimum, or after so many `passes` close to it.
+    their joint optimum, or after so many `passes` close to it, from the logarithms of the variances (m, 6) to `begin`.
     """
     kernel, hypothesis = pairs
     own, m, p = G[kernel], len(kernel), G.shape[-1] - 1
     at_tool = own[:, :, p, p]
     information, pull = priors.information[hypothesis], priors.pull[hypothesis]
     apart = priors.apart[hypothesis]
-    log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0))
+    log_variance = noise.first(at_tool / max(moments.n - 1.0, 1.0)) if begin is None else begin
     unit = np.ones((m, p + 1))  # of the parameters, which differ widely, each its std
     unit[:, :p] = np.einsum("ma,mapp->mp", np.exp(-log_variance), own[..., :p, :p]) + np.einsum("mpp->mp", information)
     unit = 1.0 / np.sqrt(np.maximum(unit, 1e-60))
@@ -133,8 +137,9 @@ def solved(
         squares = np.maximum(sums[:, :, 0], 1e-12 * at_tool)
         dof = np.maximum(moments.n - 1.0 - sums[:, :, 1] * precision, 0.0)
         before = log_variance
-        log_variance = noise.improved(before, squares, dof, apart, first=k == 0)
-        if float(np.abs(log_variance - before).max(initial=0.0)) <= SETTLED:
+        log_variance = noise.improved(before, squares, dof, apart, first=begin is None and k == 0)
+        moving = np.flatnonzero(np.abs(log_variance - before).max(axis=1) > SETTLED)
+        if len(moving) <= FEW * m:
             break
     of_volume = priors.of_volume[hypothesis]
     if of_volume.any():
@@ -152,7 +157,14 @@ def solved(
         + noise.log_volume(log_variance, dof, apart)
     )
     evidence = evidence + log_prior[kernel] + priors.log_prior[hypothesis]
-    return Members(kernel, hypothesis, step, covariance * scale, np.exp(log_variance), dof, evidence, misfit)
+    found = Members(kernel, hypothesis, step, covariance * scale, np.exp(log_variance), dof, evidence, misfit)
+    left = passes - k - 1
+    if len(moving) and left:
+        pairs = kernel[moving], hypothesis[moving]
+        rest = solved(G, moments, log_prior, priors, pairs, noise, left, log_variance[moving])
+        for name in Members.__dataclass_fields__:
+            getattr(found, name)[moving] = getattr(rest, name)
+    return found
 
 
 def _regular(information: Array) -> Array:
