@@ -220,9 +220,20 @@ def test_thousands_of_orientations_on_the_way_are_refused_at_once(way: str) -> N
         ) as refusal:
             use(samples)
         assert str(refusal.value).endswith(
-            "expected poses at rest: give the times in a column t, so that the still stretches are found, or only rows "
-            "at rest"
+            "expected poses at rest: give the times in a column t, so that the still stretches are found, or give only "
+            "rows at rest"
         )
+
+
+@pytest.mark.slow
+def test_thousands_of_orientations_with_times_are_stops_that_are_none() -> None:
+    R = np.repeat(Rotation.random(12_500, rng=0).as_matrix(), 2, axis=0)
+    samples = cw.Samples(np.ones((len(R), 6)), R, t=np.linspace(0.0, 50.0, len(R)), source="run.csv")
+    with pytest.raises(cw.ContactWrenchError) as refusal:
+        cw.calibrate(samples)
+    assert str(refusal.value).endswith(
+        "in 25000 rows, expected poses at rest: stop for a second or two at each orientation, or give only rows at rest"
+    )
 
 
 @pytest.mark.slow

@@ -110,9 +110,10 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
     if not (is_stream(samples) if stream is None else stream and len(samples)):
         _require_few(samples)
         label = label_orientations(samples.R_base_flange)
+        first = np.unique(label, return_index=True)[1]
+        if len(first) > MOST_POSES or (len(first) > MOST_ON_THE_WAY and _lie_close(samples.R_base_flange[first])):
+            raise _too_many(samples, len(first))
         poses, visit = averaged(samples, label), visits(label, most_visits)
-        if len(poses) > MOST_POSES or (len(poses) > MOST_ON_THE_WAY and _lie_close(poses)):
-            raise _too_many(samples, len(poses))
         again = None if visit is None else averaged(samples, visit)
         if samples.t is None:
             return RecordedPoses(poses, again, (), 0, 0)
@@ -162,15 +163,18 @@ def _require_few(samples: Samples) -> None:
 
 
 def _too_many(samples: Samples, count: int) -> InputError:
+    still = "stop for a second or two at each orientation"
+    if samples.t is None:
+        still = "give the times in a column t, so that the still stretches are found"
     return InputError(
-        f"{samples.source}: found about {count} orientations in {len(samples)} rows, expected poses at rest: give the "
-        "times in a column t, so that the still stretches are found, or only rows at rest"
+        f"{samples.source}: found about {count} orientations in {len(samples)} rows, expected poses at rest: {still}, "
+        "or give only rows at rest"
     )
 
 
-def _lie_close(poses: tuple[Pose, ...]) -> bool:
-    """Whether most poses lie next to the one before, as no poses do that anybody chose."""
-    return bool(np.median(_angles(np.array([pose.R_base_flange for pose in poses]))) < CLOSE)
+def _lie_close(R: Array) -> bool:
+    """Whether most orientations lie next to the one before, as none do that anybody chose."""
+    return bool(np.median(_angles(R)) < CLOSE)
 
 
 def _follows_the_arm(R: Array) -> bool:
