@@ -12,7 +12,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
-from .delay_fit import GRID, Fit, Scan, fitted, scans, standard_deviation, thinned
+from .delay_fit import GRID, Fit, Scan, fitted, scans, standard_deviation
 from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
 from .synchronize import default_gap, synchronize
@@ -26,6 +26,8 @@ LEAST_TURN = np.deg2rad(2.0)
 LEAST_MEANS = 60
 ANOTHER_BASE = 0.5
 """Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
+SCANNED = 2000
+"""Means that the search over the whole range looks at."""
 TOLD = 0.3
 """Of the std that noise alone would show: with a tenth of the information that there is, it does no harm."""
 ASTRAY = 0.1
@@ -102,7 +104,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     cosine_of_turn = 0.5 * (axes @ axes[0] - 1.0)
     if np.arccos(np.clip(cosine_of_turn.min(), -1.0, 1.0)) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
-    thin = thinned(scanned)
+    thin = _thinned(scanned)
     fit, used, chosen = _settled(motion, means, *scans(motion, thin, delays, stated))
     if int(chosen.misfit.argmin()) in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond", True)
@@ -129,6 +131,11 @@ def _means(readings: WrenchStream, width: float) -> WrenchStream:
     return WrenchStream(of_cell.mean(axis=1)[whole], in_cell.mean(axis=1)[whole])
 
 
+def _thinned(means: WrenchStream) -> WrenchStream:
+    """At most `SCANNED` of the means, evenly."""
+    return means.select(slice(None, None, -(-len(means) // SCANNED)))
+
+
 def _known(motion: ArmMotion, means: WrenchStream, least: float, most: float) -> WrenchStream:
     """The means whose orientation is known at every delay from `least` to `most` s."""
     return means.select(motion.is_known(means.t - most, means.t - least))
@@ -139,7 +146,7 @@ def _settled(motion: ArmMotion, means: WrenchStream, stated: Scan, free: Scan) -
     known at its delay and near it; and the scan.
     """
     reach = max(abs(stated.best), abs(free.best)) + 2.0 * GRID
-    thin = thinned(_known(motion, means, -reach, reach))
+    thin = _thinned(_known(motion, means, -reach, reach))
     fit, chosen = fitted(motion, thin, stated.best, stated.down), stated
     if free.least < stated.least - ANOTHER_BASE:
         anywhere = fitted(motion, thin, free.best, free.down)

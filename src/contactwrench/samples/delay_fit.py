@@ -20,8 +20,6 @@ from .spectra import spectral_std
 GRID = 0.04
 """s: no motion of an arm is over in less, so that the search misses no minimum; then it goes on in steps of"""
 FINE = 0.01
-SCANNED = 2000
-"""Means that the search over the whole range looks at."""
 REWEIGHTED = 4
 """Times that contacts are told from the rest before it."""
 SAME = 1e-10
@@ -77,11 +75,6 @@ class Scan:
     best: float
     least: float
     down: Array
-
-
-def thinned(means: WrenchStream) -> WrenchStream:
-    """At most `SCANNED` of the means, evenly."""
-    return means.select(slice(None, None, -(-len(means) // SCANNED)))
 
 
 def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -> list[Scan]:
