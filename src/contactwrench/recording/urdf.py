@@ -102,9 +102,10 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
 
 
 def _joints(path: str | Path) -> list[_Joint]:
+    content = read_bytes(path)
     try:
-        root = ElementTree.fromstring(read_bytes(path))
-    except ElementTree.ParseError as error:
+        root = ElementTree.fromstring(content)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter two: of the encoding it states
         raise FileFormatError(f"{path}: found no XML ({error}), expected a URDF") from None
     if root.tag != "robot":
         raise FileFormatError(f"{path}: found <{root.tag}>, expected <robot>: a URDF")
