@@ -38,6 +38,7 @@ def main() -> None:
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:  # a closed stream's number would be the next file's
         pass
     os.close(descriptor)
+    os.environ["MUJOCO_GL"] = "off"  # nothing is drawn, and a program that looks for a window's library outlives this
     _bound_memory()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
