@@ -165,7 +165,7 @@ def test_one_that_cannot_be_read_is_said_before_anything_is_written(
     cw.calibrate(cw.read(PANDA), "mount").save(tmp_path / "tool.json")
     imu, output = tmp_path / "imu.csv", tmp_path / "o.csv"
     imu.symlink_to("/proc/self/mem")
-    by = ["-c", tmp_path / "tool.json"] if verb == "compensate" else []
+    by = ("-c", tmp_path / "tool.json") if verb == "compensate" else ()
     done = run(capsys, verb, PANDA, *by, "--imu", imu, "-o", output)
     said = f"contactwrench: {imu}: cannot be read (input/output error): check the path and its permissions\n"
     assert (done.status, done.err, output.exists()) == (2, said, False)

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,7 +21,7 @@ from .outputs import Writes
 from .signals import caught
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from ..calibration.calibration import Calibration
     from ..live.page import Hub
@@ -72,7 +72,7 @@ def live(
     out: Annotated[
         list[str] | None,
         options.text("URI|FILE", "Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
-        Writes(lambda outs, _: (Path(each) for each in outs or () if ":" not in each)),
+        Writes(lambda outs, _: _files(outs)),
     ] = None,
     recorded: Annotated[Path | None, options.text("FILE", "Play this recording in place of devices.", "--from")] = None,
     speed: Annotated[float, options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.")] = 1.0,
@@ -136,6 +136,13 @@ def live(
             options.say(f"Open {server.url}")
             sys.stdout.flush()
         _until_a_signal(pump, hub if wizard else None, page)
+
+
+def _files(outs: Any) -> Iterable[Path]:
+    """Those that --out names."""
+    from ..live.uri import file_of
+
+    return filter(None, map(file_of, outs or ()))
 
 
 def _sources(sensor: str | None, robot: str | None, recorded: Path | None, speed: float) -> dict[str, Source]:
