@@ -156,3 +156,12 @@ def test_the_virtual_rig_starts_no_other_program_that_a_signal_would_not_reach(t
     environment = {**os.environ, "MUJOCO_GL": "a library that there is not"}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_report_needs_no_window_whatever_the_environment_wishes(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    command = [sys.executable, "-m", "contactwrench", "calibrate", PANDA, "-o", "tool.json", "--report", "tool.html"]
+    environment = {**os.environ, "MPLBACKEND": "one that there is not"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"tool.json", "tool.html"}

@@ -366,7 +366,7 @@ def test_of_two_who_calibrate_at_once_the_second_is_refused(
         ("n" * 300, "cannot be written (file name too long): name another"),
         ("loop", "cannot be written (too many levels of symbolic links): name another"),
         ("in.csv/x.json", "cannot be written (not a directory): name another"),
-        ("gone/x.json", "there is no folder FOLDER/gone: make it first"),
+        ("gone/x.json", "found no folder FOLDER/gone, expected one: make it first"),
         ("sub", "found a folder, expected a new name: name another, or a file in it"),
         (
             "/proc/x.json",
