@@ -8,7 +8,6 @@ from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from math import inf, nan
-from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
@@ -137,12 +136,6 @@ def sink_of(text: str) -> Sink:
     """The sink of a URI, or of a file's name, not yet open. Raises `InputError`."""
     sink: Sink = _made(text if ":" in text else f"file:{text}", SINKS, SINK_GROUP)
     return sink
-
-
-def file_of(text: str) -> Path | None:
-    """The file that a sink writes: one without a scheme, or with `file:`; None: it writes none."""
-    scheme, colon, name = text.partition(":")
-    return Path(text) if not colon else Path(name) if scheme.lower() == "file" else None
 
 
 def schemes(known: Mapping[str, str], group: str) -> dict[str, Callable[[], Any]]:
