@@ -160,7 +160,17 @@ def test_the_virtual_rig_starts_no_other_program_that_a_signal_would_not_reach(t
 
 def test_a_report_needs_no_window_whatever_the_environment_wishes(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    command = [sys.executable, "-m", "contactwrench", "calibrate", PANDA, "-o", "tool.json", "--report", "tool.html"]
+    command = [
+        sys.executable,
+        "-m",
+        "contactwrench",
+        "calibrate",
+        str(PANDA),
+        "-o",
+        "tool.json",
+        "--report",
+        "tool.html",
+    ]
     environment = {**os.environ, "MPLBACKEND": "one that there is not"}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..errors import InputError
+from ..files import name_of
 from ..geometry.arrays import Array
 from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
 from ..geometry.wrench import WRENCH_AXES
@@ -116,7 +117,11 @@ def simulate(
         recorded = record_poses(rig_settings, joints, loads, rng=rng)
     else:
         recorded = _moving(rig_settings, trajectory, loads, pushes, rng)
-    asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}
+    asked = {
+        "trajectory" if trajectory else "poses": name_of(source),
+        "load_g": [1000.0 * load for load in loads],
+        "seed": seed,
+    }
     if pushes:
         asked["pushes"] = pushes
     if output.suffix.lower() == ".csv":
