@@ -174,7 +174,7 @@ def test_files_of_another_kind(tmp_path: Path, content: str, found: str) -> None
 )
 def test_files_of_another_version(tmp_path: Path, number: str, remedy: str) -> None:
     assert refusal(tmp_path, saved() | {"schema": f"contactwrench/calibration/{number}"}) == (
-        f"found schema 'contactwrench/calibration/{number}', expected '{SCHEMA}' of this version: {remedy}"
+        f"found schema 'contactwrench/calibration/{number}', expected '{SCHEMA}': {remedy}"
     )
 
 
@@ -283,7 +283,7 @@ BY_TOOL = f"follows from weight, com, bias and R_flange_sensor, {EDITED}"
         ("yaw", replaced("parameters", 10, by=9.0), f"follows from weight, com, bias and yaw, {EDITED}"),
         ("paper", replaced("weight_z", by=9.0), f"follows from weight, {EDITED}"),
         ("mount", replaced("std", "weight", by=1e-6), f"follows from covariance, {EDITED}"),
-        ("mount", replaced("std", "yaw", by=None), f"std.yaw does not fit model mount, expected a number: {AGAIN}"),
+        ("mount", replaced("std", "yaw", by=None), f"std.yaw does not fit mount, expected a number: {AGAIN}"),
         ("mount", replaced("covariance", 0, 0, by=-1.0), "covariance has a variance below 0, expected 0 or more"),
         (
             "mount",

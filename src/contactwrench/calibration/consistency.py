@@ -241,8 +241,7 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
     for name, value in c.std.items():
         stored = derived.std.get(name)
         if (stored is None) != (value is None):
-            expected = "null" if value is None else "a number"
-            raise InputError(f"std.{name} does not fit model {c.model}, expected {expected}")
+            raise InputError(f"std.{name} does not fit {c.model}, expected {'null' if value is None else 'a number'}")
         if value is not None:
             _require_shape(f"std.{name}", np.asarray(stored), np.shape(value))
             _require_near(f"std.{name}", np.asarray(stored), value, "covariance")

@@ -26,8 +26,7 @@ ONE_OVER_F = 0.035
 """N: as much as the white noise."""
 TORQUE_PER_FORCE = 0.02
 """m: of the 1/f noise."""
-MOST_POSES, DIGITS = 1_000, 10
-"""With every load: half an hour of an arm that settles in each; and of a count."""
+MOST_POSES, DIGITS = 1_000, 10  # with every load, half an hour of an arm that settles in each; and of a count
 
 
 def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
@@ -117,11 +116,8 @@ def simulate(
         recorded = record_poses(rig_settings, joints, loads, rng=rng)
     else:
         recorded = _moving(rig_settings, trajectory, loads, pushes, rng)
-    asked = {
-        "trajectory" if trajectory else "poses": name_of(source),
-        "load_g": [1000.0 * load for load in loads],
-        "seed": seed,
-    }
+    kind = "trajectory" if trajectory else "poses"
+    asked = {kind: name_of(source), "load_g": [1000.0 * load for load in loads], "seed": seed}
     if pushes:
         asked["pushes"] = pushes
     if output.suffix.lower() == ".csv":
