@@ -135,7 +135,7 @@ def test_a_directory_is_no_file_to_write(tmp_path: Path) -> None:
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    assert refusal(tmp_path / "gone" / "out.csv") == f"there is no folder {tmp_path / 'gone'}: make it first"
+    assert refusal(tmp_path / "gone" / "out.csv") == f"found no folder {tmp_path / 'gone'}, expected one: make it first"
 
 
 def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:

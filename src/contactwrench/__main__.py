@@ -38,6 +38,8 @@ def main() -> None:
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:  # a closed stream's number would be the next file's
         pass
     os.close(descriptor)
+    # No window is drawn in: what looks for a library of windows outlives this program, and not every value is one.
+    os.environ.update(MUJOCO_GL="off", MPLBACKEND="agg")
     _bound_memory()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

@@ -250,7 +250,7 @@ def cause_named(path: str | Path) -> Iterator[None]:
     except OSError as error:
         folder = Path(os.path.realpath(path)).parent
         if isinstance(error, FileNotFoundError) and not folder.exists():
-            raise FileAccessError(f"{path}: there is no folder {folder}: make it first") from None
+            raise FileAccessError(f"{path}: found no folder {folder}, expected one: make it first") from None
         is_name = error.errno in (errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP)
         advice = "name another" if is_name else "check the space on the disk and the permissions"
         raise FileAccessError(f"{path}: cannot be written ({_reason(error)}): {advice}") from None

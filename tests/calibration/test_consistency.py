@@ -24,7 +24,6 @@ from tests.support.recordings import PANDA, written
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations
 
-EDITED = "the file was edited: calibrate again or restore the file"
 OF_EACH = 1
 """Places of one kind, as the readings of poses, that are edited."""
 
@@ -153,7 +152,7 @@ def put(*place: str | int, by: Any) -> Callable[[dict[str, Any]], None]:
     return edit
 
 
-LEFT = "off what follows from B, gravity_direction and the poses: the file was edited"
+LEFT = "off what follows from B, gravity_direction and the poses, expected a file as it was saved"
 
 
 @pytest.mark.parametrize(
@@ -164,15 +163,21 @@ LEFT = "off what follows from B, gravity_direction and the poses: the file was e
         (put("poses", 3, "wrench", 2, by=lambda f: f + 0.1), LEFT),
         (put("poses", 3, "rejected", by="in contact"), LEFT),
         (put("left_of_poses", by=[0.0] * 6), LEFT),
-        (put("left_of_poses", by=[0.0] * 3), "left_of_poses has not the shape (6,)"),
-        (_consistently_heavier, "found B_covariance off what follows from covariance: the file was edited"),
-        (_not_positive, "covariance is not positive semi-definite, as a covariance is"),
-        (put("covariance", 13, 14, by=lambda c: c + 1e-7), "covariance is not symmetric, as a covariance is"),
-        (put("poses", 0, "wrench_cov", 0, 1, by=1.0), "poses[0].wrench_cov is not symmetric, as a covariance is"),
-        (put("poses", 0, "wrench_cov", 0, 0, by=-1.0), "poses[0].wrench_cov is not positive semi-definite, as a"),
+        (put("left_of_poses", by=[0.0] * 3), "found left_of_poses of another shape, expected (6,)"),
+        (_consistently_heavier, "found B_covariance off what follows from covariance, expected a file as it was saved"),
+        (_not_positive, "covariance is not positive semi-definite, expected a covariance"),
+        (put("covariance", 13, 14, by=lambda c: c + 1e-7), "covariance is not symmetric, expected a covariance"),
+        (put("poses", 0, "wrench_cov", 0, 1, by=1.0), "poses[0].wrench_cov is not symmetric, expected a covariance"),
+        (
+            put("poses", 0, "wrench_cov", 0, 0, by=-1.0),
+            "poses[0].wrench_cov is not positive semi-definite, expected a covariance",
+        ),
         (put("poses", 1, "n", by=0), "poses[1].n is 0, expected 1 row or more"),
-        (put("noise", 1, by=lambda n: 1.01 * n), "off what follows from noise and covariance: the file was edited"),
-        (put("expected_error", by=[1.0]), "expected_error has not the shape (2,)"),
+        (
+            put("noise", 1, by=lambda n: 1.01 * n),
+            "off what follows from noise and covariance, expected a file as it was saved",
+        ),
+        (put("expected_error", by=[1.0]), "found expected_error of another shape, expected (2,)"),
         (put("delay", by=-20.0), "delay is -20 s, expected at most 10 s either way"),
         (put("dof", by=0.0), "dof is 0, expected no more than the least parameter_dof"),
         (put("dof", by=1e6), "dof is 1e+06, expected no more than the least parameter_dof"),

@@ -139,8 +139,11 @@ def test_a_kind_that_a_later_version_found_is_another_finding(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        ({"warnings": ["all is well"]}, "found warnings other than the texts of findings: the file was edited"),
-        ({"findings": []}, "found warnings other than the texts of findings: the file was edited"),
+        (
+            {"warnings": ["all is well"]},
+            "found warnings other than the texts of findings, expected a file as it was saved",
+        ),
+        ({"findings": []}, "found warnings other than the texts of findings, expected a file as it was saved"),
         ({"findings": [{"kind": "other", "text": "x"}]}, "missing required field `severity` - at `$.findings[0]`"),
         ({"findings": [{"kind": "other", "severity": "bad", "text": "x"}]}, "'bad' - at `$.findings[0].severity`"),
         ({"findings": None}, "Expected `array`, got `null` - at `$.findings`"),

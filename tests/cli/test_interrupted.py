@@ -147,3 +147,31 @@ def test_memory_is_bounded_by_what_is_left_unless_it_is_already(monkeypatch: pyt
     assert [(0 < bound <= memory, hard) for bound, hard in limits] == (
         [] if stated else [(True, resource.RLIM_INFINITY)]
     )
+
+
+def test_the_virtual_rig_starts_no_other_program_that_a_signal_would_not_reach(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    script = PLANTED.format(event="subprocess.Popen", part="", name="SIGINT")
+    command = [sys.executable, "-c", script, "simulate", "-o", "out.csv"]
+    environment = {**os.environ, "MUJOCO_GL": "a library that there is not"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_report_needs_no_window_whatever_the_environment_wishes(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    command = [
+        sys.executable,
+        "-m",
+        "contactwrench",
+        "calibrate",
+        str(PANDA),
+        "-o",
+        "tool.json",
+        "--report",
+        "tool.html",
+    ]
+    environment = {**os.environ, "MPLBACKEND": "one that there is not"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert {path.name for path in tmp_path.iterdir()} == {"tool.json", "tool.html"}

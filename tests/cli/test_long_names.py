@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -12,7 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.errors import LONGEST
-from tests.support.recordings import WRENCH, csv_text, run, written
+from tests.support.recordings import PANDA, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings
 from tests.support.written import QUAT, quat
@@ -77,3 +80,43 @@ def test_of_signs_and_poses(tmp_path: Path, capsys: Capture, model: str) -> None
                 assert "…" not in done.err or "likely in radians" in done.err
                 found.add(done.err.split(": ")[1][:20])
     assert len(found) > 2
+
+
+def _of_its_own(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The program in a process of its own, as only there its streams take what is no text."""
+    command = [sys.executable, "-m", "contactwrench", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of any bytes")
+def test_a_name_that_is_no_text_is_read_and_said(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    name = "\udcff"
+    (tmp_path / f"{name}.csv").write_text("qx,qy,qz,qw\n0,1,0,0\n")
+    done = _of_its_own(tmp_path, "simulate", "-o", "out.mcap", "--poses", f"{name}.csv")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads((tmp_path / "out.truth.json").read_text())["command"]["poses"] == "\\xff.csv"
+    (tmp_path / "out.mcap").rename(tmp_path / f"{name}.mcap")
+    done = _of_its_own(tmp_path, "info", f"{name}.mcap", "--json")
+    assert (done.stderr, json.loads(done.stdout)["path"]) == ("", "\\xff.mcap")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="arguments of any bytes")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ("calibrate", str(PANDA), "--base-frame", "\udcff", "-o", "tool.json"),
+            "found '\\udcff', which is not UTF-8, expected a text that is: write it so",
+        ),
+        (
+            ("live", "--sensor", "udp://\udcff:1"),
+            "udp://\\udcff:1: found no URI ('utf-8' codec can't encode character '\\udcff' in position 0: surrogates "
+            "not allowed), expected one like sri://192.168.0.108:4008",
+        ),
+    ],
+)
+def test_a_text_that_is_no_text_is_said(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = _of_its_own(tmp_path, *arguments)
+    assert (done.returncode, done.stderr) == (2, f"contactwrench: {message}\n")
+    assert not any(tmp_path.iterdir())

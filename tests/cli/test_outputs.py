@@ -115,8 +115,9 @@ def one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_none_of_many_outputs_is_anything_that_is_read(one_file: Path) -> None:
-    said = complaint("live", out=["udp://127.0.0.1:9000", "link.csv"], calibration=Path("in.csv"))
+@pytest.mark.parametrize("scheme", ["", "file:", "FILE:"])
+def test_none_of_many_outputs_is_anything_that_is_read(one_file: Path, scheme: str) -> None:
+    said = complaint("live", out=["udp://127.0.0.1:9000", f"{scheme}link.csv"], calibration=Path("in.csv"))
     assert said == "link.csv: found what is read as in.csv, expected another file to write: name one"
     assert one_file.read_text() == "precious"
 
@@ -365,7 +366,7 @@ def test_of_two_who_calibrate_at_once_the_second_is_refused(
         ("n" * 300, "cannot be written (file name too long): name another"),
         ("loop", "cannot be written (too many levels of symbolic links): name another"),
         ("in.csv/x.json", "cannot be written (not a directory): name another"),
-        ("gone/x.json", "there is no folder FOLDER/gone: make it first"),
+        ("gone/x.json", "found no folder FOLDER/gone, expected one: make it first"),
         ("sub", "found a folder, expected a new name: name another, or a file in it"),
         (
             "/proc/x.json",

@@ -181,7 +181,7 @@ def _code(cell: object) -> int:
 def test_what_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"run\.txt: found the suffix \.txt, expected \.csv, \.parquet, \.mcap$"):
         Recorder(tmp_path / "run.txt")
-    with pytest.raises(FileAccessError, match=r"there is no folder .*: make it first$"):
+    with pytest.raises(FileAccessError, match=r"found no folder .*, expected one: make it first$"):
         Recorder(tmp_path / "no" / "run.csv").open()
     (tmp_path / "run.parquet").mkdir()
     with pytest.raises(FileAccessError, match=r"found a file there already, expected a new name"):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import contactwrench as cw
 from contactwrench.errors import ContactWrenchError
 from tests.support.bags import Message, header, ns, pose_stamped, vector, wrench_stamped, write_mcap
-from tests.support.recordings import run
+from tests.support.recordings import PANDA, run
 from tests.support.world import Array
 
 T = np.arange(200) / 100.0
@@ -155,3 +155,17 @@ def test_one_that_is_not_used_or_cut_off_is_noted(capsys: pytest.CaptureFixture[
     imu.write_text(imu.read_text().rstrip("\n"))
     done = run(capsys, "compensate", path, "-c", tmp_path / "tool.json", "--imu", imu, "-o", tmp_path / "o2.csv")
     assert f"Note: {imu}: the last line has no line end: its last number may be cut off\n" in done.err
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="a file that opens and cannot be read")
+@pytest.mark.parametrize("verb", ["calibrate", "compensate"])
+def test_one_that_cannot_be_read_is_said_before_anything_is_written(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: str
+) -> None:
+    cw.calibrate(cw.read(PANDA), "mount").save(tmp_path / "tool.json")
+    imu, output = tmp_path / "imu.csv", tmp_path / "o.csv"
+    imu.symlink_to("/proc/self/mem")
+    by = ("-c", tmp_path / "tool.json") if verb == "compensate" else ()
+    done = run(capsys, verb, PANDA, *by, "--imu", imu, "-o", output)
+    said = f"contactwrench: {imu}: cannot be read (input/output error): check the path and its permissions\n"
+    assert (done.status, done.err, output.exists()) == (2, said, False)

@@ -368,7 +368,7 @@ def test_what_cannot_be_written_is_said_and_leaves_nothing(tmp_path: Path) -> No
         "kind"
     )
     assert _refused(path, tmp_path / "no" / "out.mcap", rows) == (
-        f"{tmp_path / 'no' / 'out.mcap'}: there is no folder {tmp_path / 'no'}: make it first"
+        f"{tmp_path / 'no' / 'out.mcap'}: found no folder {tmp_path / 'no'}, expected one: make it first"
     )
     assert _refused(path, out, rows, topic="/rosout") == (
         f"{path}: found a topic /rosout already, expected another name for the contact wrench"

@@ -137,7 +137,9 @@ def test_calibrations(tmp_path: Path, saved: str) -> None:
         saved.replace('"dof":', '"dof": NaN, "x":'): "no whole JSON file (JSON is malformed: invalid character (byte ",
         saved.replace('"dof":', '"dof": 1e999999, "x":'): "no whole JSON file (Number out of range - at `$[...]`), ",
         saved.replace('"dof":', f'"dof": {"[" * 100_000}'): "no whole JSON file (maximum recursion depth exceeded",
-        saved.replace('"bias": [', f'"bias": [{"0," * 100_000}'): "bias has not the shape (6,): calibrate again",
+        saved.replace(
+            '"bias": [', f'"bias": [{"0," * 100_000}'
+        ): "found bias of another shape, expected (6,): calibrate again",
     }
     for content, message in cases.items():
         assert content != saved

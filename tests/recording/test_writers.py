@@ -150,7 +150,7 @@ def test_what_breaks_off_leaves_the_old_file(tmp_path: Path, name: str) -> None:
         write_contact_wrenches(path, breaking())
     assert path.read_text() == "old"
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
-    with pytest.raises(FileAccessError, match="there is no folder"):
+    with pytest.raises(FileAccessError, match="found no folder"):
         write_contact_wrenches(tmp_path / "gone" / name, parts([1]))
 
 

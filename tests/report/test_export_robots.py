@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import contactwrench as cw
-from contactwrench.errors import InputError
+from contactwrench.errors import BEFORE, InputError, shortened
 from contactwrench.geometry.wrench import STANDARD_GRAVITY
 from contactwrench.report.export.exported import TARGETS, exported
 from contactwrench.report.export.payload import principal_axes
@@ -249,10 +249,11 @@ def test_a_sensor_of_the_robots_own_gets_the_tool_alone_in_its_axes(sign: str, t
     assert np.allclose(ast.literal_eval(f"[{', '.join(found.groups())}]"), alone, atol=1e-5)
 
 
-OFFSET = "--sensor-offset X,Y,Z (m, flange axes, from the flange's origin to the sensor's: on its drawing)"
-MASS = "--sensor-mass KG (sensor and adapter: data sheet or scales; 0 for a sensor inside the robot)"
-COM = "--sensor-com X,Y,Z (m, flange axes, from the flange's origin to their centre of mass)"
-SAYS = "counts from the flange, with the sensor's own mass: give"
+OFFSET = "--sensor-offset X,Y,Z (its origin: drawing)"
+MASS = "--sensor-mass KG (with adapter; 0 inside the robot)"
+COM = "--sensor-com X,Y,Z (of that mass)"
+SAYS = "counts with the sensor's own mass, expected"
+GIVE = ": give it, in m from the flange's origin, flange axes"
 
 
 @pytest.mark.parametrize(
@@ -269,7 +270,8 @@ SAYS = "counts from the flange, with the sensor's own mass: give"
 def test_what_a_payload_needs_is_asked_for(name: str, setup: Setup, message: str) -> None:
     with pytest.raises(InputError) as refused:
         written(name, calibrated(0)[1], setup)
-    assert str(refused.value) == f"{name} {message}"
+    assert str(refused.value) == f"{name} {message}{GIVE}"
+    assert shortened(f"{BEFORE}{refused.value}") == f"{BEFORE}{refused.value}"
 
 
 @EVERY_ROBOT

@@ -110,5 +110,7 @@ def test_it_is_saved_and_read_back_and_checked(tmp_path: Path) -> None:
     assert again.std.tolist() == noise.std.tolist()
     text = (tmp_path / "with.json").read_text(encoding="utf-8")
     (tmp_path / "edited.json").write_text(text.replace('"duration":[0.01,', '"duration":[0.04,'), encoding="utf-8")
-    with pytest.raises(cw.ContactWrenchError, match=r"found still_noise\.duration not ascending from above 0"):
+    with pytest.raises(
+        cw.ContactWrenchError, match=r"found still_noise\.duration out of order, expected it ascending from above 0"
+    ):
         cw.Calibration.load(tmp_path / "edited.json")

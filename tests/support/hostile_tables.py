@@ -213,6 +213,18 @@ URDFS: dict[str, tuple[str, str]] = {
         '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot>&a;</robot>',
         "found no XML (undefined entity &a;: line 1, column 63), expected a URDF",
     ),
+    "an encoding that nobody knows": (
+        '<?xml version="1.0" encoding="mbcs"?><robot/>',
+        "found no XML (unknown encoding: mbcs), expected a URDF",
+    ),
+    "an encoding of more than a byte": (
+        '<?xml version="1.0" encoding="shift_jis"?><robot/>',
+        "found no XML (multi-byte encodings are not supported), expected a URDF",
+    ),
+    "an encoding that decodes nothing": (
+        '<?xml version="1.0" encoding="undefined"?><robot/>',
+        "found no XML (decoding with 'undefined' codec failed (UnicodeError: undefined encoding)), expected a URDF",
+    ),
     "elements in elements": (
         robot(["<a>" * 100_000, "</a>" * 100_000]),
         "found no joint, expected a URDF (of a xacro file, run xacro on it first)",

@@ -24,6 +24,7 @@ COVARIANCE_TOLERANCE, ROTATION_TOLERANCE = 1e-6, 2e-6
 OFF_POSES = (0.5, 10.0)
 """Of the weight, and times what is stated: a file that leaves more in its own poses is another's."""
 LARGEST_NUMBER = 1e30
+UNEDITED = "expected a file as it was saved"
 FOLLOWS = ("verdict", "expected_error", "left_of_poses")
 """Properties that are written to the file."""
 NOT_NEGATIVE = ("residual_rms", "held_out_rms", "observability.tilt_range", "parameter_dof", "still_noise.std")
@@ -58,8 +59,8 @@ def require_consistent(c: CalibrationFields, derived: Derived) -> None:
         raise InputError(f"noise has a number beyond {NOISE_OF_AXIS.most:g}, expected none")
     _check_numbers(c)
     _check_poses(c)
-    if not abs(float(np.linalg.norm(c.gravity_direction)) - 1.0) <= B_TOLERANCE:
-        raise InputError("gravity_direction has not length 1")
+    if not abs((length := float(np.linalg.norm(c.gravity_direction))) - 1.0) <= B_TOLERANCE:
+        raise InputError(f"gravity_direction has length {length:.10g}, expected 1")
     if c.model == "affine":
         _check_affine(c)
     else:
@@ -117,14 +118,14 @@ def _shapes(c: CalibrationFields) -> Iterator[tuple[str, Array | None, tuple[int
 
 def _require_shape(name: str, array: Array | None, shape: tuple[int, ...]) -> None:
     if array is not None and array.shape != shape:
-        raise InputError(f"{name} has not the shape {shape}")
+        raise InputError(f"found {name} of another shape, expected {shape}")
 
 
 def _require_rotation(name: str, R: Array) -> None:
     _require_shape(name, R, (3, 3))
     deviation, determinant = off_rotation(R.reshape(1, 9))
     if not deviation[0] <= ROTATION_TOLERANCE or determinant[0] < 0.0:
-        raise InputError(f"{name} is no rotation matrix")
+        raise InputError(f"found a matrix {name} that does more or less than turn, expected a rotation")
 
 
 def _check_numbers(c: CalibrationFields) -> None:
@@ -138,7 +139,7 @@ def _check_numbers(c: CalibrationFields) -> None:
         if abs(c.delay) > LONGEST_DELAY and is_significant(c.delay, c.delay_std):
             raise InputError(f"delay is {c.delay:g} s, expected at most {LONGEST_DELAY:g} s either way")
     if c.still_noise is not None and not (np.diff(c.still_noise.duration, prepend=0.0) > 0.0).all():
-        raise InputError("found still_noise.duration not ascending from above 0")
+        raise InputError("found still_noise.duration out of order, expected it ascending from above 0")
     least = c.dof if c.parameter_dof is None else float(c.parameter_dof.min())
     if not c.dof <= least + B_TOLERANCE or (c.dof == 0.0 < least):
         raise InputError(f"dof is {c.dof:g}, expected no more than the least parameter_dof, {least:g}, and not 0")
@@ -152,14 +153,14 @@ def _require_covariance(name: str, C: Array) -> None:
     unit[unit == 0.0] = 1.0
     correlation = C / unit[:, None] / unit
     if not (np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] >= -COVARIANCE_TOLERANCE):
-        raise InputError(f"{name} is not positive semi-definite, as a covariance is")
+        raise InputError(f"{name} is not positive semi-definite, expected a covariance")
 
 
 def _require_symmetric(name: str, C: Array) -> None:
     std = np.sqrt(np.abs(np.diag(C)))
     least = COVARIANCE_TOLERANCE**2 * np.abs(C).max()
     if not (np.abs(C - C.T) <= COVARIANCE_TOLERANCE * np.outer(std, std) + least).all():
-        raise InputError(f"{name} is not symmetric, as a covariance is")
+        raise InputError(f"{name} is not symmetric, expected a covariance")
 
 
 def _check_affine(c: CalibrationFields) -> None:
@@ -232,7 +233,7 @@ def _check_B_covariance(c: CalibrationFields, J: Array) -> None:
     size = np.abs(J) @ np.abs(c.covariance) @ np.abs(J).T
     off = np.abs(J @ c.covariance @ J.T - c.B_covariance)
     if not (off <= COVARIANCE_TOLERANCE * size).all():
-        raise InputError("found B_covariance off what follows from covariance: the file was edited")
+        raise InputError(f"found B_covariance off what follows from covariance, {UNEDITED}")
 
 
 def _check_derived(c: CalibrationFields, derived: Derived) -> None:
@@ -240,12 +241,12 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
     for name, value in c.std.items():
         stored = derived.std.get(name)
         if (stored is None) != (value is None):
-            raise InputError(f"std.{name} does not fit model {c.model}")
+            raise InputError(f"std.{name} does not fit {c.model}, expected {'null' if value is None else 'a number'}")
         if value is not None:
             _require_shape(f"std.{name}", np.asarray(stored), np.shape(value))
             _require_near(f"std.{name}", np.asarray(stored), value, "covariance")
     if tuple(derived.warnings) != c.warnings:
-        raise InputError("found warnings other than the texts of findings: the file was edited")
+        raise InputError(f"found warnings other than the texts of findings, {UNEDITED}")
     _require_shape("expected_error", derived.expected_error, (2,))
     _require_shape("left_of_poses", derived.left_of_poses, (6,))
     left = c.left_of_poses
@@ -254,9 +255,7 @@ def _check_derived(c: CalibrationFields, derived: Derived) -> None:
     if derived.left_of_poses is None:  # from before this was written, as the error to expect may have been another
         force, stated = np.linalg.norm(left[:3]), np.linalg.norm(c.residual_rms[:3])
         if force > max(OFF_POSES[0] * np.linalg.norm(c.B[:3, :3], 2), OFF_POSES[1] * stated):
-            raise InputError(
-                f"found {force:.3g} N left in the poses, and residual_rms {stated:.3g} N: the file was edited"
-            )
+            raise InputError(f"found {force:.3g} N left in the poses, and residual_rms {stated:.3g} N, {UNEDITED}")
         return
     rounding = ROUNDING if c.moments is None else ROUNDING_OF_SUMS
     largest = float(np.abs(c.B).max())
@@ -273,4 +272,4 @@ def _require_near(
     """
     off = float(np.abs(found - expected).max())
     if not off <= B_TOLERANCE + rounding * max(float(np.abs(expected).max()), largest):
-        raise InputError(f"found {name} {off:.3g} off what follows from {source}: the file was edited")
+        raise InputError(f"found {name} {off:.3g} off what follows from {source}, {UNEDITED}")

@@ -57,7 +57,7 @@ def load(path: str | Path, form: type[Form]) -> Form:
         number = schema.rpartition("/")[2]
         newer = number.isdecimal() and float(number) > float(_NUMBER)
         remedy = "upgrade contactwrench" if newer else _AGAIN
-        raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, this version reads {SCHEMA!r}: {remedy}")
+        raise FileFormatError(f"{path}: found schema {repr(schema)[:60]}, expected {SCHEMA!r}: {remedy}")
     try:
         derived = msgspec.convert(values, Derived, dec_hook=_array)
         calibration = msgspec.convert(_with_findings(values, derived.warnings), form, dec_hook=_array)

@@ -22,5 +22,6 @@ def info(
     with progress(f"reading {file.name}") as advance:
         result = contents(file, advance)
     options.print_result(result, json, json_text, contents_text)
-    options.note_ends(file)
+    for sentence in options.doubtful_ends(file):
+        options.note(sentence)
     return 1 if isinstance(result, BagContents) and result.damage else 0

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,7 +21,7 @@ from .outputs import Writes
 from .signals import caught
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from ..calibration.calibration import Calibration
     from ..live.page import Hub
@@ -34,6 +34,13 @@ WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
 LOOK = 0.1
 HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
+
+
+def _files(outs: Any, _: object) -> Iterator[Path]:
+    """Those that --out names, by themselves or as file:NAME."""
+    for scheme, colon, name in (each.partition(":") for each in outs or ()):
+        if not colon or scheme.lower() == "file":
+            yield Path(name if colon else scheme)
 
 
 def live(
@@ -72,7 +79,7 @@ def live(
     out: Annotated[
         list[str] | None,
         options.text("URI|FILE", "Where contact wrenches go: udp://HOST:PORT, a file; again for more."),
-        Writes(lambda outs, _: (Path(each) for each in outs or () if ":" not in each)),
+        Writes(_files),
     ] = None,
     recorded: Annotated[Path | None, options.text("FILE", "Play this recording in place of devices.", "--from")] = None,
     speed: Annotated[float, options.number(SPEED, "X", "Of --from: times real time; 0: as fast as it goes.")] = 1.0,

@@ -113,7 +113,7 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
         sys.stdout.flush()
     except (BrokenPipeError, SystemExit):  # the reader has seen enough; typer makes the first into the second
         return 0
-    except OSError as error:
+    except (OSError, UnicodeEncodeError) as error:
         return _say(_of_the_system(error))
     except ContactWrenchError as error:
         return _say(str(error))
@@ -130,8 +130,10 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
     return status if isinstance(status, int) else 0
 
 
-def _of_the_system(error: OSError) -> str:
+def _of_the_system(error: OSError | UnicodeEncodeError) -> str:
     """What could not be opened, read or written, and why."""
+    if isinstance(error, UnicodeEncodeError):
+        return f"found {error.object!r}, which is not UTF-8, expected a text that is: write it so"
     try:
         os.getcwd()
     except FileNotFoundError:

@@ -137,12 +137,11 @@ def say(text: str, *, err: bool = False, elsewhere: int | None = None) -> None:
     typer.echo(text if columns is None else flowed(text, columns), err=err)
 
 
-def note_ends(*paths: Path | None) -> None:
-    """Say of which text files the last number may be cut off."""
+def doubtful_ends(*paths: Path | None) -> list[str]:
+    """Of which text files the last number may be cut off, a sentence each."""
     from ..recording.tables.doubts import end_in_doubt
 
-    for said in filter(None, map(end_in_doubt, filter(None, paths))):
-        note(said)
+    return [*filter(None, map(end_in_doubt, filter(None, paths)))]
 
 
 def note(text: str) -> None:

@@ -97,7 +97,8 @@ def plan(
     else:
         _require_poses_alone(stated, output)
     samples = None if recorded is None else written.beside(recorded).read()
-    options.note_ends(recorded)
+    for sentence in options.doubtful_ends(recorded):
+        options.note(sentence)
     expected = expected_tool(samples, model, options.gravity_direction(gravity))
     if dynamic:
         moving = plan_motion(arm, joints, n or STOPS, expected, model=model, **stated)

@@ -134,10 +134,12 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
 
         if "file" in READING[name] and not recordings.files:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
-        result = verb(**values, **{name: recordings})
         stated = (recordings.options.imu, values.get("noise"))
         beside = [Path(text) for text in stated if text and os.path.isfile(text)]
-        options.note_ends(*recordings.files, recordings.options.pose_file, *beside)
+        doubts = options.doubtful_ends(*recordings.files, recordings.options.pose_file, *beside)
+        result = verb(**values, **{name: recordings})
+        for sentence in doubts:
+            options.note(sentence)
         return result
 
     return options.spelled(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..errors import InputError
+from ..files import name_of
 from ..geometry.arrays import Array
 from ..geometry.ranges import LOAD, NOISE, PUSHES, SEED
 from ..geometry.wrench import WRENCH_AXES
@@ -25,7 +26,7 @@ ONE_OVER_F = 0.035
 """N: as much as the white noise."""
 TORQUE_PER_FORCE = 0.02
 """m: of the 1/f noise."""
-MOST_POSES, DIGITS = 10_000, 10
+MOST_POSES, DIGITS = 1_000, 10  # with every load, half an hour of an arm that settles in each; and of a count
 
 
 def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:
@@ -108,10 +109,15 @@ def simulate(
     grams = options.numbers("0" if load_g is None else load_g, "--load-g", "numbers like 100,200,500", LOAD)
     loads = tuple((grams / 1000.0).tolist())
     if trajectory is None:
-        recorded = record_poses(rig_settings, _joints(rig_settings, source, orientation or "auto", rng), loads, rng=rng)
+        joints = _joints(rig_settings, source, orientation or "auto", rng)
+        if len(joints) * len(loads) > MOST_POSES:
+            each = f"{counted(len(joints), 'pose')} with {counted(len(loads), 'load')} each"
+            raise InputError(f"found {each}, expected at most {MOST_POSES} readings in all: leave some out")
+        recorded = record_poses(rig_settings, joints, loads, rng=rng)
     else:
         recorded = _moving(rig_settings, trajectory, loads, pushes, rng)
-    asked = {"trajectory" if trajectory else "poses": source, "load_g": [1000.0 * load for load in loads], "seed": seed}
+    kind = "trajectory" if trajectory else "poses"
+    asked = {kind: name_of(source), "load_g": [1000.0 * load for load in loads], "seed": seed}
     if pushes:
         asked["pushes"] = pushes
     if output.suffix.lower() == ".csv":

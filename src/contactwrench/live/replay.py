@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..files import name_of
 from ..recording.options import AS_USUAL, Options
 from ..recording.read import batches
 from ..samples.samples import OrientationStream, Streams, WrenchStream
@@ -53,13 +54,13 @@ class Replay:
     def __init__(self, path: str | Path, options: Options = AS_USUAL, speed: float = 1.0) -> None:
         if not (isfinite(speed) and speed >= 0.0):
             raise InputError(f"speed is {speed:g}, expected times real time, or 0 for as fast as it goes")
-        self.uri, self._options, self._speed = str(path), options, speed
+        self.uri, self._path, self._options, self._speed = name_of(path), path, options, speed
         self._closed = Event()
         self._damage = ""
 
     def open(self) -> About:
         """Read the first block. Raises as `read_streams`."""
-        blocks = batches(self.uri, self._options, ROWS)
+        blocks = batches(self._path, self._options, ROWS)
         first = next(blocks)
         self._first = float(np.r_[first.wrench.t, first.orientation.t].min())
         shift = now() - self._first

@@ -84,13 +84,13 @@ def parsed(text: str) -> Uri:
     """A URI. Raises `InputError`."""
     try:
         parts = urlsplit(text)
-        port = parts.port
+        port, host = parts.port, (parts.hostname or "").encode().decode()
     except ValueError as error:
         raise InputError(f"{text}: found no URI ({error}), expected one like sri://192.168.0.108:4008") from None
     if not parts.scheme:
         raise InputError(f"{text}: found no scheme, expected a URI like sri://{text or '192.168.0.108'}")
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
-    return Uri(text, parts.scheme, parts.hostname or "", port, unquote(parts.path), options)
+    return Uri(text, parts.scheme, host, port, unquote(parts.path), options)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
+from ..files import name_of
 from ..geometry.arrays import Array
 from .bags.chunks import Logged, Topic
 from .bags.message_layout import written
@@ -121,7 +122,7 @@ def bag_contents(path: str | Path, advance: Advance = unheard) -> BagContents:
         )
         kind, left_open = KINDS[kind_of(path)], bag.damage.left_open
         said = bag.damage.said if bag.damage.first else ""
-        return BagContents(str(path), kind, bag.start, bag.duration, topics, frames, _reading(bag), said, left_open)
+        return BagContents(name_of(path), kind, bag.start, bag.duration, topics, frames, _reading(bag), said, left_open)
 
 
 def table_contents(path: str | Path, advance: Advance = unheard) -> TableContents:

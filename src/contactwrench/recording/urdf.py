@@ -16,7 +16,7 @@ import numpy as np
 
 from ..assess.robot_arms import Arm, known_arm
 from ..errors import FileFormatError, some_of
-from ..files import read_bytes
+from ..files import name_of, read_bytes
 from ..geometry.arrays import Array
 
 FLANGES = ("tool0", "flange")
@@ -86,7 +86,7 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
         raise FileFormatError(f"{path}: found no revolute joint from root to {tip}, expected a robot arm")
     limits = np.array([joint.limits for joint in turning])
     return Arm(
-        name=f"{Path(path).name}:{tip}",
+        name=f"{name_of(Path(path).name)}:{tip}",
         R_before=np.array(R_before),
         offset=np.array([*offsets, offset]),
         axis=np.array([joint.axis for joint in turning]),
@@ -95,16 +95,17 @@ def read_urdf(path: str | Path, flange: str | None = None) -> Arm:
         home=limits.mean(axis=1),
         max_speed=np.array([joint.max_speed for joint in turning]),
         max_acceleration=np.full(len(turning), np.nan),
-        source=str(path),
+        source=name_of(path),
         joint_names=tuple(joint.name for joint in turning),
         base_frame=chain[0].parent,
     )
 
 
 def _joints(path: str | Path) -> list[_Joint]:
+    content = read_bytes(path)
     try:
-        root = ElementTree.fromstring(read_bytes(path))
-    except ElementTree.ParseError as error:
+        root = ElementTree.fromstring(content)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the latter two: of the encoding it states
         raise FileFormatError(f"{path}: found no XML ({error}), expected a URDF") from None
     if root.tag != "robot":
         raise FileFormatError(f"{path}: found <{root.tag}>, expected <robot>: a URDF")

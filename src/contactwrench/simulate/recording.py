@@ -69,7 +69,8 @@ def record_poses(
     Raises:
         MissingExtraError: mujoco is not installed.
     """
-    ROWS.require(len(joints) * len(load_masses) * settings.recording.rows, "number of rows")
+    rows = settings.recording.rows + settings.recording.settle * SENSOR_RATE
+    ROWS.require(len(joints) * len(load_masses) * rows, "number of rows, settling included,")
     speed = settings.recording.creep * rng.choice([-1.0, 1.0], size=joints.shape)
     return read_poses(settings, [true_poses(settings, joints, load, speed) for load in load_masses], load_masses, rng)
 

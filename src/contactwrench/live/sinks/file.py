@@ -104,7 +104,7 @@ class ContactFile(GrowingFile):
     TESTED = "read again, also after kill -9"
 
     def __init__(self, uri: Uri) -> None:
-        super().__init__(Path(uri.text.removeprefix("file:")))
+        super().__init__(Path(uri.text.partition(":")[2]))
         self._begun, self._said = False, ""
 
     def _rows_of(self, turn: Turn) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...assess.robot_arms import Arm, flange_pose
 from ...errors import FileFormatError, InputError, some_of
+from ...files import name_of
 from ...geometry.arrays import Array
 from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
 from ..tables.columns import Advance, unheard
@@ -189,7 +190,7 @@ def _streams(
     position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # no flange is at 0, 0, 0 of its base
     return Streams(
         WrenchStream(t, values, f"{bag.path} {wrench.name}"),
-        replace(poses, position=position, source=f"{bag.path} {source}"),
+        replace(poses, position=position, source=f"{name_of(bag.path)} {source}"),
         read_as,
         bag.damage.said,
     )

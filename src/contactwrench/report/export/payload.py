@@ -16,9 +16,10 @@ from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup
 from .tool import DOWN, rigid_tool
 
-OFFSET = "--sensor-offset X,Y,Z (m, flange axes, from the flange's origin to the sensor's: on its drawing)"
-MASS = "--sensor-mass KG (sensor and adapter: data sheet or scales; 0 for a sensor inside the robot)"
-COM = "--sensor-com X,Y,Z (m, flange axes, from the flange's origin to their centre of mass)"
+OFFSET = "--sensor-offset X,Y,Z (its origin: drawing)"
+MASS = "--sensor-mass KG (with adapter; 0 inside the robot)"
+COM = "--sensor-com X,Y,Z (of that mass)"
+COUNTED = "in m from the flange's origin, flange axes"
 """What a payload needs beside the calibration, and where to find it."""
 
 
@@ -109,7 +110,7 @@ def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Pa
     if offset is None or sensor_mass is None or sensor_com is None:
         stated = ((OFFSET, offset), (MASS, sensor_mass), (COM, sensor_com))
         missing = " and ".join(flag for flag, value in stated if value is None)
-        raise InputError(f"{target} counts from the flange, with the sensor's own mass: give {missing}")
+        raise InputError(f"{target} counts with the sensor's own mass, expected {missing}: give it, {COUNTED}")
     tool = rigid_tool(calibration, setup, target)
     tool_mass = tool.weight / calibration.g
     mass = tool_mass + sensor_mass
