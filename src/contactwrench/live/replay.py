@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..geometry.orientation import to_quat_xyzw
 from ..recording.options import AS_USUAL, Options
 from ..recording.read import batches
 from ..samples.samples import OrientationStream, Streams, WrenchStream
@@ -109,9 +110,7 @@ def _merged(block: Streams, shift: float) -> _Block:
 
 
 def _poses(pose: OrientationStream, shift: float) -> Iterator[Sample]:
-    from scipy.spatial.transform import Rotation
-
-    quaternions = Rotation.from_matrix(pose.R_base_flange).as_quat().tolist() if len(pose) else []
+    quaternions = to_quat_xyzw(pose.R_base_flange).tolist()
     position = np.full((len(pose), 3), np.nan) if pose.position is None else pose.position
     for t, turn, (x, y, z) in zip(pose.t.tolist(), quaternions, position.tolist(), strict=True):
         yield Sample(t + shift, t, orientation=tuple(turn), position=None if isnan(x + y + z) else (x, y, z))

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..geometry.arrays import Array
+from ..geometry.rotations import angles_between
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.samples import Samples
 from ..samples.still_segments import StillSegment, StillSegments
@@ -113,7 +114,7 @@ def signals_over_time(calibration: Calibration, samples: Samples, found: StillSe
     t = samples.t if samples.t is not None else np.arange(float(len(samples)))
     first = float(t[0])
     numbered = left_out_spans(calibration, found)
-    angle = np.rad2deg(_angle_from(samples.R_base_flange))
+    angle = np.rad2deg(angles_between(samples.R_base_flange[:1], samples.R_base_flange))
     at, lines = outline(envelope(t - first, np.column_stack([samples.wrench, angle]), most_bins=MOST_BINS // 2))
     with drawing(1, (WIDTH, 6.4), rows=3) as (figure, axes):
         for ax, (part, name, scale) in zip(axes[:2], PARTS, strict=True):
@@ -157,10 +158,3 @@ def _is_of(stretch: StillSegment, pose: Pose) -> bool:
     within = pose.t_start <= stretch.t_start and stretch.t_end <= pose.t_end
     alike = float(np.linalg.norm(stretch.R_base_flange - pose.R_base_flange)) < np.sqrt(2.0) * 2.0 * SAME_POSE_ANGLE
     return within and alike and (stretch.rejected is None or stretch.rejected == pose.rejected)
-
-
-def _angle_from(R: Array) -> Array:
-    """The angle (n,), rad, of each orientation from the first."""
-    chord = np.sqrt(np.sum((R - R[:1]) ** 2, axis=(1, 2)))
-    angle: Array = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
-    return angle
