@@ -42,7 +42,7 @@ def with_accelerations(samples: Samples, path: str | Path, options: Options) -> 
         return with_accelerometer(samples, _of_table(options.imu, None, AS_NAMED))
     if Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
         return with_accelerometer(samples, _of_bag(path, options))
-    return with_accelerometer(samples, _of_table(path, options.imu, options.naming))
+    return with_accelerometer(samples, _of_table(path, options.imu, options))
 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:

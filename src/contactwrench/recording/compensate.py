@@ -136,7 +136,7 @@ def write_compensated(
         wrenches = (batch.wrench for batch in recording)
         topic, accept = options.wrench_topic, options.accept_damaged
         return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
-    write_contact_wrenches(output, recording, path, options.naming)
+    write_contact_wrenches(output, recording, path, options)
     return None
 
 
@@ -154,14 +154,14 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
             note(f"columns: {columns}")
         t = part.t if isinstance(part, Samples) else part.wrench.t
         poses = part if isinstance(part, Samples) else part.orientation
-        if k == 0 and of_table and (doubt := times_in_doubt(path, options.naming, t)):
+        if k == 0 and of_table and (doubt := times_in_doubt(path, options, t)):
             note(doubt)
         little = little and turns_little(poses.R_base_flange)
         yield part
         damage = part.damage
     if damage:
         note(damage)
-    if little and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
+    if little and (doubt := angles_in_doubt(options.pose_file or path, options)):
         note(doubt)
 
 
