@@ -141,13 +141,13 @@ def note_ends(*paths: Path | None) -> None:
     """Say of which text files the last number may be cut off."""
     from ..recording.tables.doubts import end_in_doubt
 
-    for said in filter(None, map(end_in_doubt, filter(None, paths))):
-        note(said)
+    note(*filter(None, map(end_in_doubt, filter(None, paths))))
 
 
-def note(text: str) -> None:
+def note(*texts: str) -> None:
     """Say on stderr what is good to know."""
-    say(shortened(f"Note: {visible(text)}"), err=True)
+    for text in texts:
+        say(shortened(f"Note: {visible(text)}"), err=True)
 
 
 def _visible_lines(text: str) -> str:

@@ -179,6 +179,5 @@ def calibration_and_samples(path: Path, gravity: str | None, recording: Recordin
     calibration, direction = Calibration.load(path), options.gravity_direction(gravity)
     alike = recording.as_calibrated(calibration, direction)
     samples = replace(recording, options=alike.options).read()
-    for sentence in (*alike.notes, *filter(None, [samples.damage, samples.doubt])):
-        options.note(sentence)
+    options.note(*alike.notes, *filter(None, [samples.damage, samples.doubt]))
     return alike.calibration.with_gravity(direction), samples
