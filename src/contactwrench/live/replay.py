@@ -81,7 +81,8 @@ class Replay:
             self._block, self._next = block, 0
         due, begin = self._block.due, self._next
         if begin < len(due):
-            self._wait(due[begin], timeout)
+            if (ahead := due[begin] - self._recorded_now()) > 0.0:
+                self._closed.wait(min(ahead / self._speed, timeout))
             self._next = min(bisect_right(due, self._recorded_now(), lo=begin), begin + ROWS)
         return Batch(self._block.samples[begin : self._next], self._notes())
 
@@ -91,10 +92,6 @@ class Replay:
 
     def _recorded_now(self) -> float:
         return inf if self._speed == 0.0 else self._first + self._speed * (monotonic() - self._begun)
-
-    def _wait(self, due: float, timeout: float) -> None:
-        if (ahead := due - self._recorded_now()) > 0.0:
-            self._closed.wait(min(ahead / self._speed, timeout))
 
     def _notes(self) -> list[Note]:
         before, self._damage = self._damage, self._block.damage

@@ -18,11 +18,9 @@ from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
 from .tables.columns import ROWS, Advance, Tell, unheard
-from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
-from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
-from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
+from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
 from .tables.table import Table, merged, read_as_of_both, tables
 
 
@@ -74,7 +72,7 @@ Block: TypeAlias = Table | Streams
 Reader: TypeAlias = Callable[[str | Path, Options, int, Advance], Iterator[Block]]
 
 READERS: dict[str, Reader] = {
-    **dict.fromkeys((*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5), table_blocks),
+    **dict.fromkeys(SUFFIXES_OF_TABLES, table_blocks),
     **dict.fromkeys(SUFFIXES_OF_BAGS, bag_blocks),
 }
 """What gives a recording in blocks of about so many rows, each row once and in order, by its suffix."""
