@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterable, Sequence
+from importlib import import_module
+from typing import Any
 
 LONGEST, LONGEST_ADVICE = 299, 150
 """Characters of a message on a terminal; and of its last clause, what to do, up to which that stays whole."""
@@ -61,6 +63,17 @@ class AmbiguityError(ContactWrenchError, ValueError):
 
 class MissingExtraError(ContactWrenchError, ImportError):
     """An optional dependency is not installed; the message gives the command that installs it."""
+
+
+def of_extra(module: str, what: str, extra: str) -> Any:
+    """A module that `what` needs. Raises `MissingExtraError` without the package, which is of that extra."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError:
+        package = module.partition(".")[0]
+        raise MissingExtraError(
+            f"{what} needs {package}, which is not installed: pip install 'contactwrench[{extra}]'"
+        ) from None
 
 
 def visible(text: str) -> str:

@@ -79,8 +79,7 @@ def horizontal_axes(gravity_direction: Array) -> tuple[Array, Array]:
 
 def gravity_in_flange(R_base_flange: Array, gravity_direction: Array) -> Array:
     """`r = R_base_flange^T d`, (n, 3), unit "down" in flange axes, for orientations (n, 3, 3)."""
-    r: Array = gravity_direction @ R_base_flange
-    return r
+    return gravity_direction @ R_base_flange
 
 
 def wrench_matrix(tool: RigidTool) -> Array:
@@ -95,8 +94,7 @@ def wrench_matrix(tool: RigidTool) -> Array:
 
 def free_wrench(B: Array, r: Array) -> Array:
     """The wrench (n, 6) of a free tool for gravity directions `r` (n, 3) in flange axes."""
-    wrench: Array = r @ B[:, :3].T + B[:, 3]
-    return wrench
+    return r @ B[:, :3].T + B[:, 3]
 
 
 def affine_jacobian(r: Array) -> Array:

@@ -54,8 +54,7 @@ def products_of_readings(columns: Array, noise: Array, J: Array, covariance: Arr
     A = (J / std) @ square_root(covariance)
     z = columns / std
     along = A.T @ z
-    products: Array = z.T @ z - along.T @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along)
-    return products
+    return z.T @ z - along.T @ np.linalg.solve(np.eye(len(along)) + A.T @ A, along)
 
 
 def misfit_of_parameters(change: Array, covariance: Array) -> float:

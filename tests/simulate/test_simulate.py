@@ -258,7 +258,7 @@ def test_poses_and_motions_from_files(tmp_path: Path, capsys: Capture) -> None:
 
 
 BAD_FILES = {
-    "many.csv": "qx,qy,qz,qw\n" + "0,0,0,1\n" * 1_001,
+    "many.csv": "qx,qy,qz,qw\n" + "0,0,0,1\n" * 10_001,
     "far.csv": "qx,qy,qz,qw,x,y,z\n0,0,0,1,3,0,0\n",
     "mm.csv": "a,b,c,x,y,z\n0,0,180,500,0,600\n",
     "ms.csv": "t,q1,q2,q3,q4,q5,q6,q7\n0,0,0,0,0,0,0,0\n1000000,0,0,0,0,0,0,0.1\n",
@@ -275,12 +275,12 @@ BAD_FILES = {
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (["--poses=foo"], "--poses is foo, expected paper, plan, plan:N, random:N (1 to 1000) or a CSV file"),
+        (["--poses=foo"], "--poses is foo, expected paper, plan, plan:N, random:N (1 to 10000) or a CSV file"),
         (
             ["--poses=random:0"],
-            "--poses is random:0, expected paper, plan, plan:N, random:N (1 to 1000) or a CSV file",
+            "--poses is random:0, expected paper, plan, plan:N, random:N (1 to 10000) or a CSV file",
         ),
-        (["--poses=many.csv"], "many.csv: found 1001 poses, expected at most 1000: leave rows out"),
+        (["--poses=many.csv"], "many.csv: found 10001 poses, expected at most 10000: leave rows out"),
         (["--poses=gone.csv"], "gone.csv: there is no such file, expected a readable file: check the path"),
         (
             ["--poses=far.csv"],
@@ -335,11 +335,11 @@ BAD_FILES = {
         ),
         (
             [f"--load-g={','.join(['1'] * 5000)}"],
-            "found 6 poses with 5000 loads each, expected at most 1000 readings in all: leave some out",
+            "found 6 poses with 5000 loads each, expected at most 10000 readings in all: leave some out",
         ),
         (
-            ["--poses=random:1000", "--load-g=1,2"],
-            "found 1000 poses with 2 loads each, expected at most 1000 readings in all: leave some out",
+            ["--poses=random:10000", "--load-g=1,2"],
+            "found 10000 poses with 2 loads each, expected at most 10000 readings in all: leave some out",
         ),
         (
             ["--poses=random:1000", "--set=recording.settle=60"],

@@ -29,10 +29,8 @@ from ..estimation.rigid import estimated
 from ..geometry.arrays import Array, Frozen, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange, wrench_matrix
 from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
+from .plan import MODELS
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
-
-MODELS = ("auto", "yaw", "mount", "mount+base")
-"""Of a rigid tool, with one weight."""
 
 FEWEST_POSES = 5
 MOST_RANKED = 6

@@ -30,6 +30,7 @@ from .experiment_design import chosen_experiments, short_order
 from .robot_arms import Reach
 
 MODELS = ("auto", "yaw", "mount", "mount+base")
+"""Of a rigid tool, with one weight."""
 
 TILTS = {"mount_x": MOUNT_TILT_SD, "mount_y": MOUNT_TILT_SD, **dict.fromkeys(GRAVITY, BASE_TILT_SD)}
 """Standard deviations that `auto` expects of the tilts, rad."""

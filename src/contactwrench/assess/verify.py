@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity
+from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity, WithFindings
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
@@ -86,7 +86,7 @@ class BiasShift(Frozen):
 
 
 @dataclass(frozen=True, eq=False)
-class Verification(Frozen):
+class Verification(Frozen, WithFindings):
     """How a recording agrees with a calibration.
 
     `residuals` (n, 6) of the contact-free poses, N and N m; `rms` (6,); `largest_force` N and `largest_torque` N m,
@@ -109,11 +109,6 @@ class Verification(Frozen):
     reason: str
     bias: BiasShift | None
     findings: tuple[Finding, ...]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The texts of the findings."""
-        return tuple(finding.text for finding in self.findings)
 
 
 @dataclass(frozen=True, eq=False)

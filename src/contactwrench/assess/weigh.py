@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import Finding, Kind, Severity
+from ..calibration.findings import Finding, Kind, Severity, WithFindings
 from ..compensate.noise import noise_dof, reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
@@ -41,7 +41,7 @@ REFUSALS = (Kind.NEGATIVE_MASS, Kind.FAR_CENTRE_OF_MASS)
 
 
 @dataclass(frozen=True, eq=False)
-class HeldObject(Frozen):
+class HeldObject(Frozen, WithFindings):
     """An object that the tool held in `poses` poses.
 
     `mass` kg and its `mass_std`; `moment` (3,) kg m, mass times com; `covariance` (4, 4) of both, in that order.
@@ -70,11 +70,6 @@ class HeldObject(Frozen):
     dof: float
     g: float
     findings: tuple[Finding, ...]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The texts of the findings."""
-        return tuple(finding.text for finding in self.findings)
 
     @property
     def refused(self) -> bool:

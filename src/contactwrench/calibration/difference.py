@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ..geometry.arrays import Array, Frozen
-from ..geometry.rotations import rotation_angle, spread_rotations
+from ..geometry.rotations import rotation_angle, rotation_log, spread_rotations
 from ..model import (
     GRAVITY,
     LINEAR_PARAMETERS,
@@ -211,12 +211,10 @@ def _mounting(a: CalibrationFields, b: CalibrationFields) -> _Part:
     """The turn from one mounting to the other: about all axes where both estimate it, else yaw; where a model that
     estimates yaw alone has the sensor on its other side, an angle without an error.
     """
-    from scipy.spatial.transform import Rotation
-
     turns = [mounting_turn(c.parameter_names) for c in (a, b)]
     R_a, R_b = np.asarray(a.R_flange_sensor), np.asarray(b.R_flange_sensor)
     if all(set(MOUNT) <= set(c.parameter_names) for c in (a, b)):
-        return _Part("mounting", MOUNT, Rotation.from_matrix(R_a.T @ R_b).as_rotvec(), turns[0], turns[1])
+        return _Part("mounting", MOUNT, rotation_log(R_a.T @ R_b), turns[0], turns[1])
     (yaw_a, flipped_a, of_a), (yaw_b, flipped_b, of_b) = yaw_of_mounting(R_a), yaw_of_mounting(R_b)
     if flipped_a != flipped_b:
         nothing = [np.zeros((1, turn.shape[1])) for turn in turns]

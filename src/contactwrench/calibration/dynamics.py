@@ -222,8 +222,7 @@ def matrix_covariance(
 ) -> Array:
     """Covariances (6, 12, 12) of the rows of D, with that of the tool's parameters `names`, `of_tool` (p, p)."""
     J = inertial_jacobian(tool, mass, dynamics.inertia, dynamics.sensor_offset, names).transpose(1, 0, 2)
-    covariance: Array = J @ dynamics.with_covariance(of_tool) @ J.transpose(0, 2, 1)
-    return covariance
+    return J @ dynamics.with_covariance(of_tool) @ J.transpose(0, 2, 1)
 
 
 def covariance_in_motion(
@@ -279,5 +278,4 @@ def _spin(inertia: Array, alpha: Array, products: Array) -> Array:
     """`I alpha + omega x I omega` (k, 3), with the products omega omega^T (k, 3, 3)."""
     M = products @ inertia
     gyroscopic = np.stack([M[:, 1, 2] - M[:, 2, 1], M[:, 2, 0] - M[:, 0, 2], M[:, 0, 1] - M[:, 1, 0]], axis=1)
-    spin: Array = alpha @ inertia + gyroscopic
-    return spin
+    return alpha @ inertia + gyroscopic

@@ -31,14 +31,14 @@ from ..samples.poses import Pose, PoseMoments
 from ..samples.still_noise import StillNoise
 from .alternative import Alternative
 from .dynamics import Dynamics, Ellipsoid, covariance_in_motion, equal_ellipsoid, matrix_covariance
-from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity
+from .findings import DOUBT_OF_KIND, Doubt, Finding, Severity, WithFindings
 from .observability import Observability
 
 ROWS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class CalibrationFields(Frozen):
+class CalibrationFields(Frozen, WithFindings):
     """The fields of a `Calibration`, which says what each of them is, and what follows from them alone."""
 
     requested_model: str
@@ -75,11 +75,6 @@ class CalibrationFields(Frozen):
     still_noise: StillNoise | None = None
     gain_covariance: Matrix | None = None
     dynamics: Dynamics | None = None
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The texts of the findings."""
-        return tuple(finding.text for finding in self.findings)
 
     @cached_property
     def std(self) -> dict[str, Any]:

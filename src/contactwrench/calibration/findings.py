@@ -134,3 +134,14 @@ class Finding:
     def doubtful(cls, kind: Kind, text: str) -> Finding:
         """A finding that says "doubtful" itself."""
         return cls(kind, Severity.DOUBTFUL, f"doubtful: {text}")
+
+
+class WithFindings:
+    """A base of results that have `findings`."""
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The texts of the findings."""
+        return tuple(finding.text for finding in self.findings)

@@ -150,8 +150,7 @@ def _with_gravity_along(tool: RigidTool, u: Array) -> Array:
     """An `R_base_flange` at which gravity points along `u` (3,) in sensor axes."""
     r, d = tool.R_flange_sensor @ u, tool.gravity_direction
     of_flange, of_base = np.stack([*horizontal_axes(r), r], axis=1), np.stack([*horizontal_axes(d), d], axis=1)
-    R: Array = of_base @ of_flange.T
-    return R
+    return of_base @ of_flange.T
 
 
 def tilt_range(R_base_flange: Array, gravity_direction: Array) -> Array:

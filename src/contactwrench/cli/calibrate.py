@@ -136,8 +136,7 @@ def calibrate(
         required_mass=masses,
         force=force,
     )
-    for sentence in () if alike is None else alike.notes:
-        options.note(sentence)
+    options.note(*(() if alike is None else alike.notes))
     if json or str(output) == STDOUT:
         typer.echo(done.json, nl=False)
     else:

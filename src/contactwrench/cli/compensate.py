@@ -114,8 +114,7 @@ def compensate(
             recording.path, alike.options, alike.calibration, treatment, output, report, advance
         )
     of_g = () if g is None else ("--g has no effect: it makes a weight a mass, and that is the calibration's",)
-    for sentence in (*alike.notes, *of_g, *notes):
-        options.note(sentence)
+    options.note(*alike.notes, *of_g, *notes)
     for line in lines:
         options.say(line, err=str(output) == STDOUT)
 

@@ -67,8 +67,7 @@ def export(
     done = exported(target, Calibration.load(file), Setup(**stated), str(file))
     write_text(output, done.text)
     unused = [f"--{name.replace('_', '-')}" for name in stated if name not in ("tool_mass", *target.uses)]
-    for text in (*done.notes, *([f"not used by {target.name}: {', '.join(unused)}"] if unused else [])):
-        options.note(text)
+    options.note(*done.notes, *([f"not used by {target.name}: {', '.join(unused)}"] if unused else []))
 
 
 def _name(name: str | None, option: str) -> str | None:

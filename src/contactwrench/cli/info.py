@@ -22,6 +22,5 @@ def info(
     with progress(f"reading {file.name}") as advance:
         result = contents(file, advance)
     options.print_result(result, json, json_text, contents_text)
-    for sentence in options.doubtful_ends(file):
-        options.note(sentence)
+    options.note(*options.doubtful_ends(file))
     return 1 if isinstance(result, BagContents) and result.damage else 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from ..errors import ContactWrenchError
+from ..geometry.orientation import from_quat_xyzw
 
 if TYPE_CHECKING:
     from ..live.page import Hub
@@ -46,12 +47,10 @@ class Hands:
 
     def _targets(self) -> list[list[list[float]]]:
         """`R_base_flange` of the planned poses, the next one first."""
-        from scipy.spatial.transform import Rotation
-
         newest = self._hub.after(0)
         snapshot = {} if newest is None else msgspec.json.decode(newest[1])["snapshot"]
-        targets = (snapshot.get("poses") or {}).get("targets") or []
-        return Rotation.from_quat(targets).as_matrix().tolist() if targets else []
+        targets: Any = (snapshot.get("poses") or {}).get("targets")
+        return from_quat_xyzw(targets).tolist() if targets else []
 
     def _order(self, order: dict[str, Any]) -> dict[str, Any]:
         try:

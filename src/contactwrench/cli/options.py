@@ -144,9 +144,10 @@ def doubtful_ends(*paths: Path | None) -> list[str]:
     return [*filter(None, map(end_in_doubt, filter(None, paths)))]
 
 
-def note(text: str) -> None:
+def note(*texts: str) -> None:
     """Say on stderr what is good to know."""
-    say(shortened(f"Note: {visible(text)}"), err=True)
+    for text in texts:
+        say(shortened(f"Note: {visible(text)}"), err=True)
 
 
 def _visible_lines(text: str) -> str:

@@ -97,8 +97,7 @@ def plan(
     else:
         _require_poses_alone(stated, output)
     samples = None if recorded is None else written.beside(recorded).read()
-    for sentence in options.doubtful_ends(recorded):
-        options.note(sentence)
+    options.note(*options.doubtful_ends(recorded))
     expected = expected_tool(samples, model, options.gravity_direction(gravity))
     if dynamic:
         moving = plan_motion(arm, joints, n or STOPS, expected, model=model, **stated)

@@ -138,8 +138,7 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         beside = [Path(text) for text in stated if text and os.path.isfile(text)]
         doubts = options.doubtful_ends(*recordings.files, recordings.options.pose_file, *beside)
         result = verb(**values, **{name: recordings})
-        for sentence in doubts:
-            options.note(sentence)
+        options.note(*doubts)
         return result
 
     return options.spelled(
@@ -181,6 +180,5 @@ def calibration_and_samples(path: Path, gravity: str | None, recording: Recordin
     calibration, direction = Calibration.load(path), options.gravity_direction(gravity)
     alike = recording.as_calibrated(calibration, direction)
     samples = replace(recording, options=alike.options).read()
-    for sentence in (*alike.notes, *filter(None, [samples.damage, samples.doubt])):
-        options.note(sentence)
+    options.note(*alike.notes, *filter(None, [samples.damage, samples.doubt]))
     return alike.calibration.with_gravity(direction), samples

@@ -26,7 +26,7 @@ ONE_OVER_F = 0.035
 """N: as much as the white noise."""
 TORQUE_PER_FORCE = 0.02
 """m: of the 1/f noise."""
-MOST_POSES, DIGITS = 1_000, 10  # with every load, half an hour of an arm that settles in each; and of a count
+MOST_POSES, DIGITS = 10_000, 10  # with every load; and of a count
 
 
 def _with_truth(output: Path, _: Mapping[str, Any]) -> list[Path]:

@@ -57,6 +57,14 @@ def from_quat_xyzw(quat_xyzw: Array) -> Array:
     return matrices
 
 
+def to_quat_xyzw(R: Array, *, canonical: bool = False) -> Array:
+    """Quaternions (n, 4), scalar last, of rotations (n, 3, 3), or of one; `canonical`: the scalar is not negative."""
+    from scipy.spatial.transform import Rotation
+
+    quat_xyzw: Array = Rotation.from_matrix(R).as_quat(canonical=canonical) if len(R) else np.empty((0, 4))
+    return quat_xyzw
+
+
 def require_unit(quat_xyzw: Array) -> None:
     """Raise `InputError` as `from_quat_xyzw`."""
     with np.errstate(over="ignore"):

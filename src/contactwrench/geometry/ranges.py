@@ -30,8 +30,7 @@ class Range:
 
     def outside(self, values: Array) -> Array:
         """Those (k,) of `values` that do not."""
-        beyond: Array = values[~self.holds(values)]
-        return beyond
+        return values[~self.holds(values)]
 
     def require(self, values: ArrayLike, name: str, *shapes: tuple[int, ...]) -> Array:
         """`values` as an array of one of the `shapes`; none: a number. Raises `InputError` that calls them `name`."""

@@ -18,8 +18,7 @@ def rotation_exp(vector: Array) -> Array:
     angle = math.hypot(*vector)
     K = cross_matrix(vector)
     sine, rest = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-8 else (1.0, 0.5)
-    R: Array = np.eye(3) + sine * K + rest * (K @ K)
-    return R
+    return np.eye(3) + sine * K + rest * (K @ K)
 
 
 def rotation_angle(R: Array) -> float:
@@ -38,6 +37,13 @@ def rotation_log(R: Array) -> Array:
 
     vector: Array = Rotation.from_matrix(R).as_rotvec()
     return vector
+
+
+def angles_between(R_a: Array, R_b: Array) -> Array:
+    """The angles (n,), rad, from rotations (n, 3, 3) to others, or from one to all; exact for the smallest."""
+    chord = np.sqrt(np.sum((R_b - R_a) ** 2, axis=(1, 2)))
+    angle: Array = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
+    return angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +76,7 @@ def arcs_through(R: Array) -> Arcs:
 def rotation_vectors(R: Array) -> Array:
     """The rotation vectors (n, 3), rad, of rotations (n, 3, 3) by less than a half turn."""
     axis, angle = _axis_and_angle(R)
-    vectors: Array = angle[:, None] * axis
-    return vectors
+    return angle[:, None] * axis
 
 
 def _axis_and_angle(R: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..geometry.arrays import Array
+from ..geometry.orientation import to_quat_xyzw
 from ..simulate.arm import MAX_SPEED
 from ..simulate.rig import Rig, inverse_dynamics
 from ..simulate.trajectory import PEAK
@@ -61,14 +62,13 @@ def course(rig: Rig, state: Array, joints: Array, start: float, speed: float) ->
         speed: of the joint that has furthest to go, of its largest.
     """
     from scipy.interpolate import BPoly
-    from scipy.spatial.transform import Rotation
 
     furthest = float((np.abs(joints - state[0]) / MAX_SPEED).max())
     duration = max(PEAK * furthest / speed, TURNING_ROUND if np.abs(state[1:]).max() > 1e-9 else SHORTEST)
     path = BPoly.from_derivatives([0.0, duration], [[*state], [joints, np.zeros(7), np.zeros(7)]])
     t = np.minimum(np.arange(int(np.ceil(duration / KNOT)) + 1) * KNOT, duration)
     physics = inverse_dynamics(rig, *(path(t, derivative) for derivative in range(3)))
-    quat_xyzw: Array = Rotation.from_matrix(physics.R_base_flange).as_quat()
+    quat_xyzw = to_quat_xyzw(physics.R_base_flange)
     turned = np.where((quat_xyzw[1:] * quat_xyzw[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     quat_xyzw[1:] *= np.cumprod(turned)[:, None]
     return Course(start, start + duration, path, physics.joints, physics.wrench, quat_xyzw, physics.position)

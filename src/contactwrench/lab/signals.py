@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from ..geometry.arrays import Array
+from ..geometry.orientation import to_quat_xyzw
 
 NOTHING = (0.0,) * 6
 
@@ -62,9 +63,7 @@ class Plain:
     rows: int = 0
 
     def __post_init__(self) -> None:
-        from scipy.spatial.transform import Rotation
-
-        quat_xyzw = Rotation.from_matrix(self.R_base_flange).as_quat()
+        quat_xyzw = to_quat_xyzw(self.R_base_flange)
         self._pose = FlangePose(self.R_base_flange, quat_xyzw, np.array(self.position), np.array(self.joints))
 
     def wrench_rows(self, t0: float, n: int, rate: float) -> Array:

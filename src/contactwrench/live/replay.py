@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import name_of
+from ..geometry.orientation import to_quat_xyzw
 from ..recording.options import AS_USUAL, Options
 from ..recording.read import batches
 from ..samples.samples import OrientationStream, Streams, WrenchStream
@@ -81,7 +82,8 @@ class Replay:
             self._block, self._next = block, 0
         due, begin = self._block.due, self._next
         if begin < len(due):
-            self._wait(due[begin], timeout)
+            if (ahead := due[begin] - self._recorded_now()) > 0.0:
+                self._closed.wait(min(ahead / self._speed, timeout))
             self._next = min(bisect_right(due, self._recorded_now(), lo=begin), begin + ROWS)
         return Batch(self._block.samples[begin : self._next], self._notes())
 
@@ -91,10 +93,6 @@ class Replay:
 
     def _recorded_now(self) -> float:
         return inf if self._speed == 0.0 else self._first + self._speed * (monotonic() - self._begun)
-
-    def _wait(self, due: float, timeout: float) -> None:
-        if (ahead := due - self._recorded_now()) > 0.0:
-            self._closed.wait(min(ahead / self._speed, timeout))
 
     def _notes(self) -> list[Note]:
         before, self._damage = self._damage, self._block.damage
@@ -110,9 +108,7 @@ def _merged(block: Streams, shift: float) -> _Block:
 
 
 def _poses(pose: OrientationStream, shift: float) -> Iterator[Sample]:
-    from scipy.spatial.transform import Rotation
-
-    quaternions = Rotation.from_matrix(pose.R_base_flange).as_quat().tolist() if len(pose) else []
+    quaternions = to_quat_xyzw(pose.R_base_flange).tolist()
     position = np.full((len(pose), 3), np.nan) if pose.position is None else pose.position
     for t, turn, (x, y, z) in zip(pose.t.tolist(), quaternions, position.tolist(), strict=True):
         yield Sample(t + shift, t, orientation=tuple(turn), position=None if isnan(x + y + z) else (x, y, z))

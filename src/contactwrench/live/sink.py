@@ -33,6 +33,11 @@ class Pose(NamedTuple):
     position: Three
 
 
+def _column(of: str, name: str, *row: int) -> cached_property[Array]:
+    """An array, made where it is asked for, of what the `readings` or `poses` of a turn have under a name."""
+    return cached_property(lambda turn: np.array([getattr(each, name) for each in getattr(turn, of)]).reshape(-1, *row))
+
+
 @dataclass(frozen=True, eq=False)
 class Turn:
     """What one turn of the session took and made: plain numbers, as there may be a thousand in a second; arrays of them
@@ -55,45 +60,25 @@ class Turn:
         """How many readings and orientations came."""
         return len(self.readings) + len(self.poses)
 
-    @cached_property
-    def t(self) -> Array:
-        """Of the readings (n,), s since 1970."""
-        return np.array([each.t for each in self.readings])
-
-    @cached_property
-    def arrival(self) -> Array:
-        """When they came (n,), s since 1970."""
-        return np.array([each.arrival for each in self.readings])
-
-    @cached_property
-    def wrench(self) -> Array:
-        """The readings (n, 6), N and N m, sign and axes as the device gives them."""
-        return np.array([each.wrench for each in self.readings]).reshape(-1, 6)
-
-    @cached_property
-    def orientation(self) -> Array:
-        """Quaternions x, y, z, w of `R_base_flange` at those times (n, 4); NaN where it is not known."""
-        return np.array([each.orientation for each in self.readings]).reshape(-1, 4)
+    t = _column("readings", "t")
+    """Of the readings (n,), s since 1970."""
+    arrival = _column("readings", "arrival")
+    """When they came (n,), s since 1970."""
+    wrench = _column("readings", "wrench", 6)
+    """The readings (n, 6), N and N m, sign and axes as the device gives them."""
+    orientation = _column("readings", "orientation", 4)
+    """Quaternions x, y, z, w of `R_base_flange` at those times (n, 4); NaN where it is not known."""
+    pose_t = _column("poses", "t")
+    """Of the orientations that came (m,), s since 1970."""
+    pose = _column("poses", "orientation", 4)
+    """Quaternions x, y, z, w of `R_base_flange` (m, 4)."""
+    position = _column("poses", "position", 3)
+    """Of the flange (m, 3), m, base axes; NaN where it is not known."""
 
     @cached_property
     def flaw(self) -> list[str]:
         """Why each reading (n) is not to be used, or an empty text."""
         return [each.flaw for each in self.readings]
-
-    @cached_property
-    def pose_t(self) -> Array:
-        """Of the orientations that came (m,), s since 1970."""
-        return np.array([each.t for each in self.poses])
-
-    @cached_property
-    def pose(self) -> Array:
-        """Quaternions x, y, z, w of `R_base_flange` (m, 4)."""
-        return np.array([each.orientation for each in self.poses]).reshape(-1, 4)
-
-    @cached_property
-    def position(self) -> Array:
-        """Of the flange (m, 3), m, base axes; NaN where it is not known."""
-        return np.array([each.position for each in self.poses]).reshape(-1, 3)
 
     @cached_property
     def contact(self) -> ContactWrenches | None:

@@ -15,7 +15,7 @@ from ..assess.robot_arms import Reach
 from ..assess.verify import verify
 from ..calibration.calibration import Calibration
 from ..errors import ContactWrenchError
-from ..geometry.orientation import from_quat_xyzw
+from ..geometry.orientation import from_quat_xyzw, to_quat_xyzw
 from ..geometry.quaternions import angle_between
 from ..samples.samples import Streams
 from .fitting import FEWEST_POSES, Fitted, Stated, doubts_of, fitted, force_std, with_check, with_delay
@@ -209,13 +209,11 @@ class Wizard:
 
     def _planned(self, n: int, taken: list[Four]) -> tuple[Four, ...]:
         """The next `n` orientations, the one that tells most first."""
-        from scipy.spatial.transform import Rotation
-
         try:
             chosen = plan(n, recorded=from_quat_xyzw(np.array(taken)) if taken else None, reach=self._wish.reach)
         except ContactWrenchError:
             return ()
-        quaternions = Rotation.from_matrix(chosen.R_base_flange).as_quat().tolist()
+        quaternions = to_quat_xyzw(chosen.R_base_flange).tolist()
         return tuple((x, y, z, w) for x, y, z, w in quaternions)
 
     def shown(self, here: Four | None) -> Poses | None:

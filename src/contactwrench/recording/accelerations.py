@@ -17,10 +17,8 @@ from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
 from .bags.topics import acceleration_topic
 from .options import Options
 from .tables.columns import AS_NAMED, Column, Naming, listed
-from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
-from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
-from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.roles import time_columns
+from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
 from .tables.table import in_seconds, in_si, open_table
 
 OF_AXIS = re.compile(r"(?!.*angular)(?:.*[/._ ])?(?:linear_?)?a(?:cc(?:el(?:eration)?)?)?[/._ ]?([xyz])", re.IGNORECASE)
@@ -37,12 +35,12 @@ def with_accelerations(samples: Samples, path: str | Path, options: Options) -> 
     if options.imu is None:
         return samples
     suffix = Path(options.imu).suffix.lower()
-    names_a_table = suffix and suffix in (*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5)
+    names_a_table = suffix and suffix in SUFFIXES_OF_TABLES
     if names_a_table or os.path.exists(options.imu):
         return with_accelerometer(samples, _of_table(options.imu, None, AS_NAMED))
     if Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
         return with_accelerometer(samples, _of_bag(path, options))
-    return with_accelerometer(samples, _of_table(path, options.imu, options.naming))
+    return with_accelerometer(samples, _of_table(path, options.imu, options))
 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:

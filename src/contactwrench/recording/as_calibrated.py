@@ -159,7 +159,7 @@ def _of_table(path: Path, options: Options, known: Mapping[str, Any]) -> _Taken:
 
 def _wrench_has_other_names(path: Path, options: Options, calibration: Calibration) -> bool:
     """Whether the columns of a table's wrench, found by their names, bear others than those of the calibration."""
-    columns = wrench_columns(open_table(path, options.naming), options.naming)
+    columns = wrench_columns(open_table(path, options), options)
     known = str(calibration.provenance.get("columns", "")).lower()
     usual = all(each.is_usual for each in columns)
     return known.startswith("fx") if usual else not known.startswith(taken_for(columns).lower())
@@ -193,10 +193,10 @@ def _require_units(path: Path, read: Options, provenance: Mapping[str, Any]) -> 
 def _roles(path: Path, options: Options) -> ColumnRoles:
     """Which columns are what, of two files together. Raises as reading."""
     if options.pose_file is None:
-        return roles_of(open_table(path, options.naming), options.naming)
-    of_wrench = replace(options.naming, orientation=None)
+        return roles_of(open_table(path, options), options)
+    of_wrench = replace(options, orientation=None)
     wrenches = roles_of(open_table(path, of_wrench), of_wrench)
-    poses = roles_of(open_table(options.pose_file, options.naming), options.naming, wrench=False)
+    poses = roles_of(open_table(options.pose_file, options), options, wrench=False)
     return replace(poses, wrench=wrenches.wrench)
 
 

@@ -14,23 +14,24 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
 from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
+from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
-from ..samples.synchronize import synchronized
+from ..samples.synchronize import Synchronized, synchronized
 from ..samples.timestamps import spread_evenly
 from .accelerations import with_accelerations
 from .bags.copy import write_bag_with
 from .bags.open import SUFFIXES_OF_BAGS
-from .in_order import NOTHING, InOrder
 from .options import Options
 from .read import bag_blocks, batches, pairs_in_batches, reader_of
 from .tables.columns import Advance, Tell, unheard
@@ -40,6 +41,8 @@ from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.write import write_contact_wrenches
 
 Part = TypeVar("Part", Samples, Streams)
+SATURATED = Reason("saturated: a channel stands at its limit", "saturated")
+NOTHING = ContactWrenches(np.empty((0, 6)), np.empty((0, 6)), np.empty(0), True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,7 @@ def write_compensated(
         wrenches = (batch.wrench for batch in recording)
         topic, accept = options.wrench_topic, options.accept_damaged
         return write_bag_with(path, output, wrenches, wrench_topic=topic, frame=frame, accept_damaged=accept, note=note)
-    write_contact_wrenches(output, recording, path, options.naming)
+    write_contact_wrenches(output, recording, path, options)
     return None
 
 
@@ -154,14 +157,14 @@ def _telling(parts: Iterable[Part], path: str | Path, options: Options, note: Te
             note(f"columns: {columns}")
         t = part.t if isinstance(part, Samples) else part.wrench.t
         poses = part if isinstance(part, Samples) else part.orientation
-        if k == 0 and of_table and (doubt := times_in_doubt(path, options.naming, t)):
+        if k == 0 and of_table and (doubt := times_in_doubt(path, options, t)):
             note(doubt)
         little = little and turns_little(poses.R_base_flange)
         yield part
         damage = part.damage
     if damage:
         note(damage)
-    if little and (doubt := angles_in_doubt(options.pose_file or path, options.naming)):
+    if little and (doubt := angles_in_doubt(options.pose_file or path, options)):
         note(doubt)
 
 
@@ -231,3 +234,51 @@ def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Ite
     if whole.t is None or len(whole) < 2:
         raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
     yield replace(whole, wrench=smoothed(whole.t, whole.wrench, treatment.low_pass))
+
+
+class InOrder:
+    """Puts what is known of readings, as they are paired, back into the order of the recording.
+
+    Between two calls it holds the stamps of the readings that are not yet paired, and rows that are ahead of them.
+    """
+
+    def __init__(self) -> None:
+        self._begin = 0
+        self._t: list[Array] = [np.empty(0)]
+        self._saturated: list[NDArray[np.bool_]] = [np.empty(0, dtype=bool)]
+        self._ahead: tuple[NDArray[np.intp], ContactWrenches] = (np.empty(0, dtype=np.intp), NOTHING)
+
+    def listening(self, recording: Iterable[Streams]) -> Iterator[Streams]:
+        """The same batches; the stamps of their readings are kept."""
+        for streams in recording:
+            wrench = streams.wrench
+            self._t.append(wrench.t)
+            self._saturated.append(np.zeros(len(wrench), dtype=bool) if wrench.saturated is None else wrench.saturated)
+            yield streams
+
+    def whole(self, paired: ContactWrenches, part: Synchronized) -> ContactWrenches:
+        """All rows from where the last call ended up to the first that is not yet known."""
+        t, saturated = np.concatenate(self._t), np.concatenate(self._saturated)
+        missing = [_missing(left.reason, t[left.rows - self._begin]) for left in part.left_out]
+        rows = np.concatenate([self._ahead[0], part.rows, *(left.rows for left in part.left_out)])
+        known = ContactWrenches.concatenate([self._ahead[1], paired, *missing])
+        order = np.argsort(rows, kind="stable")
+        rows, known = rows[order], known.select(order)
+        count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
+        self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
+        done = _flagged(known.select(slice(count)), saturated[:count])
+        self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
+        return done
+
+
+def _missing(reason: str, t: Array) -> ContactWrenches:
+    """Rows without a contact wrench."""
+    n, nan = len(t), np.full((len(t), 6), np.nan)
+    return ContactWrenches(nan, nan, t, True, np.zeros(n, dtype=bool), (Reason(f"left out: {reason}", reason),) * n)
+
+
+def _flagged(rows: ContactWrenches, saturated: NDArray[np.bool_]) -> ContactWrenches:
+    """Rows whose recording says that a channel stood at its limit are not valid."""
+    new = saturated & rows.valid
+    reasons = (SATURATED if is_new else reason for is_new, reason in zip(new.tolist(), rows.reason, strict=True))
+    return replace(rows, valid=rows.valid & ~new, reason=tuple(reasons)) if new.any() else rows

@@ -81,7 +81,7 @@ def interpretations(path: str | Path, options: Options = AS_USUAL, gravity: Arra
     written = rows if turning is None else poses_of(rows, turning)
     n = len(written.wrench)
     picked = np.unique(np.linspace(0, n - 1, min(n, MOST_POSES)).astype(np.intp))
-    stated_flags = () if options.orientation == "auto" else (f"--orientation {quote(options.orientation)}",)
+    stated_flags = () if options.orientation == "auto" else (f"--orientation {quote(str(options.orientation))}",)
     units = stated_units(options.units)
     candidates: list[OrientationInterpretation] = []
     if written.stated is not None:

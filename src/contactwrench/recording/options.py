@@ -31,13 +31,12 @@ IN_BASE_AXES = (
 
 
 @dataclass(frozen=True)
-class Options:
-    """How a recording is written: arguments of `read` under their names.
+class Options(Naming):
+    """How a recording is written: arguments of `read` under their names, those of a table's columns as a `Naming`.
 
     Raises `InputError` for a `wrench_frame` and a `sign` that are none.
     """
 
-    orientation: str = "auto"
     wrench_frame: str = "sensor"
     sign: str = "pull"
     inverse_orientation: bool = False
@@ -46,11 +45,6 @@ class Options:
     frames: tuple[str, str] | None = None
     robot: str | None = None
     pose_file: Path | None = None
-    wrench_columns: str | None = None
-    time_column: str | None = None
-    units: str | None = None
-    hdf5: str | None = None
-    episode: int | None = None
     base_frame: str | None = None
     accept_damaged: bool = False
     imu: str | None = None
@@ -80,11 +74,6 @@ class Options:
             name: value for name, value in found.items() if not (self.inverse_orientation and name == "base_frame")
         }
         return {**known, **plain}
-
-    @property
-    def naming(self) -> Naming:
-        """Which columns of a table are what."""
-        return Naming(self.orientation, self.wrench_columns, self.time_column, self.units, self.hdf5, self.episode)
 
     def R_base_flange(self, R: Array) -> Array:
         """`R_base_flange` (n, 3, 3) of rotations as they are written."""

@@ -18,24 +18,22 @@ from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
 from .tables.columns import ROWS, Advance, Tell, unheard
-from .tables.csv import SUFFIXES as SUFFIXES_OF_TEXT
 from .tables.doubts import angles_in_doubt, times_in_doubt, turns_little
-from .tables.hdf5 import SUFFIXES as SUFFIXES_OF_HDF5
-from .tables.parquet import SUFFIXES as SUFFIXES_OF_PARQUET
 from .tables.parquet import is_parquet
+from .tables.table import SUFFIXES as SUFFIXES_OF_TABLES
 from .tables.table import Table, merged, read_as_of_both, tables
 
 
 def table_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Table]:
     """A table, or a folder of them, with wrench and orientation side by side."""
-    return (options.applied(table, path) for table in tables(path, options.naming, rows, advance))
+    return (options.applied(table, path) for table in tables(path, options, rows, advance))
 
 
 def two_file_blocks(path: str | Path, options: Options, rows: int, advance: Advance) -> Iterator[Streams]:
     """A table of wrenches, and the `pose_file` with the orientations: a block has what both hold up to one moment."""
     pose_path = options.pose_file or path
-    wrenches = tables(path, replace(options.naming, orientation=None), rows, advance)
-    poses = tables(pose_path, options.naming, rows, wrench=False)
+    wrenches = tables(path, replace(options, orientation=None), rows, advance)
+    poses = tables(pose_path, options, rows, wrench=False)
     both = merged(
         (options.applied(table, path) for table in wrenches), (options.applied(table, pose_path) for table in poses)
     )
@@ -74,7 +72,7 @@ Block: TypeAlias = Table | Streams
 Reader: TypeAlias = Callable[[str | Path, Options, int, Advance], Iterator[Block]]
 
 READERS: dict[str, Reader] = {
-    **dict.fromkeys((*SUFFIXES_OF_TEXT, *SUFFIXES_OF_PARQUET, *SUFFIXES_OF_HDF5), table_blocks),
+    **dict.fromkeys(SUFFIXES_OF_TABLES, table_blocks),
     **dict.fromkeys(SUFFIXES_OF_BAGS, bag_blocks),
 }
 """What gives a recording in blocks of about so many rows, each row once and in order, by its suffix."""
@@ -183,9 +181,9 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell)
         tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
     if reader_of(path, options) is bag_blocks:
         return samples
-    if said := times_in_doubt(path, options.naming, samples.t):
+    if said := times_in_doubt(path, options, samples.t):
         tell(said)
-    doubt = angles_in_doubt(options.pose_file or path, options.naming) if turns_little(samples.R_base_flange) else ""
+    doubt = angles_in_doubt(options.pose_file or path, options) if turns_little(samples.R_base_flange) else ""
     return replace(samples, doubt=doubt) if doubt else samples
 
 
@@ -244,9 +242,10 @@ def read(
         MissingExtraError: a package that this kind of file needs is not installed.
     """
     second = None if pose_file is None else Path(pose_file)
-    axes, of_bag = (orientation, wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
-    columns, rest = (wrench_columns, time_column, units, hdf5), (base_frame, accept_damaged, imu)
-    return read_samples(path, Options(*axes, *of_bag, second, *columns, episode, *rest))
+    of_table = orientation, wrench_columns, time_column, units, hdf5, episode
+    axes, of_bag = (wrench_frame, sign, inverse_orientation), (wrench_topic, pose_topic, frames, robot)
+    options = *of_table, *axes, *of_bag, second, base_frame, accept_damaged, imu
+    return read_samples(path, Options(*options))
 
 
 def _as_streams(block: Block, path: str | Path) -> Streams:

@@ -114,29 +114,27 @@ def rows_as_written(path: str | Path, options: Options) -> Written:
     """
     if reader_of(path, options) is bag_blocks:
         return _of_bag(path, options)
-    naming = options.naming
-    table = open_table(path, naming)
-    pose_table = table if options.pose_file is None else open_table(options.pose_file, naming)
-    of_wrench = wrench_columns(table, naming)
-    beside_the_wrench = naming if pose_table is table else replace(naming, wrench_columns=None)
+    table = open_table(path, options)
+    pose_table = table if options.pose_file is None else open_table(options.pose_file, options)
+    of_wrench = wrench_columns(table, options)
+    beside_the_wrench = options if pose_table is table else replace(options, wrench_columns=None)
     convention, sets, complaint = _orientation(pose_table, beside_the_wrench)
     columns = [column for columns in sets for column in columns]
     as_they_stand = [replace(column, per_si=1.0) for column in columns]
     if pose_table is table:
-        blocks = pose_blocks = _blocks(table, roles_beside(table, naming, of_wrench, None, as_they_stand))
+        blocks = pose_blocks = _blocks(table, roles_beside(table, options, of_wrench, None, as_they_stand))
     else:
-        blocks = _blocks(table, roles_beside(table, naming, of_wrench, None, []))
-        pose_blocks = _blocks(pose_table, roles_beside(pose_table, naming, [], None, as_they_stand))
+        blocks = _blocks(table, roles_beside(table, options, of_wrench, None, []))
+        pose_blocks = _blocks(pose_table, roles_beside(pose_table, options, [], None, as_they_stand))
     stated = None
     if convention is not None:
         try:
             stated = np.concatenate([_rotations(block, convention, sets[0]) for block in pose_blocks])
         except FileFormatError as error:
             complaint = str(error)
-    posed, free = (
-        np.concatenate([block.has_orientation for block in pose_blocks]),
-        np.concatenate([_free(block) for block in blocks]),
-    )
+    posed = np.concatenate([block.has_orientation for block in pose_blocks])
+    loaded = [((block.saturated == 1.0).any(axis=1) | (block.load > 0.0).any(axis=1)) for block in blocks]
+    free = np.concatenate([block.has_wrench for block in blocks]) & ~np.concatenate(loaded)
     t, pose_t = _times(blocks), _times(pose_blocks)
     in_rows = pose_table is table and not (free & ~posed).any()
     if in_rows:
@@ -197,11 +195,6 @@ def _orientation(table: OpenTable, naming: Naming) -> tuple[Convention | None, l
 
 def _blocks(table: OpenTable, roles: ColumnRoles) -> list[WrittenRows]:
     return [written_rows(body, roles) for body in table.bodies(roles.columns)]
-
-
-def _free(block: WrittenRows) -> NDArray[np.bool_]:
-    free: NDArray[np.bool_] = block.has_wrench & ~(block.saturated == 1.0).any(axis=1) & ~(block.load > 0.0).any(axis=1)
-    return free
 
 
 def _rotations(block: WrittenRows, convention: Convention, columns: list[Column]) -> Array:

@@ -16,7 +16,7 @@ from ..calibration.calibration import Calibration
 from ..calibration.dynamics import Ellipsoid
 from ..calibration.findings import WEAK_SHARE
 from ..calibration.observability import LEVER
-from ..errors import MissingExtraError
+from ..errors import of_extra
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_directions, spread_rotations
 from ..model import gravity_in_flange, horizontal_axes
@@ -249,13 +249,9 @@ def _globe(ax: Axes, side: float) -> None:
 @contextmanager
 def drawing(columns: int, size: tuple[float, float], rows: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure of that size, inches, and its axes, row by row. Raises `MissingExtraError` without matplotlib."""
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-    except ModuleNotFoundError:
-        raise MissingExtraError(
-            "the report needs matplotlib, which is not installed: pip install 'contactwrench[report]'"
-        ) from None
+    mpl = of_extra("matplotlib", "the report", "report")
+    from matplotlib.figure import Figure
+
     with ONE_AT_A_TIME, mpl.rc_context(STYLE):
         figure = Figure(figsize=size, layout="constrained")
         yield figure, list(figure.subplots(rows, columns, squeeze=False).flat)

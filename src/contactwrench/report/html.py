@@ -24,7 +24,7 @@ from ..samples.samples import Samples
 from ..samples.still_segments import still_segments
 from ..statistics import three_digits
 from ..version import __version__
-from . import figures, in_motion, signals
+from . import figures, signals
 
 HEAD = {"source": "file", "created": "calibrated", "robot": "robot", "wrench_topic": "sensor"}
 """What the head says of the provenance, as far as anybody stated it."""
@@ -73,7 +73,7 @@ def _section(section: Section) -> str:
     head = " · ".join(f"{name} <b>{escape(value).replace('+00:00', ' UTC')}</b>" for name, value in stated)
     drawn = figures.sensor_axes(c)
     axes = "The sensor's axes, the flange's (dotted), the centre of mass, and the weight in the first pose."
-    axes += in_motion.BODY if c.ellipsoid is not None else ""
+    axes += signals.BODY if c.ellipsoid is not None else ""
     return (
         f"<section><h2>{escape(section.title)}</h2><p class='unit'>{head}</p>{paragraphs_html(section.paragraphs)}"
         f"{_verdict(c, section.missed)}"
@@ -190,7 +190,7 @@ def _in_motion(c: Calibration, samples: Samples | None) -> str:
         f"whole recording. {c.dynamics.seconds:.3g} s of motion told the inertia; the {told} up to "
         f"{c.dynamics.bandwidth:.2g} Hz."
     )
-    drawn = in_motion.left_in_motion(c, free)
+    drawn = signals.left_in_motion(c, free)
     return "<h3>In motion</h3>" + figure_html(drawn, said)
 
 
@@ -219,7 +219,7 @@ def _parameters(c: Calibration) -> str:
 
 def _principal(c: Calibration) -> str:
     """Of the ellipsoid the moments and semi-axes, where the inertia is known."""
-    return "" if c.ellipsoid is None else plain_table(in_motion.PRINCIPAL, in_motion.principal_rows(c.ellipsoid))
+    return "" if c.ellipsoid is None else plain_table(signals.PRINCIPAL, signals.principal_rows(c.ellipsoid))
 
 
 def _fit(c: Calibration) -> str:

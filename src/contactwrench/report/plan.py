@@ -11,6 +11,7 @@ from ..assess.plan import READINGS, Accuracy, Expected, Plan
 from ..assess.plan_motion import STOP, DynamicPlan
 from ..calibration.dynamics import DYNAMIC_PARAMETERS, INERTIA
 from ..geometry.arrays import Array
+from ..geometry.orientation import to_quat_xyzw
 from ..model import gravity_in_flange
 from .text import json_text
 
@@ -64,7 +65,10 @@ def _poses(plan: Plan) -> list[str]:
         seen = " ".join(f"{value:+6.2f}" for value in down[k])
         lines.append(f"  {k + 1:4d}  {seen}  {tilt[k]:5.0f} deg  {turn:>7}")
     if plan.joints is None:
-        go_to = [_cells(_columns(plan), ">8"), *(_cells(row, "8.4f") for row in _quat_xyzw(plan.R_base_flange))]
+        go_to = [
+            _cells(_columns(plan), ">8"),
+            *(_cells(row, "8.4f") for row in to_quat_xyzw(plan.R_base_flange, canonical=True)),
+        ]
         return [lines[0], *(line + cells for line, cells in zip(lines[1:], go_to, strict=True))]
     names = f"  pose{_cells(_columns(plan)[4:], '>9')}  rad"
     return [
@@ -107,7 +111,9 @@ def _accuracy(accuracy: Accuracy | None) -> str:
 
 def plan_csv(plan: Plan) -> str:
     """A header and a row a pose: qx qy qz qw of R_base_flange, and with a robot q1..qN, rad."""
-    columns = [np.array([[f"{value:.9f}" for value in row] for row in _quat_xyzw(plan.R_base_flange)])]
+    columns = [
+        np.array([[f"{value:.9f}" for value in row] for row in to_quat_xyzw(plan.R_base_flange, canonical=True)])
+    ]
     if plan.joints is not None:
         columns.append(np.array([[f"{value:.4f}" for value in row] for row in plan.joints]))
     rows = np.hstack(columns)
@@ -130,7 +136,7 @@ def plan_json(plan: Plan) -> str:
                     "down_in_flange": down[k],
                     "turn": float(plan.turn[k]),
                 }
-                for k, quat_xyzw in enumerate(_quat_xyzw(plan.R_base_flange))
+                for k, quat_xyzw in enumerate(to_quat_xyzw(plan.R_base_flange, canonical=True))
             ],
             "before": plan.before,
             "after": plan.after,
@@ -209,11 +215,3 @@ def dynamic_plan_json(plan: DynamicPlan) -> str:
 def _columns(plan: Plan) -> list[str]:
     joints = 0 if plan.joints is None else plan.joints.shape[1]
     return ["qx", "qy", "qz", "qw", *(f"q{k + 1}" for k in range(joints))]
-
-
-def _quat_xyzw(R_base_flange: Array) -> Array:
-    """Quaternions (n, 4), scalar last and not negative."""
-    from scipy.spatial.transform import Rotation
-
-    quat_xyzw: Array = Rotation.from_matrix(R_base_flange).as_quat(canonical=True)
-    return quat_xyzw

@@ -106,8 +106,7 @@ class Accelerometer(Frozen):
         if self.delay:
             reading = np.stack([np.interp(t + self.delay, t, values) for values in reading.T], axis=1)
         specific_force = np.linalg.solve(self.matrix, (reading - self.bias).T).T
-        acceleration: Array = specific_force + gravity @ R_base_flange
-        return acceleration
+        return specific_force + gravity @ R_base_flange
 
 
 def with_accelerometer(samples: Samples, stream: AccelerometerStream) -> Samples:

@@ -168,8 +168,7 @@ def _steps(values: Array, length: int) -> Array:
 def _means(values: Array, window: int) -> Array:
     """Means (n - window + 1, d) of the windows that begin at each block."""
     sums = _sums(values)
-    means: Array = (sums[window:] - sums[:-window]) / window + values[:1]
-    return means
+    return (sums[window:] - sums[:-window]) / window + values[:1]
 
 
 def _sums(values: Array) -> Array:

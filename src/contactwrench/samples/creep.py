@@ -98,5 +98,4 @@ def _mean_logarithms(came: Array, begin: Array, end: Array) -> Array:
     """
     a, b = (np.maximum(edge[:, None] - came, 0.0) for edge in (begin, end))
     of_a, of_b = (edge * np.log(np.where(edge > 0.0, edge, 1.0)) for edge in (a, b))
-    mean: Array = np.tril((of_b - of_a) / (end - begin)[:, None] - 1.0)
-    return mean
+    return np.tril((of_b - of_a) / (end - begin)[:, None] - 1.0)

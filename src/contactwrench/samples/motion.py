@@ -53,8 +53,7 @@ class ArmMotion:
     def state_at(self, t: Array) -> Array:
         """The state (n, m), averaged over the window around t (n,)."""
         half = 0.5 * self.width
-        state: Array = (self._area_until(t + half) - self._area_until(t - half)) / self.width
-        return state
+        return (self._area_until(t + half) - self._area_until(t - half)) / self.width
 
     def change_at(self, t: Array) -> Array:
         """Its derivative, 1/s; zero for axes where the arm does not turn, and for accelerations that are known in part:
@@ -157,8 +156,7 @@ def _derivative(middle: Array, rate: Array) -> Array:
     if len(middle) < 2:
         return np.zeros((len(rate) + 1, rate.shape[1]))
     within = np.diff(rate, axis=0) / np.diff(middle)[:, None]
-    derivative: Array = np.concatenate([within[:1], within, within[-1:]])
-    return derivative
+    return np.concatenate([within[:1], within, within[-1:]])
 
 
 BLOCK = 0.02

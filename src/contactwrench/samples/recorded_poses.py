@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry.arrays import Array
-from ..geometry.rotations import rotation_log
+from ..geometry.rotations import angles_between, rotation_log
 from .creep import MOST_STOPS, Creep, Stop, creep_of
 from .poses import SAME_POSE_ANGLE, Pose, averaged, label_orientations, mean_poses, visits
 from .samples import SLOWEST, Samples
@@ -62,7 +62,7 @@ def is_stream(samples: Samples) -> bool:
         return False
     R = samples.R_base_flange
     step = np.diff(t)
-    jump = (step < 0.0) | (step > SLOWEST) | (_angles(R) > FASTEST_TURN * np.maximum(step, HOLD))
+    jump = (step < 0.0) | (step > SLOWEST) | (angles_between(R[:-1], R[1:]) > FASTEST_TURN * np.maximum(step, HOLD))
     jumps = np.r_[0, np.cumsum(jump)]
     return any(_turns_along(R, t, jumps, scale) for scale in SCALES)
 
@@ -174,21 +174,14 @@ def _too_many(samples: Samples, count: int) -> InputError:
 
 def _lie_close(R: Array) -> bool:
     """Whether most orientations lie next to the one before, as none do that anybody chose."""
-    return bool(np.median(_angles(R)) < CLOSE)
+    return bool(np.median(angles_between(R[:-1], R[1:])) < CLOSE)
 
 
 def _follows_the_arm(R: Array) -> bool:
     """Whether rows without times follow the arm on its way."""
     rows = np.arange(len(R), dtype=np.float64)
-    jump = np.r_[0, np.cumsum(_angles(R) > LONGEST_STEP)]
+    jump = np.r_[0, np.cumsum(angles_between(R[:-1], R[1:]) > LONGEST_STEP)]
     return any(_turns_along(R, rows, jump, scale) for scale in ROW_SCALES)
-
-
-def _angles(R: Array) -> Array:
-    """The angle (n - 1,) from each orientation to the next, rad."""
-    chord = np.sqrt(np.sum((R[1:] - R[:-1]) ** 2, axis=(1, 2)))
-    angle: Array = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
-    return angle
 
 
 def _joined(samples: Samples, segments: tuple[StillSegment, ...], label: NDArray[np.intp]) -> tuple[Pose, ...]:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import arcs_through
+from ..statistics import counted
 from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
 from .samples import ReadAs, Samples, Streams
-from .timestamps import counted, notes_of, require_common_span, require_times
+from .timestamps import notes_of, require_common_span, require_times
 
 LEAST_GAP, GAP_SPACINGS = 0.05, 5.0
 """A gap is longer than this many s and longer than this many median spacings of the stream, where no limit is given."""

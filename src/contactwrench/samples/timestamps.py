@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import TIME
+from ..statistics import counted
 
 SORTED_WITHIN = 0.1
 """s: messages are delivered late by less, and are sorted. Clocks are set back by more: those that follow a server step
@@ -178,8 +179,3 @@ def _remedy(wrench: Stamps, orientation: Stamps) -> str:
     if (wrench.first > UNIX) != (orientation.first > UNIX):
         return "one clock counts from 1970 and one from the start, record both with one"
     return "record both with one clock, or correct the stamps of one"
-
-
-def counted(n: int, noun: str) -> str:
-    """How many, in words."""
-    return f"1 {noun}" if n == 1 else f"{n} {noun}s"

@@ -9,6 +9,7 @@ from math import isfinite, nan
 from typing import cast
 
 from ...errors import FileFormatError, InputError
+from ...geometry.orientation import to_quat_xyzw
 from ...recording.tables.columns import Column, Naming, OpenTable, places_of
 from ...recording.tables.orientations import orientation_columns
 from ...recording.tables.roles import roles_beside, wrench_columns
@@ -87,13 +88,12 @@ class NamedColumns:
 
     def _converted(self, values: list[tuple[float, ...]]) -> list[Four | None]:
         import numpy as np
-        from scipy.spatial.transform import Rotation
 
         there = [all(map(isfinite, each)) for each in values]
         if self._convention is None or not any(there):
             return [None] * len(values)
         matrices = self._convention.to_matrices(np.array([v for v, fine in zip(values, there, strict=True) if fine]))
-        quaternions = iter(Rotation.from_matrix(matrices).as_quat().tolist())
+        quaternions = iter(to_quat_xyzw(matrices).tolist())
         return [cast(Four, tuple(next(quaternions))) if fine else None for fine in there]
 
 

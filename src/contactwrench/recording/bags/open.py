@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import ContactWrenchError, FileAccessError, FileFormatError, MissingExtraError
+from ...errors import ContactWrenchError, FileAccessError, FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from ..damage import Damage
@@ -134,14 +134,8 @@ def opened_bag(path: str | Path, *, accept_damaged: bool = False) -> Iterator[Ba
 
 def require_rosbags() -> None:
     """Raise `MissingExtraError` without rosbags and mcap."""
-    try:
-        import mcap  # noqa: F401
-        import rosbags.rosbag2  # noqa: F401
-    except ImportError as error:
-        missing = "mcap" if error.name == "mcap" else "rosbags"
-        raise MissingExtraError(
-            f"a ROS bag needs {missing}, which is not installed: pip install 'contactwrench[bags]'"
-        ) from None
+    for module in ("mcap", "rosbags.rosbag2"):
+        of_extra(module, "a ROS bag", "bags")
 
 
 def messages(bag: Bag, topics: Iterable[Topic]) -> Iterator[Messages]:

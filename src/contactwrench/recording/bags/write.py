@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...errors import FileFormatError
 from ...files import new_place
 from ...geometry.arrays import Array
+from ...geometry.orientation import to_quat_xyzw
 from ...samples.samples import Streams
 from .message_layout import typestore
 from .open import SUFFIXES_OF_BAGS, require_rosbags
@@ -47,16 +48,13 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
     if kind not in (*SUFFIXES_OF_BAGS, ""):
         raise FileFormatError(f"{path}: found the suffix {path.suffix}, expected .bag, .mcap, .db3, or none: a folder")
     require_rosbags()
-    from scipy.spatial.transform import Rotation
-
     ros1 = kind == ".bag"
     wrench, orientation = streams.wrench, streams.orientation
     position = np.zeros((len(orientation), 3)) if orientation.position is None else orientation.position
-    quaternions = Rotation.from_matrix(orientation.R_base_flange).as_quat() if len(orientation) else np.empty((0, 4))
     stamps = [nanoseconds(wrench.t), nanoseconds(orientation.t)]
     payloads = [
         stamped(ros1, "sensor", stamps[0], wrench.wrench),
-        stamped(ros1, "base", stamps[1], np.hstack([position, quaternions])),
+        stamped(ros1, "base", stamps[1], np.hstack([position, to_quat_xyzw(orientation.R_base_flange)])),
     ]
     with new_bag(path, kind, mcap=kind == ".mcap") as writer:
         connections = [

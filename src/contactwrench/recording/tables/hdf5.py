@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import FileFormatError, MissingExtraError
+from ...errors import FileFormatError, of_extra
 from ...files import open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, ROOM, Batch, Field, readable, require_room
@@ -178,10 +178,7 @@ def _datasets(group: Any, which: _Group, asked: dict[str, int], source: str) -> 
 @contextmanager
 def _opened(path: str | Path) -> Iterator[Any]:
     """An open HDF5 file. Raises `FileAccessError`, `FileFormatError` and `MissingExtraError`."""
-    try:
-        import h5py
-    except ModuleNotFoundError:
-        raise MissingExtraError("HDF5 needs h5py, which is not installed: pip install 'contactwrench[hdf5]'") from None
+    h5py = of_extra("h5py", "HDF5", "hdf5")
     with open_bytes(path):
         pass
     with _readable(str(path)):

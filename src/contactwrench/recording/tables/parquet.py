@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import FileFormatError, MissingExtraError
+from ...errors import FileFormatError, of_extra
 from ...files import entries, open_bytes
 from ...geometry.arrays import Array
 from .batch import BYTES_PER_ROW, MOST_ELEMENTS, Batch, Field, readable, require_room, require_room_for_pages
@@ -289,11 +289,5 @@ def _readable(source: str) -> AbstractContextManager[None]:
 
 
 def import_parquet() -> Any:
-    """The Parquet module of pyarrow, or the error that says how to install it."""
-    try:
-        import pyarrow.parquet as pq
-    except ModuleNotFoundError:
-        raise MissingExtraError(
-            "Parquet needs pyarrow, which is not installed: pip install 'contactwrench[parquet]'"
-        ) from None
-    return pq
+    """The Parquet module of pyarrow. Raises `MissingExtraError`."""
+    return of_extra("pyarrow.parquet", "Parquet", "parquet")

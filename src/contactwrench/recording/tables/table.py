@@ -17,6 +17,7 @@ from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import Convention, require_whole_turn
 from ...geometry.ranges import LOAD_KG, TIME
 from ...samples.samples import LARGEST_READING, ReadAs
+from . import csv, hdf5, parquet
 from .columns import AS_NAMED, ROWS, Advance, Body, Column, ColumnRoles, Naming, OpenTable, unheard, with_slices
 from .csv import open_csv
 from .episodes import one_episode
@@ -25,6 +26,7 @@ from .parquet import is_parquet, open_parquet
 from .roles import roles_of
 from .units import ANGLE
 
+SUFFIXES = (*csv.SUFFIXES, *parquet.SUFFIXES, *hdf5.SUFFIXES)
 UNIX_TIMES = (1e9, 4.2e9)
 """s: from 2001 to 2103. A column `t` of a thousand, a million or a milliard times as much holds Unix times in ms, us or
 ns; no clock that counts seconds gets there.

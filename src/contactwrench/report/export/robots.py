@@ -8,6 +8,7 @@ import numpy as np
 
 from ...calibration.calibration import Calibration
 from ...geometry.arrays import Vector
+from ...geometry.orientation import to_quat_xyzw
 from ...recording.base_frames import AGAINST_CONTROLLER
 from .payload import Payload, fixed, payload_on_flange, principal_axes
 from .target import Parameters, Setup, Target, commented
@@ -120,10 +121,8 @@ def _abb(payload: Payload, _: Calibration) -> Parameters:
     tool's load is in the wrist's coordinates, that of a payload in the tool's; aom: the principal axes, with their
     origin in the centre of gravity (ros-industrial/abb_robot_driver_interfaces, LoadData.msg); all inertia 0: a point.
     """
-    from scipy.spatial.transform import Rotation
-
     moments, R = (np.zeros(3), np.eye(3)) if payload.inertia is None else principal_axes(payload.inertia)
-    aom = np.roll(Rotation.from_matrix(R).as_quat(), 1)
+    aom = np.roll(to_quat_xyzw(R), 1)
     return payload.parameters(
         f"PERS loaddata tool_with_sensor:=[{fixed(payload.mass, 8)},[{_listed(payload.com, IN_MM, 6, ',')}],"
         f"[{_listed(aom, between=',')}],{_listed(moments, between=',')}];\n",
