@@ -136,9 +136,9 @@ def with_reading_options(verb: Callable[..., Any]) -> Callable[..., Any]:
             raise InputError(f"Missing argument 'FILE': try 'contactwrench {verb.__name__} --help'")
         stated = (recordings.options.imu, values.get("noise"))
         beside = [Path(text) for text in stated if text and os.path.isfile(text)]
-        doubts = options.doubtful_ends(*recordings.files, recordings.options.pose_file, *beside)
+        doubts_beside = options.doubtful_ends(*beside)  # now: the verb may write and never open them
         result = verb(**values, **{name: recordings})
-        options.note(*doubts)
+        options.note(*options.doubtful_ends(*recordings.files, recordings.options.pose_file), *doubts_beside)
         return result
 
     return options.spelled(
