@@ -98,7 +98,7 @@ def cost(quick: bool) -> Iterator[Row]:
     yield _cpu("synchronize, 10 min at 1 kHz", lambda: synchronize(streams), times, 1.0)
     with TemporaryDirectory() as folder:
         _run(folder, "simulate", "--trajectory", "stops:7", "-o", "run.mcap", "--set", "sensor.bias=0")
-        command = ("calibrate", "run.mcap", "-o", "tool.json")
+        command = ("calibrate", "run.mcap", "-o", "tool.json", "--force")
         yield _cpu("the command calibrate, bag of 69 s", lambda: _run(folder, *command), times, 2.5)
 
 
