@@ -25,11 +25,10 @@ from ..estimation.estimate import RigidEstimate
 from ..estimation.noise import PoseReadings
 from ..estimation.plausibility import Unseen, likelier, oddity, require_alive, to_the_tool, unseen
 from ..estimation.priors import Question
-from ..estimation.rigid import estimated
+from ..estimation.rigid import RIGID_MODELS, estimated
 from ..geometry.arrays import Array, Frozen, read_only
 from ..model import GRAVITY, RigidTool, gravity_in_flange, wrench_matrix
 from .interpretations import COST_OF_CHANGE, Interpretation, Interpretations, as_read
-from .plan import MODELS
 from .screening import LEAST_TILT, NOTHING_LEFT, PARAMETERS, Screened, misfit, scatter_of, screen, screened
 
 FEWEST_POSES = 5
@@ -145,8 +144,8 @@ def diagnose(file: Interpretations, model: str = "auto") -> Diagnosis:
     """
     n = len(file.wrench)
     require_alive(file.wrench, file.source)
-    other = f"model {model!r} tells no interpretation from another, expected one of {', '.join(MODELS)}: take auto"
-    refuse((model not in MODELS, other))
+    one_of = f"expected one of {', '.join(RIGID_MODELS)}"
+    refuse((model not in RIGID_MODELS, f"model {model!r} tells no interpretation from another, {one_of}: take auto"))
     if n < FEWEST_POSES:
         raise UnobservableError(
             f"{file.source}: found {n} distinct orientations, expected {FEWEST_POSES} or more to tell one "

@@ -18,6 +18,7 @@ from ..errors import AmbiguityError, InputError, UnobservableError
 from ..estimation.calibrate import calibrate
 from ..estimation.findings_of_recording import contact_free
 from ..estimation.priors import BASE_TILT_SD, MOUNT_TILT_SD
+from ..estimation.rigid import RIGID_MODELS
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.ranges import POSES
 from ..geometry.rotations import spread_rotations
@@ -28,9 +29,6 @@ from ..samples.samples import Samples
 from ..samples.still_noise import StillNoise
 from .experiment_design import chosen_experiments, short_order
 from .robot_arms import Reach
-
-MODELS = ("auto", "yaw", "mount", "mount+base")
-"""Of a rigid tool, with one weight."""
 
 TILTS = {"mount_x": MOUNT_TILT_SD, "mount_y": MOUNT_TILT_SD, **dict.fromkeys(GRAVITY, BASE_TILT_SD)}
 """Standard deviations that `auto` expects of the tilts, rad."""
@@ -202,8 +200,8 @@ def plan(
 
 
 def _require_model(model: str) -> None:
-    if model not in MODELS:
-        raise InputError(f"model {model!r} cannot be planned for, expected one of {', '.join(MODELS)}")
+    if model not in RIGID_MODELS:
+        raise InputError(f"model {model!r} cannot be planned for, expected one of {', '.join(RIGID_MODELS)}")
 
 
 def fitted_names(model: str) -> tuple[str, ...]:

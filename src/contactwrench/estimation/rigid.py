@@ -25,6 +25,9 @@ from .posterior_mean import mean_of
 from .priors import Question
 from .tables import Problem, Table, near_kernels, settled, table_at
 
+RIGID_MODELS = ("auto", *SEARCH_OF_MODEL)
+"""With one weight."""
+
 MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""

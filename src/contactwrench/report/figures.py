@@ -20,7 +20,7 @@ from ..errors import of_extra
 from ..geometry.arrays import Array
 from ..geometry.rotations import spread_directions, spread_rotations
 from ..model import gravity_in_flange, horizontal_axes
-from ..statistics import counted, three_digits, two_digits
+from ..statistics import counted, meaningful_digits, three_digits, two_digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 WIDTH = 10.0
 """Inches, of a figure as wide as the text."""
 BODY = "#7a5c2e"
+CAPTION_OF_BODY = (
+    " Brown: the uniform solid ellipsoid of the same mass and inertia, with its principal axes; the band is two std "
+    "of its semi-axes, cut off where that is far more. Around the centre of mass its 95 % ellipse, where it "
+    "is large enough to be seen."
+)
+PRINCIPAL = ("principal axis", "moment, kg cm²", "semi-axis, mm")
 PLAIN = {"facecolor": "white", "alpha": 0.75, "linewidth": 0.0, "pad": 0.6}
 """Behind a name, so that lines do not cross it."""
 MOST_OF_BAND = 1.6
@@ -149,6 +155,17 @@ def sensor_axes(calibration: Calibration) -> str:
         ax.margins(0.08)
         ax.set_axis_off()
         return svg_text(figure)
+
+
+def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str]]:
+    """Of each principal axis, sensor axes, the moment with its std, and the semi-axis, or what two std make of it."""
+    rows = []
+    for k, axis in enumerate(body.axes.T):
+        along = ", ".join(f"{part:.2f}" for part in axis * np.sign(axis[np.argmax(np.abs(axis))]))
+        moment = " +- ".join(meaningful_digits(1e4 * float(body.moments[k]), 1e4 * float(body.moment_std[k])))
+        low, high = (two_digits(1e3 * float(of[k])) for of in (body.low, body.high))
+        rows.append((along, moment, low if low == high else f"{low} to {high}"))
+    return rows
 
 
 def _draw_body(ax: Axes, body: Ellipsoid, com: Array, onto_paper: Array) -> None:

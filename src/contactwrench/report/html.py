@@ -73,7 +73,7 @@ def _section(section: Section) -> str:
     head = " · ".join(f"{name} <b>{escape(value).replace('+00:00', ' UTC')}</b>" for name, value in stated)
     drawn = figures.sensor_axes(c)
     axes = "The sensor's axes, the flange's (dotted), the centre of mass, and the weight in the first pose."
-    axes += signals.BODY if c.ellipsoid is not None else ""
+    axes += figures.CAPTION_OF_BODY if c.ellipsoid is not None else ""
     return (
         f"<section><h2>{escape(section.title)}</h2><p class='unit'>{head}</p>{paragraphs_html(section.paragraphs)}"
         f"{_verdict(c, section.missed)}"
@@ -219,7 +219,7 @@ def _parameters(c: Calibration) -> str:
 
 def _principal(c: Calibration) -> str:
     """Of the ellipsoid the moments and semi-axes, where the inertia is known."""
-    return "" if c.ellipsoid is None else plain_table(signals.PRINCIPAL, signals.principal_rows(c.ellipsoid))
+    return "" if c.ellipsoid is None else plain_table(figures.PRINCIPAL, figures.principal_rows(c.ellipsoid))
 
 
 def _fit(c: Calibration) -> str:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.dynamics import Ellipsoid
 from ..compensate.contact_wrenches import motion_of
 from ..estimation.in_motion import as_stamped
 from ..geometry.arrays import Array
@@ -18,7 +17,6 @@ from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.samples import Samples
 from ..samples.still_segments import StillSegment, StillSegments
 from ..samples.timestamps import spread_evenly
-from ..statistics import meaningful_digits, two_digits
 from .figures import AXIS_COLOURS, METHODS, PARTS, WIDTH, drawing, svg_text
 
 MOST_BINS = 2000
@@ -36,14 +34,6 @@ LONGEST_WINDOW = 4.0
 """s, of which spectra are averaged."""
 LOWEST = 1e-6
 """Of a logarithmic scale."""
-
-
-BODY = (
-    " Brown: the uniform solid ellipsoid of the same mass and inertia, with its principal axes; the band is two std "
-    "of its semi-axes, cut off where that is far more. Around the centre of mass its 95 % ellipse, where it "
-    "is large enough to be seen."
-)
-PRINCIPAL = ("principal axis", "moment, kg cm²", "semi-axis, mm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,17 +168,6 @@ def _is_of(stretch: StillSegment, pose: Pose) -> bool:
     within = pose.t_start <= stretch.t_start and stretch.t_end <= pose.t_end
     alike = float(np.linalg.norm(stretch.R_base_flange - pose.R_base_flange)) < np.sqrt(2.0) * 2.0 * SAME_POSE_ANGLE
     return within and alike and (stretch.rejected is None or stretch.rejected == pose.rejected)
-
-
-def principal_rows(body: Ellipsoid) -> list[tuple[str, str, str]]:
-    """Of each principal axis, sensor axes, the moment with its std, and the semi-axis, or what two std make of it."""
-    rows = []
-    for k, axis in enumerate(body.axes.T):
-        along = ", ".join(f"{part:.2f}" for part in axis * np.sign(axis[np.argmax(np.abs(axis))]))
-        moment = " +- ".join(meaningful_digits(1e4 * float(body.moments[k]), 1e4 * float(body.moment_std[k])))
-        low, high = (two_digits(1e3 * float(of[k])) for of in (body.low, body.high))
-        rows.append((along, moment, low if low == high else f"{low} to {high}"))
-    return rows
 
 
 def left_in_motion(calibration: Calibration, samples: Samples) -> str:

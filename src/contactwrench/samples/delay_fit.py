@@ -77,7 +77,7 @@ class Scan:
     down: Array
 
 
-def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -> list[Scan]:
+def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -> tuple[Scan, Scan]:
     """The misfit of a tool at each of `delays` (k,), and the best of them, to 10 ms: under gravity as `stated` (3,),
     and where the base's three axes explain the wrench in its place.
 
@@ -106,7 +106,7 @@ def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -
         found.append(Scan(misfit, float(near[of_near.argmin()]), float(of_near.min()), stated))
     of_axes = _explained(motion.state_at(thin.t - found[1].best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
     noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
-    return [found[0], replace(found[1], down=np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0])]
+    return found[0], replace(found[1], down=np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0])
 
 
 def _left(state: Array, wrench: Array, stated: Array, weight: Array) -> tuple[Array, Array]:
@@ -156,8 +156,8 @@ def _variance(residual: Array, means: WrenchStream, weight: Array | None = None)
 
 
 def _least_variance(means: WrenchStream) -> Array:
-    least: Array = ROUNDING * means.wrench.var(axis=0) + 1e-24
-    return least
+    """Of an axis (6,), as the digits of a file have it."""
+    return np.asarray(ROUNDING * means.wrench.var(axis=0) + 1e-24)
 
 
 def _weight(residual: Array, variance: Array) -> Array:
