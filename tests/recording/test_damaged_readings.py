@@ -4,6 +4,7 @@ for one; and which file is named.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -36,16 +37,24 @@ def test_clipped_channels_are_seen(quantum: float) -> None:
     assert found[clipped].mean() > 0.9
 
 
+def in_files(folder: Path, wrench: np.ndarray, turns: np.ndarray, files: int) -> list[str | Path]:
+    t = 0.001 * np.arange(len(wrench))
+    if files == 1:
+        return [written(folder, csv_text(("t", *WRENCH, *QUAT), np.column_stack([t, wrench, turns])), "both.csv")]
+    readings = written(folder, csv_text(("t", *WRENCH), np.column_stack([t, wrench])), "wrench.csv")
+    poses = written(folder, csv_text(("t", *QUAT), np.column_stack([t, turns])), "poses.csv")
+    return ["--wrench", readings, "--pose", poses]
+
+
+@pytest.mark.parametrize("files", [1, 2])
 @pytest.mark.parametrize(("limit", "said"), [(8.0, True), (9.9, False), (11.0, False)])
 def test_many_readings_at_a_limit_are_said_before_anything_is_asked_of_the_rest(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: float, said: bool
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: float, said: bool, files: int
 ) -> None:
     wrench = swinging(0.02)
     wrench[:, 1] = np.minimum(wrench[:, 1], limit)
-    readings = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([T, wrench])), "wrench.csv")
     turns = Rotation.from_rotvec(np.outer(T, [0.3, 0.1, 0.0])).as_quat()
-    poses = written(tmp_path, csv_text(("t", *QUAT), np.column_stack([T, turns])), "poses.csv")
-    done = run(capsys, "calibrate", "--wrench", readings, "--pose", poses)
+    done = run(capsys, "calibrate", *in_files(tmp_path, wrench, turns, files))
     lost = (
         f"Note: {at_limit(wrench).sum()} of 5000 rows with a saturated channel (fy) were left out: "
         "set the sensor's range larger, or load it less\n"
@@ -63,6 +72,31 @@ def test_an_arm_at_rest_without_noise_stands_at_no_limit() -> None:
     levels = np.repeat(np.random.default_rng(2).normal(size=(10, 6)), 500, axis=0)
     assert not at_limit(levels).any()
     assert not at_limit(np.full((100, 6), np.nan)).any()
+    assert not at_limit(np.repeat([[1.0], [2.0]], 500, axis=0) * np.ones(6)).any()
+
+
+@pytest.mark.parametrize("files", [1, 2])
+def test_a_sensor_without_torques_is_calibrated_and_its_zeros_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], files: int
+) -> None:
+    rng = np.random.default_rng(4)
+    stops, t = np.repeat(rng.normal(size=(10, 3)), 2, axis=0), np.arange(0.0, 20.0, 0.001)
+    when = np.ravel([[2.0 * k, 2.0 * k + 1.5] for k in range(10)])
+    R = Rotation.from_rotvec(np.column_stack([np.interp(t, when, each) for each in stops.T]))
+    wrench = np.zeros((len(R), 6))
+    wrench[:, :3] = R.inv().apply([0.0, 0.0, -8.0]) + [1.0, -2.0, 3.0] + 0.05 * rng.normal(size=(len(R), 3))
+    done = run(capsys, "calibrate", "--json", *in_files(tmp_path, wrench, R.as_quat(), files))
+    calibration = json.loads(done.out)
+    assert abs(calibration["weight"] - 8.0) < 4.0 * calibration["std"]["weight"] < 0.1, done.err
+    (said,) = (found["text"] for found in calibration["findings"] if found["severity"] == "doubtful")
+    rows = calibration["provenance"]["rows"]
+    assert said == (
+        f"doubtful: tx = 0, ty = 0, tz = 0 in all {rows} rows, though these tilt the tool: a dead channel, or one that "
+        "was not recorded?"
+    )
+
+
+def test_without_readings_none_stands_at_a_limit() -> None:
     assert not at_limit(np.empty((0, 6))).any()
 
 

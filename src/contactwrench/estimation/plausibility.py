@@ -33,9 +33,9 @@ REACH = 0.76
 twentieth of its diameter. A tool has a flange at its foot, and stays nearer.
 """
 
-NEAREST = 0.0005
+NEAREST, DEAD = 0.0005, 1e-9
 """m per cube root of a kg: a hundredth of the side of a cube of steel. A tool lies on its sensor; where the origin is
-inside it, few stds are small enough to say so much.
+inside it, few stds are small enough to say so much. And m: even nearer only the zeros of channels that are dead put it.
 """
 
 TYPICAL = 0.05
@@ -108,7 +108,7 @@ def oddity(weight: float, com: Array, along: float, std: Array | float = 0.0) ->
         TOO_HEAVY: mass > HEAVIEST,
         TOO_LIGHT: mass < LIGHTEST,
         TOO_FAR: distance - spread > min(REACH * size, FURTHEST_COM),
-        TOO_NEAR: distance + spread < NEAREST * size,
+        TOO_NEAR: DEAD < distance + spread < NEAREST * size,
         BEHIND: along + spread < -SENSOR,
     }
     return next((word for word, is_so in holds.items() if is_so), "")

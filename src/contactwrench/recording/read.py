@@ -149,8 +149,8 @@ def read_samples(
     """A recording as samples: of a table in which no wrench lacks an orientation, the rows that have both; else the
     orientation is brought to the wrench's times, `begin` hears that this begins, and `tell` how. Raises as `read`.
 
-    The delay between two streams, of free readings, is applied where it is significant. Where a recording does not say
-    which channels stood at their limits, its readings do.
+    The delay between two streams, of free readings, is applied where it is significant. Where a recording with times
+    does not say which channels stood at their limits, its readings do.
     """
     blocks = list(reader_of(path, options)(path, options, ROWS, advance))
     if columns := blocks[0].read_as.get("columns"):
@@ -177,6 +177,8 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell)
     many readings at a limit, which leave too little of what will be asked for.
     """
     samples = with_accelerations(samples, path, options)
+    if samples.saturated is None and samples.t is not None:
+        samples = replace(samples, saturated=at_limit(samples.wrench))
     if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):
         tell(f"{samples.unsaturated()[1][0]}: set the sensor's range larger, or load it less")
     if reader_of(path, options) is bag_blocks:

@@ -174,19 +174,17 @@ class Streams(Frozen):
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:
     """Whether a channel of readings (n, 6) stands at its largest or smallest value for far longer than it ever stands
-    anywhere else: (n,). So a channel that stood at its limit shows where the recording does not say so.
+    anywhere else: (n,). So limits show where the recording does not say so; of a dead channel nothing does.
     """
     standing = np.zeros(len(wrench), dtype=bool)
     for values in wrench.T if len(wrench) else ():
         first = np.flatnonzero(np.r_[True, np.diff(values) != 0.0])
         length = np.diff(np.r_[first, len(values)])
         level = values[first]
-        known = level[np.isfinite(level)]
-        if len(known):
-            extreme = (level == known.max()) | (level == known.min())
-            elsewhere = int(length[~extreme].max(initial=1))
-            flat = extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * elsewhere))
-            standing |= np.repeat(flat, length)
+        known = np.isfinite(level)
+        extreme = (level == level.max(where=known, initial=-np.inf)) | (level == level.min(where=known, initial=np.inf))
+        if (other := known & ~extreme).any():
+            standing |= np.repeat(extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * length[other].max())), length)
     return standing
 
 
