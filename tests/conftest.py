@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
 
@@ -35,14 +34,6 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
     gc.enable()
-
-
-@pytest.fixture(scope="module")
-def without_other_models() -> Iterator[None]:
-    """`auto` without what the other models make of the poses, a third of its work: that changes no other result."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module("contactwrench.estimation.calibrate"), "alternatives_to", lambda *_: ())
-        yield
 
 
 @pytest.fixture

@@ -22,8 +22,6 @@ from contactwrench.samples.accelerometer import mounted_accelerometer
 from tests.support.recordings import run
 from tests.support.rigs import rotation_angle
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 KUKA = DATA / "kuka_atigamma" / "0-calibration_fts-accel.csv"
 KUKA_AT_REST = DATA / "kuka_atigamma" / "0-steady-state_wrench.csv"

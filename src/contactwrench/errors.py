@@ -66,14 +66,13 @@ class MissingExtraError(ContactWrenchError, ImportError):
 
 
 def of_extra(module: str, what: str, extra: str) -> Any:
-    """A module that `what` needs. Raises `MissingExtraError` without the package, which is of that extra."""
+    """A module that `what` needs. Raises `MissingExtraError` without the package, or what it needs, of that extra."""
     try:
         return import_module(module)
-    except ModuleNotFoundError:
+    except ImportError as error:
         package = module.partition(".")[0]
-        raise MissingExtraError(
-            f"{what} needs {package}, which is not installed: pip install 'contactwrench[{extra}]'"
-        ) from None
+        why = "is not installed" if error.name in (package, module) else f"cannot be loaded ({error})"
+        raise MissingExtraError(f"{what} needs {package}, which {why}: pip install 'contactwrench[{extra}]'") from None
 
 
 def visible(text: str) -> str:

@@ -79,8 +79,7 @@ def in_standard_deviations(change: Array, std: Array) -> Array:
 def square_root(covariance: Array) -> Array:
     """L (p, p) with `L @ L.T` the covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
-    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def percent(probability: float) -> str:

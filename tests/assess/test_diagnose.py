@@ -37,8 +37,6 @@ from tests.support.rigs import NOISE, example, seeds
 from tests.support.world import Array, noisy_readings, random_rig, random_rotations, tilted_down
 from tests.support.written import QUAT, Written, euler, in_base_axes, quat, rotvec
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 RIGHT = Written(QUAT, quat)
 
 BY_FLAGS = {

@@ -19,8 +19,6 @@ from tests.support.runs import run
 from tests.support.world import Array
 from tests.support.written import QUAT, Written, euler, in_base_axes, quat
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 TOOL_WEIGHT = 9.80665
 STOPS = 8
 

@@ -15,8 +15,6 @@ from contactwrench.errors import InputError
 from tests.support.rigs import NOISE, example, noisy, samples_of_a_design
 from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 
 def _loaded(rig: Rig, R: Array, mass: float, g: float = 9.80665) -> Array:
     """Readings (n, 6) with a load hung under the tool: its force points down in the world, its arm is the hook's."""

@@ -20,8 +20,6 @@ from tests.support.recordings import MATRIX, WRENCH, csv_text, matrix_table, run
 from tests.support.rigs import NOISE, example, noise_free, noise_of_a_design, noisy, seeds
 from tests.support.world import Array, Rig, random_rotations, readings, tilted_down
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 G = 9.80665
 COM = np.array([0.02, -0.05, 0.12])
 

@@ -19,8 +19,6 @@ from tests.support.recordings import rx, ry
 from tests.support.rigs import NOISE, example, noise_free, noisy, rotation_angle
 from tests.support.world import Array, Rig, random_rotations, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 
 def _of(difference: object, name: str) -> tuple[float, float]:
     names = list(difference.names)  # type: ignore[attr-defined]

@@ -15,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactwrench.errors import LONGEST
+from contactwrench.recording.read import read_streams
 from tests.support.recordings import PANDA, WRENCH, csv_text, run, written
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings
@@ -99,6 +100,9 @@ def test_a_name_that_is_no_text_is_read_and_said(tmp_path: Path) -> None:
     (tmp_path / "out.mcap").rename(tmp_path / f"{name}.mcap")
     done = _of_its_own(tmp_path, "info", f"{name}.mcap", "--json")
     assert (done.stderr, json.loads(done.stdout)["path"]) == ("", "\\xff.mcap")
+    streams = read_streams(tmp_path / f"{name}.mcap")
+    read = [each.source.encode().rpartition(b"/")[2] for each in (streams.wrench, streams.orientation)]
+    assert read == [b"wrench", b"pose"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="arguments of any bytes")

@@ -115,7 +115,7 @@ def one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-@pytest.mark.parametrize("scheme", ["", "file:", "FILE:"])
+@pytest.mark.parametrize("scheme", ["", "file:", "FILE:", " file:", "fi\tle:"])
 def test_none_of_many_outputs_is_anything_that_is_read(one_file: Path, scheme: str) -> None:
     said = complaint("live", out=["udp://127.0.0.1:9000", f"{scheme}link.csv"], calibration=Path("in.csv"))
     assert said == "link.csv: found what is read as in.csv, expected another file to write: name one"

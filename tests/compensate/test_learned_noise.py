@@ -19,8 +19,6 @@ from tests.support.live import RATE, calibrated, free, still, swinging, times
 from tests.support.rigs import NOISE
 from tests.support.world import Array, random_rotations, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 LEARNS = "noise unknown: learned from the first second of free samples, until then no contact is judged"
 
 

@@ -12,8 +12,6 @@ from contactwrench.estimation.bias_drift import ONLY_THE_LAST, STRENGTHS, Drift,
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, derivatives, noisy_readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)
 
 

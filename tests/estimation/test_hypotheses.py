@@ -68,7 +68,6 @@ def _errors_in_std(mount_deg: float, base_deg: float, poses: Array, runs: int, s
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_other_models")
 @pytest.mark.parametrize(("mount_deg", "base_deg"), [(0.0, 0.0), (0.3, 0.2), (1.4, 0.7), (4.0, 2.0), (7.0, 0.0)])
 def test_no_tilt_makes_the_std_of_the_mean_too_small(mount_deg: float, base_deg: float) -> None:
     """Six spread poses, exactly nominal to far beyond: errors of 1.3 std RMS at most (Student's t of few dof: 1.2)."""
@@ -78,7 +77,6 @@ def test_no_tilt_makes_the_std_of_the_mean_too_small(mount_deg: float, base_deg:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_other_models")
 def test_an_exactly_nominal_cell_profits_from_it() -> None:
     """The mean's force errs by little more than that of whoever knows both tilts, and less than where both are free."""
     rng = np.random.default_rng(8)

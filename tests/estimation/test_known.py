@@ -26,8 +26,6 @@ from tests.support.recordings import PANDA, Run, csv_text, run, written
 from tests.support.rigs import NOISE, example, noisy, rotation_angle
 from tests.support.world import noisy_readings, random_rotations, tilted_down
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 Capture = pytest.CaptureFixture[str]
 PAPER_POSES = POSE_SETS["paper's 6"]
 

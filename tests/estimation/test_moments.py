@@ -10,7 +10,7 @@ from contactwrench.estimation.bias_drift import Drift, Kernels, kernels_of, poss
 from contactwrench.estimation.hypotheses import Hypothesis
 from contactwrench.estimation.least_squares import Members, Priors, gram, solved
 from contactwrench.estimation.moments import moments_of, precision_diagonal, precision_times
-from contactwrench.estimation.noise import NoiseModel, StatedNoise
+from contactwrench.estimation.noise import ALIKE, APART, NoiseModel, StatedNoise
 from contactwrench.estimation.posterior import deleted_errors
 from contactwrench.estimation.priors import PriorRows, Question
 from contactwrench.estimation.tables import Problem, Table, settled
@@ -83,6 +83,28 @@ def _solved(rig: Rig, R: Array, wrench: Array, kernels: Kernels) -> Members:
 
 def _noise() -> NoiseModel:
     return NoiseModel(np.full(6, 1e-20), StatedNoise(NOISE), NOISE**2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_members_of_a_stack_are_what_each_is_alone(seed: int) -> None:
+    """Though they come to rest after unequally many passes."""
+    rig, R, rng = example(seed, poses=9)
+    kernels, wrench = _kernels(9, rng), noisy_readings(rig, R, NOISE * rng.uniform(0.3, 3.0, 6), rng)
+    wrench[:3] += 20.0 * NOISE * rng.normal(size=(3, 6))
+    n, tool, noise = 9, _tool(rig), NoiseModel(np.full(6, 1e-20), None, NOISE**2)
+    problem = Problem(R, wrench, np.ones(n), kernels, NAMES, Question("mount", rig.down), noise)
+    moments = moments_of(np.concatenate([R.reshape(n, 9), problem.errors(tool)], axis=1), np.ones(n), kernels)
+    p = len(TOOL)
+    apart = Priors(PriorRows(np.zeros(0), np.zeros((0, p))), np.zeros((2, 0)), np.zeros((2, p, p)), np.zeros(2),
+                   np.array([APART, ALIKE]))  # fmt: skip
+    k, h = np.indices((len(kernels.drift), 2)).reshape(2, -1)
+    given = gram(tool, NAMES, moments.S), moments, kernels.log_prior, apart
+    stack = solved(*given, (k, h), noise)
+    alone = [solved(*given, (k[i : i + 1], h[i : i + 1]), noise) for i in range(len(k))]
+    assert np.abs(stack.log_evidence - [one.log_evidence[0] for one in alone]).max() < 0.05
+    std = np.sqrt(np.einsum("mpp->mp", stack.covariance))
+    assert np.abs((stack.step - [one.step[0] for one in alone]) / std).max() < 0.1
+    assert np.abs(np.log(std / np.sqrt([np.diag(one.covariance[0]) for one in alone]))).max() < 0.02
 
 
 def _in_one(rig: Rig, R: Array, wrench: Array, covariance: Array) -> tuple[Array, Array, Array]:

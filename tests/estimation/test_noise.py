@@ -12,8 +12,6 @@ import contactwrench as cw
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 
 def _repeated(rig: Rig, R: Array, between: Array, scatter: Array, rows: int, rng: np.random.Generator) -> cw.Samples:
     """`rows` rows a pose: an error that the pose's rows share, and one of each row."""

@@ -13,8 +13,6 @@ from contactwrench.estimation.outliers import MOST_SHARE, likely_clean, log_dens
 from tests.support.rigs import NOISE, example
 from tests.support.world import Array, Rig, derivatives, noisy_readings, random_rotations, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 IN_CONTACT = [2, 9, 13, 21]
 
 

@@ -16,8 +16,6 @@ from contactwrench.errors import InputError
 from contactwrench.estimation.plausibility import BEHIND, TOO_FAR, TOO_HEAVY, TOO_LIGHT, TOO_NEAR, oddity
 from tests.support.world import DOWN, Array, Rig, noisy_readings, random_rotations
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 G, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
 R = random_rotations(14, np.random.default_rng(3))
 BIAS = np.array([1.0, -2.0, 3.0, 0.1, -0.2, 0.3])

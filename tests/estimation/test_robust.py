@@ -17,8 +17,6 @@ from tests.support.poses import SIX_SPREAD
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 BAD = [3, 8, 9, 20]
 RIGID = ("auto", "yaw", "mount", "mount+base")
 OF_BIAS = (Kind.BIAS_STEPPED, Kind.BIAS_DRIFTED, Kind.BIAS_WANDERED)

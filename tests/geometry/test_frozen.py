@@ -20,6 +20,7 @@ from contactwrench.assess.diagnose import diagnose
 from contactwrench.assess.plan import expected_tool, plan
 from contactwrench.assess.verify import verify
 from contactwrench.assess.weigh import weigh
+from contactwrench.calibration.alternative import Alternatives
 from contactwrench.compensate.contact_wrenches import contact_wrenches
 from contactwrench.geometry.arrays import ReadOnlyDict, Sealed
 from contactwrench.recording.interpretations import interpretations
@@ -84,7 +85,7 @@ def within(value: Any, path: str) -> Iterator[tuple[str, Any]]:
     if is_dataclass(value) and not isinstance(value, type):
         for name in sorted({*(each.name for each in fields(value)), *vars(value)}):
             yield from within(getattr(value, name), f"{path}.{name}")
-    elif isinstance(value, list | tuple):
+    elif isinstance(value, list | tuple | Alternatives):
         for k, part in enumerate(value):
             yield from within(part, f"{path}[{k}]")
     elif isinstance(value, dict):

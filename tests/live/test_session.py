@@ -16,8 +16,6 @@ from contactwrench.live.wizard import Wish
 from tests.support.live_drive import Driver
 from tests.support.live_world import LiveWorld
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 WISH = Wish(poses=6)
 FLIPPED = Rotation.from_euler("zx", [-120.0, 176.0], degrees=True)
 

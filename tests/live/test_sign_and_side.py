@@ -12,8 +12,6 @@ from contactwrench.live.pose_taking import Taken
 from contactwrench.live.push_test import Push
 from tests.support.live_world import LiveWorld
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 Array = NDArray[np.float64]
 DOWN, UP, SIDE = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])

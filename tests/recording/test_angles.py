@@ -20,8 +20,6 @@ from tests.support.rigs import NOISE, example
 from tests.support.world import Array, noisy_readings, random_rotations
 from tests.support.written import Written, euler, rotvec
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 IN_RADIANS = {
     "kuka_abc": Written(("a", "b", "c"), euler("ZYX", degrees=False)),
     "fanuc_wpr": Written(("w", "p", "r"), euler("xyz", degrees=False)),

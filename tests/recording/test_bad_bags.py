@@ -389,6 +389,22 @@ def test_without_a_library_the_command_that_installs_it_is_named(tmp_path: Path,
     assert done.stdout == f"a ROS bag needs {missing}, which is not installed: pip install 'contactwrench[bags]'\n"
 
 
+def test_a_library_that_is_broken_is_named(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", [READING, POSE])
+    (tmp_path / "mcap.py").write_text("raise ImportError('libzstd.so.1: cannot open shared object file')")
+    script = (
+        "from contactwrench.errors import MissingExtraError\n"
+        "from contactwrench.recording.bags.read import bag_batches\n"
+        f"try: next(bag_batches({str(path)!r}))\n"
+        "except MissingExtraError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stdout == (
+        "a ROS bag needs mcap, which cannot be loaded (libzstd.so.1: cannot open shared object file): "
+        "pip install 'contactwrench[bags]'\n"
+    )
+
+
 def test_joint_states_are_not_poses(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.mcap", [READING, POSE, Message("/j", JOINT_STATE, ns(0.0), {})])
     assert _refused(path, pose_topic="/j") == (

@@ -22,8 +22,6 @@ from tests.recording.test_bad_files import assert_one_line_that_names
 from tests.recording.test_tables import HEADER, Motion, rows
 from tests.support.recordings import PANDA, WRENCH, csv_text, run, written
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 pa = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
 pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
 

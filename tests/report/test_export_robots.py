@@ -254,6 +254,7 @@ MASS = "--sensor-mass KG (with adapter; 0 inside the robot)"
 COM = "--sensor-com X,Y,Z (of that mass)"
 SAYS = "counts with the sensor's own mass, expected"
 GIVE = ": give it, in m from the flange's origin, flange axes"
+GIVE_MASS = ": give it"
 
 
 @pytest.mark.parametrize(
@@ -270,7 +271,10 @@ GIVE = ": give it, in m from the flange's origin, flange axes"
 def test_what_a_payload_needs_is_asked_for(name: str, setup: Setup, message: str) -> None:
     with pytest.raises(InputError) as refused:
         written(name, calibrated(0)[1], setup)
-    assert str(refused.value) == f"{name} {message}{GIVE}"
+    assert (
+        str(refused.value)
+        == f"{name} {message}{GIVE_MASS if setup.sensor_com is not None and MASS in message else GIVE}"
+    )
     assert shortened(f"{BEFORE}{refused.value}") == f"{BEFORE}{refused.value}"
 
 

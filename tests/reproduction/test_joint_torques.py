@@ -52,8 +52,6 @@ from tests.support.pinocchio_arm import any_joints, any_settings, arm_of, judge
 from tests.support.rigs import seeds
 from tests.test_benchmarks import Here
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 few = hypothesis_settings(max_examples=25, deadline=None)
 NOTHING = (0.0,) * 7
 RIGHT = JointTorque(noise=0.0, offset=NOTHING, gain=(1.0,) * 7, friction=0.0)

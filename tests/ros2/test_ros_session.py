@@ -15,8 +15,6 @@ from contactwrench_ros.monitoring import ERROR, OK, WARN
 from contactwrench_ros.parameters import PARAMETERS, defaults
 from contactwrench_ros.session import Session
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 WEIGHT, COM = 13.7, np.array([0.012, -0.031, 0.074])
 BIAS = np.array([3.0, -5.0, 20.0, 0.2, -0.1, 0.05])
 MOUNTING = Rotation.from_euler("zyx", [37.0, 1.5, -2.0], degrees=True)

@@ -17,8 +17,6 @@ from contactwrench.errors import InputError
 from contactwrench.samples.creep import Creep, Stop, creep_of
 from contactwrench.samples.recorded_poses import recorded_poses
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 Array = NDArray[np.float64]
 WEIGHT, RATE = 9.0, 50.0
 LOADS = 9.0 * Rotation.random(14, rng=np.random.default_rng(5)).apply([0.0, 0.0, 1.0])

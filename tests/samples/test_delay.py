@@ -24,8 +24,6 @@ from contactwrench.samples.samples import OrientationStream, Samples, Streams, W
 from tests.support.moving import gravity_alone, rig_recording, two_streams, whole_arm, with_joints
 from tests.support.recordings import Array
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 TRUE = 0.0137
 """Of `gravity_alone`, s."""
 NEAR = 0.1
@@ -155,6 +153,52 @@ def test_joints_of_a_whole_arm_tell_it(kind: str) -> None:
         assert abs(found.value - 0.03) < 0.0003
         assert abs(found.value - 0.03) < 4.0 * found.std
         assert found.significant
+
+
+@pytest.mark.slow
+def test_nor_does_a_wall_that_the_base_stands_on_hide_it() -> None:
+    """Where gravity as it is stated explains little, at another delay."""
+    streams = with_joints(whole_arm("hand", 30.0, 2), 0.03, np.random.default_rng(4))
+    wall, pose = Rotation.from_euler("x", 90.0, degrees=True).as_matrix(), streams.orientation
+    on_wall = OrientationStream(pose.t, wall @ pose.R_base_flange, np.asarray(pose.position) @ wall.T)
+    found = estimate_delay(Streams(streams.wrench, on_wall), within=NEAR)
+    assert abs(found.value - 0.03) < min(0.0003, 4.0 * found.std)
+    assert found.significant
+
+
+@pytest.mark.slow
+def test_on_a_wall_the_search_is_judged_where_it_looked_for_gravity_too() -> None:
+    """Both fits come to one place, and only the scan under gravity as stated is far from it."""
+    streams = gravity_alone(11, duration=20.0)
+    wall = Rotation.from_euler("x", 90.0, degrees=True).as_matrix()
+    found = estimate_delay(_turned(streams, wall @ streams.orientation.R_base_flange))
+    assert abs(found.value - TRUE) < 0.002
+    assert found.reason is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gravity_that_stays_square_to_an_axis_of_the_flange_tells_it(seed: int) -> None:
+    """In base axes of any direction: the column of that axis is rounding."""
+    streams, rng = gravity_alone(7), np.random.default_rng(seed)
+    t = streams.orientation.t
+    turned = Rotation.from_rotvec(0.8 * (np.sin(1.7 * t) + 0.4 * np.sin(2.9 * t))[:, None] * [0.0, 0.0, 1.0])
+    R = (Rotation.random(random_state=seed) * turned).as_matrix()
+    down = R[0] @ [0.6, 0.8, 0.0]
+    force = 5.0 * down @ R
+    wrench = np.concatenate([force, 0.05 * force], axis=1) + 0.02 * rng.normal(size=(len(t), 6))
+    found = estimate_delay(_turned(_read(streams, wrench), R), gravity=down, within=NEAR)
+    assert abs(found.value - TRUE) < 0.002
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [-0.97, 0.95])
+def test_pieces_between_gaps_that_are_hardly_longer_than_the_range_are_no_error(delay: float) -> None:
+    streams = _shifted(gravity_alone(3, duration=200.0), delay - TRUE)
+    for piece in (2.15, 2.2, 2.25, 2.3, 2.35):
+        found = estimate_delay(
+            Streams(streams.wrench, streams.orientation.select(streams.orientation.t % (piece + 1.0) < piece))
+        )
+        assert abs(found.value - delay) < 0.002 or found.reason is not None
 
 
 def test_stamps_of_an_uneven_pace_stay() -> None:

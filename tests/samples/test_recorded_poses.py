@@ -31,8 +31,6 @@ from tests.support.rigs import NOISE, example, noisy
 from tests.support.runs import Run, run
 from tests.support.world import Array, readings
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 pytest.importorskip("mujoco")
 
 
@@ -226,7 +224,9 @@ def test_thousands_of_orientations_on_the_way_are_refused_at_once(way: str) -> N
 
 
 @pytest.mark.slow
-def test_thousands_of_orientations_with_times_are_stops_that_are_none() -> None:
+def test_thousands_of_orientations_with_times_are_stops_that_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which is found before they are averaged."""
+    monkeypatch.setattr("contactwrench.samples.poses.averaged", None)
     R = np.repeat(Rotation.random(12_500, rng=0).as_matrix(), 2, axis=0)
     samples = cw.Samples(np.ones((len(R), 6)), R, t=np.linspace(0.0, 50.0, len(R)), source="run.csv")
     with pytest.raises(cw.ContactWrenchError) as refusal:

@@ -20,8 +20,6 @@ from tests.support.rigs import seeds
 from tests.support.runs import Run, run
 from tests.support.world import Array
 
-pytestmark = pytest.mark.usefixtures("without_other_models")
-
 pytest.importorskip("mujoco")
 
 FILTER = ("sensor.low_pass=10",)

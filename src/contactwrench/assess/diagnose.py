@@ -238,8 +238,7 @@ def _lean(fit: RigidEstimate, model: str, down: Array) -> float:
 
 def _of_kinds(values: Array) -> Array:
     """Sums of squares (2,) of values (n, 6) of forces and of torques."""
-    squares: Array = np.sum(values.reshape(-1, 2, 3) ** 2, axis=(0, 2))
-    return squares
+    return np.asarray(np.sum(values.reshape(-1, 2, 3) ** 2, axis=(0, 2)))
 
 
 def _excused(file: Interpretations, given: Explanation) -> Explanation:

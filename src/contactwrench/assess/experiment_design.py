@@ -75,8 +75,7 @@ def _variance_with_each(J: Array, information: Array, M: Array) -> Array:
     innovation = np.eye(r) + JC @ J.transpose(0, 2, 1)
     told = (JC.reshape(m * r, p) @ M).reshape(m, r, p) @ JC.transpose(0, 2, 1)
     gain = np.trace(np.linalg.solve(innovation, told), axis1=1, axis2=2)
-    variance: Array = np.sum(C * M) - gain
-    return variance
+    return np.asarray(np.sum(C * M) - gain)
 
 
 def short_order(between: Array, from_start: Array | None) -> list[int]:

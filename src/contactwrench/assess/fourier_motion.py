@@ -126,16 +126,14 @@ def pace(flange: MovingFlange, slope: Array, curvature: Array, limits: Limits) -
     """
 
     def largest(vectors: Array) -> Array:
-        of_each: Array = np.linalg.norm(vectors, axis=1).reshape(len(slope), -1).max(axis=1)
-        return of_each
+        return np.asarray(np.linalg.norm(vectors, axis=1).reshape(len(slope), -1).max(axis=1))
 
     speed = np.max(np.abs(slope).max(axis=1) / limits.speed, axis=1)
     speed = np.maximum(speed, largest(flange.motion.angular_velocity) / TURN_SPEED)
     speed = np.maximum(speed, largest(flange.speed[:, None]) / FLANGE_SPEED)
     acceleration = np.max(np.abs(curvature).max(axis=1) / limits.acceleration, axis=1)
     acceleration = np.maximum(acceleration, largest(flange.motion.angular_acceleration) / TURN_ACCELERATION)
-    fastest: Array = 1.0 / np.maximum(np.maximum(speed, np.sqrt(acceleration)), 1e-12)
-    return fastest
+    return np.asarray(1.0 / np.maximum(np.maximum(speed, np.sqrt(acceleration)), 1e-12))
 
 
 def _series(angle: Array, sine: Array, cosine: Array) -> tuple[Array, Array, Array]:

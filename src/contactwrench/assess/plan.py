@@ -235,8 +235,7 @@ def information_of(expected: Expected, model: str, R_base_flange: Array) -> Arra
     if model == "auto":
         std = np.array([TILTS.get(name, value) for name, value in zip(names, std, strict=True)])
     J = wrench_jacobian(tool, R_base_flange, names) / expected.noise[:, None]
-    information: Array = np.diag(std**-2.0) + np.einsum("nip,niq->pq", J, J, optimize=True)
-    return information
+    return np.asarray(np.diag(std**-2.0) + np.einsum("nip,niq->pq", J, J, optimize=True))
 
 
 def _accuracy(expected: Expected, model: str, R_base_flange: Array) -> Accuracy | None:
@@ -279,5 +278,4 @@ def _angles(R_a: Array, R_b: Array) -> Array:
 
 def _largest_move(joints_a: Array, joints_b: Array) -> Array:
     """The turn (a, b), rad, of the joint that turns most: joints move together, and it takes longest."""
-    moves: Array = np.abs(joints_a[:, None] - joints_b[None]).max(axis=2)
-    return moves
+    return np.asarray(np.abs(joints_a[:, None] - joints_b[None]).max(axis=2))

@@ -99,15 +99,13 @@ def _unexplained(cross: Array, total: Array, square: Array, n: Array) -> Array:
         moment = np.stack([across[..., i, j] - across[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
         explained = np.einsum("vki,vkij,vkj->vk", moment, inverse_inertia * moving[:, None, None, None], moment)
         squares[..., k, 1] = total[..., 1] - explained
-    left: Array = np.maximum(squares, NOTHING_LEFT**2 * total[0, 0] + 1e-300)
-    return left
+    return np.asarray(np.maximum(squares, NOTHING_LEFT**2 * total[0, 0] + 1e-300))
 
 
 def scatter_of(wrench: Array, matrices: Array) -> Array:
     """The variance (k, 2) of a component of force and of torque in the columns (n, 6), read by `matrices` (k, 6, 6)."""
     variance = np.maximum(np.var(wrench, axis=0, ddof=1), 1e-300)
-    kinds: Array = (matrices**2 @ variance).reshape(-1, 2, 3).mean(axis=2)
-    return kinds
+    return np.asarray((matrices**2 @ variance).reshape(-1, 2, 3).mean(axis=2))
 
 
 def misfit(squares: Array, dof: Array, scatter: Array) -> Array:
@@ -117,8 +115,7 @@ def misfit(squares: Array, dof: Array, scatter: Array) -> Array:
     The variances are not known beforehand: they are integrated out under Jeffreys' prior, the parameters with them, so
     that what few degrees of freedom leave by chance counts for little.
     """
-    least: Array = np.sum(dof * (np.log(np.maximum(squares, 1e-300)) - np.log(dof * scatter)), axis=-1)
-    return least
+    return np.asarray(np.sum(dof * (np.log(np.maximum(squares, 1e-300)) - np.log(dof * scatter)), axis=-1))
 
 
 @dataclass(frozen=True, eq=False)

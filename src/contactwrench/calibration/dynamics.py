@@ -116,8 +116,7 @@ def can_exist(inertia: Array) -> bool:
 
 def second_moments(inertia: Array) -> Array:
     """The integral of rho x x^T about the centre of mass, (3, 3), kg m^2."""
-    second: Array = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    return second
+    return np.asarray(0.5 * np.trace(inertia) * np.eye(3) - inertia)
 
 
 def nearest_possible(inertia: Array, covariance: Array, mass: float) -> tuple[Array, float]:
@@ -270,8 +269,7 @@ def _unit_motions(tool: RigidTool, mass: float, sensor_offset: Array) -> tuple[A
 
 def _turning(alpha: Array, products: Array) -> Array:
     """W (k, 3, 3): the acceleration of a point of a turning body from its place."""
-    W: Array = cross_matrix(alpha) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    return W
+    return np.asarray(cross_matrix(alpha) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3))
 
 
 def _spin(inertia: Array, alpha: Array, products: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -69,7 +70,7 @@ class CalibrationFields(Frozen, WithFindings):
     weight_z: float | None
     parameter_dof: Vector | None = None
     assumptions: tuple[str, ...] = ()
-    alternatives: tuple[Alternative, ...] = ()
+    alternatives: Sequence[Alternative] = ()
     delay: float | None = None
     delay_std: float | None = None
     still_noise: StillNoise | None = None

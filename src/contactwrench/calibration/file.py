@@ -34,6 +34,7 @@ def to_json(calibration: CalibrationFields) -> str:
             values["std"] = calibration.std
         if field.name == "findings":
             values |= {name: getattr(calibration, name) for name in ("warnings", *FOLLOWS)}
+    values["alternatives"] = tuple(calibration.alternatives)
     lines = [f"  {_encoded(key)}: {_encoded(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 

@@ -37,10 +37,10 @@ HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535
 
 
 def _files(outs: Any, _: object) -> Iterator[Path]:
-    """Those that --out names, by themselves or as file:NAME."""
-    for scheme, colon, name in (each.partition(":") for each in outs or ()):
-        if not colon or scheme.lower() == "file":
-            yield Path(name if colon else scheme)
+    """Those that --out names."""
+    from ..live.uri import file_of
+
+    return filter(None, map(file_of, outs or ()))
 
 
 def live(

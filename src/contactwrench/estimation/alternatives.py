@@ -8,8 +8,6 @@ import numpy as np
 
 from ..calibration.alternative import Alternative
 from ..errors import UnobservableError
-from ..geometry.rotations import rotations_about_z
-from ..model import FLIP, RigidTool, yaw_of_mounting
 from .affine import fit_affine
 from .estimate import Estimate
 from .noise import PoseReadings
@@ -20,10 +18,8 @@ from .sign_ambiguity import require_answerable, require_noise
 OTHER_MODELS = ("yaw", "mount", "mount+base", "affine")
 
 
-def alternatives_to(tool: RigidTool, readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
-    """The other models fitted to the poses kept, beginning at the `tool` found; those that the poses cannot tell are
-    left out.
-    """
+def alternatives_to(readings: PoseReadings, question: Question) -> tuple[Alternative, ...]:
+    """The other models fitted to the poses kept; those that the poses cannot tell are left out."""
     alternatives = []
     for model in OTHER_MODELS:
         as_asked = replace(question, model=model)
@@ -33,7 +29,7 @@ def alternatives_to(tool: RigidTool, readings: PoseReadings, question: Question)
                 other: Estimate = fit_affine(readings, as_asked)
                 require_noise(len(readings), 24, float(other.readings_left.min()), as_asked)
             else:
-                other = rigid = estimated(readings, as_asked, plain=True, begin=_within(model, tool, question))
+                other = rigid = estimated(readings, as_asked, plain=True)
                 require_answerable(rigid, readings, model, as_asked)
                 weight, std = rigid.tool.weight, float(np.sqrt(rigid.covariance[0, 0]))
         except UnobservableError:
@@ -50,15 +46,3 @@ def alternatives_to(tool: RigidTool, readings: PoseReadings, question: Question)
             )
         )
     return tuple(alternatives)
-
-
-def _within(model: str, tool: RigidTool, question: Question) -> RigidTool:
-    """The tool that the model allows and that is next to the one found."""
-    if model == "mount+base":
-        return tool
-    nearest = replace(tool, gravity_direction=question.gravity_direction)
-    if model == "mount":
-        return nearest
-    yaw, flipped, _ = yaw_of_mounting(tool.R_flange_sensor)
-    turned = rotations_about_z(np.array([yaw]))[0]
-    return replace(nearest, R_flange_sensor=FLIP @ turned if flipped else turned)

@@ -7,14 +7,15 @@ and if the data do not contradict the sign of the readings and the side of the b
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..calibration.alternative import Alternative
+from ..calibration.alternative import Alternative, Alternatives
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding
 from ..calibration.observability import describe
@@ -244,7 +245,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
     names, R = estimate.names, kept.R_base_flange
     observability = describe(R, estimate.gravity_direction, estimate.singular_values, estimate.covariance, names)
     parameters, of_tool = estimate.B.ravel(), dict[str, Any].fromkeys(OF_TOOL)
-    alternatives: tuple[Alternative, ...] = ()
+    alternatives: Sequence[Alternative] = ()
     if isinstance(estimate, RigidEstimate):
         tool = estimate.tool
         yaw, mass = yaw_of_mounting(tool.R_flange_sensor)[0], tool.weight / recorded.g
@@ -253,7 +254,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         parameters = parameters_of(tool, yaw, names)
         if question.model == "auto" and question.earlier is None:
             steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
-            alternatives = alternatives_to(tool, steady, question)
+            alternatives = Alternatives(partial(alternatives_to, steady, question))
     many = len(poses) > MOST_POSES_KEPT
     calibration = Calibration(
         requested_model=question.model,

@@ -232,8 +232,7 @@ def _pull(left: Array, J: Array, weight: Array, variance: Array, products: Array
 def _inverse(information: Array) -> Array:
     unit = 1.0 / np.sqrt(np.diag(information))
     scale = np.outer(unit, unit)
-    inverse: Array = np.linalg.inv(information * scale) * scale
-    return inverse
+    return np.asarray(np.linalg.inv(information * scale) * scale)
 
 
 def _left_and_jacobian(at: _Point, g: float, names: tuple[str, ...]) -> tuple[Array, Array]:

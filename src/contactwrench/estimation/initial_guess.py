@@ -111,21 +111,18 @@ class _Moments:
         """The least-squares weight (k, m) for mountings (k, m, 3, 3), no less than zero."""
         k, m = R.shape[:2]
         along = (R.reshape(k, m, 9) @ self.force.reshape(k, 9, 1))[..., 0]
-        weight: Array = np.maximum(along, 0.0) / np.maximum(self.spread, 1e-300)[:, None]
-        return weight
+        return np.asarray(np.maximum(along, 0.0) / np.maximum(self.spread, 1e-300)[:, None])
 
     def moment(self, R: Array) -> Array:
         """`sum u x T` (k, m, 3) in flange axes: `inverse_inertia @ moment` is weight * com of least squares there."""
         k, m = R.shape[:2]
-        moment: Array = R.reshape(k, m, 9) @ self.of_mounting
-        return moment
+        return np.asarray(R.reshape(k, m, 9) @ self.of_mounting)
 
     def score(self, R: Array) -> Array:
         """The part (k, m) of the readings' sum of squares that each mounting explains with a positive weight."""
         moment = self.moment(R)
         explained_torque = np.sum((moment @ self.inverse_inertia) * moment, axis=2)
-        score: Array = self.spread[:, None] * self.weight(R) ** 2 + explained_torque / LEVER**2
-        return score
+        return np.asarray(self.spread[:, None] * self.weight(R) ** 2 + explained_torque / LEVER**2)
 
 
 def _any_mounting(force_moments: Array) -> Array:

@@ -25,8 +25,8 @@ MOST_PASSES = 12
 SETTLED = 1e-2
 """Relative change of a variance; an estimate changes by far less than a hundredth of its std."""
 
-FEW = 0.25
-"""Of a stack: when no more are still moving, these go on alone."""
+STILL_MOVING = 0.25
+"""Of a stack: when no more are, these go on alone, as a pass costs what its stack is large (a fifth of `auto`)."""
 
 RIDGE = 1e-13
 
@@ -50,20 +50,17 @@ class Priors:
     def information(self) -> Array:
         """Of the parameters, (h, p, p)."""
         J = self.known.jacobian
-        information: Array = (J.T * self.precision[:, None, :]) @ J
-        return information
+        return np.asarray((J.T * self.precision[:, None, :]) @ J)
 
     @cached_property
     def pull(self) -> Array:
         """Towards what is known, (h, p)."""
-        pull: Array = (self.precision * self.known.residuals) @ self.known.jacobian
-        return pull
+        return np.asarray((self.precision * self.known.residuals) @ self.known.jacobian)
 
     @cached_property
     def misfit(self) -> Array:
         """Of what is known, (h,)."""
-        misfit: Array = self.precision @ self.known.residuals**2
-        return misfit
+        return np.asarray(self.precision @ self.known.residuals**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +83,13 @@ class Members:
         """Those of an index or a mask."""
         return Members(*(getattr(self, name)[kept] for name in self.__dataclass_fields__))
 
+    def with_rows(self, places: NDArray[np.intp], others: Members) -> Members:
+        """The same with `others` in the place of some."""
+        joined = [getattr(self, name).copy() for name in self.__dataclass_fields__]
+        for values, name in zip(joined, self.__dataclass_fields__, strict=True):
+            values[places] = getattr(others, name)
+        return Members(*joined)
+
 
 def gram(tool: RigidTool, names: tuple[str, ...], S: Array) -> Array:
     """Gram matrices (k, 6, p + 1, p + 1) of derivatives and errors, moments S (k, 15, 15) of [vec(R), error]."""
@@ -94,8 +98,7 @@ def gram(tool: RigidTool, names: tuple[str, ...], S: Array) -> Array:
     W[:, :-1, :9] = J.transpose(1, 0, 2)
     W[range(6), -1, range(9, 15)] = 1.0
     wide = W.reshape(-1, 15) @ S  # (k, 6 (p + 1), 15)
-    G: Array = wide.reshape(len(S), 6, -1, 15) @ W.transpose(0, 2, 1)
-    return G
+    return np.asarray(wide.reshape(len(S), 6, -1, 15) @ W.transpose(0, 2, 1))
 
 
 def solved(
@@ -109,7 +112,8 @@ def solved(
     begin: Array | None = None,
 ) -> Members:
     """The solutions under `pairs` of a kernel, whose `log_prior` (k,) counts, and a hypothesis; noise and parameters at
-    their joint optimum, or after so many `passes` close to it, from the logarithms of the variances (m, 6) to `begin`.
+    their joint optimum, or after so many `passes` close to it; `begin`: the logarithms of the variances (m, 6) that the
+    first pass has, None: those of `noise`.
     """
     kernel, hypothesis = pairs
     own, m, p = G[kernel], len(kernel), G.shape[-1] - 1
@@ -139,7 +143,7 @@ def solved(
         before = log_variance
         log_variance = noise.improved(before, squares, dof, apart, first=begin is None and k == 0)
         moving = np.flatnonzero(np.abs(log_variance - before).max(axis=1) > SETTLED)
-        if len(moving) <= FEW * m:
+        if len(moving) <= STILL_MOVING * m:
             break
     of_volume = priors.of_volume[hypothesis]
     if of_volume.any():
@@ -161,9 +165,7 @@ def solved(
     left = passes - k - 1
     if len(moving) and left:
         pairs = kernel[moving], hypothesis[moving]
-        rest = solved(G, moments, log_prior, priors, pairs, noise, left, log_variance[moving])
-        for name in Members.__dataclass_fields__:
-            getattr(found, name)[moving] = getattr(rest, name)
+        return found.with_rows(moving, solved(G, moments, log_prior, priors, pairs, noise, left, log_variance[moving]))
     return found
 
 

@@ -78,5 +78,4 @@ def precision_diagonal(columns: Array, strength: float, variance: Array) -> Arra
     L = strength * columns
     weighted = L / variance[:, None]
     inner = np.linalg.solve(np.eye(L.shape[1]) + L.T @ weighted, weighted.T)
-    diagonal: Array = 1.0 / variance - np.einsum("nq,qn->n", weighted, inner)
-    return diagonal
+    return np.asarray(1.0 / variance - np.einsum("nq,qn->n", weighted, inner))

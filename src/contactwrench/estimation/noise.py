@@ -76,8 +76,7 @@ def variance_of_means(noise: Array, fitted: tuple[Pose, ...], rows: Array) -> Ar
     of_means = np.einsum("nii->ni", scatter.covariance)
     of_sample = of_means[0] * fitted[0].n
     between = np.maximum(noise**2 - of_means.mean(axis=0), 0.0)
-    total: Array = between + of_sample / rows[:, None]
-    return total
+    return np.asarray(between + of_sample / rows[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +103,7 @@ class PoseReadings:
         """The least variance (6,) that is taken seriously: what the stops show on average, and rounding."""
         scale = np.abs(self.wrench).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
         rounding = np.repeat((ROUNDING * scale + 1e-14) ** 2, 3)
-        least: Array = np.maximum(rounding, self.variance.mean(axis=0))
-        return least
+        return np.asarray(np.maximum(rounding, self.variance.mean(axis=0)))
 
     @property
     def relative_variance(self) -> Array:
@@ -113,8 +111,7 @@ class PoseReadings:
         mean = self.variance.mean(axis=0)
         if not (mean > 0.0).any():
             return np.ones(len(self))
-        relative: Array = np.mean(self.variance[:, mean > 0.0] / mean[mean > 0.0], axis=1)
-        return relative
+        return np.asarray(np.mean(self.variance[:, mean > 0.0] / mean[mean > 0.0], axis=1))
 
 
 def readings_of(poses: tuple[Pose, ...], order_tells: bool) -> PoseReadings:
@@ -230,8 +227,7 @@ class NoiseModel:
         stiff = 0.5 * np.maximum(dof, LEAST_DOF).reshape(-1, 2, 3) + pull[:, :, None]
         volume = np.log(stiff).sum(axis=2) + np.log1p(-pull / 3.0 * (1.0 / stiff).sum(axis=2))
         prior = pull[:, 0] * np.sum((log_variance @ OFF_GROUP) ** 2, axis=1) - 4.0 * np.log(pull[:, 0])
-        total: Array = volume.sum(axis=1) + prior
-        return total
+        return np.asarray(volume.sum(axis=1) + prior)
 
     def log_spread(self, dof: Array, apart: float) -> Array:
         """Covariance (6, 6) of the logarithms of the axes' variances, from the `dof` (6,) of each."""

@@ -122,8 +122,7 @@ def _slopes(problem: Problem, table: Table, member: int) -> Array:
     found = (covariance @ right)[q:].reshape(2, 9)
     rigid = to_B[:, :q] @ covariance[:q, :q] @ to_B[:, :q].T
     alike = np.diag(np.repeat(np.mean(found**2, axis=1), 9))  # as large as found, in no direction of its own
-    beyond: Array = to_B @ covariance @ to_B.T - rigid + to_B[:, q:] @ alike @ to_B[:, q:].T
-    return beyond
+    return np.asarray(to_B @ covariance @ to_B.T - rigid + to_B[:, q:] @ alike @ to_B[:, q:].T)
 
 
 def _turns(problem: Problem, table: Table, member: int) -> Array:
@@ -149,8 +148,7 @@ def _turns(problem: Problem, table: Table, member: int) -> Array:
     turn = 1.5 / max(table.tool.weight**2, 1e-12)  # rad^2
     turned = gain @ (wrench_matrix(table.tool)[:, :3] @ cross_matrix(r))
     of_alike = np.tensordot(alike, turned, 1)
-    beyond: Array = turn * np.tensordot(turned, of_alike, ((0, 2), (0, 2))) - by_kernel
-    return beyond
+    return np.asarray(turn * np.tensordot(turned, of_alike, ((0, 2), (0, 2))) - by_kernel)
 
 
 def _inverse(information: Array) -> Array:

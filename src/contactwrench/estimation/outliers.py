@@ -113,8 +113,7 @@ def log_density_outlying(errors: Array, out: NDArray[np.bool_] | None = None) ->
     off = (squared.sum(axis=-1) - along)[..., None]
     alike = np.logaddexp.reduce(-0.5 * (off + along[..., None] / spread) - 3.0 * np.log(spread), axis=-1)
     options = np.logaddexp.reduce([np.logaddexp.reduce(of_each.sum(axis=-2), axis=-1), apart, alike], axis=0)
-    density: Array = options - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k
-    return density
+    return np.asarray(options - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
 
 
 def likely_clean(
@@ -242,5 +241,4 @@ class _Fits:
     @property
     def score(self) -> Array:
         """What is left of forces and of torques in sets of equal size, the least the best."""
-        score: Array = np.log(self.variance).sum(axis=0)
-        return score
+        return np.asarray(np.log(self.variance).sum(axis=0))

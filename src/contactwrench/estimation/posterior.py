@@ -76,7 +76,7 @@ def explored(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ..
         first,
         *(
             t
-            if t.tool is first.tool and t.kernels is not problem.kernels  # of levels, and looked at in full
+            if t.tool is first.tool and t.kernels is not problem.kernels  # of levels; others saw near kernels only
             else table_at(replace(problem, kernels=t.kernels), first.tool, t.kept, hypotheses)
             for t in others
         ),

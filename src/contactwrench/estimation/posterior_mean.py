@@ -159,8 +159,7 @@ def _nearest_positive(covariance: Array, added: Array) -> Array:
     relative = np.eye(len(unit)) + inverse @ (added / np.outer(unit, unit)) @ inverse.T
     values, vectors = np.linalg.eigh(0.5 * (relative + relative.T))
     root = (root @ vectors) * np.sqrt(np.maximum(values, 0.5))
-    total: Array = (root @ root.T) * np.outer(unit, unit)
-    return total
+    return np.asarray((root @ root.T) * np.outer(unit, unit))
 
 
 def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
@@ -240,8 +239,7 @@ def _dof(problem: Problem, table: Table, of_axes: Array, covariance: Array) -> A
     share = np.einsum("app->pa", of_axes) * alone
     share = share / np.maximum(np.diag(covariance), share.sum(axis=1) + 1e-300)[:, None]
     uncertain = np.einsum("pa,ab,pb->p", share, spread, share)
-    dof: Array = np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF)
-    return dof
+    return np.asarray(np.minimum(2.0 / np.maximum(uncertain, 2.0 / MOST_DOF), MOST_DOF))
 
 
 def _reduced_chi2(problem: Problem, residuals: Array, readings: PoseReadings, left: float) -> float:

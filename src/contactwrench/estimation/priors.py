@@ -203,8 +203,7 @@ def _log_derivative(vector: Array) -> Array:
     if angle < 1e-6:
         return np.eye(3) - 0.5 * K
     half = 0.5 * angle
-    inverse: Array = np.eye(3) - 0.5 * K + (1.0 - half / np.tan(half)) / angle**2 * K @ K
-    return inverse
+    return np.asarray(np.eye(3) - 0.5 * K + (1.0 - half / np.tan(half)) / angle**2 * K @ K)
 
 
 def stated_knowledge(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, ...]:
@@ -227,8 +226,7 @@ def stated_knowledge(known: Mapping[str, tuple[Any, Any]]) -> tuple[Knowledge, .
 
 
 def _mounting(value: ArrayLike) -> Array:
-    R: Array = nearest_rotations(ranges.ENTRY.require(value, "known mount", (3, 3))[None])[0]
-    return R
+    return np.asarray(nearest_rotations(ranges.ENTRY.require(value, "known mount", (3, 3))[None])[0])
 
 
 KNOWABLE: dict[

@@ -8,6 +8,7 @@ from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from math import inf, nan
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
@@ -84,7 +85,7 @@ def parsed(text: str) -> Uri:
     """A URI. Raises `InputError`."""
     try:
         parts = urlsplit(text)
-        port, host = parts.port, (parts.hostname or "").encode().decode()
+        port, host = parts.port, (parts.hostname or "").encode().decode()  # ValueError of what is no UTF-8
     except ValueError as error:
         raise InputError(f"{text}: found no URI ({error}), expected one like sri://192.168.0.108:4008") from None
     if not parts.scheme:
@@ -130,6 +131,14 @@ def source_of(text: str) -> Source:
     """The source of a URI, not yet open. Raises `InputError`, also for a scheme that nobody knows."""
     source: Source = _made(text, SOURCES, SOURCE_GROUP)
     return source
+
+
+def file_of(text: str) -> Path | None:
+    """The file that a sink's text names, by itself or as file:NAME; None: no file. Raises `InputError`."""
+    scheme, colon, name = text.partition(":")
+    if not colon:
+        return Path(scheme)
+    return Path(name) if parsed(text).scheme == "file" else None
 
 
 def sink_of(text: str) -> Sink:

@@ -189,16 +189,14 @@ def _com_square(c: Calibration) -> Array:
     """
     k, place = c.dof, c.parameter_names.index("com_x")
     reach = -2.0 * np.log(0.05) if k <= 0.0 else k * (0.05 ** (-2.0 / k) - 1.0)
-    square: Array = reach * c.covariance[place : place + 3, place : place + 3]
-    return square
+    return np.asarray(reach * c.covariance[place : place + 3, place : place + 3])
 
 
 def _outline(square: Array, onto_paper: Array) -> Array:
     """The rim (181, 2) on paper of an ellipsoid, whose semi-axes' squares `square` (3, 3) has, flat ones too."""
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     squares, axes = np.linalg.eigh(onto_paper.T @ square @ onto_paper)
-    rim: Array = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ (np.sqrt(np.maximum(squares, 0.0)) * axes).T
-    return rim
+    return np.asarray(np.stack([np.cos(turn), np.sin(turn)], axis=1) @ (np.sqrt(np.maximum(squares, 0.0)) * axes).T)
 
 
 def std_over_orientations(calibration: Calibration) -> str:

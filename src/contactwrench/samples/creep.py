@@ -88,8 +88,7 @@ def creep_of(stops: Sequence[Stop]) -> Creep | None:
 def change_within(readings: Array) -> Array:
     """By how much (k,) the later half of readings (n, k) differs from the earlier one."""
     half = len(readings) // 2
-    change: Array = readings[half:].mean(axis=0) - readings[:half].mean(axis=0)
-    return change
+    return np.asarray(readings[half:].mean(axis=0) - readings[:half].mean(axis=0))
 
 
 def _mean_logarithms(came: Array, begin: Array, end: Array) -> Array:

@@ -26,6 +26,8 @@ LEAST_TURN = np.deg2rad(2.0)
 LEAST_MEANS = 60
 ANOTHER_BASE = 0.5
 """Of the misfit, a sum of logarithms of variances: gravity far from where it is stated explains more."""
+ALIKE = 1e-3
+"""Of that misfit: both came to one place."""
 SCANNED = 2000
 """Means that the search over the whole range looks at."""
 TOLD = 0.3
@@ -104,8 +106,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     cosine_of_turn = 0.5 * (axes @ axes[0] - 1.0)
     if np.arccos(np.clip(cosine_of_turn.min(), -1.0, 1.0)) < LEAST_TURN:
         return _untold("the arm turns by less than 2 deg")
-    thin = _thinned(scanned)
-    fit, used, chosen = _settled(motion, means, *scans(motion, thin, delays, stated))
+    fit, used, chosen = _settled(motion, means, scanned, *scans(motion, _thinned(scanned), delays, stated))
     if int(chosen.misfit.argmin()) in (0, len(delays) - 1):
         return _untold(f"no delay within {1e3 * reach:.0f} ms explains the wrench better than those beyond", True)
     std = standard_deviation(motion, used, fit)
@@ -141,16 +142,19 @@ def _known(motion: ArmMotion, means: WrenchStream, least: float, most: float) ->
     return means.select(motion.is_known(means.t - most, means.t - least))
 
 
-def _settled(motion: ArmMotion, means: WrenchStream, stated: Scan, free: Scan) -> tuple[Fit, WrenchStream, Scan]:
-    """The fit under gravity as stated, or anywhere if that is far better, and the means that it is of: all that are
+def _settled(
+    motion: ArmMotion, means: WrenchStream, scanned: WrenchStream, stated: Scan, free: Scan
+) -> tuple[Fit, WrenchStream, Scan]:
+    """The fit under gravity as stated, or anywhere if its scan is far better, and the means that it is of: all that are
     known at its delay and near it; and the scan.
     """
     reach = max(abs(stated.best), abs(free.best)) + 2.0 * GRID
-    thin = _thinned(_known(motion, means, -reach, reach))
+    near = _known(motion, means, -reach, reach)  # beyond what was scanned, where short pieces have none
+    thin = _thinned(near if len(near) >= LEAST_MEANS else scanned)
     fit, chosen = fitted(motion, thin, stated.best, stated.down), stated
     if free.least < stated.least - ANOTHER_BASE:
         anywhere = fitted(motion, thin, free.best, free.down)
-        if anywhere.misfit < fit.misfit - ANOTHER_BASE:
+        if anywhere.misfit < fit.misfit + ALIKE:
             fit, chosen = anywhere, free
     for _ in range(2):
         used, before = _known(motion, means, fit.delay - GRID, fit.delay + GRID), fit.delay

@@ -82,9 +82,10 @@ def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -
     and where the base's three axes explain the wrench in its place.
 
     Down is then what the three have in common: the first singular vector of their coefficients. Contacts are told from
-    the rest at no delay first, then at the best of some.
+    the rest with gravity anywhere, at no delay first, then at the best of some.
     """
     states, weight = [motion.state_at(thin.t - delay) for delay in delays], np.ones(len(thin))
+    along = _to_gravity(stated, _columns(states[0], None).shape[1] + 6)
 
     def reweighted(delay: float, weight: Array) -> Array:
         for _ in range(REWEIGHTED):
@@ -93,36 +94,37 @@ def scans(motion: ArmMotion, thin: WrenchStream, delays: Array, stated: Array) -
         return weight
 
     def misfits(states: list[Array]) -> Array:
-        left = np.array([_left(state, thin.wrench, stated, weight) for state in states])
-        misfit: Array = np.log(left / weight.sum() + _least_variance(thin)).sum(axis=2)
-        return misfit
+        """(2, k): under gravity as stated, and anywhere."""
+        left = []
+        for state in states:
+            columns = np.sqrt(weight)[:, None] * np.column_stack([_columns(state, None), thin.wrench])
+            moments = _sums(columns, columns)
+            left.append((_left(along.T @ moments @ along), _left(moments)))
+        return np.asarray(np.log(np.array(left) / weight.sum() + _least_variance(thin)).sum(axis=2).T)
+
+    def scan(misfit: Array, k: int) -> Scan:
+        near = delays[misfit.argmin()] + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
+        of_near = misfits([motion.state_at(thin.t - delay) for delay in near])[k]
+        return Scan(misfit, float(near[of_near.argmin()]), float(of_near.min()), stated)
 
     weight = reweighted(0.0, weight)
-    weight = reweighted(float(delays[misfits(states)[:, 1].argmin()]), weight)
-    found = []
-    for k, misfit in enumerate(misfits(states).T):
-        near = delays[misfit.argmin()] + np.arange(-GRID, GRID + 0.5 * FINE, FINE)
-        of_near = misfits([motion.state_at(thin.t - delay) for delay in near])[:, k]
-        found.append(Scan(misfit, float(near[of_near.argmin()]), float(of_near.min()), stated))
-    of_axes = _explained(motion.state_at(thin.t - found[1].best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
+    weight = reweighted(float(delays[misfits(states)[1].argmin()]), weight)
+    as_stated, anywhere = (scan(misfit, k) for k, misfit in enumerate(misfits(states)))
+    of_axes = _explained(motion.state_at(thin.t - anywhere.best), thin.wrench, None, weight)[1][1:10].reshape(3, 3, 6)
     noise = np.maximum(thin.wrench.std(axis=0), 1e-300)
-    return found[0], replace(found[1], down=np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0])
+    return as_stated, replace(anywhere, down=np.linalg.svd((of_axes / noise).reshape(3, 18))[0][:, 0])
 
 
-def _left(state: Array, wrench: Array, stated: Array, weight: Array) -> tuple[Array, Array]:
-    """The weighted sums of squares (6,) that the motion's state leaves of readings (n, 6): under gravity as `stated`
-    (3,), and where the base's three axes explain them in its place.
-    """
-    columns = np.sqrt(weight)[:, None] * np.column_stack([_columns(state, None), wrench])
-    anywhere, one = _sums(columns, columns), np.eye(columns.shape[1])
-    gravity = np.column_stack([one[:, :1], one[:, 1:10] @ np.kron(stated[:, None], np.eye(3)), one[:, 10:]])
+def _to_gravity(down: Array, p: int) -> Array:
+    """What turns p columns, of which nine are the base's axes, into those with gravity along `down` (3,) for these."""
+    one = np.eye(p)
+    return np.column_stack([one[:, :1], one[:, 1:10] @ np.kron(down[:, None], np.eye(3)), one[:, 10:]])
 
-    def left(moments: Array) -> Array:
-        explained = _independent(moments[:-6, :-6]).T @ moments[:-6, -6:]
-        of_axes: Array = np.maximum(np.diag(moments)[-6:] - (explained**2).sum(axis=0), 0.0)
-        return of_axes
 
-    return left(gravity.T @ anywhere @ gravity), left(anywhere)
+def _left(moments: Array) -> Array:
+    """The sums of squares (6,) that columns leave of readings, the last six of those with these moments."""
+    explained = _independent(moments[:-6, :-6]).T @ moments[:-6, -6:]
+    return np.asarray(np.maximum(np.diag(moments)[-6:] - (explained**2).sum(axis=0), 0.0))
 
 
 def _explained(state: Array, wrench: Array, down: Array | None, weight: Array) -> tuple[Array, Array, Array, Array]:
@@ -151,8 +153,7 @@ def _variance(residual: Array, means: WrenchStream, weight: Array | None = None)
         variance = (1.4826 * np.median(np.abs(residual), axis=0)) ** 2
     else:
         variance = _sums(weight[:, None], residual**2)[0] / weight.sum()
-    floored: Array = variance + _least_variance(means)
-    return floored
+    return np.asarray(variance + _least_variance(means))
 
 
 def _least_variance(means: WrenchStream) -> Array:
@@ -163,8 +164,7 @@ def _least_variance(means: WrenchStream) -> Array:
 def _weight(residual: Array, variance: Array) -> Array:
     """Of each row: 1, and for one far outside the noise the less the further."""
     distance = np.sqrt(np.maximum((residual**2 / variance).sum(axis=1), 1e-300))
-    weight: Array = np.minimum(1.0, CONTACT / distance) ** 2
-    return weight
+    return np.asarray(np.minimum(1.0, CONTACT / distance) ** 2)
 
 
 def fitted(motion: ArmMotion, means: WrenchStream, delay: float, down: Array) -> Fit:
@@ -237,12 +237,11 @@ def _orthonormal(columns: Array) -> tuple[Array, Array]:
 
 def _independent(moments: Array) -> Array:
     """What makes an orthonormal basis (p, k) of columns with these moments (p, p)."""
-    size = np.sqrt(np.diag(moments))
+    size = np.sqrt(np.maximum(np.diag(moments), 0.0))
     size = np.where(size > SAME * size[0], size, np.inf)
     values, vectors = np.linalg.eigh(moments / np.outer(size, size))
     kept = values > SAME * values[-1]
-    unit: Array = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
-    return unit
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / size[:, None])
 
 
 def _times(tall: Array, matrix: Array) -> Array:
@@ -252,8 +251,7 @@ def _times(tall: Array, matrix: Array) -> Array:
 
 def _sums(a: Array, b: Array) -> Array:
     """`a.T @ b` of tall arrays, likewise."""
-    sums: Array = np.sum([a[k : k + BLOCK].T @ b[k : k + BLOCK] for k in range(0, len(a), BLOCK)], axis=0)
-    return sums
+    return np.asarray(np.sum([a[k : k + BLOCK].T @ b[k : k + BLOCK] for k in range(0, len(a), BLOCK)], axis=0))
 
 
 def _beside(columns: Array, basis: Array) -> Array:

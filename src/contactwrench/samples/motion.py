@@ -70,8 +70,7 @@ class ArmMotion:
         place = self._place(t)
         curve, slope, start = np.moveaxis(self.area.take(place, axis=0), 1, 0)
         since = (t - self.t[place])[:, None]
-        area: Array = start + since * (slope + since * curve)
-        return area
+        return np.asarray(start + since * (slope + since * curve))
 
     def _place(self, t: Array) -> NDArray[np.intp]:
         """The nodes that come before t (n,), the last one left out."""

@@ -75,11 +75,9 @@ def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tu
 
 def _mean_rotation(R: Array) -> Array:
     if len(R) == 1:
-        only: Array = R[0]
-        return only
+        return np.asarray(R[0])
     U, _, Vt = np.linalg.svd(R.mean(axis=0))
-    nearest: Array = U @ Vt
-    return nearest
+    return np.asarray(U @ Vt)
 
 
 def _span(t: Array | None, rows: slice | NDArray[np.intp]) -> tuple[float | None, float | None]:

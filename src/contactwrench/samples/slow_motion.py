@@ -167,5 +167,4 @@ def _parts_per_independent(left: Array) -> Array:
     """How many parts (6,) in a row are worth one, from what is `left` (n, 6): a first-order correlation."""
     alike = np.sum(left[1:] * left[:-1], axis=0) / np.maximum(np.sum(left**2, axis=0), 1e-300)
     alike = np.clip(alike, 0.0, MOST_ALIKE)
-    worth: Array = (1.0 + alike) / (1.0 - alike)
-    return worth
+    return np.asarray((1.0 + alike) / (1.0 - alike))

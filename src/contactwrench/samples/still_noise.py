@@ -110,11 +110,9 @@ def _variances(parts: Array, rows: Array) -> Array:
     spread = _of_axes((squares + WHITE_COUNT * CHANCE) / (count - 1 + WHITE_COUNT))
     believed = 1.0 - CHANCE / np.maximum(spread, CHANCE)
     weighed = (1.0 - believed) * np.exp(usual - LOG_OF_CHANCE) + believed * of_row
-    variance: Array = moved.any(axis=0) * of_half * np.minimum(growth, 1.0) * weighed * with_length
-    return variance
+    return np.asarray(moved.any(axis=0) * of_half * np.minimum(growth, 1.0) * weighed * with_length)
 
 
 def _of_axes(values: Array) -> Array:
     """Values (6,) each half-way to the mean of its group, forces or torques."""
-    shared: Array = 0.5 * (values + np.repeat(values.reshape(2, 3).mean(axis=1), 3))
-    return shared
+    return np.asarray(0.5 * (values + np.repeat(values.reshape(2, 3).mean(axis=1), 3)))

@@ -274,8 +274,7 @@ def _scatter(wrench: Array, rows: int) -> Array:
     windows = windows - windows.mean(axis=1, keepdims=True)
     time = np.arange(rows) - 0.5 * (rows - 1)
     square = np.sum(windows**2, axis=1) - np.tensordot(time, windows, (0, 1)) ** 2 / float(time @ time)
-    scatter: Array = np.sqrt(np.maximum(square, 0.0).mean(axis=0) / max(rows - 2, 1))
-    return scatter
+    return np.asarray(np.sqrt(np.maximum(square, 0.0).mean(axis=0) / max(rows - 2, 1)))
 
 
 def _saturated(samples: Samples, candidate: _Candidate) -> str | None:

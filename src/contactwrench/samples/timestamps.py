@@ -148,8 +148,7 @@ def spread_evenly(t: Array) -> Array:
     width = np.diff(t[new])
     width = np.minimum(np.r_[width, width[-1]], 2.0 * float(np.median(width)))
     within = np.arange(len(t)) - np.repeat(new, count)
-    spread: Array = t + within * np.repeat(width / count, count)
-    return spread
+    return np.asarray(t + within * np.repeat(width / count, count))
 
 
 def _moment(t: float) -> str:

@@ -130,8 +130,7 @@ class SensorStream:
 def joint_torque_readings(sensors: JointTorque, torque: Array, friction: Array, rng: np.random.Generator) -> Array:
     """Readings (n, 7), N m, where the drives exert `torque` (n, 7) without friction, and `friction` (n, 7) besides."""
     noise = sensors.noise * rng.normal(size=torque.shape)
-    readings: Array = (torque + friction) * np.array(sensors.gain) + np.array(sensors.offset) + noise
-    return readings
+    return np.asarray((torque + friction) * np.array(sensors.gain) + np.array(sensors.offset) + noise)
 
 
 def friction_torque(sensors: JointTorque, velocity: Array, rng: np.random.Generator) -> Array:

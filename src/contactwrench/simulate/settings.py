@@ -230,8 +230,7 @@ class Settings:
     @property
     def gravity_direction(self) -> Array:
         """Down in base axes (3,)."""
-        down: Array = -self.R_world_base[2]
-        return down
+        return np.asarray(-self.R_world_base[2])
 
 
 def changed(settings: Settings, assignments: Iterable[str]) -> Settings:

@@ -38,5 +38,4 @@ def _mode(frequency: float, level: Array, period: float, rng: np.random.Generato
     numerator, denominator = iirpeak(frequency, 0.5 / DAMPING, 1.0 / period)
     bandwidth = np.pi * frequency * 2.0 * DAMPING * period
     stirred = level[:, None] * rng.normal(size=(len(level), 3))
-    ringing: Array = lfilter(numerator, denominator, stirred, axis=0) / np.sqrt(bandwidth)
-    return ringing
+    return np.asarray(lfilter(numerator, denominator, stirred, axis=0) / np.sqrt(bandwidth))

@@ -189,7 +189,7 @@ def _streams(
     position = np.asarray(poses.position)
     position = np.where(position.any(axis=1, keepdims=True), position, np.nan)  # no flange is at 0, 0, 0 of its base
     return Streams(
-        WrenchStream(t, values, f"{bag.path} {wrench.name}"),
+        WrenchStream(t, values, f"{name_of(bag.path)} {wrench.name}"),
         replace(poses, position=position, source=f"{name_of(bag.path)} {source}"),
         read_as,
         bag.damage.said,

@@ -49,7 +49,7 @@ def unheard(_: object) -> None:
 class Naming:
     """Which columns of a table are what, as far as it was stated.
 
-    `orientation` as in `Options`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
+    `orientation` as of `read`; None: of two files the one with the wrenches. `wrench_columns` "a,b,c,d,e,f" or a
     slice of a list, "observation.wrench[0:6]"; `time_column` "NAME" or "NAME:UNIT"; `units` "force=kgf,torque=Nmm";
     `hdf5` "wrench=/path,pose=/path,time=/path"; `episode`: which one of a set of recordings.
     """

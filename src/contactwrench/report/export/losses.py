@@ -56,5 +56,4 @@ def _largest(turning: Array, constant: Array) -> float:
 
 def _error(turning: Array, constant: Array, R: Array) -> Array:
     """The error (n, 3) at rotations (n, 3, 3)."""
-    error: Array = np.einsum("ijk,nkj->ni", turning, R) + constant
-    return error
+    return np.asarray(np.einsum("ijk,nkj->ni", turning, R) + constant)

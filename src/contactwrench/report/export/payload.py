@@ -19,8 +19,9 @@ from .tool import DOWN, rigid_tool
 OFFSET = "--sensor-offset X,Y,Z (its origin: drawing)"
 MASS = "--sensor-mass KG (with adapter; 0 inside the robot)"
 COM = "--sensor-com X,Y,Z (of that mass)"
-COUNTED = "in m from the flange's origin, flange axes"
 """What a payload needs beside the calibration, and where to find it."""
+
+COUNTED = ", in m from the flange's origin, flange axes"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,8 @@ def payload_on_flange(calibration: Calibration, setup: Setup, target: str) -> Pa
     if offset is None or sensor_mass is None or sensor_com is None:
         stated = ((OFFSET, offset), (MASS, sensor_mass), (COM, sensor_com))
         missing = " and ".join(flag for flag, value in stated if value is None)
-        raise InputError(f"{target} counts with the sensor's own mass, expected {missing}: give it, {COUNTED}")
+        where = "" if missing == MASS else COUNTED
+        raise InputError(f"{target} counts with the sensor's own mass, expected {missing}: give it{where}")
     tool = rigid_tool(calibration, setup, target)
     tool_mass = tool.weight / calibration.g
     mass = tool_mass + sensor_mass
