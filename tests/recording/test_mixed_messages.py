@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contactwrench.assess.robot_arms import known_arm
 from contactwrench.errors import FileFormatError
-from tests.recording.test_bag_joints import UR_JOINTS, known_arm
+from tests.recording.test_bag_joints import UR_JOINTS
 from tests.support.bags import (
     KINDS,
     ROS2,
