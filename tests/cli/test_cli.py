@@ -223,6 +223,16 @@ USAGE = [
     ),
     (["calibrate", PANDA, "--model"], "Option '--model' requires an argument: try 'contactwrench --help'"),
     (["compensate", PANDA, "-o", "-"], "Missing option '--calibration' / '-c': try 'contactwrench compensate --help'"),
+    (["live", "--speed", "fast"], "Invalid value for '--speed': expected a number: try 'contactwrench live --help'"),
+    (
+        ["simulate", "--seed", "1.5"],
+        "Invalid value for '--seed': expected a whole number: try 'contactwrench simulate --help'",
+    ),
+    (
+        ["lab", "--sensor", "foo"],
+        "Invalid value for '--sensor': found 'foo', expected one of 'sri', 'netft', 'ft300', 'lines': try "
+        "'contactwrench lab --help'",
+    ),
     (["verify", PANDA], "Missing option '--calibration' / '-c': try 'contactwrench verify --help'"),
     (
         ["verify", PANDA, "-c", "x", "--limit-force", "nan"],

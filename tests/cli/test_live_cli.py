@@ -71,6 +71,10 @@ SCHEMES = ", ".join(each.scheme for each in known_sources())
         ("--sensor sri://no.invalid", "sri://no.invalid: found no host no.invalid, expected the SRI interface box: "
          "check the name, or write its address"),
         ("--sensor sri://x?rat=3", "sri://x?rat=3: found the option rat, expected one of rate, zero: correct the URI"),
+        ("--sensor rig://?seed=1&seed=2",
+         "rig://?seed=1&seed=2: found seed=1 and seed=2, expected one: correct the URI"),
+        (f"--sensor rig://?seed={10**15}",
+         f"rig://?seed={10**15}: found seed={10**15}, expected a whole number of at most 15 digits: correct the URI"),
         ("", NEITHER),
         ("--robot ur://10.0.0.5", NEITHER),
         ("--from a.csv --sensor sri://x",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -185,3 +186,20 @@ def test_without_an_output_the_contact_wrenches_go_to_stdout(folder: Path, capsy
     assert (done.status, done.err) == (0, "")
     assert len(done.out.splitlines()) == 18
     assert run(capsys, *arguments, "-o", "-") == done
+
+
+@pytest.mark.parametrize("verb", ["info {} --json", "calibrate {} --json", "calibrate {} -o -", "live --from {} {}"])
+def test_json_of_a_file_whose_name_controls_a_terminal_is_visible(tmp_path: Path, capsys: Capture, verb: str) -> None:
+    """U+009B begins an order to a terminal, U+0085 a line; JSON says the same by its escapes."""
+    path = tmp_path / "a\x85b\x9b31mc.csv"
+    header, *rows = [line for line in PANDA.read_text().splitlines() if not line.startswith("#")]
+    path.write_text("\n".join([f"t,{header}", *(f"{k},{row}" for k, row in enumerate(rows)), ""]))
+    cw.calibrate(cw.read(PANDA)).save(tmp_path / "tool.json")
+    session = f"-c {tmp_path}/tool.json --no-page --speed 0 --events"
+    done = run(
+        capsys, *(str(path) if each == "{}" else each for each in verb.replace("{} {}", f"{{}} {session}").split())
+    )
+    assert done.status == 0
+    assert not {letter for letter in done.out if 0x7F <= ord(letter) < 0xA0}
+    texts = done.out.splitlines() if "--from" in verb else [done.out]
+    assert path.name in "".join(json.dumps(json.loads(text), ensure_ascii=False) for text in texts)

@@ -269,6 +269,25 @@ def test_two_files_of_different_clocks(tmp_path: Path) -> None:
     assert found.orientation.R_base_flange == pytest.approx(Motion.R[::5], abs=1e-12)
 
 
+@pytest.mark.parametrize("name", ["Units", "UNIT", "unit_of_measure", "physical_unit"])
+def test_units_are_found_however_the_attribute_is_called(tmp_path: Path, name: str) -> None:
+    """They were passed over: 12 N in mN became 12,000 N."""
+    path = stored(tmp_path, {"a": (np.ones((2, 6)), {name: "mN, N m", "id": 3}), "d": (np.ones(2), {"limit": "ms"})})
+    columns = "a[0] [mN]", "a[1] [mN]", "a[2] [mN]", "a[3] [N m]", "a[4] [N m]", "a[5] [N m]", "d"
+    assert (*open_table(path).places,) == columns
+
+
+@pytest.mark.parametrize("names", [["scale_factor"], ["add_offset"], ["scale_factor", "add_offset"]])
+def test_packed_numbers_are_not_taken_for_what_they_stand_for(tmp_path: Path, names: list[str]) -> None:
+    """Readings stored by half were read as half, and the fit was good."""
+    packed = (0.5 * Motion.wrench, dict.fromkeys(names, 2.0))
+    path = stored(tmp_path, {"ft": packed, "quat": QUAT, "t": Motion.t})
+    assert refusal(path, hdf5="wrench=ft,pose=quat,time=t", orientation="quat_xyzw") == (
+        f"dataset ft: found numbers packed by {' and '.join(names)}, expected those that they stand for: write them "
+        "unpacked, times scale_factor, plus add_offset"
+    )
+
+
 def poses_as_columns(folder: Path, path: Path) -> Path:
     with h5py.File(path) as file:
         R: Array = file["pose"][:, :3, :3].reshape(-1, 9)

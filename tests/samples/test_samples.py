@@ -7,6 +7,7 @@ import pytest
 
 import contactwrench as cw
 from contactwrench.errors import InputError
+from contactwrench.samples.samples import WrenchStream
 from tests.support.recordings import generic_rotations
 
 
@@ -91,6 +92,17 @@ def test_what_cannot_be_samples_is_refused(values: dict[str, Any], message: str)
     with pytest.raises(InputError) as caught:
         cw.Samples(**values)
     assert str(caught.value) == message
+
+
+def test_a_stream_holds_what_says_nothing_and_not_what_no_sensor_reads() -> None:
+    """Numbers in the other order of bytes ended the search for the delay in an error of the program's own."""
+    wrench = np.zeros((4, 6))
+    wrench[1], wrench[2, 0] = np.nan, np.inf
+    WrenchStream(np.arange(4.0), wrench)
+    wrench[3, 5] = 1e300
+    with pytest.raises(InputError) as caught:
+        WrenchStream(np.arange(4.0), wrench)
+    assert str(caught.value) == f"wrench in sample 3 is 1e+300, expected -1e+09 to 1e+09 N or N m: {LEAVE_OUT}"
 
 
 def test_infinities_of_both_signs_are_refused_without_a_warning() -> None:

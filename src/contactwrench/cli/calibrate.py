@@ -138,7 +138,7 @@ def calibrate(
     )
     options.note(*(() if alike is None else alike.notes))
     if json or str(output) == STDOUT:
-        typer.echo(done.json, nl=False)
+        typer.echo(options.visible_lines(done.json), nl=False)
     else:
         options.say(done.text, elsewhere=COLUMNS)
         for what, path in done.written:

@@ -246,7 +246,7 @@ def _settle() -> None:
 def _say_json(said: Said) -> None:
     import msgspec
 
-    typer.echo(msgspec.json.encode(said).decode())
+    typer.echo(options.visible_lines(msgspec.json.encode(said).decode()))
     sys.stdout.flush()
 
 

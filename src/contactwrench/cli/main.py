@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import sys
 import traceback
 from itertools import pairwise
@@ -39,6 +40,12 @@ NO_RECORDINGS = ("-o", "--output", "--report", "--out", "-c", "--calibration", "
 TRACEBACK = "CONTACTWRENCH_TRACEBACK"
 """The variable of the environment that asks for the traceback of an error of the program's own."""
 
+OF_TYPES = (
+    ("Input should be a valid integer, .*", "expected a whole number"),
+    ("Input should be a valid number, .*", "expected a number"),
+    ("Value error, (.*) is not one of ", r"found \1, expected one of "),
+)
+"""What typer says of an option of another type, and what this program does."""
 OF_MEMORY = ("failed to map segment", "start new thread")
 """What else than a MemoryError says that there is too little: a library that is not loaded, a thread."""
 NO_MEMORY = (
@@ -120,7 +127,10 @@ def exit_status(program: typer.Typer = app, name: str = "contactwrench") -> int:
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = name if context is None else context.command_path
-        return _say(f"{' '.join(error.format_message().split()).rstrip('.')}: try '{command} --help'")
+        message = " ".join(error.format_message().split()).rstrip(".")
+        for theirs, ours in OF_TYPES:
+            message = re.sub(theirs, ours, message)
+        return _say(f"{message}: try '{command} --help'")
     except typer.Abort as error:  # of typer's own, where a verb raised EOFError
         raise error.__cause__ or error from None
     except (MemoryError, ImportError, RuntimeError) as error:

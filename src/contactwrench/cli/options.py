@@ -116,7 +116,7 @@ def print_result(
 ) -> None:
     """A result on stdout: as JSON and nothing else, or as text, as `say` prints it."""
     if json:
-        typer.echo(_visible_lines(as_json(result).rstrip("\n")))
+        typer.echo(visible_lines(as_json(result).rstrip("\n")))
     else:
         say(as_text(result), elsewhere=elsewhere)
 
@@ -131,7 +131,7 @@ def say(text: str, *, err: bool = False, elsewhere: int | None = None) -> None:
     """
     from ..calibration.text import flowed
 
-    text = _visible_lines(text)
+    text = visible_lines(text)
     on_terminal = (sys.stderr if err else sys.stdout).isatty()
     columns = min(get_terminal_size().columns, MOST_COLUMNS) if on_terminal else elsewhere
     typer.echo(text if columns is None else flowed(text, columns), err=err)
@@ -150,5 +150,6 @@ def note(*texts: str) -> None:
         say(shortened(f"Note: {visible(text)}"), err=True)
 
 
-def _visible_lines(text: str) -> str:
+def visible_lines(text: str) -> str:
+    """Text, each line as `visible` has it; JSON says the same so."""
     return "\n".join(map(visible, text.split("\n")))

@@ -32,6 +32,8 @@ SINKS: Mapping[str, str] = {"udp": "sinks.lines:UdpLines", "ros2": "sinks.ros2:R
 """By scheme: where in this package the class is. Other packages add theirs as entry points of these groups."""
 SOURCE_GROUP, SINK_GROUP = "contactwrench.sources", "contactwrench.sinks"
 
+DIGITS = 15
+
 
 @dataclass(frozen=True)
 class Uri:
@@ -57,8 +59,9 @@ class Uri:
     def whole(self, name: str, default: int) -> int:
         """An option that is a whole number. Raises `InputError`."""
         text = self.options.get(name, str(default))
-        if not text.isascii() or not text.isdigit():
-            raise InputError(f"{self.text}: found {name}={text}, expected a whole number: correct the URI")
+        if not (text.isascii() and text.isdigit() and len(text) <= DIGITS):
+            long = f" of at most {DIGITS} digits" * (len(text) > DIGITS)
+            raise InputError(f"{self.text}: found {name}={text}, expected a whole number{long}: correct the URI")
         return int(text)
 
     def switch(self, name: str) -> bool:
@@ -90,7 +93,10 @@ def parsed(text: str) -> Uri:
         raise InputError(f"{text}: found no URI ({error}), expected one like sri://192.168.0.108:4008") from None
     if not parts.scheme:
         raise InputError(f"{text}: found no scheme, expected a URI like sri://{text or '192.168.0.108'}")
-    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    options: dict[str, str] = {}
+    for name, value in parse_qsl(parts.query, keep_blank_values=True):
+        if options.setdefault(name, value) != value:
+            raise InputError(f"{text}: found {name}={options[name]} and {name}={value}, expected one: correct the URI")
     return Uri(text, parts.scheme, host, port, unquote(parts.path), options)
 
 

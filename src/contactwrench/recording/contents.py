@@ -14,8 +14,8 @@ from ..files import name_of
 from ..geometry.arrays import Array
 from .bags.chunks import Logged, Topic
 from .bags.message_layout import written
-from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, Link, definitions, header_stamps, transforms
-from .bags.open import KINDS, Bag, kind_of, messages, opened_bag, part_read, seconds
+from .bags.messages import JOINT_STATE, POSES, TRANSFORMS, WRENCHES, Link, header_stamps, transforms
+from .bags.open import KINDS, Bag, definitions, kind_of, messages, opened_bag, part_read, seconds
 from .bags.topics import FRAMES_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .bags.transforms import Edge, note
 from .read import bag_blocks, reader_of
@@ -114,7 +114,7 @@ def bag_contents(path: str | Path, advance: Advance = unheard) -> BagContents:
             for topic, logged in found.items():
                 stamps[topic].append(_stamps(bag, topic, logged))
                 if topic.type in TRANSFORMS:
-                    note(edges, transforms(bag, topic, logged))
+                    note(edges, topic, transforms(bag, topic, logged))
             advance(part_read(bag, found))
         topics = tuple(_topic_content(topic, parts, bag.start) for topic, parts in stamps.items())
         frames = tuple(
@@ -196,7 +196,7 @@ def _stamps(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
     """The times of messages: of the header where there is one, and of the bag."""
     of_bag = seconds(logged.stamp)
     try:
-        fields = definitions(bag, topic.type)[topic.type][1]
+        fields = definitions(bag, topic)[topic.type][1]
     except FileFormatError:
         return of_bag, of_bag
     if not fields or fields[0][1][1] != HEADER:

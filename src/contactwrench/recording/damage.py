@@ -12,6 +12,7 @@ class Damage:
     def __init__(self, source: str, accepted: bool = False) -> None:
         self.source, self.accepted = source, accepted
         self._found: dict[str, None] = {}
+        self._doubts: dict[str, None] = {}
         self.left_open = ""
         """One sentence where the recording was not closed and lacks nothing but its end; empty: it was closed."""
 
@@ -27,6 +28,10 @@ class Damage:
             )
         self._found[f"found {what}, expected {expected}"] = None
 
+    def doubt(self, sentence: str) -> None:
+        """Note what was read though it may be meant otherwise."""
+        self._doubts[f"{self.source}: {sentence}"] = None
+
     def end_missing(self) -> None:
         """Note that the program that recorded it was ended from outside, and that all that it wrote is there."""
         self.left_open = f"{self.source} was not closed, as when its program is killed: what it had written was read"
@@ -39,10 +44,9 @@ class Damage:
     @property
     def said(self) -> str:
         """What was found so far, one sentence; of many findings the first and the last, which count; else whether it
-        was left open; empty: nothing.
+        was left open; and what is in doubt. Empty: nothing.
         """
         found = list(self._found)
         found[4:-4] = [f"{len(found) - 8} more"] if len(found) > 9 else found[4:-4]
-        if not found:
-            return self.left_open
-        return f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read"
+        damaged = f"{self.source} is damaged: {'; '.join(found)}; what was left of it was read" if found else ""
+        return "; ".join(filter(None, [damaged or self.left_open, *self._doubts]))

@@ -115,7 +115,7 @@ class WrenchStream(Rows):
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
 
     Raises:
-        InputError: a wrong shape.
+        InputError: a wrong shape, a reading that no sensor gives.
     """
 
     t: Array = field(metadata=column())
@@ -123,6 +123,10 @@ class WrenchStream(Rows):
     source: str = "arrays"
     load_mass: Array | None = field(default=None, metadata=column())
     saturated: NDArray[np.bool_] | None = field(default=None, metadata=column(kind=np.bool_))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_within("wrench", np.where(np.isfinite(self.wrench), self.wrench, 0.0), READING)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from .chunks import Connection, Logged, Source, Topic
 from .folder import METADATA, plain_yaml
 from .mcap import Mcap
 from .message_layout import typestore
-from .messages import STAMP, by_layout, definitions
-from .open import Bag, kind_of, logged_in, one_line_errors, opened_bag
+from .messages import STAMP, by_layout
+from .open import Bag, definitions, kind_of, logged_in, one_line_errors, opened_bag
 from .topics import wrench_topic as chosen_topic
 from .write import WRENCH_STAMPED, new_bag, stamped
 
@@ -97,7 +97,7 @@ def write_bag_with(
         else:
             _copy_by_rosbags(bag, path_out, kind, source, name, copied)
         if bag.damage.said:
-            note(f"the copy lacks what is damaged; {bag.damage.said}")
+            note("the copy lacks what is damaged; " * bool(bag.damage.first) + bag.damage.said)
     return name
 
 
@@ -276,7 +276,7 @@ def _definition(bag: Bag, connection: Connection) -> dict[str, Any]:
     if not (text and digest):
         store = get_typestore(Stores.EMPTY)
         try:
-            store.register(definitions(bag, msgtype))
+            store.register(definitions(bag, connection.topic))
         except FileFormatError:
             store.register({msgtype: ([], [])})
         text = text or store.generate_msgdef(msgtype, ros_version=2)[0]

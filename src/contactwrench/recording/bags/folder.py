@@ -11,6 +11,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from ...errors import FileFormatError
+from ...files import entries
 from ..damage import Damage
 from .chunks import ZSTD, Logged, Source
 from .message_layout import joined
@@ -127,6 +128,9 @@ def hold(said: Metadata, files: Sequence[Path], sources: Sequence[Source], damag
         for file, source, of_file in zip(files, sources, said.files, strict=False):
             stated[f"messages in {file.name}"] = of_file.message_count
             found[f"messages in {file.name}"] = sum(source.counts.get(number, 0) for number in source.connections)
+    for other in sorted(entries(files[0].parent)) if files else ():
+        if other.suffix == files[0].suffix and other not in files:
+            damage.found(f"{other.name}, which {METADATA} does not name", "the files that it names and no other")
     for what in stated | found:
         if stated[what] != found[what]:
             damage.found(f"{found[what]} {what}", f"{stated[what]} as in {METADATA}")

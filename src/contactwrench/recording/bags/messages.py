@@ -22,8 +22,8 @@ from ...errors import FileFormatError, InputError
 from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import from_quat_xyzw
 from .chunks import Logged, Topic
-from .message_layout import Fields, MessageLayout, Raw, alike, layout_of_message, types_defined, typestore, written
-from .open import Bag, seconds
+from .message_layout import MessageLayout, Raw, alike, layout_of_message, written
+from .open import Bag, definitions, seconds, two_of
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
 """Types that hold a wrench, and where in them it is."""
@@ -49,8 +49,6 @@ STAMP = ("stamp.sec", "stamp.nanosec")
 """Where in a header its stamp is."""
 CDR = "cdr"
 """How messages of ROS 2 are written."""
-LONGEST_DEFINITION = 2**18
-"""Characters: those of ROS' largest types, with all that is in them, are a fifth of it; each costs 5 us to parse."""
 STAMP_ENDS = 12
 """Bytes of a message up to the end of its header's stamp."""
 
@@ -70,29 +68,6 @@ class Placements(Rows):
     position: Array = field(metadata=column(3))
 
 
-def definitions(bag: Bag, msgtype: str) -> Fields:
-    """The definition of a type and of all types in it: the bag's own, else that of ROS.
-
-    Raises:
-        FileFormatError: there is none, or it cannot be understood.
-    """
-    defined = next((c for c in bag.connections if c.topic.type == msgtype and c.definition.strip()), None)
-    if defined is None:
-        of_ros: Fields = typestore(bag.ros1).fielddefs
-        if msgtype not in of_ros:
-            raise FileFormatError(f"{bag.path}: found no definition of {written(msgtype)}, expected one in the bag")
-        return of_ros
-    try:
-        if len(defined.definition) > LONGEST_DEFINITION:
-            raise ValueError(f"more than {LONGEST_DEFINITION} characters")
-        return types_defined(msgtype, defined.definition, defined.is_idl, bag.ros1)
-    except Exception as error:  # whatever rosbags' parser stumbles over
-        reason = " ".join(str(error).split())[:100]
-        raise FileFormatError(
-            f"{bag.path}: the definition of {written(msgtype)} cannot be understood ({reason}), expected that of ROS"
-        ) from None
-
-
 def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[np.intp], MessageLayout, Raw]]:
     """The messages by layout: rows, the layout and the messages; without those that are none, where damage is accepted.
     Raises `FileFormatError` naming topic and time.
@@ -100,7 +75,7 @@ def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[
     forms = {str(c.details.get("serialization_format") or CDR) for c in bag.connections if c.topic == topic}
     if forms - {CDR}:
         raise FileFormatError(f"{bag.path}: topic {topic.name}: found messages in {min(forms - {CDR})}, expected {CDR}")
-    types = definitions(bag, topic.type)
+    types = definitions(bag, topic)
 
     def layout_of(message: bytes) -> MessageLayout:
         return layout_of_message(message, topic.type, types, not bag.ros1)
@@ -145,7 +120,12 @@ def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> 
             f"{np.sum(impossible)} stamps in headers of {topic.name} as that of {sec[row]:.0f} s and {ns[row]:.0f} ns",
             "0 s or more and less than 10^9 ns",
         )
-    return np.where(impossible | ((sec == 0.0) & (ns == 0.0)), of_bag, sec + 1e-9 * ns)
+    zero = (sec == 0.0) & (ns == 0.0)
+    if topic.type not in TRANSFORMS and two_of(bag, topic, "stamps", map(str, np.unique(zero))):
+        bag.damage.doubt(
+            f"{topic.name} has stamps of zero and others: where they are zero, the time of recording counts"
+        )
+    return np.where(impossible | zero, of_bag, sec + 1e-9 * ns)
 
 
 def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
@@ -186,7 +166,12 @@ def numbers(
 
 def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
     """Times (n,) s and wrenches (n, 6) N and N m, as they are written."""
-    t, values, _ = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
+    t, values, texts = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
+    frames = [_frame(text.get("header.frame_id", "")) or "no frame" for text in texts]
+    if two := two_of(bag, topic, "readings", frames):
+        bag.damage.doubt(
+            f"{topic.name} has readings of {' and of '.join(two)}: are these two sensors? all count as one's"
+        )
     return t, values
 
 

@@ -9,7 +9,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
@@ -24,11 +24,14 @@ from ..damage import Damage
 from .chunks import Connection, Logged, Source, Topic
 from .folder import METADATA, PackedMessages, files_of, hold, metadata, unpacked
 from .mcap import Mcap
+from .message_layout import Fields, types_defined, typestore, written
 from .ros1 import Ros1Bag
 from .sqlite import Sqlite
 
 SUFFIXES_OF_BAGS = (".bag", ".mcap", ".db3")
 KINDS = {".bag": "ROS 1 bag", ".mcap": "MCAP file", ".db3": "ROS 2 sqlite3 bag", "": "ROS 2 bag folder"}
+LONGEST_DEFINITION = 2**18
+"""Characters: those of ROS' largest types, with all that is in them, are a fifth of it; each costs 5 us to parse."""
 
 READERS: dict[str, Callable[[Path, ExitStack, Damage], Source]] = {
     ".bag": Ros1Bag,
@@ -45,7 +48,8 @@ Messages: TypeAlias = dict[Topic, Logged]
 @dataclass(frozen=True, eq=False)
 class Bag:
     """An open bag: the files of its messages, and whether they are MCAP; when the first was recorded, and how long all
-    of them took, s; how it is compressed, in the words of `new_bag`; and its damage so far.
+    of them took, s; how it is compressed, in the words of `new_bag`; its damage so far; and of what each topic's
+    messages were found to be so far, where all should be of one (`two_of`).
     """
 
     path: Path
@@ -56,6 +60,7 @@ class Bag:
     duration: float
     compression: str
     damage: Damage
+    seen: dict[tuple[Topic, str], dict[str, None]] = field(default_factory=dict)
 
     @property
     def connections(self) -> list[Connection]:
@@ -161,6 +166,45 @@ def logged_in(bag: Bag, source: Source, numbers: Collection[int]) -> Iterator[Lo
     """What some connections of one of the bag's files recorded. Raises as `messages`."""
     with one_line_errors(bag.path):
         yield from source.logged(set(numbers))
+
+
+def two_of(bag: Bag, topic: Topic, what: str, found: Iterable[str]) -> tuple[str, ...]:
+    """The first two sensors, frames, arms or clocks that a topic's messages were found to be of so far; empty: one."""
+    seen = bag.seen.setdefault((topic, what), {})
+    seen.update(dict.fromkeys(found))
+    return tuple(seen)[:2] if len(seen) > 1 else ()
+
+
+def definitions(bag: Bag, topic: Topic) -> Fields:
+    """The definition of a topic's type and of all types in it: its own, else another topic's, else that of ROS.
+
+    Raises:
+        FileFormatError: there is none, or it cannot be understood; those of its publishers differ.
+    """
+    name = written(topic.type)
+    of_type = [each for each in bag.connections if each.topic.type == topic.type and each.definition.strip()]
+    own = [each for each in of_type if each.topic == topic]
+    stated = dict.fromkeys((each.definition, each.is_idl) for each in own or of_type)
+    if not stated:
+        of_ros: Fields = typestore(bag.ros1).fielddefs
+        if topic.type not in of_ros:
+            raise FileFormatError(f"{bag.path}: found no definition of {name}, expected one in the bag")
+        return of_ros
+    try:
+        if max(len(text) for text, _ in stated) > LONGEST_DEFINITION:
+            raise ValueError(f"more than {LONGEST_DEFINITION} characters")
+        first, *others = (types_defined(topic.type, text, is_idl, bag.ros1) for text, is_idl in stated)
+    except Exception as error:  # whatever rosbags' parser stumbles over
+        reason = " ".join(str(error).split())[:100]
+        raise FileFormatError(
+            f"{bag.path}: the definition of {name} cannot be understood ({reason}), expected that of ROS"
+        ) from None
+    if any(each[known][1] != first[known][1] for each in others for known in each.keys() & first.keys()):
+        raise FileFormatError(
+            f"{bag.path}: topic {topic.name}: found two definitions of {name}, expected one: record each publisher on "
+            "a topic of its own"
+        )
+    return first
 
 
 def part_read(bag: Bag, parts: Messages) -> float:

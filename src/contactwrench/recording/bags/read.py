@@ -17,7 +17,7 @@ from ...samples.samples import OrientationStream, ReadAs, Streams, WrenchStream
 from ..tables.columns import Advance, unheard
 from .chunks import Topic
 from .messages import joint_places, joint_states, place, poses, rotations, wrenches
-from .open import Bag, Messages, messages, opened_bag, part_read
+from .open import Bag, Messages, messages, opened_bag, part_read, two_of
 from .topics import FRAMES_FLAG, POSE_FLAG, ROBOT_FLAG, pose_topics, wrench_topic
 from .transforms import ChainPoses
 
@@ -120,17 +120,14 @@ def _read_as(wrench: Topic, pose: tuple[Topic, ...], frames: tuple[str, str] | N
 
 
 def _poses_of_topic(bag: Bag, topic: Topic) -> ReadPoses:
-    seen: dict[str, None] = {}
-
     def read(part: Messages) -> OrientationStream:
         if topic not in part:
             return _NO_POSES
         placements, frames = poses(bag, topic, part[topic])
-        seen.update(dict.fromkeys(f"{child or 'a frame'} in {parent or 'no frame'}" for parent, child in frames))
-        if len(seen) > 1:
-            first, second, *_ = seen
+        named = [f"{child or 'a frame'} in {parent or 'no frame'}" for parent, child in frames]
+        if two := two_of(bag, topic, "poses", named):
             raise FileFormatError(
-                f"{bag.path}: topic {topic.name}: found poses of {first} and of {second}, expected one: name another "
+                f"{bag.path}: topic {topic.name}: found poses of {' and of '.join(two)}, expected one: name another "
                 f"topic with {POSE_FLAG}"
             )
         return OrientationStream(placements.t, rotations(bag, f"topic {topic.name}", placements), placements.position)
@@ -148,6 +145,12 @@ def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
             places = joint_places(names, arm)
             if places is not None and max(places) < position.shape[1]:
                 t[rows], joints[rows], known[rows] = times, position[:, places], True
+                ends = f"{names[places[0]]} to {names[places[-1]]}" if names else "joints without names"
+                if two := two_of(bag, topic, "joints", [ends]):
+                    raise FileFormatError(
+                        f"{bag.path}: topic {topic.name}: found {' and '.join(two)}, expected one arm's: name its URDF "
+                        f"with {ROBOT_FLAG}"
+                    )
         if not np.isfinite(joints[known]).all():
             row = int(np.argmax(known & ~np.isfinite(joints).all(axis=1)))
             raise FileFormatError(f"{place(bag, topic, t[row])}: found a joint that is no number, expected angles, rad")

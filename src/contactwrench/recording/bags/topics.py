@@ -72,9 +72,12 @@ def _named(bag: Bag, name: str, types: tuple[str, ...], flag: str) -> Topic:
             f"{bag.path}: topic {name} is {written(same_name[0].type)}, expected {_types(types)}: name another with "
             f"{flag}"
         )
-    if not bag.counts[right[0]]:
-        raise FileFormatError(f"{bag.path}: topic {name} has no messages, expected some: name another with {flag}")
-    return right[0]
+    recorded = [topic for topic in right if bag.counts[topic]]
+    if len(recorded) != 1:
+        found = f"is {' and '.join(written(each.type) for each in recorded)}" if recorded else "has no messages"
+        expected = "one type" if recorded else "some"
+        raise FileFormatError(f"{bag.path}: topic {name} {found}, expected {expected}: name another with {flag}")
+    return recorded[0]
 
 
 def _only(bag: Bag, what: str, types: tuple[str, ...], flag: str, content: str) -> Topic:

@@ -27,14 +27,20 @@ STATIC = "tf_static"
 FORGOTTEN = 10.0
 """s that tf2 keeps transforms for: one that is older than another before it by more is no straggler."""
 
+SAME = 1e-6
+"""m, and of a quaternion: what is printed and read again comes back so; an arm that stands trembles by more."""
+
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """What a recording says of one transform: how often it comes, whether it ever changes, and the first of it."""
+    """What a recording says of one transform: how often it comes, whether it ever changes, the first of it, and whether
+    it was said to be static.
+    """
 
     count: int
     moves: bool
     first: Placements
+    static: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +59,19 @@ def tree(bag: Bag, topics: Iterable[Topic]) -> dict[Link, Edge]:
     edges: dict[Link, Edge] = {}
     for part in messages(bag, topics):
         for topic, logged in part.items():
-            note(edges, transforms(bag, topic, logged))
+            note(edges, topic, transforms(bag, topic, logged))
     return edges
 
 
-def note(edges: dict[Link, Edge], news: dict[Link, Placements]) -> None:
+def note(edges: dict[Link, Edge], topic: Topic, news: dict[Link, Placements]) -> None:
     """Add what was heard to what is known of each transform."""
     for link, heard in news.items():
         edge = edges.get(link) or Edge(0, False, heard.select(slice(1)))
-        changed = (heard.quat_xyzw != edge.first.quat_xyzw).any() or (heard.position != edge.first.position).any()
-        edges[link] = Edge(edge.count + len(heard), edge.moves or bool(changed), edge.first)
+        first = edge.first.quat_xyzw
+        turned = np.minimum(np.abs(heard.quat_xyzw - first), np.abs(heard.quat_xyzw + first))  # q and -q are one
+        shifted = np.abs(heard.position - edge.first.position)
+        moves = edge.moves or not max(turned.max(), shifted.max()) <= SAME
+        edges[link] = Edge(edge.count + len(heard), moves, edge.first, edge.static or topic.name.endswith(STATIC))
 
 
 def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
@@ -92,6 +101,12 @@ def chain(bag: Bag, edges: dict[Link, Edge], base: str, flange: str) -> Chain:
         *(((parent, child), False) for parent, child in pairwise(down)),
     )
     links = [link for link, _ in path]
+    for parent, child in links:
+        if edges[parent, child].static and edges[parent, child].moves:
+            raise FileFormatError(
+                f"{bag.path}: found {parent} -> {child} in {STATIC} and another time at another place, expected it to "
+                "stay: record one robot's transforms"
+            )
     moving = tuple(link for link in links if edges[link].moves)
     moving = moving or tuple(link for link in links if edges[link].count > 1)  # an arm that stands still
     if not moving:

@@ -22,6 +22,9 @@ from .columns import POSITION, WRENCH_COLUMNS, shown
 GZIP, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32000
 BOUNDED: tuple[list[int], ...] = ([], [SHUFFLE], [GZIP], [LZF], [SHUFFLE, GZIP], [SHUFFLE, LZF])
 """Filters of chunks, by their numbers in the format, and those that unpack to no more than what was packed can hold."""
+PACKED = ("scale_factor", "add_offset")
+"""Attributes that say what to make of the numbers (CF conventions, 8.1), as netCDF's libraries do and HDF5's do not."""
+UNITS = {"unit", "units"}
 MOST_BY_GZIP = 1032
 """Bytes that one byte can become (zlib's technical details)."""
 
@@ -91,6 +94,11 @@ def dataset_at(group: Any, path: str, source: str) -> Any:
     dataset = group.get(path)
     if not holds_numbers(dataset):
         return None
+    if packed := [name for name in PACKED if name in dataset.attrs]:
+        raise FileFormatError(
+            f"{where}: found numbers packed by {' and '.join(packed)}, expected those that they stand for: write them "
+            "unpacked, times scale_factor, plus add_offset"
+        )
     if dataset.external or dataset.is_virtual:
         raise FileFormatError(
             f"{where}: found rows that other files hold, expected them here: copy them into this file"
@@ -157,8 +165,11 @@ def _with_units(dataset: Any, path: str, names: dict[int, str]) -> Iterator[Fiel
 
 
 def _units(dataset: Any) -> list[str]:
-    """What an attribute `units` says: for all columns alike, for each, or for force and torque."""
-    name = next((name for name in ("units", "unit") if name in dataset.attrs), "")
+    """What an attribute `units`, `Unit`, `unit_of_measure` says: for all columns alike, for each, or for force and
+    torque.
+    """
+    of_units = [name for name in dataset.attrs if UNITS & {*re.split("[^a-z]+", name.lower())}]
+    name = min(of_units, key=len, default="")
     if not name or prod(dataset.attrs.get_id(name).shape) > MOST_ELEMENTS:  # that many are no units
         return [""]
     stated = np.ravel(dataset.attrs[name]).tolist()

@@ -1,0 +1,196 @@
+"""Messages of one topic that are of two sensors, arms, types or clocks, and what a bag holds beside what it says of it:
+refused or said, never mixed without a word.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactwrench.assess.robot_arms import known_arm
+from contactwrench.errors import FileFormatError
+from tests.recording.test_bag_joints import UR_JOINTS
+from tests.support.bags import (
+    KINDS,
+    ROS2,
+    TF,
+    WRENCH,
+    WRENCH_STAMPED,
+    Message,
+    any_rotations,
+    bag_streams,
+    header,
+    joint_state,
+    ns,
+    pose_stamped,
+    serialized,
+    tf,
+    transform,
+    vector,
+    wrench_fields,
+    wrench_stamped,
+    write_bag,
+)
+
+I3, ZERO = np.eye(3), np.zeros(3)
+READING, POSE = wrench_stamped(0.0, np.ones(6)), pose_stamped(0.0, I3, ZERO)
+DAMAGED = "the file is damaged; record or copy it again, or read what is left of it with --accept-damaged"
+
+
+def _refused(path: Path, **arguments: object) -> str:
+    with pytest.raises(FileFormatError) as caught:
+        bag_streams(path, **arguments)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_readings_of_two_frames_are_said(tmp_path: Path, kind: str) -> None:
+    """Every second one is another sensor's: 12 N were 6 N, and the fit was good."""
+    messages = [wrench_stamped(1e-3 * k, np.ones(6), frame=("left", "/right")[k % 2]) for k in range(10)]
+    path = write_bag(tmp_path / f"run{kind}", [POSE, *messages])
+    said = f"{path}: /wrench has readings of left and of right: are these two sensors? all count as one's"
+    assert bag_streams(path).damage == said
+
+
+def test_readings_of_one_frame_however_it_is_written_are_one_sensors(tmp_path: Path) -> None:
+    messages = [wrench_stamped(1e-3 * k, np.ones(6), frame=("ft", "/ft")[k % 2]) for k in range(10)]
+    assert bag_streams(write_bag(tmp_path / "run.bag", [POSE, *messages])).damage == ""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stamps_of_zero_among_others_are_said(tmp_path: Path, kind: str) -> None:
+    messages = [wrench_stamped(1e-3 * k, np.ones(6)) for k in range(10)]
+    at_zero = [replace(m, fields={**m.fields, "header": header(None, "ft_sensor")}) for m in messages[1::2]]
+    path = write_bag(tmp_path / f"run{kind}", [POSE, *messages[::2], *at_zero])
+    said = "/wrench has stamps of zero and others: where they are zero, the time of recording counts"
+    assert bag_streams(path).damage == f"{path}: {said}"
+
+
+@pytest.mark.parametrize("other", [[f"right_{name}" for name in UR_JOINTS], [], list("abcdef")])
+def test_joints_of_two_arms_in_turn_are_refused(tmp_path: Path, other: list[str]) -> None:
+    names = [f"left_{name}" for name in UR_JOINTS]
+    states = [joint_state(0.01 * k, (names, other)[k % 2], np.full(6, 0.1 * k)) for k in range(6)]
+    path = write_bag(tmp_path / "run.mcap", [READING, *states])
+    second = f"{other[0]} to {other[-1]}" if other else "joints without names"
+    assert _refused(path, arm=known_arm("ur5e")) == (
+        f"{path}: topic /joint_states: found left_shoulder_pan_joint to left_wrist_3_joint and {second}, expected one "
+        "arm's: name its URDF with --robot"
+    )
+
+
+def test_joints_that_come_in_another_order_are_one_arms(tmp_path: Path) -> None:
+    angles = np.random.default_rng(1).uniform(-1.0, 1.0, (6, 6))
+    states = [joint_state(0.01 * k, UR_JOINTS[:: 1 - 2 * (k % 2)], q[:: 1 - 2 * (k % 2)]) for k, q in enumerate(angles)]
+    usual = [joint_state(0.01 * k, UR_JOINTS, q) for k, q in enumerate(angles)]
+    mixed, same = (
+        bag_streams(write_bag(tmp_path / name, [READING, *each]), arm=known_arm("ur5e")).orientation.R_base_flange
+        for name, each in (("mixed.mcap", states), ("usual.mcap", usual))
+    )
+    np.testing.assert_array_equal(mixed, same)
+
+
+def test_a_topic_of_two_types_is_refused_by_its_name(tmp_path: Path) -> None:
+    """Half of the readings were lost."""
+    other = Message("/wrench", WRENCH, ns(0.1), wrench_fields(np.ones(6)))
+    pytest.importorskip("mcap", reason="mcap is not installed")
+    path = _mcap_of_publishers(tmp_path, [(WRENCH_STAMPED, _text(WRENCH_STAMPED)), (WRENCH, _text(WRENCH))], [other])
+    assert _refused(path, wrench_topic="/wrench") == (
+        f"{path}: topic /wrench is geometry_msgs/WrenchStamped and geometry_msgs/Wrench, expected one type: name "
+        "another with --wrench-topic"
+    )
+
+
+def test_two_definitions_of_a_topics_type_are_refused(tmp_path: Path) -> None:
+    """One publisher has the torque before the force: its readings were read as the other's."""
+    text = _text(WRENCH_STAMPED)
+    turned = text.replace("Vector3 force\n", "Vector3 x\n").replace("Vector3 torque\n", "Vector3 force\n")
+    turned = turned.replace("Vector3 x\n", "Vector3 torque\n")
+    path = _mcap_of_publishers(tmp_path, [(WRENCH_STAMPED, text), (WRENCH_STAMPED, turned)], [READING])
+    assert _refused(path) == (
+        f"{path}: topic /wrench: found two definitions of geometry_msgs/WrenchStamped, expected one: record each "
+        "publisher on a topic of its own"
+    )
+
+
+@pytest.mark.parametrize("comment", ["# the same", "\n"])
+def test_definitions_that_differ_in_words_alone_are_one(tmp_path: Path, comment: str) -> None:
+    text = _text(WRENCH_STAMPED)
+    path = _mcap_of_publishers(tmp_path, [(WRENCH_STAMPED, text), (WRENCH_STAMPED, f"{comment}\n{text}")], [READING])
+    assert len(bag_streams(path).wrench.t) == 2
+
+
+def test_a_topics_own_definition_counts(tmp_path: Path) -> None:
+    """Another topic of that type, which comes first, has the torque before the force."""
+    text = _text(WRENCH_STAMPED)
+    turned = text.replace("Vector3 force\n", "Vector3 x\n").replace("Vector3 torque\n", "Vector3 force\n")
+    turned = turned.replace("Vector3 x\n", "Vector3 torque\n")
+    reading = wrench_stamped(0.0, np.arange(6.0))
+    kinds = [(WRENCH_STAMPED, turned), (WRENCH_STAMPED, text)]
+    path = _mcap_of_publishers(tmp_path, kinds, [reading], topics=("/a", "/wrench"))
+    np.testing.assert_array_equal(bag_streams(path, wrench_topic="/wrench").wrench.wrench, [np.arange(6.0)])
+
+
+def _text(msgtype: str) -> str:
+    text: str = ROS2.generate_msgdef(msgtype, ros_version=2)[0]
+    return text
+
+
+def _mcap_of_publishers(
+    folder: Path, kinds: list[tuple[str, str]], last: list[Message], topics: tuple[str, str] = ("/wrench", "/wrench")
+) -> Path:
+    """A reading, a pose, and `last`, by a channel of its own; each channel of a type with a definition in `kinds`."""
+    writer = pytest.importorskip("mcap.writer", reason="mcap is not installed")
+    path = folder / "run.mcap"
+    with path.open("wb") as file:
+        mcap = writer.Writer(file)
+        mcap.start(profile="ros2", library="mcap")
+        schemas = [mcap.register_schema(name, "ros2msg", text.encode()) for name, text in kinds]
+        first, second = (mcap.register_channel(topics[k], "cdr", schemas[k]) for k in (0, 1))
+        pose = mcap.register_schema(POSE.type, "ros2msg", _text(POSE.type).encode())
+        poses = mcap.register_channel("/pose", "cdr", pose)
+        for channel, message in ((first, READING), (poses, POSE), *((second, each) for each in last)):
+            mcap.add_message(channel, message.stamp, serialized(message), message.stamp)
+        mcap.finish()
+    return path
+
+
+def test_a_file_that_the_description_does_not_name_is_said(tmp_path: Path) -> None:
+    """A recording that was split, and a description of its first file: half of it was lost."""
+    folder = write_bag(tmp_path / "run", [READING, POSE])
+    shutil.copy(folder / "run.db3", folder / "run_1.db3")
+    assert _refused(folder) == (
+        f"{folder}: found run_1.db3, which metadata.yaml does not name, expected the files that it names and no other: "
+        f"{DAMAGED}"
+    )
+    assert len(bag_streams(folder, accept_damaged=True).wrench.t) == 1
+
+
+def _chain(turns: list[dict[str, float]]) -> list[Message]:
+    """An arm that moves, and the static transform to its flange, again and again, each time by another quaternion."""
+    R = any_rotations(20, 0)
+    moving = [tf(0.1 * k, [transform(0.1 * k, "base", "link", R[k], ZERO)]) for k in range(20)]
+    placed = [{**transform(0.5 * k, "link", "tool0", I3, ZERO)} for k in range(len(turns))]
+    static = [
+        Message("/tf_static", TF, ns(0.5 * k), {"transforms": [one | {"transform": {"rotation": turn}}]})
+        for k, (one, turn) in enumerate(zip(placed, turns, strict=True))
+    ]
+    return sorted([READING, *moving, *static], key=lambda message: message.stamp)
+
+
+@pytest.mark.parametrize("again", [[0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 1e-9, 1.0]])
+def test_a_static_transform_that_is_said_again_in_other_words_stays(tmp_path: Path, again: list[float]) -> None:
+    """Its sign, or its last digits, differ: the recording was refused for gaps that it has not."""
+    path = write_bag(tmp_path / "run.mcap", _chain([vector([0.0, 0.0, 0.0, 1.0]), vector(again)]))
+    assert len(bag_streams(path, frames=("base", "tool0")).orientation.t) == 20
+
+
+def test_static_transforms_that_contradict_each_other_are_named(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", _chain([vector([0.0, 0.0, 0.0, 1.0]), vector([0.0, 0.0, 1.0, 0.0])]))
+    assert _refused(path, frames=("base", "tool0")) == (
+        f"{path}: found link -> tool0 in tf_static and another time at another place, expected it to stay: record one "
+        "robot's transforms"
+    )
