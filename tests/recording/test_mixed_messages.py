@@ -48,10 +48,16 @@ def _refused(path: Path, **arguments: object) -> str:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_readings_of_two_frames_are_said(tmp_path: Path, kind: str) -> None:
+def test_readings_of_two_frames_are_refused_in_turn_and_said_one_after_the_other(tmp_path: Path, kind: str) -> None:
     """Every second one is another sensor's: 12 N were 6 N, and the fit was good."""
-    messages = [wrench_stamped(1e-3 * k, np.ones(6), frame=("left", "/right")[k % 2]) for k in range(10)]
+    messages = [wrench_stamped(1e-3 * k, np.ones(6), frame=("left", "/right")[k % 2]) for k in range(20)]
     path = write_bag(tmp_path / f"run{kind}", [POSE, *messages])
+    assert _refused(path) == (
+        f"{path}: topic /wrench: found readings of left and of right in turn, expected one sensor's: record each on a "
+        "topic of its own"
+    )
+    messages = [wrench_stamped(1e-3 * k, np.ones(6), frame=("left", "/right")[k > 4]) for k in range(10)]
+    path = write_bag(tmp_path / f"again{kind}", [POSE, *messages])
     said = f"{path}: /wrench has readings of left and of right: are these two sensors? all count as one's"
     assert bag_streams(path).damage == said
 
@@ -68,6 +74,8 @@ def test_stamps_of_zero_among_others_are_said(tmp_path: Path, kind: str) -> None
     path = write_bag(tmp_path / f"run{kind}", [POSE, *messages[::2], *at_zero])
     said = "/wrench has stamps of zero and others: where they are zero, the time of recording counts"
     assert bag_streams(path).damage == f"{path}: {said}"
+    path = write_bag(tmp_path / f"begins{kind}", [POSE, at_zero[0], *messages[2:]])
+    assert bag_streams(path).damage == ""
 
 
 @pytest.mark.parametrize("other", [[f"right_{name}" for name in UR_JOINTS], [], list("abcdef")])

@@ -68,8 +68,7 @@ class LowPass:
             )
         from scipy.signal import butter
 
-        sections: Array = butter(self.order, self.cutoff, fs=rate, output="sos")
-        return sections
+        return np.asarray(butter(self.order, self.cutoff, fs=rate, output="sos"))
 
     def noise_gain(self, rate: float) -> float:
         """What is left of the variance of white noise."""
@@ -104,8 +103,7 @@ def zero_phase(values: Array, low_pass: LowPass, rate: float) -> Array:
     least = least_rows(sections)
     if len(values) < least:
         raise InputError(f"found {len(values)} rows, expected at least {least} to filter both ways")
-    filtered: Array = sosfiltfilt(sections, values, axis=0)
-    return filtered
+    return np.asarray(sosfiltfilt(sections, values, axis=0))
 
 
 def smoothed(t: Array, values: Array, low_pass: LowPass) -> Array:

@@ -48,8 +48,7 @@ class SampleNoise:
         at, known = np.log(rows), np.log(self.rows)
         near = np.exp([np.interp(at, known, np.log(of_axis)) for of_axis in self.allan.T]).T
         beyond = np.maximum(self.rows[0] / rows, 1.0) * np.minimum(self.rows[-1] / rows, 1.0)
-        variances: Array = np.maximum(near * beyond[:, None], self.floor)
-        return variances
+        return np.asarray(np.maximum(near * beyond[:, None], self.floor))
 
     def of_mean(self, rows: float) -> Array:
         """The variance (6,) of the mean of so many samples about the level of the horizon: half the Allan variances of
@@ -78,8 +77,7 @@ class SampleNoise:
         noise.
         """
         gain = 1.0 if low_pass is None else low_pass.noise_gain(rate)
-        variance: Array = np.maximum(gain * self.allan_of(np.ones(1))[0], self.of_mean(1.0 / gain))
-        return variance
+        return np.asarray(np.maximum(gain * self.allan_of(np.ones(1))[0], self.of_mean(1.0 / gain)))
 
 
 def stated_noise(noise: ArrayLike) -> SampleNoise:

@@ -53,16 +53,14 @@ def from_quat_xyzw(quat_xyzw: Array) -> Array:
     from scipy.spatial.transform import Rotation
 
     require_unit(quat_xyzw)
-    matrices: Array = Rotation.from_quat(quat_xyzw).as_matrix()
-    return matrices
+    return np.asarray(Rotation.from_quat(quat_xyzw).as_matrix())
 
 
 def to_quat_xyzw(R: Array, *, canonical: bool = False) -> Array:
     """Quaternions (n, 4), scalar last, of rotations (n, 3, 3), or of one; `canonical`: the scalar is not negative."""
     from scipy.spatial.transform import Rotation
 
-    quat_xyzw: Array = Rotation.from_matrix(R).as_quat(canonical=canonical) if len(R) else np.empty((0, 4))
-    return quat_xyzw
+    return np.asarray(Rotation.from_matrix(R).as_quat(canonical=canonical) if len(R) else np.empty((0, 4)))
 
 
 def require_unit(quat_xyzw: Array) -> None:
@@ -147,8 +145,7 @@ def _euler(letters: str) -> Callable[[Array], Array]:
         if len(beyond := TURN.outside(angles)):
             row = int(np.argmin(TURN.holds(angles).all(axis=1)))
             raise InputError(f"orientation {row} is an angle of {beyond[0]:g} rad, expected {TURN}", row)
-        matrices: Array = Rotation.from_euler(letters, angles).as_matrix()
-        return matrices
+        return np.asarray(Rotation.from_euler(letters, angles).as_matrix())
 
     return to_matrices
 
@@ -180,8 +177,7 @@ def _from_rotation_vector(vectors: Array) -> Array:
             "are angles in degrees, say whose (--orientation yaskawa or staubli; contactwrench diagnose tells)",
             row,
         )
-    matrices: Array = Rotation.from_rotvec(vectors).as_matrix()
-    return matrices
+    return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
 
 
 def _from_quat_wxyz(quat_wxyz: Array) -> Array:

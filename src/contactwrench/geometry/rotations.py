@@ -35,15 +35,13 @@ def rotation_log(R: Array) -> Array:
     """The rotation vector (3,), rad, of a rotation matrix (3, 3): the inverse of `rotation_exp`, angle 0 to pi."""
     from scipy.spatial.transform import Rotation
 
-    vector: Array = Rotation.from_matrix(R).as_rotvec()
-    return vector
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())
 
 
 def angles_between(R_a: Array, R_b: Array) -> Array:
     """The angles (n,), rad, from rotations (n, 3, 3) to others, or from one to all; exact for the smallest."""
     chord = np.sqrt(np.sum((R_b - R_a) ** 2, axis=(1, 2)))
-    angle: Array = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
-    return angle
+    return np.asarray(2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0)))
 
 
 @dataclass(frozen=True, eq=False)

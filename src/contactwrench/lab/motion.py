@@ -42,8 +42,7 @@ class Course:
             return np.broadcast_to(values[-1], (len(t), values.shape[1]))
         knot = np.minimum(np.maximum((t - self.start) / KNOT, 0.0), len(values) - 1.0)
         before = np.minimum(knot.astype(np.intp), len(values) - 2)
-        between: Array = values[before] + (knot - before)[:, None] * (values[before + 1] - values[before])
-        return between
+        return np.asarray(values[before] + (knot - before)[:, None] * (values[before + 1] - values[before]))
 
     def state(self, t: float) -> Array:
         """Joints, their velocity and their acceleration (3, 7)."""

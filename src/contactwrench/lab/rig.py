@@ -213,8 +213,7 @@ class Lab:
 
     def true_contact(self, t: float) -> Array:
         """What the environment exerts on the sensor (6,), N and N m, sensor axes, at a moment."""
-        contact: Array = self._contact(np.array([t]))[0]
-        return contact
+        return np.asarray(self._contact(np.array([t]))[0])
 
     def _contact(self, t: Array) -> Array:
         R_base_flange, position = self._flange(t)

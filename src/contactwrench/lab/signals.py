@@ -70,8 +70,7 @@ class Plain:
         """The next rows, whatever the time."""
         number = np.arange(self.rows, self.rows + n)
         self.rows += n
-        rows: Array = np.array(self.wrench) + number[:, None] * np.array(self.step)
-        return rows
+        return np.asarray(np.array(self.wrench) + number[:, None] * np.array(self.step))
 
     def pose_at(self, t: float) -> FlangePose:
         """The pose, whatever the time."""

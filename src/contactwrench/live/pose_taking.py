@@ -51,8 +51,7 @@ class Taken(Frozen):
     @property
     def mean(self) -> Array:
         """The mean reading (6,)."""
-        mean: Array = self.wrench.mean(axis=0)
-        return mean
+        return np.asarray(self.wrench.mean(axis=0))
 
     @property
     def turn(self) -> Four:

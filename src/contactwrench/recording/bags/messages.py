@@ -49,6 +49,8 @@ STAMP = ("stamp.sec", "stamp.nanosec")
 """Where in a header its stamp is."""
 CDR = "cdr"
 """How messages of ROS 2 are written."""
+MOST_CHANGES = 10
+"""Of a sensor's frame in so many messages as are read at once: a driver that is started anew may change it."""
 STAMP_ENDS = 12
 """Bytes of a message up to the end of its header's stamp."""
 
@@ -121,7 +123,8 @@ def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> 
             "0 s or more and less than 10^9 ns",
         )
     zero = (sec == 0.0) & (ns == 0.0)
-    if topic.type not in TRANSFORMS and two_of(bag, topic, "stamps", map(str, np.unique(zero))):
+    kinds = [] if zero.sum() == 1 else map(str, np.unique(zero))  # a single one: simulated time begins there
+    if topic.type not in TRANSFORMS and two_of(bag, topic, "stamps", kinds):
         bag.damage.doubt(
             f"{topic.name} has stamps of zero and others: where they are zero, the time of recording counts"
         )
@@ -144,8 +147,8 @@ def header_stamps(bag: Bag, topic: Topic, logged: Logged) -> Array:
 
 def numbers(
     bag: Bag, topic: Topic, logged: Logged, paths: tuple[str, ...]
-) -> tuple[Array, Array, list[dict[str, str]]]:
-    """Times (n,) s, the numbers at `paths` (n, k), and the different texts that go with them, of messages `by_layout`.
+) -> tuple[Array, Array, list[tuple[NDArray[np.intp], dict[str, str]]]]:
+    """Times (n,) s, the numbers at `paths` (n, k), and by rows the texts that go with them, of messages `by_layout`.
 
     Raises `FileFormatError` where the type has no such number.
     """
@@ -159,19 +162,28 @@ def numbers(
             )
         t[rows] = stamps(bag, topic, logged, rows, layout, raw)
         values[rows] = raw.columns(layout, paths)
-        texts.append(layout.texts)
+        texts.append((rows, layout.texts))
     whole = ~np.isnan(t)
     return t[whole], values[whole], texts
 
 
 def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
-    """Times (n,) s and wrenches (n, 6) N and N m, as they are written."""
+    """Times (n,) s and wrenches (n, 6) N and N m, as they are written. Raises `FileFormatError` for those of two
+    sensors, frames in turn.
+    """
     t, values, texts = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
-    frames = [_frame(text.get("header.frame_id", "")) or "no frame" for text in texts]
+    frames = [_frame(text.get("header.frame_id", "")) or "no frame" for _, text in texts]
     if two := two_of(bag, topic, "readings", frames):
-        bag.damage.doubt(
-            f"{topic.name} has readings of {' and of '.join(two)}: are these two sensors? all count as one's"
-        )
+        of = np.empty(len(logged), dtype=object)
+        for (rows, _), frame in zip(texts, frames, strict=True):
+            of[rows] = frame
+        both = f"readings of {' and of '.join(two)}"
+        if np.sum(of[1:] != of[:-1]) > MOST_CHANGES:
+            raise FileFormatError(
+                f"{bag.path}: topic {topic.name}: found {both} in turn, expected one sensor's: record each on a topic "
+                "of its own"
+            )
+        bag.damage.doubt(f"{topic.name} has {both}: are these two sensors? all count as one's")
     return t, values
 
 
@@ -188,7 +200,7 @@ def poses(bag: Bag, topic: Topic, logged: Logged) -> tuple[Placements, list[Link
     orientation, position = POSES[topic.type]
     paths = (*(f"{position}.{part}" for part in XYZ), *(f"{orientation}.{part}" for part in XYZW))
     t, values, texts = numbers(bag, topic, logged, paths)
-    frames = [(_frame(text.get("header.frame_id", "")), text.get("child_frame_id", "")) for text in texts]
+    frames = [(_frame(text.get("header.frame_id", "")), text.get("child_frame_id", "")) for _, text in texts]
     return Placements(t, values[:, 3:], values[:, :3]), frames
 
 
