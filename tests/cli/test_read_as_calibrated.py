@@ -326,3 +326,20 @@ def test_columns_that_state_their_unit_are_asked_nothing(tmp_path: Path, capsys:
         done = run(capsys, "compensate", work, "-c", tool, "--force", "-o", tmp_path / "out.csv")
         assert done.status == 0, done.err
         np.testing.assert_allclose(wrenches_written(tmp_path / "out.csv"), PUSHED, atol=1e-6)
+
+
+@pytest.mark.parametrize("verb", ["verify", "compensate", "weigh"])
+@pytest.mark.parametrize("is_weak", [True, False])
+def test_that_a_calibration_is_weak_is_said_where_it_is_used(
+    tmp_path: Path, capsys: Capture, verb: str, is_weak: bool
+) -> None:
+    rig, R, rng = example(8, 12)
+    pushed = 0.5 * rig.weight * rng.normal(size=(12, 6)) * ([1.0, 1.0, 1.0, 0.0, 0.0, 0.0] if is_weak else np.zeros(6))
+    calibration = cw.calibrate(cw.Samples(readings(rig, R) + pushed + 0.01 * rng.normal(size=(12, 6)), R), "mount")
+    assert (calibration.verdict == "weak") is is_weak
+    calibration.save(tmp_path / "tool.json")
+    again = random_rotations(6, rng)
+    rows = np.column_stack([readings(rig, again) + 0.01 * rng.normal(size=(6, 6)), quat(again)])
+    recording = written(tmp_path, csv_text((*WRENCH, *QUAT), rows))
+    done = run(capsys, verb, "-c", tmp_path / "tool.json", recording)
+    assert ("the calibration is weak: " in done.err) is is_weak, done.err

@@ -60,7 +60,10 @@ class Kind(StrEnum):
     CROSS_TALK = "cross_talk"
     CORRELATED_POSES = "correlated_poses"
     NO_HELD_OUT_ERROR = "no_held_out_error"
+    UNCONFIRMED = "unconfirmed"
+    WEIGHT_CHANGED = "weight_changed"
     CONTRADICTS_PRIOR = "contradicts_prior"
+    ONE_POSE = "one_pose"
     CONTRADICTS_OTHERS = "contradicts_others"
     BIAS_SHIFTED = "bias_shifted"
     NEGATIVE_MASS = "negative_mass"
@@ -102,7 +105,8 @@ DOUBT_OF_KIND = {
     Kind.LEANING_BASE: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,
     Kind.CREEP: Doubt.CREEP,
-    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
+    Kind.ONE_POSE: Doubt.ASSUMPTION,
+    **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.UNCONFIRMED, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }
 
 

@@ -37,6 +37,10 @@ ALIKE = 0.5
 ALIKE_SHOWS = 3.3
 """Standard deviations of that correlation; the axes of forces, and of torques, are taken to say one thing each."""
 
+FAR_MORE = 3.0
+LEAST_OF_PART, CHANGED = 3, 0.01
+"""Poses before and after a change of the weight, and of the weight, at least."""
+
 FEWEST_IN_A_ROW = 12
 SIGNIFICANCE = 0.001
 FEWEST_POSES_FOR_MATRIX = 5
@@ -44,6 +48,10 @@ AFFINE_PARAMETERS, RIGID_PARAMETERS = 24.0, 13.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
+ONE_POSE = (
+    "a single pose tells the bias if tool, mounting and base are those of the earlier calibration, which nothing here "
+    "shows: add a pose that tilts the tool by 30 deg or more"
+)
 OF_READING = (Kind.POOR_FIT, Kind.IMPLAUSIBLE_TOOL)
 """Of a file that is read wrongly: where no tool is found and less is left than one weighs, no reading mends that."""
 
@@ -69,12 +77,14 @@ def doubts(
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
         of_payload = _subtracted_payload(estimate, readings)
         rows.append(_cross_talk(estimate, readings))
-    if question.earlier is None:
+    as_noisy_as_stated = question.noise is not None and estimate.reduced_chi2 < STATED_NOISE_RATIO
+    if question.earlier is None and not as_noisy_as_stated:
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate))
     if isinstance(estimate, RigidEstimate) and question.earlier is not None:
-        rows.append(_contradicts_prior(estimate, question))
+        rows += [_contradicts_prior(estimate, question), (len(readings) == 1, DOUBTFUL, Kind.ONE_POSE, ONE_POSE)]
     else:
+        rows += [_unconfirmed(estimate), _weight_changed(estimate, readings)]
         text = "no pose can be left out for a held-out error: record more poses"
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
     found = [*those_that_hold(rows), *(implausible(estimate, question) if question.earlier is None else ())]
@@ -199,6 +209,44 @@ def _poor_fit(fit: Estimate) -> Row:
         "wrongly (orientation, sign, units); contactwrench diagnose tries the other ways to read it"
     )
     return share > POOR_SHARE, WEAK, Kind.POOR_FIT, text
+
+
+def _unconfirmed(fit: Estimate) -> Row:
+    """Without any one pose the others would say something else: with what else may be, each explains itself."""
+    missed = 0.0 if fit.held_out is None else float(np.sqrt(np.mean(np.sum(fit.held_out[:, :3] ** 2, axis=1))))
+    share = missed / max(fit.weight_scale, 1e-300)
+    text = (
+        f"the other poses miss what a pose reads by {missed:.2g} N, {100.0 * share:.0f} % of the weight, though all "
+        "together leave far less: nothing confirms what explains them; check the orientations, and record more poses"
+    )
+    return share > POOR_SHARE and missed > FAR_MORE * fit.force_left, DOUBTFUL, Kind.UNCONFIRMED, text
+
+
+def _weight_changed(fit: Estimate, readings: PoseReadings) -> Row:
+    """From some pose on the force has another share of the weight, beyond what a force matrix explains (t test)."""
+    from scipy.special import stdtr
+
+    n = len(readings)
+    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
+    basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
+    pull, left = r @ fit.B[:3, :3].T, fit.residuals[:, :3]
+    left = left - basis @ (basis.T @ left)
+    square, dof = float(np.sum(left**2)), 3.0 * n - 13.0
+    most, first, share = 0.0, 0, 0.0
+    for k in range(LEAST_OF_PART, n - LEAST_OF_PART + 1):
+        later = np.where(np.arange(n)[:, None] < k, 0.0, pull)
+        later -= basis @ (basis.T @ later)
+        size = max(float(np.sum(later**2)), 1e-300)
+        of_all = float(np.sum(later * left)) / size
+        t = abs(of_all) * np.sqrt(size * dof / max(square - of_all**2 * size, 1e-300)) if dof > 0.0 else 0.0
+        most, first, share = max((most, first, share), (t, k, of_all))
+    by_chance = 2.0 * n * float(stdtr(max(dof, 1.0), -most))
+    by = abs(share) * fit.weight_scale
+    text = (
+        f"the tool weighs {by:.2g} N {'more' if share > 0.0 else 'less'} after the first {first} poses that count: "
+        "something was dropped, picked up, or fills; calibrate each part alone"
+    )
+    return by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text
 
 
 def _correlated_poses(fit: Estimate) -> Row:

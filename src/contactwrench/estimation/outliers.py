@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..calibration.observability import LEVER
 from ..geometry.arrays import Array
 
-PROBABILITY = 0.4
+PROBABILITY = 0.25
 """That a recording has such poses at all; that it has k of them goes as 1 / k, up to `MOST_SHARE` of all."""
 
 MOST_SHARE = 0.34
