@@ -231,20 +231,20 @@ def _weight_changed(fit: Estimate, readings: PoseReadings) -> Row:
     basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
     pull, left = r @ fit.B[:3, :3].T, fit.residuals[:, :3]
     left = left - basis @ (basis.T @ left)
-    square, dof = float(np.sum(left**2)), 3.0 * n - 13.0
-    most, first, share = 0.0, 0, 0.0
-    for k in range(LEAST_OF_PART, n - LEAST_OF_PART + 1):
-        later = np.where(np.arange(n)[:, None] < k, 0.0, pull)
-        later -= basis @ (basis.T @ later)
-        size = max(float(np.sum(later**2)), 1e-300)
-        of_all = float(np.sum(later * left)) / size
-        t = abs(of_all) * np.sqrt(size * dof / max(square - of_all**2 * size, 1e-300)) if dof > 0.0 else 0.0
-        most, first, share = max((most, first, share), (t, k, of_all))
-    by_chance = 2.0 * n * float(stdtr(max(dof, 1.0), -most))
-    by = abs(share) * fit.weight_scale
+    square, dof = float(np.sum(left**2)), max(3.0 * n - 13.0, 1.0)
+    of_basis, size, match = (
+        np.cumsum(each[::-1], axis=0)[::-1]  # of the poses from each one on
+        for each in (basis[:, :, None] * pull[:, None], np.sum(pull**2, axis=1), np.sum(pull * left, axis=1))
+    )
+    size = np.maximum(size - np.sum(of_basis**2, axis=(1, 2)), 1e-9 * size[0] + 1e-300)
+    explained = match**2 / size
+    t = np.sqrt(explained * dof / np.maximum(square - explained, 1e-300))
+    t[:LEAST_OF_PART] = t[n - LEAST_OF_PART + 1 :] = 0.0
+    first = int(np.argmax(t))
+    share, by_chance = float(match[first] / size[first]), 2.0 * n * float(stdtr(dof, -t[first]))
     text = (
-        f"the tool weighs {by:.2g} N {'more' if share > 0.0 else 'less'} after the first {first} poses that count: "
-        "something was dropped, picked up, or fills; calibrate each part alone"
+        f"the tool weighs {abs(share) * fit.weight_scale:.2g} N {'more' if share > 0.0 else 'less'} after the first "
+        f"{first} poses that count: something was dropped, picked up, or fills; calibrate each part alone"
     )
     return by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text
 
