@@ -71,7 +71,8 @@ def of_extra(module: str, what: str, extra: str) -> Any:
         return import_module(module)
     except ImportError as error:
         package = module.partition(".")[0]
-        why = "is not installed" if error.name in (package, module) else f"cannot be loaded ({error})"
+        said = " ".join(str(error).split())[:200]
+        why = "is not installed" if error.name in (package, module) else f"cannot be loaded ({said})"
         raise MissingExtraError(f"{what} needs {package}, which {why}: pip install 'contactwrench[{extra}]'") from None
 
 

@@ -42,6 +42,19 @@ def test_a_weight_that_changes_is_said(poses: int, share: float) -> None:
     assert calibration.verdict == "weak"
 
 
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_weight_that_changes_between_two_rounds_of_the_same_poses_is_said(timed: bool) -> None:
+    rig, R, rng = example(7, 10)
+    twice = np.concatenate([R, R])
+    lost = np.repeat([0.0, 0.1], 10)
+    wrench = noisy(rig, twice, rng, 0.3 * NOISE).wrench + _lighter(rig, twice, lost)
+    t = 20.0 * np.arange(20.0) if timed else None
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t)), Kind.WEIGHT_CHANGED)
+    assert "less after the first 10 poses that count" in said.text
+    calibration = cw.calibrate(cw.Samples(noisy(rig, twice, rng, 0.3 * NOISE).wrench, twice, t))
+    assert _of(calibration, Kind.WEIGHT_CHANGED) == []
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("poses", [8, 24])
 def test_a_bias_that_steps_and_a_robot_that_errs_are_no_weight_that_changes(seed: int, poses: int) -> None:
@@ -93,3 +106,10 @@ def test_a_light_tool_on_a_sensor_as_noisy_as_stated_is_not_read_wrongly(stated:
     assert bool(_of(calibration, Kind.POOR_FIT)) is not stated
     calibration = cw.calibrate(noisy(rig, R, rng, noise), noise=0.1 * noise)
     assert _of(calibration, Kind.POOR_FIT)
+
+
+def test_the_paper_s_model_is_not_as_noisy_as_stated() -> None:
+    rig, R, rng = example(6, 12)
+    wrench = noisy(rig, R, rng).wrench + 0.5 * rig.weight * rng.normal(size=(12, 6)) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    for noise in (None, 0.001 * NOISE):
+        assert _of(cw.calibrate(cw.Samples(wrench, R), "paper", noise=noise), Kind.POOR_FIT)

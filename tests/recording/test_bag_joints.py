@@ -128,15 +128,17 @@ def test_joints_that_the_urdf_names_and_the_bag_does_not_are_refused(tmp_path: P
     )
 
 
-def test_joints_in_degrees_are_said_to_be_beyond_their_limits(tmp_path: Path) -> None:
+def test_joints_in_degrees_are_said(tmp_path: Path) -> None:
     joints = _angles(3, 7)
     assert bag_streams(_bag(tmp_path / "rad.mcap", [f"j{k}" for k in range(1, 8)], joints), arm=known_arm("panda"))
-    joints[1, 3] = -135.0
+    joints[0, 6] = 400.0  # of a driver that counts turns
+    assert bag_streams(_bag(tmp_path / "turns.mcap", [f"j{k}" for k in range(1, 8)], joints), arm=known_arm("panda"))
+    joints[1, [1, 3]] = 30.0, -135.0
     path = _bag(tmp_path / "run.mcap", [f"j{k}" for k in range(1, 8)], joints)
     with pytest.raises(FileFormatError) as caught:
         bag_streams(path, arm=known_arm("panda"))
     assert str(caught.value) == (
-        f"{path}: topic /joint_states, at 0.010 s: found a joint at -135, far beyond its limits, expected angles, rad"
+        f"{path}: topic /joint_states, at 0.010 s: found joints at 30 and -135, expected angles, rad"
     )
 
 

@@ -73,6 +73,7 @@ def test_an_arm_at_rest_without_noise_stands_at_no_limit() -> None:
     assert not at_limit(levels).any()
     assert not at_limit(np.full((100, 6), np.nan)).any()
     assert not at_limit(np.repeat([[1.0], [2.0]], 500, axis=0) * np.ones(6)).any()
+    assert not at_limit(np.repeat(levels[::500], [30, 30, 30, 900, 30, 30, 30, 30, 30, 30], axis=0)).any()
 
 
 @pytest.mark.parametrize("files", [1, 2])

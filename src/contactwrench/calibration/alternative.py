@@ -54,5 +54,8 @@ class Alternatives(Sequence[Alternative]):
     def __len__(self) -> int:
         return len(self._all)
 
+    def __repr__(self) -> str:
+        return repr(self._all)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return tuple, (self._all,)

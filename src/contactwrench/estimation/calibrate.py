@@ -33,7 +33,7 @@ from .alternatives import alternatives_to
 from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
-from .findings_of_recording import contact_free, of_recording, with_creep
+from .findings_of_recording import contact_free, of_recording, weight_changed, with_creep
 from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
@@ -278,6 +278,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             *of_beliefs(estimate, poses, _first_time(recorded.samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
+            *weight_changed(estimate, kept, question, recorded.found.visits),
         ),
         provenance=provenance,
         poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.found.rejected),

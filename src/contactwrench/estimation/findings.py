@@ -38,8 +38,7 @@ ALIKE_SHOWS = 3.3
 """Standard deviations of that correlation; the axes of forces, and of torques, are taken to say one thing each."""
 
 FAR_MORE = 3.0
-LEAST_OF_PART, CHANGED = 3, 0.01
-"""Poses before and after a change of the weight, and of the weight, at least."""
+"""Times what all poses leave."""
 
 FEWEST_IN_A_ROW = 12
 SIGNIFICANCE = 0.001
@@ -73,18 +72,18 @@ def doubts(
 ) -> list[Finding]:
     """What an estimate from `readings`, those kept, cannot be trusted with."""
     of_payload: list[Finding] = []
-    rows = _uncertain_noise(estimate, stated=question.noise is not None and question.model != "paper")
+    stated = question.noise is not None and question.model != "paper"
+    rows = _uncertain_noise(estimate, stated)
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
         of_payload = _subtracted_payload(estimate, readings)
         rows.append(_cross_talk(estimate, readings))
-    as_noisy_as_stated = question.noise is not None and estimate.reduced_chi2 < STATED_NOISE_RATIO
-    if question.earlier is None and not as_noisy_as_stated:
+    if question.earlier is None and not (stated and estimate.reduced_chi2 < STATED_NOISE_RATIO):
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate))
     if isinstance(estimate, RigidEstimate) and question.earlier is not None:
         rows += [_contradicts_prior(estimate, question), (len(readings) == 1, DOUBTFUL, Kind.ONE_POSE, ONE_POSE)]
     else:
-        rows += [_unconfirmed(estimate), _weight_changed(estimate, readings)]
+        rows.append(_unconfirmed(estimate))
         text = "no pose can be left out for a held-out error: record more poses"
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
     found = [*those_that_hold(rows), *(implausible(estimate, question) if question.earlier is None else ())]
@@ -212,7 +211,7 @@ def _poor_fit(fit: Estimate) -> Row:
 
 
 def _unconfirmed(fit: Estimate) -> Row:
-    """Without any one pose the others would say something else: with what else may be, each explains itself."""
+    """Left out, poses are missed far: with what else there may be, each explains itself."""
     missed = 0.0 if fit.held_out is None else float(np.sqrt(np.mean(np.sum(fit.held_out[:, :3] ** 2, axis=1))))
     share = missed / max(fit.weight_scale, 1e-300)
     text = (
@@ -220,33 +219,6 @@ def _unconfirmed(fit: Estimate) -> Row:
         "together leave far less: nothing confirms what explains them; check the orientations, and record more poses"
     )
     return share > POOR_SHARE and missed > FAR_MORE * fit.force_left, DOUBTFUL, Kind.UNCONFIRMED, text
-
-
-def _weight_changed(fit: Estimate, readings: PoseReadings) -> Row:
-    """From some pose on the force has another share of the weight, beyond what a force matrix explains (t test)."""
-    from scipy.special import stdtr
-
-    n = len(readings)
-    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
-    basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
-    pull, left = r @ fit.B[:3, :3].T, fit.residuals[:, :3]
-    left = left - basis @ (basis.T @ left)
-    square, dof = float(np.sum(left**2)), max(3.0 * n - 13.0, 1.0)
-    of_basis, size, match = (
-        np.cumsum(each[::-1], axis=0)[::-1]  # of the poses from each one on
-        for each in (basis[:, :, None] * pull[:, None], np.sum(pull**2, axis=1), np.sum(pull * left, axis=1))
-    )
-    size = np.maximum(size - np.sum(of_basis**2, axis=(1, 2)), 1e-9 * size[0] + 1e-300)
-    explained = match**2 / size
-    t = np.sqrt(explained * dof / np.maximum(square - explained, 1e-300))
-    t[:LEAST_OF_PART] = t[n - LEAST_OF_PART + 1 :] = 0.0
-    first = int(np.argmax(t))
-    share, by_chance = float(match[first] / size[first]), 2.0 * n * float(stdtr(dof, -t[first]))
-    text = (
-        f"the tool weighs {abs(share) * fit.weight_scale:.2g} N {'more' if share > 0.0 else 'less'} after the first "
-        f"{first} poses that count: something was dropped, picked up, or fills; calibrate each part alone"
-    )
-    return by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text
 
 
 def _correlated_poses(fit: Estimate) -> Row:

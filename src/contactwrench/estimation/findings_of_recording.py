@@ -1,4 +1,6 @@
-"""What the recording itself says of a result: stretches left out, poses on the way, and creep of the sensor."""
+"""What the recording itself says of a result: stretches left out, poses on the way, creep of the sensor, and a weight
+that did not stay.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,19 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
+from ..samples.poses import Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
-from .findings import DOUBTFUL, REFUSED, WARNING, WEAK, those_that_hold
+from .estimate import Estimate, RigidEstimate
+from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold
+from .noise import PoseReadings, in_time, readings_of
+from .priors import Question
 
 MOST_SEGMENTS_NAMED = 3
 MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
+LEAST_OF_PART, CHANGED = 3, 0.01
+"""Poses before and after a change of the weight, at least, and of the weight."""
 WEIGHT_AND_BIAS = (LINEAR_PARAMETERS[0], *LINEAR_PARAMETERS[4:])
 ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
@@ -108,3 +116,39 @@ def contact_free(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     free = samples.load_mass == 0.0
     text = f"{int(np.sum(~free))} rows with a load hung on the tool were left out"
     return samples.select(free), (*findings, Finding(Kind.LOADED_ROWS, Severity.REFUSED, text))
+
+
+def weight_changed(
+    fit: Estimate, readings: PoseReadings, question: Question, visits: tuple[Pose, ...] | None
+) -> list[Finding]:
+    """That from some pose on the force has another share of the weight, beyond what a force matrix explains (t test):
+    of `readings`, those kept, or of the `visits` to them, where some have more than one.
+    """
+    from scipy.special import stdtr
+
+    if not isinstance(fit, RigidEstimate) or question.earlier is not None:
+        return []
+    left = readings.wrench - fit.change[fit.kept]
+    if visits is not None and fit.kept.all() and not fit.bias_moved:
+        readings = readings_of(in_time(visits), True)
+        left = readings.wrench
+    n = len(readings)
+    r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)
+    basis = np.linalg.qr(np.column_stack([r, np.ones(n)])).Q
+    pull, left = r @ fit.B[:3, :3].T, left[:, :3] - basis @ (basis.T @ left[:, :3])
+    square, dof = float(np.sum(left**2)), max(3.0 * n - 13.0, 1.0)
+    of_basis, size, match = (
+        np.cumsum(each[::-1], axis=0)[::-1]  # of the poses from each one on
+        for each in (basis[:, :, None] * pull[:, None], np.sum(pull**2, axis=1), np.sum(pull * left, axis=1))
+    )
+    size = np.maximum(size - np.sum(of_basis**2, axis=(1, 2)), 1e-9 * size[0] + 1e-300)
+    explained = match**2 / size
+    t = np.sqrt(explained * dof / np.maximum(square - explained, 1e-300))
+    t[:LEAST_OF_PART] = t[n - LEAST_OF_PART + 1 :] = 0.0
+    first = int(np.argmax(t))
+    share, by_chance = float(match[first] / size[first]), 2.0 * n * float(stdtr(dof, -t[first]))
+    text = (
+        f"the tool weighs {abs(share) * fit.weight_scale:.2g} N {'more' if share > 0.0 else 'less'} after the first "
+        f"{first} poses that count: something was dropped, picked up, or fills; calibrate each part alone"
+    )
+    return those_that_hold([(by_chance < SIGNIFICANCE and abs(share) > CHANGED, WEAK, Kind.WEIGHT_CHANGED, text)])

@@ -20,7 +20,7 @@ ReadAs: TypeAlias = Mapping[str, str | int]
 
 LARGEST_READING = READING.most
 """N and N m: no sensor reads more, and sums of squares of much larger numbers overflow."""
-LONGEST_CHANCE, TIMES_USUAL = 20, 4.0
+LONGEST_CHANCE, TIMES_USUAL, ALIVE = 20, 4.0, 0.1
 """Readings in a row at the very largest or smallest value, of which fewer may be chance, or a coarse converter; and as
 many times any other run in which that channel does not move.
 """
@@ -115,7 +115,7 @@ class WrenchStream(Rows):
         saturated: (n,), whether a channel of the sensor stood at its limit, where that was recorded.
 
     Raises:
-        InputError: a wrong shape, a reading that no sensor gives.
+        InputError: a wrong shape, a reading that no sensor gives; NaN and inf are none.
     """
 
     t: Array = field(metadata=column())
@@ -178,15 +178,17 @@ class Streams(Frozen):
 
 def at_limit(wrench: Array) -> NDArray[np.bool_]:
     """Whether a channel of readings (n, 6) stands at its largest or smallest value for far longer than it ever stands
-    anywhere else: (n,). So limits show where the recording does not say so; of a dead channel nothing does.
+    anywhere else, while others move: (n,). So limits show where the recording does not say so; of a dead channel
+    nothing does.
     """
-    standing = np.zeros(len(wrench), dtype=bool)
+    standing, moves = np.zeros(len(wrench), dtype=bool), np.r_[True, (np.diff(wrench, axis=0) != 0.0).any(axis=1)]
     for values in wrench.T if len(wrench) else ():
         first = np.flatnonzero(np.r_[True, np.diff(values) != 0.0])
         length = np.diff(np.r_[first, len(values)])
         level = values[first]
         known = np.isfinite(level)
         extreme = (level == level.max(where=known, initial=-np.inf)) | (level == level.min(where=known, initial=np.inf))
+        extreme &= np.add.reduceat(moves, first, dtype=int) > ALIVE * length
         if (other := known & ~extreme).any():
             standing |= np.repeat(extreme & (length >= max(LONGEST_CHANCE, TIMES_USUAL * length[other].max())), length)
     return standing

@@ -129,7 +129,7 @@ def hold(said: Metadata, files: Sequence[Path], sources: Sequence[Source], damag
             stated[f"messages in {file.name}"] = of_file.message_count
             found[f"messages in {file.name}"] = sum(source.counts.get(number, 0) for number in source.connections)
     for other in sorted(entries(files[0].parent)) if files else ():
-        if other.suffix == files[0].suffix and other not in files:
+        if other.suffix == files[0].suffix and other not in files and not other.name.startswith("."):
             damage.found(f"{other.name}, which {METADATA} does not name", "the files that it names and no other")
     for what in stated | found:
         if stated[what] != found[what]:

@@ -178,6 +178,7 @@ def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
         for (rows, _), frame in zip(texts, frames, strict=True):
             of[rows] = frame
         both = f"readings of {' and of '.join(two)}"
+        of = of[of != None]  # noqa: E711 - rows of messages that are damaged
         if np.sum(of[1:] != of[:-1]) > MOST_CHANGES:
             raise FileFormatError(
                 f"{bag.path}: topic {topic.name}: found {both} in turn, expected one sensor's: record each on a topic "

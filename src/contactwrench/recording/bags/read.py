@@ -23,8 +23,8 @@ from .transforms import ChainPoses
 
 BATCH = 2**16
 """Readings of a batch, and up to a chunk of the bag more."""
-BEYOND_LIMITS = 2.0
-"""Times its limit: no joint gets there, and one in degrees soon does."""
+TWO_TURNS = 4.0 * np.pi
+"""rad: one joint that counts its turns gets further, and two do only in degrees."""
 
 ReadPoses: TypeAlias = Callable[[Messages], OrientationStream]
 
@@ -153,13 +153,13 @@ def _poses_of_arm(bag: Bag, topic: Topic, arm: Arm) -> ReadPoses:
                         f"{bag.path}: topic {topic.name}: found {' and '.join(two)}, expected one arm's: name its URDF "
                         f"with {ROBOT_FLAG}"
                     )
-        with_room = BEYOND_LIMITS * np.abs(arm.limits).max(axis=1)
-        off = known[:, None] & ~(np.isfinite(joints) & (np.abs(joints) <= with_room))
+        far = np.abs(joints) > TWO_TURNS
+        off = known & (~np.isfinite(joints).all(axis=1) | (far.sum(axis=1) > 1))
         if off.any():
-            row, joint = np.argwhere(off)[0]
-            angle = joints[row, joint]
-            found = f"at {angle:.4g}, far beyond its limits" if np.isfinite(angle) else "that is no number"
-            raise FileFormatError(f"{place(bag, topic, t[row])}: found a joint {found}, expected angles, rad")
+            row = int(np.argmax(off))
+            angles = " and ".join(f"{angle:.4g}" for angle in joints[row, far[row]][:2])
+            found = f"joints at {angles}" if np.isfinite(joints[row]).all() else "a joint that is no number"
+            raise FileFormatError(f"{place(bag, topic, t[row])}: found {found}, expected angles, rad")
         return OrientationStream(t[known], *flange_pose(arm, joints[known]))
 
     return read

@@ -22,9 +22,9 @@ from .columns import POSITION, WRENCH_COLUMNS, shown
 GZIP, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32000
 BOUNDED: tuple[list[int], ...] = ([], [SHUFFLE], [GZIP], [LZF], [SHUFFLE, GZIP], [SHUFFLE, LZF])
 """Filters of chunks, by their numbers in the format, and those that unpack to no more than what was packed can hold."""
-PACKED = ("scale_factor", "add_offset")
+PACKED = {"scale_factor": 1.0, "add_offset": 0.0}
 """Attributes that say what to make of the numbers (CF conventions, 8.1), as netCDF's libraries do and HDF5's do not."""
-UNITS = {"unit", "units"}
+UNITS = ("units", "unit", "units_of_measure", "unit_of_measure", "unit_of_measurement", "physical_unit")
 MOST_BY_GZIP = 1032
 """Bytes that one byte can become (zlib's technical details)."""
 
@@ -94,7 +94,7 @@ def dataset_at(group: Any, path: str, source: str) -> Any:
     dataset = group.get(path)
     if not holds_numbers(dataset):
         return None
-    if packed := [name for name in PACKED if name in dataset.attrs]:
+    if packed := [name for name, plain in PACKED.items() if np.any(dataset.attrs.get(name, plain) != plain)]:
         raise FileFormatError(
             f"{where}: found numbers packed by {' and '.join(packed)}, expected those that they stand for: write them "
             "unpacked, times scale_factor, plus add_offset"
@@ -168,8 +168,7 @@ def _units(dataset: Any) -> list[str]:
     """What an attribute `units`, `Unit`, `unit_of_measure` says: for all columns alike, for each, or for force and
     torque.
     """
-    of_units = [name for name in dataset.attrs if UNITS & {*re.split("[^a-z]+", name.lower())}]
-    name = min(of_units, key=len, default="")
+    name = next((name for known in UNITS for name in dataset.attrs if name.lower() == known), "")
     if not name or prod(dataset.attrs.get_id(name).shape) > MOST_ELEMENTS:  # that many are no units
         return [""]
     stated = np.ravel(dataset.attrs[name]).tolist()
