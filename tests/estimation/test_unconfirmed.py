@@ -51,6 +51,9 @@ def test_a_weight_that_changes_between_two_rounds_of_the_same_poses_is_said(time
     t = 20.0 * np.arange(20.0) if timed else None
     (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t)), Kind.WEIGHT_CHANGED)
     assert "less after the first 10 poses that count" in said.text
+    wrench[[3, 13], 1] += 2.0 * rig.weight
+    (said,) = _of(cw.calibrate(cw.Samples(wrench, twice, t)), Kind.WEIGHT_CHANGED)
+    assert "less after the first 9 poses that count" in said.text
     calibration = cw.calibrate(cw.Samples(noisy(rig, twice, rng, 0.3 * NOISE).wrench, twice, t))
     assert _of(calibration, Kind.WEIGHT_CHANGED) == []
 

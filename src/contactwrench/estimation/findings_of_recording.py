@@ -13,7 +13,7 @@ from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array
 from ..model import LINEAR_PARAMETERS, gravity_in_flange
 from ..samples.creep import Creep
-from ..samples.poses import Pose
+from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
 from .estimate import Estimate, RigidEstimate
@@ -129,8 +129,10 @@ def weight_changed(
     if not isinstance(fit, RigidEstimate) or question.earlier is not None:
         return []
     left = readings.wrench - fit.change[fit.kept]
-    if visits is not None and fit.kept.all() and not fit.bias_moved:
-        readings = readings_of(in_time(visits), True)
+    if visits is not None and not fit.bias_moved:
+        every = readings_of(in_time(visits), True)
+        nearest = np.einsum("vij,pij->vp", every.R_base_flange, readings.R_base_flange).max(axis=1)
+        readings = every.select(nearest > 1.0 + 2.0 * np.cos(SAME_POSE_ANGLE))
         left = readings.wrench
     n = len(readings)
     r = gravity_in_flange(readings.R_base_flange, fit.gravity_direction)

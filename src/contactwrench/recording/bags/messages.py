@@ -123,7 +123,7 @@ def _of_header(bag: Bag, topic: Topic, sec: Array, ns: Array, of_bag: Array) -> 
             "0 s or more and less than 10^9 ns",
         )
     zero = (sec == 0.0) & (ns == 0.0)
-    kinds = [] if zero.sum() == 1 else map(str, np.unique(zero))  # a single one: simulated time begins there
+    kinds = [] if zero.sum() == 1 else map(str, np.unique(zero))  # one alone is where simulated time begins
     if topic.type not in TRANSFORMS and two_of(bag, topic, "stamps", kinds):
         bag.damage.doubt(
             f"{topic.name} has stamps of zero and others: where they are zero, the time of recording counts"
@@ -173,12 +173,10 @@ def wrenches(bag: Bag, topic: Topic, logged: Logged) -> tuple[Array, Array]:
     """
     t, values, texts = numbers(bag, topic, logged, tuple(WRENCHES[topic.type] + path for path in FORCE_TORQUE))
     frames = [_frame(text.get("header.frame_id", "")) or "no frame" for _, text in texts]
-    if two := two_of(bag, topic, "readings", frames):
-        of = np.empty(len(logged), dtype=object)
-        for (rows, _), frame in zip(texts, frames, strict=True):
-            of[rows] = frame
+    if frames and (two := two_of(bag, topic, "readings", frames)):
+        in_order = np.argsort(np.concatenate([rows for rows, _ in texts]))
+        of = np.repeat(frames, [len(rows) for rows, _ in texts])[in_order]
         both = f"readings of {' and of '.join(two)}"
-        of = of[of != None]  # noqa: E711 - rows of messages that are damaged
         if np.sum(of[1:] != of[:-1]) > MOST_CHANGES:
             raise FileFormatError(
                 f"{bag.path}: topic {topic.name}: found {both} in turn, expected one sensor's: record each on a topic "
