@@ -70,7 +70,9 @@ def test_a_recording_is_what_came(
         whole = Turn.joined(what)
         usable &= ~(np.abs(np.nan_to_num(whole.wrench[:, 2], nan=np.inf)) > 1e9)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(file_sinks, "EVERY", 0.5 if kept else -1.0)
+        if not kept:
+            patch.setattr(file_sinks, "PORTION", -1.0)
+            patch.setattr(file_sinks, "EVERY", -1.0)
         sink = _given(Recorder(path), what)
     assert (sink.written, sink.dropped) == (len(whole.t), 0)
     if not usable.any():
@@ -203,12 +205,14 @@ def test_a_name_is_not_decoded(tmp_path: Path) -> None:
     assert (tmp_path / "a%20b?c#d.csv").is_file()
 
 
-def test_a_recording_that_was_not_closed_is_read_with_a_note(tmp_path: Path) -> None:
+def test_a_recording_that_was_not_closed_is_read_with_a_note(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "run.mcap"
     sink = Recorder(path)
     sink.open()
-    sink.write(turn(0, 700))
-    sink._put()
+    with monkeypatch.context() as patch:
+        patch.setattr(file_sinks, "PORTION", -1.0)
+        patch.setattr(file_sinks, "EVERY", -1.0)
+        sink.write(turn(0, 700))
     sink.write(turn(700, 300))
     samples = cw.read(path)
     assert len(samples) > 680

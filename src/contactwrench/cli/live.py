@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..live.source import About, Source
     from ..live.wizard import Wish
 
-WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-4
+WANTED, SPEED, SWITCH = Range(1e-6, 1e3, "N"), Range(1e-3, 1e6, or_zero=True), 5e-5
 """s after which a thread lets another run: the worker waits for no longer while a page is drawn."""
 LOOK = 0.1
 HOST_AND_PORT, MOST_PORT = "HOST:PORT", 65_535

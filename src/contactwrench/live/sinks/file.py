@@ -19,15 +19,17 @@ from ..sink import Turn
 from ..uri import Uri
 from .growing import Growing, GrowingMcap, GrowingParquet, GrowingText, Message, text_message
 
-EVERY = 0.5
-"""s between two writes: half of what may be lost."""
+PORTION, EVERY = 0.05, 0.5
+"""s of turns that become messages at once, as the worker waits meanwhile; between two writes: half of what may be lost,
+and what the rows of a table are made of, as their positions lie between poses.
+"""
 FORMATS: dict[str, type[Growing]] = {".csv": GrowingText, ".parquet": GrowingParquet, ".mcap": GrowingMcap}
 CONTACT = ("free", "in contact", "contact not judged")
 """By the code of `ContactWrenches.contact`, of which -1 is the last place."""
 
 
 class GrowingFile(ABC):
-    """Turns are kept for half a second and written together."""
+    """Turns are put together in portions, and written each half second."""
 
     waits = True
 
@@ -37,7 +39,8 @@ class GrowingFile(ABC):
         self.uri, self._path, self._kind = str(path), path, FORMATS[path.suffix.lower()]
         self.written = self.dropped = 0
         self._kept: list[Turn] = []
-        self._since = monotonic()
+        self._unwritten = 0
+        self._added = self._wrote = monotonic()
         self._file: Growing | None = None
 
     def open(self) -> None:
@@ -46,21 +49,27 @@ class GrowingFile(ABC):
             self._file = self._kind(self._path)
 
     def write(self, turn: Turn) -> None:
-        """Keep a turn, and write those that are kept when it is time to. Raises `FileAccessError`."""
+        """Keep a turn, and write what is kept when it is time to. Raises `FileAccessError`."""
         self._kept.append(turn)
-        if monotonic() - self._since >= EVERY:
-            self._put()
+        t = monotonic()
+        if t - self._added >= (PORTION if self._kind is GrowingMcap else EVERY):
+            self._added = t
+            self._add()
+        if t - self._wrote >= EVERY:
+            self._wrote = t
+            self._write()
 
     def close(self) -> None:
         """Write what is kept, and close the file. Raises `FileAccessError`."""
-        self._put()
+        self._add()
+        self._write()
         file, self._file = self._file, None
         if file is not None:
             with cause_named(self._path):
                 file.close()
 
-    def _put(self) -> None:
-        turns, self._kept, self._since = self._kept, [], monotonic()
+    def _add(self) -> None:
+        turns, self._kept = self._kept, []
         if self._file is None or not any(turn.rows for turn in turns):
             return
         turn = Turn.joined(turns)
@@ -74,6 +83,14 @@ class GrowingFile(ABC):
                     self._file.add(self._columns(turn))
                 case GrowingText():
                     self._file.add("".join(self._lines(turn)))
+        self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
+
+    def _write(self) -> None:
+        rows, self._unwritten = self._unwritten, 0
+        self.dropped += rows
+        if self._file is not None:
+            with cause_named(self._path):
+                self._file.write()
         self.dropped, self.written = self.dropped - rows, self.written + rows
 
     @abstractmethod

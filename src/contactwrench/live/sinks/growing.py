@@ -1,6 +1,6 @@
-"""Files that grow while the arm runs: what was added can be read from then on, whatever happens to the program.
+"""Files that grow while the arm runs: what was written can be read from then on, whatever happens to the program.
 
-`add` has written when it returns: on the disk, as far as that tells the truth.
+When `write` returns, all that was added is on the disk, as far as that tells the truth.
 """
 
 from __future__ import annotations
@@ -55,8 +55,11 @@ class GrowingText:
         self._file = path.open("wb", buffering=AT_ONCE)
 
     def add(self, lines: str) -> None:
-        """Write whole lines."""
+        """Whole lines."""
         self._file.write(lines.encode())
+
+    def write(self) -> None:
+        """Write what was added."""
         _on_disk(self._file)
 
     def close(self) -> None:
@@ -76,10 +79,17 @@ class GrowingParquet:
         self._folder, self._part, self._tables = path, 1, list[Any]()
 
     def add(self, columns: Mapping[str, Any]) -> None:
-        """Write rows: the part that they belong to is written beside its place and renamed."""
+        """Rows."""
         import pyarrow as pa
 
         self._tables.append(pa.table(columns))
+
+    def write(self) -> None:
+        """Write the part that the rows belong to, beside its place, and rename it."""
+        import pyarrow as pa
+
+        if not self._tables:
+            return
         table = pa.concat_tables(self._tables)
         name = f"part-{self._part:05d}.parquet"
         beside = self._folder / f".{name}.new"
@@ -95,7 +105,7 @@ class GrowingParquet:
 
 
 class GrowingMcap:
-    """An MCAP of ROS 2, a chunk each time that messages are added."""
+    """An MCAP of ROS 2, a chunk each time that it is written."""
 
     def __init__(self, path: Path) -> None:
         require_rosbags()
@@ -108,9 +118,12 @@ class GrowingMcap:
         self._channels: dict[str, int] = {}
 
     def add(self, messages: Iterable[Message]) -> None:
-        """Write messages in the order of their logging."""
+        """Messages, in the order of their logging."""
         for topic, logged, published, payload in sorted(messages, key=lambda message: message[1]):
             self._writer.add_message(self._channel(topic), logged, payload, published)
+
+    def write(self) -> None:
+        """Write what was added, as a chunk."""
         self._writer.flush()
         _on_disk(self._file)
 
