@@ -168,6 +168,24 @@ def test_probabilities_are_those_of_chance() -> None:
     assert np.mean(found, axis=0) == pytest.approx(np.full(5, 0.5), abs=0.15)  # three standard deviations and more
 
 
+def test_what_was_taken_from_the_other_one_is_no_evidence() -> None:
+    """That only the zero changed, and that nothing did; another prior says nothing of it."""
+    rig, R, rng = example(5, 12)
+    earlier = cw.calibrate(replace(noisy(rig, R, rng), source="earlier.csv"))
+    moved = replace(rig, bias=rig.bias + np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    for now, begins in ((moved, "drift, or a new zero"), (rig, "nothing changed")):
+        later = cw.calibrate(noisy(now, random_rotations(4, rng), rng), prior=earlier)
+        for change in (earlier.diff(later), later.diff(earlier)):
+            (said,) = change.meaning
+            assert said.startswith(begins)
+            assert said.endswith(
+                "; tool, mounting and base were taken from the other one (--prior), and nothing shows that they are "
+                "the same"
+            )
+        (said,) = replace(earlier, provenance={"source": "other.csv"}).diff(later).meaning
+        assert "--prior" not in said
+
+
 CHANGES: list[tuple[str, Rig, str, dict[str, Any], list[str]]] = [
     ("heavier", RIG, "mount", {"weight": 13.0}, ["the tool changed: weight by +"]),
     (

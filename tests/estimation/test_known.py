@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,14 +12,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.errors import InputError
+from contactwrench.calibration.findings import Kind
+from contactwrench.errors import AmbiguityError, InputError
 from contactwrench.estimation.priors import (
-    earlier_tool,
     known_com,
     known_gravity,
     known_mounting,
+    known_of,
     known_weight,
     nominal_mounting,
+    tool_of,
 )
 from contactwrench.model import PARAMETERS, stepped
 from tests.support.poses import POSE_SETS
@@ -255,7 +258,8 @@ def test_the_flag_prior_re_zeroes_with_one_pose(tmp_path: Path, capsys: Capture)
 def test_derivatives_of_what_is_known_are_those_of_finite_differences() -> None:
     rig, R, rng = example(11, poses=10)
     names = PARAMETERS["mount+base"]
-    earlier, of_earlier, _ = earlier_tool(cw.calibrate(noisy(rig, R, rng), "mount+base"), rows=1)
+    prior = cw.calibrate(noisy(rig, R, rng), "mount+base")
+    earlier, (of_earlier, _) = tool_of(prior), known_of(prior, rows=1)
     pieces = (
         of_earlier,
         known_weight(3.0, 0.1),
@@ -327,3 +331,42 @@ def test_a_known_that_cannot_be_read_is_refused(capsys: Capture, flag: str) -> N
 )
 def test_flags_that_contradict_each_other_are_refused_by_name(capsys: Capture, flags: list[str], found: str) -> None:
     assert _calibrate(capsys, *flags).complaint == f"Invalid value: {found}: try 'contactwrench calibrate --help'"
+
+
+WRONG = {
+    "weight": lambda rig: (1.05 * rig.weight, 0.05),
+    "com": lambda rig: (rig.com + np.array([0.0, 0.0, 0.02]), 0.001),
+    "mount": lambda rig: (rig.R_flange_sensor @ Rotation.from_euler("z", 0.1).as_matrix(), 0.005),
+    "gravity": lambda rig: (Rotation.from_euler("x", 0.05).apply(rig.down), 0.002),
+}
+GIVEN = {
+    "weight": r"20\.0\d \+- 0\.0\d+ N",
+    "com": r"\(-?\d+\.\d, -?\d+\.\d, -?\d+\.\d\) mm, \+- 0\.\d+ mm",
+    "mount": "another direction",
+    "gravity": "another direction",
+}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_known_is_held_against_the_readings(name: str, seed: int) -> None:
+    """The one that is wrong is named, and not a gain; the right one beside it is not."""
+    rig, R, rng = example(seed, 12)
+    rig = replace(rig, weight=20.0)
+    right = {"weight": (20.0, 0.1)} if name != "weight" else {"com": (rig.com, 0.002)}
+    calibration = cw.calibrate(noisy(rig, R, rng), known={**right, name: WRONG[name](rig)})
+    (said,) = (finding for finding in calibration.findings if finding.kind is Kind.CONTRADICTS_KNOWN)
+    assert re.fullmatch(
+        rf"weak: the readings contradict the known {name} \(probability .+\): by themselves they give ({GIVEN[name]}): "
+        "one of the two is wrong",
+        said.text,
+    )
+    assert calibration.findings[0] is said
+    assert calibration.verdict == "weak"
+
+
+def test_a_refusal_names_what_is_known_and_wrong() -> None:
+    rig, R, rng = example(4, 12)
+    turned = rig.R_flange_sensor @ Rotation.from_euler("x", np.pi).as_matrix()
+    with pytest.raises(AmbiguityError, match="; but the readings contradict the known mount"):
+        cw.calibrate(noisy(rig, R, rng), known={"mount": (turned, 0.005)})

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.assess.verify import verify
 from contactwrench.calibration.findings import Finding, Kind
 from tests.support.rigs import NOISE, example, noisy
 from tests.support.world import Array, Rig, random_rotations, readings
@@ -86,18 +87,38 @@ def test_poses_that_each_explain_themselves_confirm_nothing() -> None:
         )
 
 
-@pytest.mark.parametrize("poses", [1, 2])
-def test_one_pose_beside_an_earlier_calibration_cannot_show_that_the_tool_is_the_same(poses: int) -> None:
+@pytest.mark.parametrize("poses", [1, 2, 4])
+def test_few_poses_beside_an_earlier_calibration_do_not_show_that_the_tool_is_the_same(poses: int) -> None:
     rig, R, rng = example(3, 12)
+    rig = replace(rig, weight=20.0)
     earlier = cw.calibrate(noisy(rig, R, rng))
     again = random_rotations(poses, rng)
     calibration = cw.calibrate(cw.Samples(noisy(rig, again, rng).wrench, again), prior=earlier)
     said = [
-        "doubtful: a single pose tells the bias if tool, mounting and base are those of the earlier calibration, which "
-        "nothing here shows: add a pose that tilts the tool by 30 deg or more"
+        "doubtful: that tool, mounting and base are those of the earlier calibration is taken for granted: "
+        f"{poses} pose{'s'[: poses - 1]} cannot show others; take four that tilt the tool by 30 deg or more"
     ]
-    assert [finding.text for finding in _of(calibration, Kind.ONE_POSE)] == (said if poses == 1 else [])
-    assert calibration.verdict == ("doubtful" if poses == 1 else "good")
+    assert [finding.text for finding in _of(calibration, Kind.RESTS_ON_PRIOR)] == (said if poses < 4 else [])
+    assert calibration.verdict == ("doubtful" if poses < 4 else "good")
+
+
+@pytest.mark.parametrize("heavier", [1.0, 1.02])
+def test_poses_are_held_against_an_earlier_calibration_as_verify_does(heavier: float) -> None:
+    """Of twenty recordings of four poses each."""
+    agree, passed = [], []
+    for seed in range(20):
+        rig, R, rng = example(100 + seed, 12)
+        rig = replace(rig, weight=20.0)
+        earlier = cw.calibrate(noisy(rig, R, rng))
+        other = replace(rig, weight=heavier * rig.weight, bias=rig.bias + rng.normal(size=6))
+        samples = noisy(other, random_rotations(4, rng), rng)
+        calibration = cw.calibrate(samples, prior=earlier)
+        shift = verify(earlier, samples).bias
+        assert shift
+        agree.append(not _of(calibration, Kind.CONTRADICTS_PRIOR))
+        passed.append(shift.rest_probability >= 0.01)
+    assert agree == passed
+    assert sum(passed) >= 19 if heavier == 1.0 else sum(passed) <= 2
 
 
 @pytest.mark.parametrize("stated", [True, False])

@@ -15,10 +15,11 @@ from itertools import chain
 import numpy as np
 
 from ..calibration.calibration import Calibration
-from ..calibration.findings import BIAS_MOVED, Finding, Kind, Severity, WithFindings
-from ..compensate.noise import noise_dof, reading_variance
+from ..calibration.findings import BIAS_MOVED, Finding, WithFindings
+from ..compensate.noise import reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
+from ..estimation.moved_bias import BiasShift, held_against, noise_dof
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
 from ..samples.poses import Pose
@@ -46,43 +47,6 @@ class Weighing:
     def error_std(self) -> float:
         """Standard deviation of `error`."""
         return self.std / self.actual
-
-
-@dataclass(frozen=True, eq=False)
-class BiasShift(Frozen):
-    """The part of the residuals that a bias explains which moved since the calibration.
-
-    `shift` (6,), N and N m, the same in all poses, with its `std` (6,); `chi2` of it, its share of the whole, and the
-    `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `alone`: whether that is
-    what the calibration explains, and no other tool or mounting would do as well.
-    """
-
-    shift: Array
-    std: Array
-    chi2: float
-    probability: float
-    rest_chi2: float
-    rest_probability: float
-    alone: bool
-
-    @property
-    def finding(self) -> Finding | None:
-        """That the bias moved, where it did beyond chance, and what to do."""
-        if self.probability >= SIGNIFICANCE:
-            return None
-        remedy = "another tool or mounting would do as well: tilt the tool further"
-        if self.alone:
-            remedy = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
-        elif self.rest_probability < SIGNIFICANCE:
-            remedy = "more than the bias changed: calibrate anew"
-        force, torque = (float(np.linalg.norm(part)) for part in (self.shift[:3], self.shift[3:]))
-        far = f"moved by {force:.2g} N and {1e3 * torque:.2g} mN m"
-        text = (
-            f"{f'the bias {far}, which' if self.alone else f'a bias that {far}'} explains {self.chi2:.3g} of the "
-            f"chi-square of {self.chi2 + self.rest_chi2:.3g}; the rest has a probability of "
-            f"{percent(self.rest_probability)}; {remedy}"
-        )
-        return Finding(Kind.BIAS_SHIFTED, Severity.WARNING, text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +145,8 @@ def verify(
     if poses:
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
-        noise = reading_variance(calibration, poses).ravel()
-        whole, bias = _explained(calibration, residuals, noise, R)
+        noise = reading_variance(calibration, poses)
+        whole, bias = held_against(calibration, residuals, R, noise)
         findings += [] if bias is None or bias.finding is None else [bias.finding]
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)
@@ -224,36 +188,6 @@ def verify(
         reason=reason,
         bias=bias,
         findings=tuple(findings),
-    )
-
-
-def _explained(
-    calibration: Calibration, residuals: Array, noise: Array, R_base_flange: Array
-) -> tuple[MisfitTest, BiasShift | None]:
-    """The test of residuals (n, 6) with noise variances (6 n,), and what of their misfit a moved bias explains."""
-    n, dof = len(residuals), noise_dof(calibration)
-    J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
-    of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
-    columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), J[:, np.logical_not(of_bias)]]
-    products = products_of_readings(np.hstack(columns), noise, J, calibration.error_covariance)
-    whole = MisfitTest(float(products[0, 0]), 6 * n, dof)
-    if n == 1:
-        return whole, None
-    inverse = np.linalg.inv(products[1:7, 1:7])
-    shift = inverse @ products[1:7, 0]
-    of_shift = MisfitTest(float(shift @ products[1:7, 0]), 6, dof)
-    rest = MisfitTest(whole.misfit - of_shift.misfit, 6 * n - 6, dof)
-    by_others = np.linalg.lstsq(products[7:, 7:], products[7:, 0], rcond=None)[0] @ products[7:, 0]
-    left = 6 * n - len(products) + 7
-    otherwise = left <= 0 or MisfitTest(whole.misfit - float(by_others), left, dof).probability >= SIGNIFICANCE
-    return whole, BiasShift(
-        shift=shift,
-        std=np.sqrt(np.diag(inverse)),
-        chi2=of_shift.misfit,
-        probability=of_shift.probability,
-        rest_chi2=rest.misfit,
-        rest_probability=rest.probability,
-        alone=rest.probability >= SIGNIFICANCE and not otherwise,
     )
 
 

@@ -17,9 +17,10 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity, WithFindings
-from ..compensate.noise import noise_dof, reading_variance
+from ..compensate.noise import reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
+from ..estimation.moved_bias import noise_dof
 from ..estimation.plausibility import FURTHEST_COM
 from ..geometry.arrays import Array, Frozen, read_only
 from ..geometry.ranges import G

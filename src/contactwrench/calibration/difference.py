@@ -62,7 +62,7 @@ class Difference(Frozen):
     `gravity_angle` rad between the two directions of gravity in base axes. `groups`: what one cause moves together,
     and last all of it. Between mountings on opposite sides of the sensor yaw is left out: its zeros differ. Inertia and
     sensor offset are among them where both know these, the latter from the flange: `inertia_known` says it of a and
-    of b.
+    of b. `copied`: one took tool, mounting and base from the other (`prior`), which are no evidence then.
     """
 
     names: tuple[str, ...]
@@ -74,6 +74,7 @@ class Difference(Frozen):
     gravity_angle: float
     groups: tuple[GroupChange, ...]
     inertia_known: tuple[bool, bool] = (False, False)
+    copied: bool = False
 
     @property
     def significant(self) -> tuple[str, ...]:
@@ -119,7 +120,12 @@ def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
         gravity_angle=float(np.linalg.norm(_turn_of_gravity(a, b))),
         groups=_tested(a, b),
         inertia_known=(a.dynamics is not None, b.dynamics is not None),
+        copied=_took_from(b, a) or _took_from(a, b),
     )
+
+
+def _took_from(later: CalibrationFields, earlier: CalibrationFields) -> bool:
+    return later.provenance.get("prior", "") == earlier.provenance.get("source")
 
 
 def _told(c: CalibrationFields) -> dict[str, tuple[float, float]]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 SAME_GRAVITY = 1e-6
 """rad: two stated directions closer than this are one."""
 
+COPIED = "tool, mounting and base were taken from the other one (--prior), and nothing shows that they are the same"
 WORDS = {
     "tool": "the tool",
     "bias": "the bias",
@@ -45,7 +46,8 @@ def meaning(change: Difference) -> tuple[str, ...]:
         sentences.append(_unresolved(groups, everything))
     elif not moved:
         probability = f"{_improbable(everything)}{everything.test.caution}"
-        sentences.append(f"nothing changed beyond the errors of both: {probability}")
+        copied = f"; {COPIED}" if change.copied else ""
+        sentences.append(f"nothing changed beyond the errors of both: {probability}{copied}")
     if "delay" in change.significant:
         k = change.names.index("delay")
         sentences.append(
@@ -68,7 +70,8 @@ def _sentence(change: Difference, group: GroupChange, is_alone: bool) -> str:
     if group.name == "bias":
         shift = ", ".join(_shown(group, slice(0, 3), slice(3, 6))) or improbable
         if is_alone:
-            return f"drift, or a new zero: only the bias changed, {shift}; all else is the same within its errors"
+            rest = COPIED if change.copied else "all else is the same within its errors"
+            return f"drift, or a new zero: only the bias changed, {shift}; {rest}"
         return f"the bias changed as well: {shift}"
     if group.name in ("inertia", "offset"):
         return f"{WORDS[group.name]} changed: {_largest(group, slice(0, len(group.parameters)))}, {improbable}"

@@ -63,7 +63,8 @@ class Kind(StrEnum):
     UNCONFIRMED = "unconfirmed"
     WEIGHT_CHANGED = "weight_changed"
     CONTRADICTS_PRIOR = "contradicts_prior"
-    ONE_POSE = "one_pose"
+    RESTS_ON_PRIOR = "rests_on_prior"
+    CONTRADICTS_KNOWN = "contradicts_known"
     CONTRADICTS_OTHERS = "contradicts_others"
     BIAS_SHIFTED = "bias_shifted"
     NEGATIVE_MASS = "negative_mass"
@@ -105,7 +106,7 @@ DOUBT_OF_KIND = {
     Kind.LEANING_BASE: Doubt.ASSUMPTION,
     Kind.DEAD_CHANNEL: Doubt.ASSUMPTION,
     Kind.CREEP: Doubt.CREEP,
-    Kind.ONE_POSE: Doubt.ASSUMPTION,
+    Kind.RESTS_ON_PRIOR: Doubt.ASSUMPTION,
     **dict.fromkeys((*BIAS_MOVED, Kind.POSE_LEFT_OUT, Kind.UNCONFIRMED, Kind.STILL_SEGMENTS_LEFT_OUT), Doubt.MOVED),
 }
 

@@ -172,9 +172,3 @@ def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array
     """
     rows = np.array([pose.n for pose in poses], dtype=np.float64)
     return variance_of_means(calibration.noise, calibration.fitted_poses, rows)
-
-
-def noise_dof(calibration: Calibration) -> float:
-    """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
-    n = len(calibration.fitted_poses) if calibration.moments is None else calibration.moments.n
-    return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0

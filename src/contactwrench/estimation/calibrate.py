@@ -33,17 +33,17 @@ from .alternatives import alternatives_to
 from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
+from .findings_of_knowledge import of_known, of_prior
 from .findings_of_recording import contact_free, of_recording, weight_changed, with_creep
 from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels, inherited
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, earlier_tool, stated_knowledge
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, stated_knowledge
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
 MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine", "dynamic")
-DOWN = (0.0, 0.0, -1.0)
 OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weight_z")
 """Fields that only a rigid tool has; None of the others."""
 
@@ -102,6 +102,7 @@ def calibrate(
     if prior is not None:
         question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
+    contradicted = of_known(known or {}, recorded.readings, question)
     origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
     try:
         calibration = assembled(recorded, question, origin)
@@ -109,10 +110,10 @@ def calibrate(
             calibration = with_motion(calibration, recorded.samples, sensor_offset)
         elif prior is not None:
             calibration = with_earlier_inertia(calibration, prior)
-        return replace(calibration, findings=(*calibration.findings, *inherited(prior)))
+        return replace(calibration, findings=(*contradicted, *calibration.findings, *inherited(prior)))
     except (UnobservableError, AmbiguityError) as error:
-        if samples.doubt:
-            raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {samples.doubt}") from None
+        if reason := samples.doubt or "".join(each.text.removeprefix("weak: ") for each in contradicted[:1]):
+            raise type(error)(f"{re.split('[:;] ', str(error))[0]}; but {reason}") from None
         still = recorded.what_was_still if isinstance(error, UnobservableError) else ""
         raise type(error)(with_room_for(str(error), still)) from None
 
@@ -149,7 +150,7 @@ def question_asked(
 ) -> Question:
     """The question that the arguments of `calibrate` put. Raises `InputError`."""
     refuse((model not in MODELS, f"model {model!r} is not known, expected one of {', '.join(MODELS)}"))
-    stated = unit_direction(DOWN if gravity is None else gravity)
+    stated = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
         TILT_STD.require(np.nan if sd is None else sd, name)
     known = {} if known is None else known
@@ -178,12 +179,12 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, sa
         (gravity_stated, f"{brings} gravity, and gravity is stated too: leave one of them out"),
     )
     rows = min((pose.n for pose in resting_poses(samples)), default=1)
-    tool, knowledge, noise = earlier_tool(prior, rows)
+    knowledge, noise = known_of(prior, rows)
     return replace(
         question,
-        gravity_direction=tool.gravity_direction,
+        gravity_direction=prior.gravity_direction,
         knowledge=(*question.knowledge, knowledge),
-        earlier=tool,
+        earlier=prior,
         noise=noise if question.noise is None else question.noise,
     )
 
@@ -278,6 +279,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             *of_beliefs(estimate, poses, _first_time(recorded.samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
+            *of_prior(estimate, kept, question),
             *weight_changed(estimate, kept, question, recorded.found.visits),
         ),
         provenance=provenance,

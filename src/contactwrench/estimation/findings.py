@@ -21,7 +21,7 @@ from .affine import force_matrix
 from .estimate import Estimate, RigidEstimate
 from .noise import PoseReadings
 from .plausibility import LIGHTEST_TOOL, LIKELIEST_CAUSE, implausible, weighs_next_to_nothing
-from .priors import Question, rows_of
+from .priors import Question
 
 WEIGHT_SHARE, BIAS_SHARE, POOR_SHARE = 0.10, 0.10, 0.10
 """Of the weight: the largest std of the weight itself and of a force bias that are no weakness; where more than the
@@ -47,10 +47,6 @@ AFFINE_PARAMETERS, RIGID_PARAMETERS = 24.0, 13.0
 WELL_SPREAD = 0.1
 """Poses whose least singular value, relative to the largest, is above this are not what makes a fit weak."""
 
-ONE_POSE = (
-    "a single pose tells the bias if tool, mounting and base are those of the earlier calibration, which nothing here "
-    "shows: add a pose that tilts the tool by 30 deg or more"
-)
 OF_READING = (Kind.POOR_FIT, Kind.IMPLAUSIBLE_TOOL)
 """Of a file that is read wrongly: where no tool is found and less is left than one weighs, no reading mends that."""
 
@@ -80,9 +76,7 @@ def doubts(
     if question.earlier is None and not (stated and estimate.reduced_chi2 < STATED_NOISE_RATIO):
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate))
-    if isinstance(estimate, RigidEstimate) and question.earlier is not None:
-        rows += [_contradicts_prior(estimate, question), (len(readings) == 1, DOUBTFUL, Kind.ONE_POSE, ONE_POSE)]
-    else:
+    if question.earlier is None:
         rows.append(_unconfirmed(estimate))
         text = "no pose can be left out for a held-out error: record more poses"
         rows.append((estimate.held_out is None, NOTE, Kind.NO_HELD_OUT_ERROR, text))
@@ -129,7 +123,7 @@ def uncertain_parameters(fit: Estimate, readings: PoseReadings, trade_offs: tupl
     uncertain = [(name, text) for holds, name, text in (*of_tool, *of_bias) if holds]
     if of_tool and of_tool[0][0]:
         uncertain = uncertain[:1]
-    elif not uncertain and (largest := _largest_force_std(fit)) > WEAK_SHARE * weight:
+    elif not uncertain and (largest := largest_force_std(fit)) > WEAK_SHARE * weight:
         text = f"the contact force has a std of {largest:.2g} N at some orientations, over 10 % of the weight"
         uncertain = [("contact force", text)]
     if not uncertain:
@@ -146,7 +140,7 @@ def _with_rival(name: str, text: str, trade_offs: tuple[str, ...]) -> str:
     return f"{text} ({rivals[0]})" if rivals else text
 
 
-def _largest_force_std(fit: Estimate) -> float:
+def largest_force_std(fit: Estimate) -> float:
     """The largest std (N) of the contact force over orientations, a norm over three axes, within a few percent."""
     R = spread_rotations(48, 12)
     of_B = affine_jacobian(gravity_in_flange(R, fit.gravity_direction))[:, :3]
@@ -256,17 +250,3 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
         "--model affine"
     )
     return shows, DOUBTFUL, Kind.CROSS_TALK, text
-
-
-def _contradicts_prior(fit: RigidEstimate, question: Question) -> Row:
-    """Readings and the earlier calibration do not go together."""
-    from scipy.special import chdtrc
-
-    off = rows_of(question.knowledge, fit.tool, fit.names).residuals
-    by_chance = float(chdtrc(max(float(len(off)), 1.0), float(off @ off)))
-    text = (
-        "the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches something; "
-        "calibrate anew, without --prior"
-    )
-    contradicts = fit.reduced_chi2 > STATED_NOISE_RATIO or by_chance <= SIGNIFICANCE
-    return contradicts, WEAK, Kind.CONTRADICTS_PRIOR, text

@@ -70,7 +70,7 @@ class Question:
     """What is asked of the readings: a model, and all that is known beside them.
 
     `gravity_direction` (3,) in base axes, stated or nominal; `noise` stated or None; `priors` of the tilts, for `auto`;
-    `knowledge` of the parameters; the `earlier` tool, where an earlier calibration of it is among that knowledge.
+    `knowledge` of the parameters; the `earlier` calibration, where that of its tool is among the knowledge.
     """
 
     model: str
@@ -78,7 +78,7 @@ class Question:
     noise: StatedNoise | None = None
     priors: TiltPriors = TiltPriors()
     knowledge: tuple[Knowledge, ...] = ()
-    earlier: RigidTool | None = None
+    earlier: Calibration | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,17 +241,21 @@ KNOWABLE = {
 """What may be known: how its value is read, the knowledge that it is, and what its std may be."""
 
 
-def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, StatedNoise]:
-    """The tool of an earlier calibration, what that knows of it (its bias forgotten), and the noise of a pose that is
-    the mean of so many `rows`: what poses differed by, and the scatter of a sample over the rows.
-
-    What the earlier model held, mounting or base, is held to `EXACT_TILT_SD`. Raises `InputError` for `affine`.
-    """
+def tool_of(prior: Calibration) -> RigidTool:
+    """The tool of an earlier calibration. Raises `InputError` for `affine`."""
     if prior.weight is None or prior.com is None or prior.R_flange_sensor is None:
         raise InputError(
             "the prior is a calibration of model affine, expected a rigid tool: calibrate with another model"
         )
-    tool = RigidTool(prior.weight, prior.com, prior.bias, prior.R_flange_sensor, prior.gravity_direction)
+    return RigidTool(prior.weight, prior.com, prior.bias, prior.R_flange_sensor, prior.gravity_direction)
+
+
+def known_of(prior: Calibration, rows: int) -> tuple[Knowledge, StatedNoise]:
+    """What an earlier calibration knows of its tool, its bias forgotten, and the noise of a pose that is the mean of so
+    many `rows`: what poses differed by, and the scatter of a sample over the rows.
+
+    What the earlier model held, mounting or base, is held to `EXACT_TILT_SD`. Raises `InputError` for `affine`.
+    """
     place = {"mount_z" if name == "yaw" else name: k for k, name in enumerate(prior.parameter_names)}
     there = [k for k, name in enumerate(COORDINATES) if name in place]
     source = [place[COORDINATES[k]] for k in there]
@@ -259,4 +263,4 @@ def earlier_tool(prior: Calibration, rows: int) -> tuple[RigidTool, Knowledge, S
     covariance[np.ix_(there, there)] = prior.covariance[np.ix_(source, source)]
     covariance[range(9), range(9)] *= 1.0 + LEAST_SHARE
     noise = np.sqrt(variance_of_means(prior.noise, prior.fitted_poses, np.array([float(rows)]))[0])
-    return tool, earlier_calibration(tool, covariance), StatedNoise(noise, prior.dof or MOST_DOF)
+    return earlier_calibration(tool_of(prior), covariance), StatedNoise(noise, prior.dof or MOST_DOF)

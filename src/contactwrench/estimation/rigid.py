@@ -22,7 +22,7 @@ from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import ODDS, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
-from .priors import Question
+from .priors import Question, tool_of
 from .tables import Problem, Table, near_kernels, settled, table_at
 
 RIGID_MODELS = ("auto", *SEARCH_OF_MODEL)
@@ -113,7 +113,7 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     question = problem.question
     look = _settled_only if plain else explored
     if question.earlier is not None:
-        return look(problem, question.earlier, hypotheses_of(question, False, False))
+        return look(problem, tool_of(question.earlier), hypotheses_of(question, False, False))
     if question.model != "auto":
         begin = _start(problem, SEARCH_OF_MODEL[question.model]) if begin is None else begin
         return look(problem, begin, hypotheses_of(question, False, False))

@@ -1,0 +1,90 @@
+"""Readings held against what is known beforehand: an earlier calibration, and what was weighed or drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..calibration.findings import WEAK_SHARE, Finding, Kind
+from ..geometry.arrays import Array
+from ..model import wrench_jacobian
+from ..statistics import MisfitTest, counted, percent
+from .estimate import Estimate, RigidEstimate
+from .findings import DOUBTFUL, SIGNIFICANCE, WEAK, Row, largest_force_std, those_that_hold
+from .moved_bias import held_against
+from .noise import PoseReadings
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
+from .rigid import estimated
+
+UNLIKELY = 0.01
+"""The probability by which less is left of an earlier calibration that holds, from which on that it does is doubted."""
+
+
+def of_prior(fit: Estimate, readings: PoseReadings, question: Question) -> list[Finding]:
+    """That `readings`, those kept, and the earlier calibration do not go together whatever the bias is now, or that
+    they would not show it.
+    """
+    prior = question.earlier
+    if prior is None or not isinstance(fit, RigidEstimate):
+        return []
+    R, std = readings.R_base_flange, fit.noise if question.noise is None else question.noise.std
+    residuals = prior.compensate(readings.wrench - fit.change[fit.kept], R)
+    _, bias = held_against(prior, residuals, R, np.tile(std**2, (len(R), 1)))
+    by_chance = 1.0 if bias is None else bias.rest_probability
+    contradict = (
+        "the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches something; "
+        "calibrate anew, without --prior"
+    )
+    unlike = (
+        "tool, mounting and base of the earlier calibration explain these poses with a probability of "
+        f"{percent(by_chance)}: if one of them changed a little, calibrate anew, without --prior"
+    )
+    rows = [
+        (by_chance < SIGNIFICANCE, WEAK, Kind.CONTRADICTS_PRIOR, contradict),
+        (SIGNIFICANCE <= by_chance < UNLIKELY, DOUBTFUL, Kind.CONTRADICTS_PRIOR, unlike),
+        _rests_on_prior(fit, R, std),
+    ]
+    return those_that_hold(rows)
+
+
+def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row:
+    """By themselves the poses would leave the contact force open somewhere: they show no other tool."""
+    J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[:, None]
+    information = np.sum(J.transpose(0, 2, 1) @ J, axis=0)
+    unit = np.sqrt(np.diag(information)) + 1e-100
+    alone = np.linalg.inv(information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))) / np.outer(unit, unit)
+    open_by = largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
+    text = (
+        "that tool, mounting and base are those of the earlier calibration is taken for granted: "
+        f"{counted(len(J), 'pose')} cannot show others; take four that tilt the tool by 30 deg or more"
+    )
+    return open_by > WEAK_SHARE * fit.weight_scale, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
+
+
+def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, question: Question) -> list[Finding]:
+    """What of the `known`, as `calibrate` takes it, all readings contradict where they are asked without it."""
+    if not known:
+        return []
+    tilts = TiltPriors(question.priors.mount or MOUNT_TILT_SD, question.priors.base or BASE_TILT_SD)
+    free = estimated(readings, replace(question, knowledge=(), priors=tilts))
+    return those_that_hold(_contradicted(name, {name: pair}, free) for name, pair in known.items())
+
+
+def _contradicted(name: str, known: Mapping[str, tuple[Any, Any]], free: RigidEstimate) -> Row:
+    rows = rows_of(stated_knowledge(known), free.tool, free.names)
+    left, tool, std = rows.residuals, free.tool, np.sqrt(np.diag(free.covariance))
+    spread = np.eye(len(left)) + rows.jacobian @ free.covariance @ rows.jacobian.T
+    test = MisfitTest(float(left @ np.linalg.solve(spread, left)), len(left), float(free.dof.min()))
+    x, y, z = 1e3 * tool.com
+    found = {
+        "weight": f"{tool.weight:.4g} +- {std[0]:.2g} N",
+        "com": f"({x:.1f}, {y:.1f}, {z:.1f}) mm, +- {1e3 * std[1:4].max():.2g} mm",
+    }
+    text = (
+        f"the readings contradict the known {name} (probability {percent(test.probability)}): by themselves they give "
+        f"{found.get(name, 'another direction')}: one of the two is wrong"
+    )
+    return test.probability < SIGNIFICANCE, WEAK, Kind.CONTRADICTS_KNOWN, text
