@@ -137,3 +137,42 @@ def test_the_paper_s_model_is_not_as_noisy_as_stated() -> None:
     wrench = noisy(rig, R, rng).wrench + 0.5 * rig.weight * rng.normal(size=(12, 6)) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
     for noise in (None, 0.001 * NOISE):
         assert _of(cw.calibrate(cw.Samples(wrench, R), "paper", noise=noise), Kind.POOR_FIT)
+
+
+SHIFTED = "is off in torque alone, as no contact is: if something shifts on the tool"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_pose_off_in_torque_alone_is_no_contact(seed: int) -> None:
+    """A part that hangs loose shifts by 8 mm in one of ten poses; a push there has a force, too."""
+    rig, R, rng = example(seed, 10)
+    rig = replace(rig, weight=15.0)
+    wrench = noisy(rig, R, rng).wrench
+    shifted, pushed = wrench.copy(), wrench.copy()
+    lever = 0.008 * np.cross(wrench[4, :3] - rig.bias[:3], rng.normal(size=3))
+    shifted[4, 3:] += 0.12 * lever / np.linalg.norm(lever)
+    pushed[4] += [1.0, 0.0, 0.0, 0.0, 0.12, 0.0]
+    for read, said in ((shifted, True), (pushed, False)):
+        calibration = cw.calibrate(cw.Samples(read, R))
+        texts = [finding.text for finding in _of(calibration, Kind.POSE_LEFT_OUT)]
+        assert any(text.startswith("pose 5 was left out") for text in texts)
+        assert any(text.startswith(f"doubtful: pose 5 {SHIFTED}") for text in texts) == said
+        assert (calibration.verdict == "good") != said
+
+
+def test_poses_left_out_that_are_off_by_half_the_weight_may_be_the_ones_that_are_right() -> None:
+    """Of six poses two: by a strong push or a convention that is not the file's; a light one is a contact."""
+    rig, R, rng = example(7, 7)
+    rig = replace(rig, weight=15.0)
+    wrench = noisy(rig, R, rng).wrench
+    for force, severity in ((20.0, "weak"), (2.0, "doubtful")):
+        off = wrench.copy()
+        off[[1, 4], :3] += force * np.array([[1.0, 0.0, 0.2], [0.1, -0.9, 0.3]])
+        calibration = cw.calibrate(cw.Samples(off, R))
+        (said,) = (each for each in _of(calibration, Kind.POSE_LEFT_OUT) if each.text.startswith(severity))
+        assert said.text == (
+            "weak: 2 of 7 poses were left out, off by more than half the weight: unless something was in the way, the "
+            "file is read wrongly (orientation, sign, units); contactwrench diagnose tries the other ways"
+            if severity == "weak"
+            else "doubtful: 2 of 7 poses were left out: record more, free of contact"
+        )

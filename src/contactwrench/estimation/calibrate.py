@@ -43,7 +43,7 @@ from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of,
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
-MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine", "dynamic")
+MODELS, DOWN = ("auto", "paper", "yaw", "mount", "mount+base", "affine", "dynamic"), (0.0, 0.0, -1.0)
 OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weight_z")
 """Fields that only a rigid tool has; None of the others."""
 
@@ -150,7 +150,7 @@ def question_asked(
 ) -> Question:
     """The question that the arguments of `calibrate` put. Raises `InputError`."""
     refuse((model not in MODELS, f"model {model!r} is not known, expected one of {', '.join(MODELS)}"))
-    stated = unit_direction((0.0, 0.0, -1.0) if gravity is None else gravity)
+    stated = unit_direction(DOWN if gravity is None else gravity)
     for name, sd in (("mount_tilt_sd", priors.mount), ("base_tilt_sd", priors.base)):
         TILT_STD.require(np.nan if sd is None else sd, name)
     known = {} if known is None else known

@@ -12,12 +12,14 @@ from ..samples.poses import Pose
 from ..statistics import counted, two_digits
 from .bias_drift import in_words
 from .estimate import IN_DOUBT, Beliefs, Estimate, RigidEstimate
-from .findings import DOUBTFUL, REFUSED, WARNING
+from .findings import DOUBTFUL, REFUSED, WARNING, WEAK
 from .outliers import alike, probability_of_a_level
 from .priors import Question
 
-LARGE_SHARE = 0.25
-"""Of the poses: where more are left out, the result hangs on which."""
+LARGE_SHARE, FAR_OFF = 0.25, 0.5
+"""Of the poses: where more are left out, the result hangs on which; and of the weight: off by more, they may as well be
+the ones that are right.
+"""
 
 LIKE_CONTACTS, FEW_LIKE_CONTACTS = 0.3, 2
 """Of the poses, and poses: so few after a step may as well be in contact, all in the same way."""
@@ -28,6 +30,8 @@ it is unlikely."""
 
 FEW_POSES = 4
 MOST_NAMED = 6
+SURELY, LONG_LEVER = 3.0, 0.15
+"""Standard deviations of a force that is none; m."""
 COUNTED = "(probability {}): it is counted in every std"
 WITH_ORIENTATION = {
     Kind.GAIN: f"gain or cross-talk of the sensor shows {COUNTED}; a calibrated sensor matrix would mend it",
@@ -50,6 +54,12 @@ def _reason(error: Array, noise: Array) -> str:
         f"{_force_and_torque(error)} off what the other poses explain, "
         f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
     )
+
+
+def _in_torque_alone(error: Array, noise: Array) -> bool:
+    """Whether a contact would have so long a lever that no tool has it: then something on the tool shifted."""
+    force, of_noise, torque = (float(np.linalg.norm(part)) for part in (error[:3], noise[:3], error[3:]))
+    return force < SURELY * of_noise and torque > LONG_LEVER * (force + SURELY * of_noise)
 
 
 def _force_and_torque(wrench: Array) -> str:
@@ -114,12 +124,27 @@ def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
     if out > MOST_NAMED:
         texts[MOST_NAMED:] = [f"{out - MOST_NAMED} more poses were left out for the same reason"]
     found = [REFUSED(Kind.POSE_LEFT_OUT, text) for text in texts]
+    force = np.linalg.norm(estimate.errors[~estimate.kept, :3], axis=1)
     if out > LARGE_SHARE * len(names):
         text = f"{out} of {len(names)} poses were left out: record more, free of contact"
-        found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
+        read_wrongly = (
+            f"{out} of {len(names)} poses were left out, off by more than half the weight: unless something was in the "
+            "way, the file is read wrongly (orientation, sign, units); contactwrench diagnose tries the other ways"
+        )
+        far = float(np.sqrt(np.mean(force**2))) > FAR_OFF * estimate.weight_scale
+        found.append(WEAK(Kind.POSE_LEFT_OUT, read_wrongly) if far else DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     elif out > 1 and alike(estimate.errors[~estimate.kept] / estimate.noise):
         off = _force_and_torque(estimate.errors[~estimate.kept].mean(axis=0))
         text = f"the {out} poses left out are all off by the same, {off}: if that is backlash, the bias lies between"
+        found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
+    errors = zip(names, estimate.errors, estimate.kept, strict=True)
+    shifted = [name for name, error, kept in errors if not kept and _in_torque_alone(error, estimate.noise)]
+    if shifted:
+        text = (
+            f"{', '.join(shifted[:MOST_NAMED])} {'is' if len(shifted) == 1 else 'are'} off in torque alone, as no "
+            "contact is: if something shifts on the tool, where its centre of mass is depends on how it is held; "
+            "fasten it"
+        )
         found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     return found
 
