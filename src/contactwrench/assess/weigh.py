@@ -237,8 +237,8 @@ def _doubts(mass: float, surely: float, com: Array | None, one_direction: bool, 
         yield Finding(Kind.FAR_CENTRE_OF_MASS, Severity.REFUSED, text)
     elif one_direction:
         text = (
-            "gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the tool to "
-            "another pose for the rest"
+            "gravity had one direction in sensor axes, so the mass counts from a zero that nothing here confirms, and "
+            "the centre of mass is known across it only: tilt the tool to another pose"
         )
         yield Finding(Kind.ADVICE, Severity.NOTE, text)
     if test.probability < SIGNIFICANCE:

@@ -75,7 +75,7 @@ def verdict_sentences(c: CalibrationFields, missed: str = "") -> list[str]:
     link = "but" if c.verdict == "good" else "and"
     return [
         f"{c.verdict}, {link} misses what is required, {missed}" if missed else c.verdict,
-        *c.doubts,
+        *(c.doubts if c.verdict == "doubtful" else ()),
         f"at a new orientation expect an error of {force} N and {torque} mN m (std), of which the calibration's own "
         f"uncertainty is up to {own_force} N and {own_torque} mN m",
     ]

@@ -276,11 +276,11 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         observability=observability,
         findings=(
             *recorded.findings,
+            *weight_changed(estimate, kept, question, recorded.found.visits),
             *of_beliefs(estimate, poses, _first_time(recorded.samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
             *of_prior(estimate, kept, question),
-            *weight_changed(estimate, kept, question, recorded.found.visits),
         ),
         provenance=provenance,
         poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.found.rejected),

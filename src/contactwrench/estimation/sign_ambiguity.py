@@ -143,7 +143,10 @@ def check_sign(estimate: RigidEstimate, readings: PoseReadings, model: str, ques
     if left_negated < 0.5 * left and _fits_worse(residuals, rival.noise, rival.errors, dof):
         left_so = f"{left:.3g} N left as given, {left_negated:.3g} N negated"
         found = f"only a negative weight explains these readings ({left_so})"
-        either = f"say --sign reaction or --gravity {negated(stated)}, or mend a mirrored axis"
+        either = (
+            f"say --sign reaction or --gravity {negated(stated)}, mend a mirrored axis, or subtract no payload that is "
+            "heavier than the tool"
+        )
         raise _contradiction(found, either, rival.tool.weight, left_negated)
     explained = estimate.tool.weight > SURE_WEIGHT * float(np.sqrt(estimate.covariance[0, 0]))
     on_stated_side = rival.gravity_direction @ stated >= 0.0
