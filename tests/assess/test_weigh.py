@@ -80,7 +80,7 @@ def test_one_pose_gives_the_mass_and_a_line(seed: int) -> None:
         assert held.com_flange is None
         assert held.com_covariance is not None
         assert held.com_covariance @ down == pytest.approx(np.zeros(3), abs=1e-9 * np.trace(held.com_covariance))
-        assert "tilt the tool to another pose" in held.warnings[0]
+        assert "tilt the tool to another pose for the rest" in held.warnings[0]
 
 
 LONG = replace(example(3)[0], weight=6.0, com=np.array([0.15, 0.2, -0.15]))
@@ -344,10 +344,12 @@ def test_the_program_prints_a_line_for_one_pose(tmp_path: Path, capsys: pytest.C
     assert lines[2].endswith(" g")
     assert lines[3].startswith("  com    on the line (")
     assert lines[3].endswith(" across, sensor axes")
-    assert lines[-1] == (
-        "Note     gravity had one direction in sensor axes, so the mass counts from a zero that nothing here "
-        "confirms, and the centre of mass is known across it only: tilt the tool to another pose"
-    )
+    assert lines[-2:] == [
+        "Note     gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the "
+        "tool to another pose for the rest",
+        "Note     the mass counts from the calibration's zero: by themselves the poses do not tell it; verify the "
+        "empty tool just before, or tilt it further",
+    ]
 
 
 def test_json_is_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

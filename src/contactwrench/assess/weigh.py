@@ -29,13 +29,16 @@ from ..model import gravity_in_flange, mounting_turn
 from ..samples.poses import SAME_POSE_ANGLE
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
-from ..statistics import SIGNIFICANCE, MisfitTest, percent, square_root
+from ..statistics import SIGNIFICANCE, MisfitTest, percent, square_root, two_digits
 
 THREE_STD = 0.9973
 """Level of three standard deviations of a normal distribution: a mass nearer to zero is none."""
 
 PASSES = 3
 """How often the object's weight, which turns with the calibration's errors, is taken from the pass before."""
+
+ANY_ZERO, UNCONFIRMED = 100.0, 0.03
+"""N and N m, by which a zero may be off that nobody knows; of the mass, by which poses alone may leave it open."""
 
 REFUSALS = (Kind.NEGATIVE_MASS, Kind.FAR_CENTRE_OF_MASS)
 """Findings that no object gives."""
@@ -113,6 +116,9 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         of_object = g * np.concatenate([x[0] * turned, cross_matrix(across @ x[1:]) @ turned], axis=1)
         errors = (of_tool + of_object) @ root
         x, x_covariance, misfit = _least_squares(gravity / std[..., None], errors / std[..., None], contact / std)
+    any_zero = np.broadcast_to(ANY_ZERO * np.eye(6), (len(R), 6, 6))
+    of_all = np.concatenate([errors, any_zero], axis=2)
+    own_std = float(np.sqrt(_least_squares(gravity / std[..., None], of_all / std[..., None], contact / std)[1][0, 0]))
     mass, moment = float(x[0]), across @ x[1:]
 
     unfold = np.zeros((4, len(x)))
@@ -149,7 +155,7 @@ def weigh(calibration: Calibration, samples: Samples, *, g: float | None = None)
         probability=test.probability,
         dof=calibration.dof,
         g=g,
-        findings=(*left_out, *_doubts(mass, surely, com, unknown_along is not None, test)),
+        findings=(*left_out, *_doubts(mass, surely, own_std, com, unknown_along is not None, test)),
     )
 
 
@@ -214,8 +220,12 @@ def _least_squares(A: Array, J: Array, y: Array) -> tuple[Array, Array, float]:
     return (inverse @ along)[:q], inverse[:q] @ inverse[:q].T, float(left @ left)
 
 
-def _doubts(mass: float, surely: float, com: Array | None, one_direction: bool, test: MisfitTest) -> Iterator[Finding]:
-    """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero."""
+def _doubts(
+    mass: float, surely: float, own_std: float, com: Array | None, one_direction: bool, test: MisfitTest
+) -> Iterator[Finding]:
+    """What the readings could not tell, or contradict; a mass is none unless it is `surely` kg from zero. Whatever the
+    zero is, its std would be `own_std` kg.
+    """
     distance = 0.0 if com is None else float(np.linalg.norm(com))
     if mass < -surely:
         text = (
@@ -237,10 +247,17 @@ def _doubts(mass: float, surely: float, com: Array | None, one_direction: bool, 
         yield Finding(Kind.FAR_CENTRE_OF_MASS, Severity.REFUSED, text)
     elif one_direction:
         text = (
-            "gravity had one direction in sensor axes, so the mass counts from a zero that nothing here confirms, and "
-            "the centre of mass is known across it only: tilt the tool to another pose"
+            "gravity had one direction in sensor axes, so the centre of mass is known across it only: tilt the tool to "
+            "another pose for the rest"
         )
         yield Finding(Kind.ADVICE, Severity.NOTE, text)
+    if mass > surely and own_std > max(surely, UNCONFIRMED * mass):
+        tell = f"tell it within {two_digits(1e3 * own_std)} g" if own_std < mass else "do not tell it"
+        text = (
+            f"the mass counts from the calibration's zero: by themselves the poses {tell}; verify the empty tool just "
+            "before, or tilt it further"
+        )
+        yield Finding(Kind.UNCONFIRMED, Severity.NOTE, text)
     if test.probability < SIGNIFICANCE:
         text = (
             f"a rigid object that hangs free does not explain the readings (chi-square {test.chi2:.3g} per degree of "
