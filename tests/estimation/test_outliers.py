@@ -7,6 +7,7 @@ from math import comb, pi
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import contactwrench as cw
 from contactwrench.estimation import outliers
@@ -55,7 +56,7 @@ def test_of_many_poses_only_sets_that_can_be_are_weighed(monkeypatch: pytest.Mon
     """600 rows in any order, all of them poses, took 16 s: sets that the prior excludes, and poses that are kept."""
     weighed: list[int] = []
 
-    def density(errors: Array, out: Array) -> Array:
+    def density(errors: Array, out: NDArray[np.bool_]) -> Array:
         weighed.append(len(out))
         assert (out.sum(axis=1) <= 102).all() or (out.sum(axis=1) > 90).all()
         return log_density_outlying(errors, out)

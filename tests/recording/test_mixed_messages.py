@@ -177,6 +177,28 @@ def test_a_file_that_the_description_does_not_name_is_said(tmp_path: Path) -> No
     assert len(bag_streams(folder, accept_damaged=True).wrench.t) == 1
 
 
+@pytest.mark.parametrize("kind", [".db3", ".mcap"])
+@pytest.mark.parametrize(("topic", "other"), [("/wrench", WRENCH), ("/pose", "nav_msgs/msg/Odometry")])
+def test_a_type_that_the_description_says_otherwise_is_said(tmp_path: Path, kind: str, topic: str, other: str) -> None:
+    folder = write_bag(tmp_path / "run", [READING, POSE], compression="storage" if kind == ".mcap" else "")
+    assert list(folder.glob(f"*{kind}"))
+    metadata, own = folder / "metadata.yaml", {"/wrench": WRENCH_STAMPED, "/pose": POSE.type}[topic]
+    metadata.write_text(metadata.read_text().replace(f"type: {own}", f"type: {other}"))
+    short = other.replace("/msg/", "/")
+    found = f"found topic {topic} ({own.replace('/msg/', '/')}), expected {short} as in metadata.yaml"
+    assert _refused(folder) == f"{folder}: {found}: {DAMAGED}"
+    read = bag_streams(folder, accept_damaged=True)
+    assert (len(read.wrench.t), read.damage) == (1, f"{folder} is damaged: {found}; what was left of it was read")
+
+
+@pytest.mark.parametrize("said", ["type: geometry_msgs/WrenchStamped", "kind: of no use"])
+def test_a_type_may_be_written_shortly_or_not_at_all(tmp_path: Path, said: str) -> None:
+    folder = write_bag(tmp_path / "run", [READING, POSE])
+    metadata = folder / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace(f"type: {WRENCH_STAMPED}", said))
+    assert bag_streams(folder).damage == ""
+
+
 def _chain(turns: list[dict[str, float]]) -> list[Message]:
     """An arm that moves, and the static transform to its flange, again and again, each time by another quaternion."""
     R = any_rotations(20, 0)
