@@ -82,6 +82,38 @@ def test_the_permissions_of_an_existing_file_are_kept(tmp_path: Path, mode: int)
     assert path.read_text() == "new"
 
 
+@pytest.mark.parametrize("may", [(0, 1), (1,), ()], ids=["both", "the group alone", "neither"])
+def test_the_owner_of_an_existing_file_is_kept_where_it_may_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, may: tuple[int, ...]
+) -> None:
+    """As root, --force made the file of a user root's."""
+    path, given = tmp_path / "out.csv", [-1, -1]
+    path.write_text("old")
+    path.chmod(0o640)
+    there = path.stat()
+
+    def chown(_: Path, *ids: int) -> None:
+        for which, one in enumerate(ids):
+            if one != -1:
+                if which not in may:
+                    raise PermissionError
+                given[which] = one
+
+    monkeypatch.setattr(os, "chown", chown)
+    write_text(path, "new")
+    assert given == [there.st_uid if 0 in may else -1, there.st_gid if 1 in may else -1]
+    assert (path.read_text(), stat.S_IMODE(path.stat().st_mode)) == ("new", 0o640)
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root gives files away")
+def test_root_gives_a_file_back_to_its_owner(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_text("old")
+    os.chown(path, 1234, 2345)
+    write_text(path, "new")
+    assert (path.stat().st_uid, path.stat().st_gid) == (1234, 2345)
+
+
 def test_a_new_file_has_the_permissions_that_the_user_gives_new_files(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
@@ -121,6 +153,24 @@ def test_a_pipe_is_written_directly(tmp_path: Path) -> None:
     finally:
         os.close(reader)
     assert stat.S_ISFIFO(path.stat().st_mode)
+
+
+def test_a_pipe_that_nobody_reads_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    assert refusal(path) == "found a pipe without a reader, expected one: start it first"
+
+
+def test_a_reader_of_a_pipe_may_be_slow(tmp_path: Path) -> None:
+    """More than the pipe holds: nothing of it is lost."""
+    path, text = tmp_path / "pipe", "0123456789\n" * 50_000
+    os.mkfifo(path)
+    slow = "import sys, time; file = open(sys.argv[1]); print(flush=True); time.sleep(0.3); print(len(file.read()))"
+    with subprocess.Popen([sys.executable, "-c", slow, str(path)], stdout=subprocess.PIPE, text=True) as reader:
+        writer = os.open(path, os.O_WRONLY)  # waits for the reader
+        write_text(path, text)
+        os.close(writer)
+        assert reader.communicate()[0].split() == [str(len(text))]
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")

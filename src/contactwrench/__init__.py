@@ -1,11 +1,13 @@
 """contactwrench: from a raw wrist force/torque sensor to the pure contact wrench."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
 from .version import __version__
 
+TYPE_CHECKING = False  # that of `typing`, which takes as long as all that comes before a signal is heard (__main__.py)
 if TYPE_CHECKING:
+    from typing import Any
+
     from . import live
     from .calibration.calibration import Calibration
     from .compensate.compensator import Compensator
@@ -38,7 +40,7 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """A public name, imported when it is first asked for: the program's `--help` needs none of them."""
     if name == "live":
         return import_module(".live", __name__)

@@ -40,6 +40,7 @@ def main() -> None:
     os.close(descriptor)
     # No window is drawn in: what looks for a library of windows outlives this program, and not every value is one.
     os.environ.update(MUJOCO_GL="off", MPLBACKEND="agg")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of small matrices a second thread only waits: twice the CPU
     _bound_memory()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

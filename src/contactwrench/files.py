@@ -174,12 +174,13 @@ def write_text(path: str | Path, pieces: str | Iterable[str]) -> None:
 
 def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:
     """Write a binary file, whole or piece by piece, by `new_place`, so that the file is whole or untouched. Devices and
-    pipes are written directly. Raises `FileAccessError`.
+    pipes are written directly, and not waited for. Raises `FileAccessError`, also for a pipe that nobody reads.
     """
     pieces = [content] if isinstance(content, bytes) else content
     target = target_of(path)
     if target.exists() and not target.is_file():
-        with cause_named(path), target.open("wb") as device:
+        with cause_named(path), os.fdopen(os.open(target, os.O_WRONLY | os.O_NONBLOCK), "wb") as device:
+            os.set_blocking(device.fileno(), True)
             device.writelines(pieces)
     else:
         with new_place(path) as made, made.open("wb") as file:
@@ -189,13 +190,12 @@ def write_bytes(path: str | Path, content: bytes | Iterable[bytes]) -> None:
 @contextmanager
 def new_place(path: str | Path) -> Iterator[Path]:
     """Where a file, or a folder of files, is to be made, beside its place: at the end it is moved there, after an error
-    nothing is left. A link stays and what it points at is replaced; permissions stay those of the file that is there.
+    nothing is left. A link stays and what it points at is replaced; permissions stay those of the file that is there,
+    owner and group as far as the process may give files away.
 
     Raises `FileAccessError`: it cannot be written; a folder, a device or a pipe is there, or a file in `KEPT`.
     """
-    target = target_of(path)
-    if target.exists() and not target.is_file():
-        raise FileAccessError(f"{path}: found a device or a pipe, expected a file to write: name another")
+    target = file_of(path)
     with cause_named(path), tempfile.TemporaryDirectory(prefix=".contactwrench-", dir=target.parent) as beside:
         made = Path(beside) / target.name
         yield made
@@ -207,7 +207,11 @@ def new_place(path: str | Path) -> Iterator[Path]:
         if made.is_file() and target in KEPT.get():
             _take_name(made, target)
         elif target.exists():
-            made.chmod(stat.S_IMODE(target.stat().st_mode))
+            there = target.stat()
+            for owner, group in ((-1, there.st_gid), (there.st_uid, -1)):
+                with suppress(OSError):
+                    os.chown(made, owner, group)
+            made.chmod(stat.S_IMODE(there.st_mode))
         made.replace(target)
 
 
@@ -215,9 +219,7 @@ def _take_name(made: Path, target: Path) -> None:
     """Raises `FileExistsError` where it is taken already."""
     try:
         os.link(made, target)
-    except FileExistsError:
-        raise
-    except OSError:  # a file system without hard links
+    except OSError:  # taken, or a file system without hard links
         target.touch(exist_ok=False)
 
 
@@ -238,6 +240,14 @@ def target_of(path: str | Path) -> Path:
     return Path(os.path.realpath(path))
 
 
+def file_of(path: str | Path) -> Path:
+    """As `target_of`, of a file that is to be replaced. Raises `FileAccessError` also for a device or a pipe."""
+    target = target_of(path)
+    if target.exists() and not target.is_file():
+        raise FileAccessError(f"{path}: found a device or a pipe, expected a file to write: name another")
+    return target
+
+
 @contextmanager
 def cause_named(path: str | Path) -> Iterator[None]:
     """Whatever the system says against writing becomes `FileAccessError`."""
@@ -251,6 +261,8 @@ def cause_named(path: str | Path) -> Iterator[None]:
         folder = Path(os.path.realpath(path)).parent
         if isinstance(error, FileNotFoundError) and not folder.exists():
             raise FileAccessError(f"{path}: found no folder {folder}, expected one: make it first") from None
+        if error.errno == errno.ENXIO:
+            raise FileAccessError(f"{path}: found a pipe without a reader, expected one: start it first") from None
         is_name = error.errno in (errno.ENAMETOOLONG, errno.ENOTDIR, errno.ELOOP)
         advice = "name another" if is_name else "check the space on the disk and the permissions"
         raise FileAccessError(f"{path}: cannot be written ({_reason(error)}): {advice}") from None

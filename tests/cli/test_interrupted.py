@@ -34,6 +34,7 @@ main()
 """
 """The program, which is sent a signal, twice, at the first audit event of that kind with that text."""
 MOMENTS = {
+    "as the first of it is imported": ("import", "contactwrench.cli", "SIGINT", 130, "interrupted"),
     "while it is imported": ("import", "numpy", "SIGINT", 130, "interrupted"),
     "while it reads": ("open", "run.csv", "SIGINT", 130, "interrupted"),
     "as a temporary folder is made": ("tempfile.mkdtemp", ".contactwrench-", "SIGHUP", 129, "its terminal is gone"),
@@ -68,6 +69,17 @@ def test_a_signal_is_one_line_and_leaves_nothing(
     done = struck(folder, event, part, name)
     assert (done.returncode, done.stderr) == (status, f"contactwrench: {said}\n" if said else "")
     assert {path.name for path in folder.iterdir()} == {"run.csv", "tool.json"}
+
+
+def test_next_to_nothing_is_imported_before_a_signal_is_heard() -> None:
+    """What comes before is Python's own start, and these, which take 2 ms: no `typing`, and nothing of the program."""
+    script = "import sys; before = set(sys.modules); import contactwrench.__main__; print(*set(sys.modules) - before)"
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", f"import sys; sys.path[:] = {sys.path}; {script}"],
+                          capture_output=True, text=True, check=True)  # fmt: skip
+    imported = {name.partition(".")[0] for name in done.stdout.split() if "__" not in name}
+    ours = {name for name in done.stdout.split() if name.startswith("contactwrench")}
+    assert ours == {"contactwrench", "contactwrench.version", "contactwrench.__main__"}
+    assert not imported & {"typing", "re", "pathlib", "tempfile", "subprocess", "numpy", "typer", "logging"}
 
 
 def test_a_signal_that_the_parent_ignores_is_ignored(folder: Path) -> None:

@@ -97,7 +97,7 @@ class Case:
         return VERBS.get(kind) or VERBS["recording" if kind in ("CSV", "Parquet", "HDF5") else "bag"]
 
 
-def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
+def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str], at_once: int) -> int:
     """So many changed inputs of every kind, or as many as fit in the time: 0 unless one of them shows a fault."""
     _import_all()
     begin = time.monotonic()
@@ -109,7 +109,7 @@ def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
         whole = [Case(one, 0, "whole", folder / "whole" / str(k), one.readings) for k, one in enumerate(chosen)]
         for case in whole:
             _put(case, case.original.changed.read_bytes())
-        run_all(_work(whole, known, lambda case: None), _cores())
+        run_all(_work(whole, known, lambda case: None), at_once)
         expected = {case.original.name: _compensated(case) for case in whole}
         for case in whole:
             if bad := [run for run in case.runs.values() if run.status != 0 or run.faults]:
@@ -125,10 +125,10 @@ def fuzz(mutations: int, seed: int, seconds: float, kinds: list[str]) -> int:
                 shutil.copytree(case.place, kept, dirs_exist_ok=True)
             shutil.rmtree(case.place)
 
-        run_all(_work(_cases(chosen, mutations, seed, folder), known, judge), _cores(), begin + seconds)
+        run_all(_work(_cases(chosen, mutations, seed, folder), known, judge), at_once, begin + seconds)
         if not kinds or HOSTILE in kinds:
             tallies[HOSTILE], expected[HOSTILE] = Tally(), []
-            run_all(_work(_hostile_cases(folder), known, judge), _cores())
+            run_all(_work(_hostile_cases(folder), known, judge), at_once)
     _print_table(tallies, seed, time.monotonic() - begin)
     return 1 if any(tally.faults for tally in tallies.values()) else 0
 
@@ -276,19 +276,13 @@ def _import_all() -> None:
     gc.freeze()
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0))
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--mutations", type=int, default=300, help="of each kind")
     parser.add_argument("--seed", type=int, default=None)
     parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--at-once", type=int, default=len(os.sched_getaffinity(0)), help="runs, one a core")
     parser.add_argument("kinds", nargs="*", help="parts of their names; all of them if none is named")
     given = parser.parse_args()
-    sys.exit(
-        fuzz(
-            given.mutations, secrets.randbelow(2**31) if given.seed is None else given.seed, given.seconds, given.kinds
-        )
-    )
+    chosen_seed = secrets.randbelow(2**31) if given.seed is None else given.seed
+    sys.exit(fuzz(given.mutations, chosen_seed, given.seconds, given.kinds, given.at_once))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,8 +187,17 @@ def test_what_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(FileAccessError, match=r"found no folder .*, expected one: make it first$"):
         Recorder(tmp_path / "no" / "run.csv").open()
     (tmp_path / "run.parquet").mkdir()
-    with pytest.raises(FileAccessError, match=r"found a file there already, expected a new name"):
+    with pytest.raises(FileAccessError, match=r"found a folder, expected a new name: name another, or a file in it$"):
         Recorder(tmp_path / "run.parquet").open()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_pipe_is_neither_waited_for_nor_replaced(tmp_path: Path, kind: str) -> None:
+    pipe = tmp_path / f"run{kind}"
+    os.mkfifo(pipe)
+    with pytest.raises(FileAccessError, match=r"found a device or a pipe, expected a file to write: name another$"):
+        Recorder(pipe).open()
+    assert pipe.is_fifo()
 
 
 def test_a_file_that_was_checked_is_replaced(tmp_path: Path) -> None:

@@ -7,15 +7,18 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer as Writer1
 
 from contactwrench.assess.robot_arms import known_arm
 from contactwrench.errors import FileFormatError
 from tests.recording.test_bag_joints import UR_JOINTS
 from tests.support.bags import (
     KINDS,
+    ROS1,
     ROS2,
     TF,
     WRENCH,
@@ -166,6 +169,65 @@ def _mcap_of_publishers(
     return path
 
 
+def _ros1_bag(path: Path, of_wrench: dict[str, str], of_other: dict[str, str] | None = None) -> Path:
+    """A reading, a pose and a message of another topic, with the definitions and hashes that are stated."""
+    with Writer1(path) as writer:
+        for message, stated in ((READING, of_wrench), (POSE, {}), (replace(READING, topic="/other"), of_other or {})):
+            msgdef, md5sum = ROS1.generate_msgdef(message.type)
+            how: dict[str, Any] = {"msgdef": msgdef, "md5sum": md5sum} | stated
+            connection = writer.add_connection(message.topic, message.type, **how)
+            writer.write(connection, message.stamp, serialized(message, ros1=True))
+    return path
+
+
+OF_WRENCH, MD5 = ROS1.generate_msgdef(WRENCH_STAMPED)
+TURNED = OF_WRENCH.replace("force\n", "f\n").replace("torque\n", "force\n").replace(" f\n", " torque\n")
+NARROW = OF_WRENCH.replace("float64 z", "float32 z")
+
+
+@pytest.mark.parametrize(
+    ("stated", "found", "expected"),
+    [
+        ({"md5sum": "0" * 32}, "0" * 32, MD5),
+        ({"msgdef": TURNED}, MD5, "3a9487c36a7b061ac9a74c3ddc0b1ec6"),
+        ({"msgdef": NARROW}, MD5, "0247181d6d6c41deb63a83732b314222"),
+        ({"msgdef": "", "md5sum": "1" * 32}, "1" * 32, MD5),
+    ],
+    ids=["another hash", "torque before force", "other numbers", "no definition"],
+)
+def test_a_hash_of_another_definition_is_said(
+    tmp_path: Path, stated: dict[str, str], found: str, expected: str
+) -> None:
+    """What was recorded is of another type than the bag says: its numbers lie elsewhere."""
+    path = _ros1_bag(tmp_path / "run.bag", stated)
+    said = (
+        f"found the md5sum {found} of geometry_msgs/WrenchStamped in topic /wrench, expected {expected} as of its "
+        "definition"
+    )
+    assert _refused(path, wrench_topic="/wrench") == f"{path}: {said}: {DAMAGED}"
+    if stated.get("msgdef") != NARROW:  # else none of the messages is one
+        read = bag_streams(path, wrench_topic="/wrench", accept_damaged=True)
+        assert (len(read.wrench.t), read.damage) == (1, f"{path} is damaged: {said}; what was left of it was read")
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"md5sum": "*"},
+        {"md5sum": MD5.upper()},
+        {"msgdef": OF_WRENCH + "float64 ZERO=0.00\n", "md5sum": "of a text with 0.00"},
+        {"msgdef": ""},
+        {"msgdef": "# a wrench\n\n" + OF_WRENCH.replace("wrench\n", "  wrench   # of the sensor\n\n")},
+        {"msgdef": OF_WRENCH.replace("std_msgs/Header", "Header").replace("geometry_msgs/Vector3 ", "Vector3 ")},
+    ],
+    ids=["any", "in capitals", "a constant", "no definition", "comments", "short names"],
+)
+def test_a_hash_counts_neither_comments_nor_blanks(tmp_path: Path, stated: dict[str, str]) -> None:
+    path = _ros1_bag(tmp_path / "run.bag", stated, {"md5sum": "of a topic that is not read"})
+    read = bag_streams(path, wrench_topic="/wrench")
+    assert (len(read.wrench.t), read.damage) == (1, "")
+
+
 def test_a_file_that_the_description_does_not_name_is_said(tmp_path: Path) -> None:
     """A recording that was split, and a description of its first file: half of it was lost."""
     folder = write_bag(tmp_path / "run", [READING, POSE])
@@ -175,6 +237,28 @@ def test_a_file_that_the_description_does_not_name_is_said(tmp_path: Path) -> No
         f"{DAMAGED}"
     )
     assert len(bag_streams(folder, accept_damaged=True).wrench.t) == 1
+
+
+@pytest.mark.parametrize("kind", [".db3", ".mcap"])
+@pytest.mark.parametrize(("topic", "other"), [("/wrench", WRENCH), ("/pose", "nav_msgs/msg/Odometry")])
+def test_a_type_that_the_description_says_otherwise_is_said(tmp_path: Path, kind: str, topic: str, other: str) -> None:
+    folder = write_bag(tmp_path / "run", [READING, POSE], compression="storage" if kind == ".mcap" else "")
+    assert list(folder.glob(f"*{kind}"))
+    metadata, own = folder / "metadata.yaml", {"/wrench": WRENCH_STAMPED, "/pose": POSE.type}[topic]
+    metadata.write_text(metadata.read_text().replace(f"type: {own}", f"type: {other}"))
+    short = other.replace("/msg/", "/")
+    found = f"found topic {topic} ({own.replace('/msg/', '/')}), expected {short} as in metadata.yaml"
+    assert _refused(folder) == f"{folder}: {found}: {DAMAGED}"
+    read = bag_streams(folder, accept_damaged=True)
+    assert (len(read.wrench.t), read.damage) == (1, f"{folder} is damaged: {found}; what was left of it was read")
+
+
+@pytest.mark.parametrize("said", ["type: geometry_msgs/WrenchStamped", "kind: of no use"])
+def test_a_type_may_be_written_shortly_or_not_at_all(tmp_path: Path, said: str) -> None:
+    folder = write_bag(tmp_path / "run", [READING, POSE])
+    metadata = folder / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace(f"type: {WRENCH_STAMPED}", said))
+    assert bag_streams(folder).damage == ""
 
 
 def _chain(turns: list[dict[str, float]]) -> list[Message]:

@@ -64,23 +64,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_COLUMNS},
 )
-for verb in (
-    info,
-    plan,
-    calibrate,
-    diagnose,
-    compensate,
-    verify,
-    weigh,
-    show,
-    diff,
-    export,
-    simulate,
-    live,
-    devices,
-    lab,
-    demo,
-):
+OF_FILES = (info, plan, calibrate, diagnose, compensate, verify, weigh, show, diff, export)
+OF_DEVICES = (simulate, live, devices, lab, demo)
+for verb in (*OF_FILES, *OF_DEVICES):
     app.command()(guarded(verb))
 
 

@@ -106,13 +106,16 @@ def log_density_outlying(errors: Array, out: NDArray[np.bool_] | None = None) ->
     out = np.ones(errors.shape[:-1], dtype=bool) if out is None else out
     k, errors = out.sum(axis=-1), errors * out[..., None]
     squared = np.sum(errors**2, axis=-1)
-    of_each = (-6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared, WIDTHS**-2.0)) * out[..., None]
-    apart = (np.logaddexp.reduce(of_each, axis=-1) * out).sum(axis=-1) - (k - 1.0) * np.log(len(WIDTHS))
+    of_each, each = -6.0 * np.log(WIDTHS) - 0.5 * np.multiply.outer(squared[out], WIDTHS**-2.0), np.zeros(out.shape)
+    most = of_each.max(axis=-1)
+    each[out] = most + np.log(np.exp(of_each - most[:, None]).sum(axis=-1))
+    apart = each.sum(axis=-1) - (k - 1.0) * np.log(len(WIDTHS))
+    of_all = -6.0 * np.multiply.outer(k, np.log(WIDTHS)) - 0.5 * np.multiply.outer(squared.sum(axis=-1), WIDTHS**-2.0)
     total = errors.sum(axis=-2)
     along, spread = np.sum(total**2, axis=-1) / np.maximum(k, 1), 1.0 + np.multiply.outer(k, WIDTHS**2)
     off = (squared.sum(axis=-1) - along)[..., None]
     alike = np.logaddexp.reduce(-0.5 * (off + along[..., None] / spread) - 3.0 * np.log(spread), axis=-1)
-    options = np.logaddexp.reduce([np.logaddexp.reduce(of_each.sum(axis=-2), axis=-1), apart, alike], axis=0)
+    options = np.logaddexp.reduce([np.logaddexp.reduce(of_all, axis=-1), apart, alike], axis=0)
     return np.asarray(options - np.log(WAYS_TO_TOUCH * len(WIDTHS)) - 3.0 * np.log(2.0 * np.pi) * k)
 
 
@@ -213,13 +216,14 @@ class _Trimmed:
         n = len(distance)
         place = np.empty(n, dtype=np.intp)
         place[np.argsort(-distance)] = np.arange(n)
-        masks = place >= np.arange(n // 2 + 1)[:, None]
+        log_priors = np.array([log_prior(n, out) for out in range(n // 2 + 1)])
+        k = np.flatnonzero(np.isfinite(log_priors))
+        masks = place >= k[:, None]
         fits = self.fit(masks)
         log_variance = np.log(fits.variance)
         log_det = np.linalg.slogdet(fits.scaled)[1] + 2.0 * np.log(fits.unit).sum(axis=1)
         z = fits.left / np.sqrt(np.repeat(fits.variance, 3, axis=0).T[:, None])
-        k = np.arange(len(masks))
-        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + [log_prior(n, out) for out in k.tolist()]
+        density = np.where(k > 0, log_density_outlying(z, ~masks), 0.0) + log_priors[k]
         density -= 3.0 * (np.log(2.0 * np.pi) + 1.0) * (n - k)
         evidence = density - 0.5 * log_det - 1.5 * n * log_variance.sum(axis=0)
         best = int(np.argmax(evidence))

@@ -285,15 +285,7 @@ def _samples(table: Table, path: str | Path) -> Samples:
     rows = table if table.has_wrench.all() else table.select(table.has_wrench)
     saturated = None if rows.saturated is None else rows.saturated == 1.0
     try:
-        return Samples(
-            rows.wrench,
-            rows.orientation,
-            rows.t,
-            rows.position,
-            rows.load_mass,
-            name_of(path),
-            saturated=saturated,
-            read_as=rows.read_as,
-        )
+        of_each = rows.wrench, rows.orientation, rows.t, rows.position, rows.load_mass
+        return Samples(*of_each, name_of(path), saturated=saturated, read_as=rows.read_as)
     except InputError as error:
         raise FileFormatError(f"{name_of(path)}: {error}") from None

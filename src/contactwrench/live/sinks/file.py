@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any
 
 from ...errors import FileFormatError
-from ...files import cause_named
+from ...files import cause_named, file_of
 from ...recording.bags.write import nanoseconds, stamped
 from ...recording.tables.write import columns_of, csv_header, csv_lines
 from ..sink import Turn
@@ -46,6 +46,7 @@ class GrowingFile(ABC):
     def open(self) -> None:
         """Raises `FileAccessError`, and `MissingExtraError` without pyarrow or mcap."""
         with cause_named(self._path):
+            file_of(self._path)
             self._file = self._kind(self._path)
 
     def write(self, turn: Turn) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from struct import pack
 from typing import IO, Any, TypeAlias
 
-from ...files import already_there
 from ...recording.bags.mcap import LIVE
 from ...recording.bags.open import require_rosbags
 from ...recording.bags.write import CDR, POSE_STAMPED, WRENCH_STAMPED
@@ -72,8 +71,6 @@ class GrowingParquet:
 
     def __init__(self, path: Path) -> None:
         import_parquet()
-        if path.is_dir():
-            raise already_there(path)
         path.unlink(missing_ok=True)
         path.mkdir()
         self._folder, self._part, self._tables = path, 1, list[Any]()

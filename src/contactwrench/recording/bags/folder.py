@@ -14,7 +14,7 @@ from ...errors import FileFormatError
 from ...files import entries
 from ..damage import Damage
 from .chunks import ZSTD, Logged, Source
-from .message_layout import joined
+from .message_layout import joined, written
 
 METADATA = "metadata.yaml"
 """Makes a folder a ROS 2 bag."""
@@ -29,6 +29,7 @@ AT_ONCE = 2**20
 @dataclass
 class _Topic:
     name: str
+    type: str = ""
 
 
 @dataclass
@@ -117,12 +118,17 @@ def files_of(folder: Path, said: Metadata) -> list[Path]:
 def hold(said: Metadata, files: Sequence[Path], sources: Sequence[Source], damage: Damage) -> None:
     """Hold what a folder says of its messages against its files."""
     stated, found = Counter({"messages": said.message_count}), Counter({"messages": 0})
+    types: dict[str, list[str]] = {}
     for one in said.topics_with_message_count:
         stated[f"messages of {one.topic_metadata.name}"] += one.message_count
+        types.setdefault(one.topic_metadata.name, []).append(written(one.topic_metadata.type))
     for source in sources:
         for number, connection in source.connections.items():
-            found["messages"] += source.counts.get(number, 0)
-            found[f"messages of {connection.topic.name}"] += source.counts.get(number, 0)
+            topic, count = connection.topic, source.counts.get(number, 0)
+            found["messages"] += count
+            found[f"messages of {topic.name}"] += count
+            if any(others := types.get(topic.name, [])) and written(topic.type) not in others:
+                damage.found(f"topic {topic}", f"{others[0]} as in {METADATA}")
     if said.files:
         stated["files"], found["files"] = len(said.files), len(files)
         for file, source, of_file in zip(files, sources, said.files, strict=False):

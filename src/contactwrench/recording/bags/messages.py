@@ -23,7 +23,7 @@ from ...geometry.arrays import Array, Rows, column
 from ...geometry.orientation import from_quat_xyzw
 from .chunks import Logged, Topic
 from .message_layout import MessageLayout, Raw, alike, layout_of_message, written
-from .open import Bag, definitions, seconds, two_of
+from .open import Bag, definitions, hold_digests, seconds, two_of
 
 WRENCHES = {"geometry_msgs/msg/WrenchStamped": "wrench.", "geometry_msgs/msg/Wrench": ""}
 """Types that hold a wrench, and where in them it is."""
@@ -78,6 +78,8 @@ def by_layout(bag: Bag, topic: Topic, logged: Logged) -> Iterator[tuple[NDArray[
     if forms - {CDR}:
         raise FileFormatError(f"{bag.path}: topic {topic.name}: found messages in {min(forms - {CDR})}, expected {CDR}")
     types = definitions(bag, topic)
+    if bag.ros1:
+        hold_digests(bag, topic, types)
 
     def layout_of(message: bytes) -> MessageLayout:
         return layout_of_message(message, topic.type, types, not bag.ros1)

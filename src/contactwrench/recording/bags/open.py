@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -205,6 +205,22 @@ def definitions(bag: Bag, topic: Topic) -> Fields:
             "a topic of its own"
         )
     return first
+
+
+def hold_digests(bag: Bag, topic: Topic, types: Fields) -> None:
+    """Hold the hashes that a bag of ROS 1 states of a topic's type, each its own or `*`, against its definition; of one
+    with constants rosbags keeps the values, and not the text that is hashed.
+    """
+    from rosbags.typesys import Stores, TypesysError, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.fielddefs.update(types)
+    with suppress(TypesysError, RecursionError):  # then none of its messages is understood
+        text, expected = store.generate_msgdef(topic.type)
+        for each in bag.connections if "=" not in text.replace("=" * 80, "") else ():
+            if each.topic == topic and each.digest.lower() not in ("", "*", expected):
+                found = f"the md5sum {each.digest} of {written(topic.type)} in topic {topic.name}"
+                bag.damage.found(found, f"{expected} as of its definition")
 
 
 def part_read(bag: Bag, parts: Messages) -> float:
