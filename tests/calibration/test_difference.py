@@ -168,22 +168,29 @@ def test_probabilities_are_those_of_chance() -> None:
     assert np.mean(found, axis=0) == pytest.approx(np.full(5, 0.5), abs=0.15)  # three standard deviations and more
 
 
-def test_what_was_taken_from_the_other_one_is_no_evidence() -> None:
-    """That only the zero changed, and that nothing did; another prior says nothing of it."""
+def test_what_comes_from_one_calibration_is_no_evidence() -> None:
+    """That only the zero changed, and that nothing did: of two generations, and of siblings; another one is."""
     rig, R, rng = example(5, 12)
-    earlier = cw.calibrate(replace(noisy(rig, R, rng), source="earlier.csv"))
+    earlier, other = (cw.calibrate(noisy(rig, R, rng)) for _ in range(2))
     moved = replace(rig, bias=rig.bias + np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    for now, begins in ((moved, "drift, or a new zero"), (rig, "nothing changed")):
-        later = cw.calibrate(noisy(now, random_rotations(4, rng), rng), prior=earlier)
-        for change in (earlier.diff(later), later.diff(earlier)):
+    later, same = (cw.calibrate(noisy(now, random_rotations(4, rng), rng), prior=earlier) for now in (moved, rig))
+    again = cw.calibrate(noisy(rig, random_rotations(4, rng), rng), prior=later)
+    drift, nothing = "drift, or a new zero", "nothing changed"
+    for a, b, begins in (
+        (earlier, later, drift),
+        (earlier, same, nothing),
+        (later, same, drift),
+        (again, later, drift),
+    ):
+        for change in (a.diff(b), b.diff(a)):
             (said,) = change.meaning
             assert said.startswith(begins)
             assert said.endswith(
-                "; tool, mounting and base were taken from the other one (--prior), and nothing shows that they are "
-                "the same"
+                "; tool, mounting and base of both come from one calibration (--prior): that they are the same is no "
+                "finding"
             )
-        (said,) = replace(earlier, provenance={"source": "other.csv"}).diff(later).meaning
-        assert "--prior" not in said
+        assert "--prior" not in other.diff(b).meaning[0]
+    assert "--prior" not in earlier.diff(earlier).meaning[0]
 
 
 CHANGES: list[tuple[str, Rig, str, dict[str, Any], list[str]]] = [

@@ -204,8 +204,10 @@ def test_poses_by_themselves_tell_what_those_beside_readings_do(fast: bool) -> N
     alone.pose(s.R_base_flange[900], s.position[900], float(s.t[800]), np.nan)
     found = alone(s.wrench[800], s.R_base_flange[800], float(s.t[800]))
     standing = alone(s.wrench[801], s.R_base_flange[801], float(s.t[801]))
-    assert found.valid
-    assert standing.valid
+    for each in (found, standing):
+        assert each.reason == (
+            "frozen: poses stood still, jumped or came too rarely while the arm moved: three in a row tell how it moves"
+        )
     assert np.linalg.norm(standing.wrench) > np.linalg.norm(expected.wrench[-1])
     with pytest.raises(InputError, match=r"^position has shape \(2,\), expected \(3,\)$"):
         alone.pose(s.R_base_flange[0], [0.0, 0.0], 9.0, 0.002)
@@ -271,3 +273,45 @@ def test_stamps_that_repeat_are_spread() -> None:
     coarse = cw.Samples(s.wrench, s.R_base_flange, np.floor(s.t / 0.004) * 0.004, s.position)
     found = cw.calibrate(coarse, "dynamic")
     assert np.abs(found.inertia - of_exact_poses().inertia).max() < 0.05 * np.abs(of_exact_poses().inertia).max()
+
+
+FROZEN = "frozen: poses stood still, jumped or came too rarely while the arm moved: three in a row tell how it moves"
+
+
+@pytest.mark.parametrize("fast", [False, True], ids=["plain", "compiled"])
+@pytest.mark.parametrize("held", [25, 50, 100, 200])
+def test_poses_that_stop_while_the_arm_moves_are_no_motion(fast: bool, held: int) -> None:
+    """A dropout read as a stop and a leap: from 30 to 990 N had been valid as poses came back."""
+    s = recorded(free())
+    row = np.arange(len(s))
+    starts = range(1000, 2700, 400)
+    for start in starts:
+        row[start : start + held] = start
+    found = running(fast).run(s.wrench, s.R_base_flange[row], s.t, position=s.position[row])
+    exact = running(fast).run(s.wrench, s.R_base_flange, s.t, position=s.position)
+    away = np.linalg.norm((found.wrench - exact.wrench)[:, :3], axis=1)
+    assert away[found.valid].max() < 2.0
+    assert {str(why) for why in found.reason if why} >= {FROZEN}
+    for start in starts:
+        assert not found.valid[start + 10 : start + held + 2].any()
+        assert found.valid[start + held + 10]
+
+
+@pytest.mark.parametrize(("every", "told"), [(5, True), (12, True), (25, False), (52, False), (120, False)])
+def test_poses_that_come_too_rarely_tell_no_motion(every: int, told: bool) -> None:
+    """At 500 Hz, each held for so many samples; at 9.6 Hz free air had read 69 N."""
+    s = recorded(free())
+    row = np.arange(len(s)) // every * every
+    found = running(True).run(s.wrench, s.R_base_flange[row], s.t, position=s.position[row])
+    begun = int(np.argmax((s.position != s.position[0]).any(axis=1)))
+    ours = found.valid & (np.abs(np.arange(len(s)) - begun - every) > 1.5 * every)
+    assert found.valid[250:].mean() > 0.99 if told else found.valid[250:].mean() < 0.5
+    away = np.linalg.norm(found.wrench[ours, :3], axis=1)
+    assert away.max(initial=0.0) < 2.0
+    still = running(True).run(
+        np.tile(of_exact_poses().predict(s.R_base_flange[0]), (3000, 1)),
+        np.tile(s.R_base_flange[0], (3000, 1, 1)),
+        s.t[:3000],
+        position=np.tile(s.position[0], (3000, 1)),
+    )
+    assert still.valid[5:100].all()

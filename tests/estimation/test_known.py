@@ -148,8 +148,8 @@ def test_poses_that_contradict_the_earlier_calibration_are_said() -> None:
     calibration = cw.calibrate(noisy(other, R, rng), prior=earlier)
     (warning,) = (text for text in calibration.warnings if "earlier calibration" in text)
     assert warning == (
-        "weak: the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches "
-        "something; calibrate anew, without --prior"
+        "weak: the poses contradict the earlier calibration: tool, mounting or base changed, the tool touches "
+        "something, or the poses are noisier (--noise); calibrate anew, without --prior"
     )
 
 

@@ -146,7 +146,7 @@ def verify(
         R = np.array([pose.R_base_flange for pose in poses])
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise = reading_variance(calibration, poses)
-        whole, bias = held_against(calibration, residuals, R, noise)
+        whole, bias = held_against(calibration, residuals, R, noise, noise_dof(calibration))
         findings += [] if bias is None or bias.finding is None else [bias.finding]
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)

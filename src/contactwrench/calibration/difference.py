@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from zlib import crc32
 
 import numpy as np
 
@@ -62,7 +63,7 @@ class Difference(Frozen):
     `gravity_angle` rad between the two directions of gravity in base axes. `groups`: what one cause moves together,
     and last all of it. Between mountings on opposite sides of the sensor yaw is left out: its zeros differ. Inertia and
     sensor offset are among them where both know these, the latter from the flange: `inertia_known` says it of a and
-    of b. `copied`: one took tool, mounting and base from the other (`prior`), which are no evidence then.
+    of b. `copied`: tool, mounting and base of both are of one origin (`prior`), and no evidence.
     """
 
     names: tuple[str, ...]
@@ -120,12 +121,13 @@ def difference(a: CalibrationFields, b: CalibrationFields) -> Difference:
         gravity_angle=float(np.linalg.norm(_turn_of_gravity(a, b))),
         groups=_tested(a, b),
         inertia_known=(a.dynamics is not None, b.dynamics is not None),
-        copied=_took_from(b, a) or _took_from(a, b),
+        copied=origin_of_tool(a) == origin_of_tool(b) and "tool_from" in (*a.provenance, *b.provenance),
     )
 
 
-def _took_from(later: CalibrationFields, earlier: CalibrationFields) -> bool:
-    return later.provenance.get("prior", "") == earlier.provenance.get("source")
+def origin_of_tool(c: CalibrationFields) -> str:
+    """A mark of the calibration that found tool, mounting and base: this one, or the first of a chain of priors."""
+    return str(c.provenance.get("tool_from", f"{crc32(np.asarray(c.parameters).tobytes()):08x}"))
 
 
 def _told(c: CalibrationFields) -> dict[str, tuple[float, float]]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SAME_GRAVITY = 1e-6
 """rad: two stated directions closer than this are one."""
 
-COPIED = "tool, mounting and base were taken from the other one (--prior), and nothing shows that they are the same"
+COPIED = "tool, mounting and base of both come from one calibration (--prior): that they are the same is no finding"
 WORDS = {
     "tool": "the tool",
     "bias": "the bias",

@@ -9,7 +9,7 @@ poses; what jumps from pose to pose is that noise, and widens the test.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, nan
+from math import inf, nan, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array, numbers
 from ..samples.flange_motion import FlangeMotion
 from .bias_tracking import dot
-from .faults import SQUARED_TOLERANCE, from_matrix, from_quaternion
+from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
 from .state import OCTAVES_HELD, OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
 
@@ -33,10 +33,14 @@ KINDS = (slice(0, 3), slice(3, 9), slice(9, 12))
 """Of terms: angular acceleration, products of the angular velocity, acceleration."""
 FURTHEST = 1e3
 """m, from the base: no arm's flange."""
-SLOWEST_POSES = 0.1
-"""s: between poses; an arm that stands states none, or the same."""
-REPEATED = 2.5
-"""Periods: for so long a pose that comes by itself may be one that is sent again; after that the arm stands."""
+SLOWEST_POSES = 0.036
+"""s: between poses; more tell no acceleration, and for so long at least the same one says that the arm stands."""
+REPEATED, NEWEST = 2.5, 0.5
+"""Periods, for which a pose may be one that is sent again; of the usual time between poses, the share of the newest."""
+STOPPING = 30.0
+"""m/s^2: no arm stops or starts faster."""
+SLOW, NEAR = 0.02, 0.002
+"""m/s or rad/s, and m or rad: less is no motion."""
 
 
 def known_motion(calibration: Calibration, orientation: ArrayLike, motion: FlangeMotion) -> tuple[Array, Array]:
@@ -97,9 +101,9 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
             s.terms[k] = sample.motion[k]
         keep_terms(s, ring, sample.time, fresh)
     elif placed_anywhere(sample):
-        follow_pose(s, sample, ring, inf if fresh else sample.time - s.pose_time, SLOWEST_POSES)
+        follow_pose(s, sample, ring, inf if fresh else sample.time - s.pose_time)
     elif not s.poses_alone:
-        s.pose_time, s.pose_period = nan, 0.0
+        s.pose_time, s.pose_period, s.resting, s.unknown = nan, 0.0, True, 0
         begin_at_rest(s, ring, sample.time)
 
 
@@ -120,29 +124,40 @@ def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     s.pose_repeats += sample.passed
     if abs(squared - 1.0) <= SQUARED_TOLERANCE and placed_anywhere(sample):
         s.poses_alone = True
-        repeats = SLOWEST_POSES if s.poses == 0 else min(REPEATED * s.pose_period, SLOWEST_POSES)
-        follow_pose(s, sample, ring, s.pose_repeats, repeats)
+        follow_pose(s, sample, ring, s.pose_repeats)
 
 
 @kernel
-def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float, repeats: float) -> None:
-    """Take a pose, `s.R` and `sample.position`, and what it says of the terms at the pose before, `passed` s ago; the
-    same one again counts as one after so many s.
+def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
+    """Take a pose, `s.R` and `sample.position`, `passed` s after the last that was another one, and what it says of the
+    terms at that one. Where poses stand still though the arm was too fast to stop, go on from somewhere else, or are
+    too rare, what it does is not known until three in a row tell it.
     """
     position, last, R, before = sample.position, s.last_position, s.R, s.pose_R
-    new = not passed < repeats
+    moved = turn = 0.0
     for k in range(3):
-        new = new or position[k] != last[k]
+        moved += (position[k] - last[k]) ** 2
     for k in range(9):
-        new = new or R[k] != before[k]
-    if not new or passed <= 0.0:
+        turn += (R[k] - before[k]) ** 2
+    moved, turn = sqrt(moved), sqrt(0.5 * turn)
+    if moved == 0.0 and turn == 0.0 and passed < inf:
+        if not s.resting and passed >= max(SLOWEST_POSES * (s.poses == 0), REPEATED * s.pose_usual):
+            s.unknown = 3 if s.poses > 0 and too_fast_to_stop(s) else 0
+            s.poses, s.resting = 0, True
+            begin_at_rest(s, ring, sample.time)
         return
-    known = s.poses
-    s.poses = min(s.poses + 1, 3) if passed < 2.0 * SLOWEST_POSES else 0
-    if s.poses == 0:
+    if passed <= 0.0:
+        return
+    if further_than_known(s, moved, turn, passed):
+        s.unknown = 3
+    if s.resting or not passed < 2.0 * SLOWEST_POSES:
+        s.poses = 0
         begin_at_rest(s, ring, sample.time)
     else:
+        known, s.poses = s.poses, min(s.poses + 1, 3)
         differentiate(s, position, passed, known)
+    s.unknown = max(s.unknown - 1, 0)
+    s.resting = False
     if s.poses > 1:
         keep_terms(s, ring, s.pose_time, fresh=False)
     s.pose_time, s.pose_repeats = sample.time, 0.0
@@ -153,10 +168,38 @@ def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float, repeats: 
 
 
 @kernel
+def too_fast_to_stop(s: State) -> bool:
+    """Whether the arm was, from one pose to the next."""
+    rate, turning, moving = s.rate, 0.0, 0.0
+    for k in range(3):
+        turning += rate[k] * rate[k]
+        moving += rate[3 + k] * rate[3 + k]
+    return sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
+
+
+@kernel
+def further_than_known(s: State, moved: float, turn: float, passed: float) -> bool:
+    """Whether it moved further, m and rad, than an arm that stood does from one pose to the next, or moves while poses
+    are too rare; notes how often they come.
+    """
+    usual = s.pose_usual
+    from_rest = s.resting or not passed < 2.0 * SLOWEST_POSES
+    squared = usual * usual
+    jumped = turn > max(BRAKING * squared, NEAR) or moved > max(STOPPING * squared, NEAR)
+    if passed < 1.0 and (jumped or not from_rest):
+        s.pose_usual = passed if usual == 0.0 else usual + NEWEST * (passed - usual)
+    return (from_rest and jumped and s.pose_time == s.pose_time) or (
+        s.pose_usual > SLOWEST_POSES and max(moved, turn) > SLOW * passed
+    )
+
+
+@kernel
 def begin_at_rest(s: State, ring: Matrix, now: float) -> None:
     """Nothing is known of a motion, or there is none."""
     for k in range(TERMS):
         s.terms[k] = 0.0
+    for k in range(6):
+        s.inertial[k] = s.trend[k] = 0.0
     keep_terms(s, ring, now, fresh=True)
 
 

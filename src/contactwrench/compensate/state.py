@@ -135,6 +135,9 @@ class State:
     pose_time: float = nan
     pose_period: float = 0.0
     pose_repeats: float = 0.0
+    pose_usual: float = 0.0
+    resting: bool = True
+    unknown: int = 0
     pose_R: Row = numbers(9)
     last_position: Row = numbers(3)
     rate: Row = numbers(6)

@@ -7,7 +7,7 @@ from math import nan, sqrt
 from .bias_tracking import dot, learn
 from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
-from .faults import BACK, FINE, FROZEN, GAP, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
+from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
 from .inertia import follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
@@ -69,6 +69,8 @@ def follow(s: State, sample: Sample, ring: Matrix) -> tuple[int, float, int]:
         fault, detail = NO_PAST, s.look_back
     recovers = s.fresh != 0 and fault < STUCK
     compensate(s, sample, ring, restart or recovers, fresh_pose)
+    if fault == FINE and s.unknown > 0:
+        fault = NO_MOTION
     weigh(s, sample)
     if recovers:
         s.since_fresh, s.stale, s.spoiled = 0, True, True

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -39,11 +40,12 @@ from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
 from .plausibility import dead_channels, inherited
-from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, stated_knowledge
+from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, known_of, provenance_of, stated_knowledge
 from .rigid import estimated, model_fitted
 from .sign_ambiguity import HELD_GRAVITY, checked, require_noise
 
-MODELS, DOWN = ("auto", "paper", "yaw", "mount", "mount+base", "affine", "dynamic"), (0.0, 0.0, -1.0)
+MODELS = ("auto", "paper", "yaw", "mount", "mount+base", "affine", "dynamic")
+DOWN = (0.0, 0.0, -1.0)
 OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weight_z")
 """Fields that only a rigid tool has; None of the others."""
 
@@ -103,7 +105,7 @@ def calibrate(
         question = _with_prior(question, prior, gravity is not None, samples)
     recorded = from_recording(samples, question, g)
     contradicted = of_known(known or {}, recorded.readings, question)
-    origin = {} if prior is None else {"prior": str(prior.provenance.get("source", "arrays"))}
+    origin = {} if prior is None else provenance_of(prior)
     try:
         calibration = assembled(recorded, question, origin)
         if model == "dynamic":
@@ -280,7 +282,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             *of_beliefs(estimate, poses, _first_time(recorded.samples)),
             *of_sign,
             *doubts(estimate, kept, question, observability.trade_offs),
-            *of_prior(estimate, kept, question),
+            *of_prior(estimate, kept, compress(poses, estimate.kept), question),
         ),
         provenance=provenance,
         poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.found.rejected),

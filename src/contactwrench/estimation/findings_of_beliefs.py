@@ -131,7 +131,7 @@ def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
             f"{out} of {len(names)} poses were left out, off by more than half the weight: unless something was in the "
             "way, the file is read wrongly (orientation, sign, units); contactwrench diagnose tries the other ways"
         )
-        far = float(np.sqrt(np.mean(force**2))) > FAR_OFF * estimate.weight_scale
+        far = len(names) - out <= FEW_POSES and np.sqrt(np.mean(force**2)) > FAR_OFF * estimate.weight_scale
         found.append(WEAK(Kind.POSE_LEFT_OUT, read_wrongly) if far else DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     elif out > 1 and alike(estimate.errors[~estimate.kept] / estimate.noise):
         off = _force_and_torque(estimate.errors[~estimate.kept].mean(axis=0))
@@ -141,7 +141,7 @@ def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
     shifted = [name for name, error, kept in errors if not kept and _in_torque_alone(error, estimate.noise)]
     if shifted:
         text = (
-            f"{', '.join(shifted[:MOST_NAMED])} {'is' if len(shifted) == 1 else 'are'} off in torque alone, as no "
+            f"{', '.join(shifted[:FEW_POSES])} {'is' if len(shifted) == 1 else 'are'} off in torque alone, as hardly a "
             "contact is: if something shifts on the tool, where its centre of mass is depends on how it is held; "
             "fasten it"
         )

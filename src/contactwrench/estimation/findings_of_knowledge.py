@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,12 +10,13 @@ import numpy as np
 
 from ..calibration.findings import WEAK_SHARE, Finding, Kind
 from ..geometry.arrays import Array
-from ..model import wrench_jacobian
+from ..model import MOUNT, wrench_jacobian
+from ..samples.poses import Pose
 from ..statistics import MisfitTest, counted, percent
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, SIGNIFICANCE, WEAK, Row, largest_force_std, those_that_hold
-from .moved_bias import held_against
-from .noise import PoseReadings
+from .moved_bias import held_against, noise_dof
+from .noise import PoseReadings, variance_of_means
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
 from .rigid import estimated
 
@@ -23,20 +24,23 @@ UNLIKELY = 0.01
 """The probability by which less is left of an earlier calibration that holds, from which on that it does is doubted."""
 
 
-def of_prior(fit: Estimate, readings: PoseReadings, question: Question) -> list[Finding]:
-    """That `readings`, those kept, and the earlier calibration do not go together whatever the bias is now, or that
-    they would not show it.
+def of_prior(fit: Estimate, readings: PoseReadings, poses: Iterable[Pose], question: Question) -> list[Finding]:
+    """That `readings` of `poses`, those kept, and the earlier calibration do not go together whatever the bias is now,
+    or that they would not show it.
     """
     prior = question.earlier
     if prior is None or not isinstance(fit, RigidEstimate):
         return []
-    R, std = readings.R_base_flange, fit.noise if question.noise is None else question.noise.std
+    R, dof = readings.R_base_flange, noise_dof(prior)
+    variance = variance_of_means(prior.noise, prior.fitted_poses, np.array([float(pose.n) for pose in poses]))
+    if question.noise is not None and question.noise.dof == 0.0:  # stated by the user
+        variance, dof = np.tile(question.noise.std**2, (len(R), 1)), 0.0
     residuals = prior.compensate(readings.wrench - fit.change[fit.kept], R)
-    _, bias = held_against(prior, residuals, R, np.tile(std**2, (len(R), 1)))
+    _, bias = held_against(prior, residuals, R, variance, dof)
     by_chance = 1.0 if bias is None else bias.rest_probability
     contradict = (
-        "the poses contradict the earlier calibration: tool, mounting or base changed, or the tool touches something; "
-        "calibrate anew, without --prior"
+        "the poses contradict the earlier calibration: tool, mounting or base changed, the tool touches something, or "
+        "the poses are noisier (--noise); calibrate anew, without --prior"
     )
     unlike = (
         "tool, mounting and base of the earlier calibration explain these poses with a probability of "
@@ -45,23 +49,23 @@ def of_prior(fit: Estimate, readings: PoseReadings, question: Question) -> list[
     rows = [
         (by_chance < SIGNIFICANCE, WEAK, Kind.CONTRADICTS_PRIOR, contradict),
         (SIGNIFICANCE <= by_chance < UNLIKELY, DOUBTFUL, Kind.CONTRADICTS_PRIOR, unlike),
-        _rests_on_prior(fit, R, std),
+        _rests_on_prior(fit, R, np.sqrt(variance)),
     ]
     return those_that_hold(rows)
 
 
 def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row:
-    """By themselves the poses would leave the contact force open somewhere: they show no other tool."""
-    J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[:, None]
+    """By themselves the poses would leave the contact force open somewhere, or a moving bias took what they tell."""
+    J = wrench_jacobian(fit.tool, R_base_flange, fit.names) / std[..., None]
     information = np.sum(J.transpose(0, 2, 1) @ J, axis=0)
     unit = np.sqrt(np.diag(information)) + 1e-100
     alone = np.linalg.inv(information / np.outer(unit, unit) + 1e-12 * np.eye(len(unit))) / np.outer(unit, unit)
     open_by = largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
     text = (
         "that tool, mounting and base are those of the earlier calibration is taken for granted: "
-        f"{counted(len(J), 'pose')} cannot show others; take four that tilt the tool by 30 deg or more"
+        f"{counted(len(J), 'pose')} cannot show others; record more, tilted by 30 deg or more"
     )
-    return open_by > WEAK_SHARE * fit.weight_scale, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
+    return open_by > WEAK_SHARE * fit.weight_scale or fit.bias_moved, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
 
 
 def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, question: Question) -> list[Finding]:
@@ -69,15 +73,28 @@ def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, quest
     if not known:
         return []
     tilts = TiltPriors(question.priors.mount or MOUNT_TILT_SD, question.priors.base or BASE_TILT_SD)
-    free = estimated(readings, replace(question, knowledge=(), priors=tilts))
-    return those_that_hold(_contradicted(name, {name: pair}, free) for name, pair in known.items())
+    question = replace(question, knowledge=(), priors=tilts)
+    free = estimated(readings, question)
+    asked = [(name, replace(question, knowledge=stated_knowledge({name: pair}))) for name, pair in known.items()]
+    held = [(name, each) for name, each in asked if name != "mount" or MOUNT[0] in free.names]
+    return those_that_hold(_contradicted(name, each, readings, free) for name, each in held)
 
 
-def _contradicted(name: str, known: Mapping[str, tuple[Any, Any]], free: RigidEstimate) -> Row:
-    rows = rows_of(stated_knowledge(known), free.tool, free.names)
-    left, tool, std = rows.residuals, free.tool, np.sqrt(np.diag(free.covariance))
+def _contradicted(name: str, asked: Question, readings: PoseReadings, free: RigidEstimate) -> Row:
+    """By how far it is from the `free` fit, and by how much worse a fit with it alone is: with few poses the free one
+    may be another of several solutions.
+    """
+    rows = rows_of(asked.knowledge, free.tool, free.names)
+    left, tool, std = rows.residuals, free.tool, np.sqrt(np.maximum(np.diag(free.covariance), 0.0))
     spread = np.eye(len(left)) + rows.jacobian @ free.covariance @ rows.jacobian.T
-    test = MisfitTest(float(left @ np.linalg.solve(spread, left)), len(left), float(free.dof.min()))
+    dof = float(free.dof.min())
+    test = MisfitTest(float(left @ np.linalg.pinv(spread) @ left), len(left), dof)
+    if test.probability < SIGNIFICANCE:
+        with_it = estimated(readings, asked)
+        pull = rows_of(asked.knowledge, with_it.tool, with_it.names).residuals
+        worse = np.sum((with_it.errors[free.kept] ** 2 - free.errors[free.kept] ** 2) / free.noise**2) + pull @ pull
+        again = MisfitTest(max(float(worse), 0.0), len(left), dof)
+        test = max(test, again, key=lambda each: each.probability)
     x, y, z = 1e3 * tool.com
     found = {
         "weight": f"{tool.weight:.4g} +- {std[0]:.2g} N",

@@ -50,12 +50,13 @@ class BiasShift(Frozen):
 
 
 def held_against(
-    calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array
+    calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array, dof: float
 ) -> tuple[MisfitTest, BiasShift | None]:
     """The test of what poses (n, 3, 3) read beside what the calibration predicts, `residuals` (n, 6), whose noise has
-    the `variance` (n, 6); and what of their misfit a moved bias explains, None for a single pose.
+    the `variance` (n, 6), known with `dof` degrees of freedom (0: exactly); and what of their misfit a moved bias
+    explains, None for a single pose.
     """
-    n, dof = len(residuals), noise_dof(calibration)
+    n = len(residuals)
     J = calibration.error_jacobian(R_base_flange).reshape(6 * n, -1)
     of_bias = [name.startswith("bias_") or name.endswith("_1") for name in calibration.error_names]
     columns = [residuals.reshape(-1, 1), np.tile(np.eye(6), (n, 1)), J[:, np.logical_not(of_bias)]]
@@ -82,6 +83,10 @@ def held_against(
 
 
 def noise_dof(calibration: Calibration) -> float:
-    """Degrees of freedom behind the noise of all axes together, readings less parameters; 0 for a known noise."""
+    """Degrees of freedom behind the noise of all axes together, readings less parameters; of model `paper` that of one
+    axis, as it estimates each alone. 0 for a known noise.
+    """
+    if calibration.model == "paper":
+        return calibration.dof
     n = len(calibration.fitted_poses) if calibration.moments is None else calibration.moments.n
     return float(max(6 * n - len(calibration.parameters), 0)) if calibration.dof > 0.0 else 0.0

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
+from ..calibration.difference import origin_of_tool
 from ..errors import InputError
 from ..geometry import ranges
 from ..geometry.arrays import Array
@@ -239,6 +240,11 @@ KNOWABLE = {
     "gravity": (lambda value: unit_direction(value, "known gravity"), known_gravity, ranges.TILT_STD, ((),)),
 }
 """What may be known: how its value is read, the knowledge that it is, and what its std may be."""
+
+
+def provenance_of(prior: Calibration) -> dict[str, str]:
+    """What a calibration that rests on it says of that."""
+    return {"prior": str(prior.provenance.get("source", "arrays")), "tool_from": origin_of_tool(prior)}
 
 
 def tool_of(prior: Calibration) -> RigidTool:

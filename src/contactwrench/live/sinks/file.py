@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -39,7 +40,7 @@ class GrowingFile(ABC):
         self.uri, self._path, self._kind = str(path), path, FORMATS[path.suffix.lower()]
         self.written = self.dropped = 0
         self._kept: list[Turn] = []
-        self._unwritten = 0
+        self._unwritten, self._more = 0, False
         self._added = self._wrote = monotonic()
         self._file: Growing | None = None
 
@@ -55,19 +56,26 @@ class GrowingFile(ABC):
         t = monotonic()
         if t - self._added >= (PORTION if self._kind is GrowingMcap else EVERY):
             self._added = t
-            self._add()
+            try:
+                self._add()
+            except Exception:
+                self._write()
+                raise
         if t - self._wrote >= EVERY:
             self._wrote = t
             self._write()
 
     def close(self) -> None:
         """Write what is kept, and close the file. Raises `FileAccessError`."""
-        self._add()
-        self._write()
-        file, self._file = self._file, None
-        if file is not None:
-            with cause_named(self._path):
-                file.close()
+        try:
+            with cause_named(self._path), ExitStack() as stack:
+                if self._file is not None:
+                    stack.callback(self._file.close)
+                stack.callback(self._write)
+                self._add()
+        finally:
+            self._file = None
+            self.dropped, self._unwritten = self.dropped + self._unwritten, 0
 
     def _add(self) -> None:
         turns, self._kept = self._kept, []
@@ -75,6 +83,7 @@ class GrowingFile(ABC):
             return
         turn = Turn.joined(turns)
         rows = self._rows_of(turn)
+        self._more = True
         self.dropped += rows
         with cause_named(self._path):
             match self._file:
@@ -87,12 +96,12 @@ class GrowingFile(ABC):
         self.dropped, self._unwritten = self.dropped - rows, self._unwritten + rows
 
     def _write(self) -> None:
-        rows, self._unwritten = self._unwritten, 0
-        self.dropped += rows
-        if self._file is not None:
-            with cause_named(self._path):
-                self._file.write()
-        self.dropped, self.written = self.dropped - rows, self.written + rows
+        if self._file is None or not self._more:
+            return
+        with cause_named(self._path):
+            self._file.write()
+        self._more = False
+        self.written, self._unwritten = self.written + self._unwritten, 0
 
     @abstractmethod
     def _rows_of(self, turn: Turn) -> int:
