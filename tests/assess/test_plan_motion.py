@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from contactwrench.assess import motion_design
-from contactwrench.assess.arm_motion import moving_flange
-from contactwrench.assess.fourier_motion import FLANGE_SPEED, TURN_ACCELERATION, TURN_SPEED, limits_of
+from contactwrench.assess.fourier_motion import FLANGE_SPEED, TURN_ACCELERATION, TURN_SPEED, limits_of, moving_flange
 from contactwrench.assess.plan import READINGS, Expected
 from contactwrench.assess.plan_motion import STOP, DynamicPlan, plan_motion
 from contactwrench.assess.robot_arms import ARMS, MARGIN, Arm, flange_pose

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from contactwrench.cli.signals import caught
+from contactwrench.cli.streams import caught
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 

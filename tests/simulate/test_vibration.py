@@ -10,8 +10,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.rig import build
 from contactwrench.simulate.settings import Settings, changed
-from contactwrench.simulate.trajectory import Motion, exciting
-from contactwrench.simulate.vibration import DAMPING, MODES, shaking
+from contactwrench.simulate.trajectory import DAMPING, MODES, Motion, exciting, shaking
 from tests.support.world import Array
 
 RATE, SECONDS = 500.0, 20.0

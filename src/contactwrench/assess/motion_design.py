@@ -18,8 +18,7 @@ from ..estimation.dynamic import GYRATION
 from ..geometry.arrays import Array
 from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import response_jacobian
-from .arm_motion import moving_flange
-from .fourier_motion import FASTEST, HARMONICS, FourierMotion, Limits, fitted_shapes, pace
+from .fourier_motion import FASTEST, HARMONICS, FourierMotion, Limits, fitted_shapes, moving_flange, pace
 from .plan import READINGS, Plan, fitted_names, information_of
 from .robot_arms import Arm
 

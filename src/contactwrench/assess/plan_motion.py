@@ -10,8 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import HEIGHT, MOTION_TIME, NEAR
-from .arm_motion import moving_flange
-from .fourier_motion import ABOVE, WITHIN, FourierMotion, Limits, limits_of, pace
+from .fourier_motion import ABOVE, WITHIN, FourierMotion, Limits, limits_of, moving_flange, pace
 from .motion_design import best_motion
 from .plan import Expected, Plan, expected_tool, plan
 from .robot_arms import Arm, Reach, flange_pose, reach

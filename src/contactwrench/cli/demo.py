@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from ..files import make_folder, write_text
+from ..geometry.wrench import STANDARD_GRAVITY
 from ..model import gravity_in_flange
 from . import options
 from .outputs import Writes
@@ -70,7 +71,7 @@ def _panda(samples: Samples) -> Section:
 
     calibration = calibrate(samples)
     full, tare, gravity_only, raw = (method.rms[0] for method in compare(calibration, calibration.fitted_poses))
-    mass, std = calibration.mass or np.nan, calibration.std["weight"] / 9.80665
+    mass, std = calibration.mass or np.nan, calibration.std["weight"] / STANDARD_GRAVITY
     yaw = abs(np.rad2deg(calibration.yaw or np.nan))
     lean = np.rad2deg(np.arccos(-calibration.gravity_direction[2]))
     affine = next(other for other in calibration.alternatives if other.model == "affine")

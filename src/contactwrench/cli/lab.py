@@ -18,7 +18,7 @@ import typer
 from ..geometry.arrays import Array
 from ..geometry.ranges import SEED, Range
 from . import options
-from .signals import caught
+from .streams import caught
 
 if TYPE_CHECKING:
     from ..lab.device import Fake

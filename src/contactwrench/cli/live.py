@@ -18,7 +18,7 @@ from ..files import already_there, entries, target_of
 from ..geometry.ranges import CAPACITY, CUTOFF, POSES, WALK, Range
 from . import options
 from .outputs import Writes
-from .signals import caught
+from .streams import caught
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

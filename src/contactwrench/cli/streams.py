@@ -1,9 +1,14 @@
-"""Standard output and standard error as they are: closed, full, or with nobody at the other end."""
+"""What a program gets from where it runs: standard output and standard error that are closed, full, or with nobody at
+the other end; and signals that ask it to end.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BufferedWriter, TextIOWrapper
 from typing import TYPE_CHECKING
 
@@ -11,6 +16,8 @@ from ..errors import FileAccessError
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
+
+ASK_TO_END = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def open_streams() -> None:
@@ -49,3 +56,23 @@ class _Stream(BufferedWriter):
             raise error
         reason = (error.strerror or str(error)).lower()
         raise FileAccessError(f"standard output cannot be written ({reason}): check where it goes") from None
+
+
+@contextmanager
+def caught() -> Iterator[list[int]]:
+    """The signals that have come so far, to be looked at again and again while devices and files are open; one that was
+    ignored before, as under nohup, is none. Behind what ends in order the program ends by the first of them.
+    """
+    came: list[int] = []
+    numbers = [getattr(signal, name) for name in ASK_TO_END if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    heard = {number: handler for number, handler in before.items() if handler != signal.SIG_IGN}
+    for number in heard:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield came
+    finally:
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+    if came:
+        os.kill(os.getpid(), came[0])

@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
+from operator import attrgetter
 from threading import Lock
 from time import monotonic
 from typing import Literal, TypeAlias
@@ -134,7 +135,7 @@ class Lab:
             joints = self._joints(np.asarray(target, dtype=np.float64), position)
             start = max(monotonic() + SOON, self._courses[-1].start)
             ahead = motion.course(self._rig, self._course(start).state(start), joints, start, self._speed)
-            kept = max(bisect_right([each.start for each in self._courses], start - REMEMBERED) - 1, 0)
+            kept = max(bisect_right(self._courses, start - REMEMBERED, key=attrgetter("start")) - 1, 0)
             self._courses = [*self._courses[kept:], ahead]
         return ahead.end - monotonic()
 
@@ -190,10 +191,7 @@ class Lab:
 
     def _course(self, t: float) -> motion.Course:
         courses = self._courses
-        k = len(courses) - 1
-        while k > 0 and courses[k].start > t:
-            k -= 1
-        return courses[k]
+        return courses[max(bisect_right(courses, t, key=attrgetter("start")) - 1, 0)]
 
     def pose_at(self, t: float) -> FlangePose:
         """Where the flange and the joints are, or were, at a moment."""

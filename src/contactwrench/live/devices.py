@@ -8,7 +8,8 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from .rate import Windows
+from ..model import AXES
+from .intake import Windows
 from .source import About, Source, now
 
 PROBE = 0.7, 0.2
@@ -78,8 +79,7 @@ def require_devices(calibration: Calibration, name: str, sensor: About, robot: A
         free = np.abs(calibration.bias) + np.linalg.norm(calibration.B[:, :3], axis=1)
         over = np.flatnonzero(free > np.array(sensor.ranges))
         if len(over):
-            axis = ("fx", "fy", "fz", "tx", "ty", "tz")[int(over[0])]
             raise InputError(
-                f"{name}: found {axis} of a free tool up to {free[over[0]]:.3g}, expected at most the sensor's range, "
-                f"{sensor.ranges[int(over[0])]:.3g}: it is of another sensor"
+                f"{name}: found {AXES[over[0]]} of a free tool up to {free[over[0]]:.3g}, expected at most the "
+                f"sensor's range, {sensor.ranges[int(over[0])]:.3g}: it is of another sensor"
             )

@@ -63,7 +63,9 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     ]
     for fit in rows:
         leans = f", the base leaning {np.rad2deg(fit.lean):.1f} deg" if fit.lean > 0.0 else ""
-        lines += _row(fit, ("as given" if fit is d.given else _label(fit.interpretation)) + leans)
+        left = f"{two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}"
+        numbers = f"  {left}  {fit.weight:8.3g}  {_in_mm(fit.com):>22}"
+        lines += _beside(numbers, ("as given" if fit is d.given else _label(fit.interpretation)) + leans)
     if not d.best.explained:
         lines += ["", LIKELY_CAUSES]
     if d.likely:
@@ -121,13 +123,6 @@ def _options_and_mends(of: Interpretation) -> dict[str, Any]:
 def _explanation(fit: Explanation) -> dict[str, Any]:
     numbers = ("force_left", "torque_left", "weight", "com", "lean", "odds")
     return {**_options_and_mends(fit.interpretation), **{name: getattr(fit, name) for name in numbers}}
-
-
-def _row(fit: Explanation, label: str) -> list[str]:
-    """A row of the table."""
-    left = f"{two_digits(fit.force_left):>8}  {two_digits(1e3 * fit.torque_left):>9}"
-    numbers = f"  {left}  {fit.weight:8.3g}  {_in_mm(fit.com):>22}"
-    return _beside(numbers, label)
 
 
 def _beside(numbers: str, label: str) -> list[str]:

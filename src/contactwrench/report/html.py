@@ -17,7 +17,6 @@ from ..calibration.observability import LEVER
 from ..calibration.text import alternative_rows, fit_facts, fit_rows, headline, parameter_rows, verdict_sentences
 from ..estimation.findings_of_recording import contact_free
 from ..files import write_text
-from ..geometry.arrays import Array
 from ..model import AXES
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples
@@ -229,7 +228,7 @@ def _fit(c: Calibration) -> str:
 
 def _methods(methods: tuple[LeftOver, ...]) -> str:
     rows = (
-        [method.name, kind, *_in_units(values)]
+        [method.name, kind, *map(three_digits, [*values[:3], *(1e3 * values[3:])])]
         for method in methods
         for kind, values in (("mean", method.mean_abs), ("largest", method.max_abs))
     )
@@ -270,10 +269,6 @@ def _row(cells: Sequence[str], kind: str, last: str) -> str:
 def table_html(rows: str) -> str:
     """Rows of HTML in a box of their own, which scrolls where the page is narrower than the table."""
     return f"<div class='scroll'><table>{rows}</table></div>"
-
-
-def _in_units(values: Array) -> list[str]:
-    return [three_digits(value) for value in (*values[:3], *(1e3 * values[3:]))]
 
 
 def figure_html(svg: str, caption: str) -> str:

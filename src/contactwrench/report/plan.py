@@ -111,13 +111,10 @@ def _accuracy(accuracy: Accuracy | None) -> str:
 
 def plan_csv(plan: Plan) -> str:
     """A header and a row a pose: qx qy qz qw of R_base_flange, and with a robot q1..qN, rad."""
-    columns = [
-        np.array([[f"{value:.9f}" for value in row] for row in to_quat_xyzw(plan.R_base_flange, canonical=True)])
-    ]
-    if plan.joints is not None:
-        columns.append(np.array([[f"{value:.4f}" for value in row] for row in plan.joints]))
-    rows = np.hstack(columns)
-    return "".join(",".join(cells) + "\n" for cells in [_columns(plan), *rows.tolist()])
+    joints = [[]] * len(plan) if plan.joints is None else plan.joints.tolist()
+    turned = zip(to_quat_xyzw(plan.R_base_flange, canonical=True).tolist(), joints, strict=True)
+    rows = ([*(f"{part:.9f}" for part in quaternion), *(f"{q:.4f}" for q in angles)] for quaternion, angles in turned)
+    return "".join(",".join(cells) + "\n" for cells in [_columns(plan), *rows])
 
 
 def plan_json(plan: Plan) -> str:

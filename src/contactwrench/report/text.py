@@ -6,7 +6,6 @@ A sentence is one line of the text, however long; tables are at most 80 columns 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any
 
@@ -76,12 +75,8 @@ def _axes_lines(rows: dict[str, Array]) -> list[str]:
 
 def verification_json(result: Verification) -> str:
     """The fields of `Verification` under their names; each weighing with its `error` and `error_std`."""
-    weighings = [{**_fields(w), "error": w.error, "error_std": w.error_std} for w in result.weighings]
-    return json_text({**_fields(result), "weighings": weighings, "warnings": result.warnings})
-
-
-def _fields(of: Any) -> dict[str, Any]:
-    return {field.name: getattr(of, field.name) for field in fields(of)}
+    weighings = [{**vars(w), "error": w.error, "error_std": w.error_std} for w in result.weighings]
+    return json_text({**vars(result), "weighings": weighings, "warnings": result.warnings})
 
 
 def held_object_text(held: HeldObject) -> str:
@@ -132,7 +127,7 @@ def _triple(values: Array, digits: int) -> str:
 
 def held_object_json(held: HeldObject) -> str:
     """The fields of `HeldObject` under their names, `com_std`, `warnings`, `refused`; null where one is not known."""
-    return json_text({**_fields(held), **{name: getattr(held, name) for name in ("com_std", "warnings", "refused")}})
+    return json_text({**vars(held), **{name: getattr(held, name) for name in ("com_std", "warnings", "refused")}})
 
 
 def difference_text(change: Difference) -> str:
@@ -190,7 +185,8 @@ def _test(group: GroupChange) -> dict[str, Any]:
 def contents_text(contents: BagContents | TableContents) -> str:
     """Topics or columns, how many, how often, the longest gap; times from the start of the recording."""
     lines = _bag(contents) if isinstance(contents, BagContents) else _table(contents)
-    return "\n".join(map(visible, lines))
+    reading = (f"  {sentence}" for sentence in contents.reading)
+    return "\n".join(map(visible, [*lines, "", "Read without options", *reading]))
 
 
 def _bag(contents: BagContents) -> Iterator[str]:
@@ -215,9 +211,6 @@ def _bag(contents: BagContents) -> Iterator[str]:
         yield ""
         yield "Frames (= never moves against the one above)"
         yield from _frames(contents.frames)
-    yield ""
-    yield "Read without options"
-    yield from (f"  {sentence}" for sentence in contents.reading)
 
 
 def _topic(topic: TopicContent, name: int, kind: int) -> Iterator[str]:
@@ -258,9 +251,6 @@ def _table(contents: TableContents) -> Iterator[str]:
         more = ", ..." if len(contents.episodes) > MOST_EPISODES else ""
         yield f"  {len(contents.episodes)} episodes, {few}{more}: --episode N chooses one; times of the first:"
     yield from _times(contents)
-    yield ""
-    yield "Read without options"
-    yield from (f"  {sentence}" for sentence in contents.reading)
 
 
 def _times(contents: TableContents) -> Iterator[str]:

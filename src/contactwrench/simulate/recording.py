@@ -22,8 +22,7 @@ from ..samples.samples import Samples
 from .rig import Physics, build, inverse_dynamics
 from .sensor import SensorStream, friction_torque, joint_torque_readings
 from .settings import Settings
-from .trajectory import Motion, Push, force_on_hook
-from .vibration import shaking
+from .trajectory import Motion, Push, force_on_hook, shaking
 
 SENSOR_RATE = 1000.0
 """Hz, while static poses are recorded: the M8125 over Ethernet."""

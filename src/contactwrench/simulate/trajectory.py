@@ -1,5 +1,5 @@
-"""Motions of the arm: splines through joint angles at given times, and three that are made to identify a tool; and the
-pushes by a hand on the tool's hook meanwhile.
+"""Motions of the arm: splines through joint angles at given times, and three that are made to identify a tool; and what
+moves the tool meanwhile: a hand that pushes its hook, and drives and links that shake it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from ..errors import InputError
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import ROWS
 from .arm import JOINT_RANGE, MAX_SPEED
-from .kinematics import HOME
+from .kinematics import HOME, flange_pose
+from .rig import Rig
 
 HARMONICS = 5
 KNOTS_PER_SECOND = 20.0
@@ -45,6 +46,9 @@ RISE = 0.03
 """s: from nothing to the whole force, and back; a hand that taps is about as quick."""
 APART = 1.0
 """s: least time between pushes, and before the first and after the last."""
+
+MODES, DAMPING = (12.0, 30.0), 0.05
+"""Hz, of an arm of medium reach, and the share of critical damping; assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +200,29 @@ def share_of_push(t: Array, start: float, end: float) -> Array:
     """The part (n,) of its force that a push from `start` to `end`, s, has at times (n,), s: it rises over `RISE`."""
     smooth: Array = np.minimum(np.maximum(np.minimum(t - start, end - t) / RISE, 0.0), 1.0)
     return smooth**2 * (3.0 - 2.0 * smooth)
+
+
+def shaking(rig: Rig, motion: Motion, rng: np.random.Generator) -> Array | None:
+    """The tool's acceleration (n, 3), m/s^2, base axes, beside the motion: damped modes stirred by noise, the more the
+    faster the arm moves, each with half of the mean square. Encoders sit before the links and see nothing of it, so
+    that no stated pose has it. None where nothing shakes; a mode that the motion's rate cannot show is left out.
+    """
+    of_acceleration, of_speed = rig.settings.arm.vibration
+    if not of_acceleration and not of_speed:
+        return None
+    period = float(motion.t[1] - motion.t[0])
+    velocity = np.gradient(flange_pose(rig, motion.joints)[1], period, axis=0)
+    acceleration = np.linalg.norm(np.gradient(velocity, period, axis=0), axis=1)
+    level = of_acceleration * acceleration + of_speed * np.abs(motion.velocity).max(axis=1)
+    modes = [_mode(frequency, level, period, rng) for frequency in MODES if frequency < 0.5 / period]
+    return np.asarray(np.sqrt(1.0 / len(MODES)) * np.sum(modes, axis=0)) if modes else None
+
+
+def _mode(frequency: float, level: Array, period: float, rng: np.random.Generator) -> Array:
+    """White noise of a `level` (n,) through a resonance (n, 3), as large as the level is where that stays."""
+    from scipy.signal import iirpeak, lfilter
+
+    numerator, denominator = iirpeak(frequency, 0.5 / DAMPING, 1.0 / period)
+    bandwidth = np.pi * frequency * 2.0 * DAMPING * period
+    stirred = level[:, None] * rng.normal(size=(len(level), 3))
+    return np.asarray(lfilter(numerator, denominator, stirred, axis=0) / np.sqrt(bandwidth))

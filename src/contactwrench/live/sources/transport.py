@@ -45,6 +45,10 @@ class Link(ABC):
     """A socket that one thread reads and any may close, which ends a wait of the reader.
 
     The reader holds the lock while it waits, so that no socket is closed, and its number given to another, under it.
+
+    Args:
+        uri: as messages name the device.
+        device: what is expected there, for people.
     """
 
     def __init__(self, uri: str, device: str) -> None:
@@ -135,12 +139,7 @@ class Link(ABC):
 
 
 class Tcp(Link):
-    """A connection.
-
-    Args:
-        uri: as messages name the device.
-        device: what is expected there, for people.
-    """
+    """A connection."""
 
     def connect(self, host: str, port: int, deadline: Deadline) -> None:
         """Connect. Raises `DeviceError`: no such name, refused, or no answer."""
@@ -195,12 +194,7 @@ class Tcp(Link):
 
 
 class Udp(Link):
-    """Datagrams, one address or any.
-
-    Args:
-        uri: as messages name the device.
-        device: what is expected there, for people.
-    """
+    """Datagrams, one address or any."""
 
     senders: list[Any]
     """Of the datagrams that were taken last."""

@@ -85,15 +85,12 @@ class Column:
 
 
 class Body(Protocol):
-    """Rows of a table, all of them or a block; `done` is the part of the file, 0 to 1, that ends with them."""
+    """Rows of a table, all of them or a block."""
 
-    @property
-    def source(self) -> str:
-        """The file, as messages name it."""
-
-    @property
-    def done(self) -> float:
-        """The part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size."""
+    source: str
+    """The file, as messages name it."""
+    done: float
+    """The part of the file, 0 to 1, that was read when these rows end; NaN where nobody knows its size."""
 
     def __len__(self) -> int:
         """Number of rows."""

@@ -234,7 +234,8 @@ def rotations(
     row and columns of what is none, and of angles in rad beyond a whole turn.
     """
     try:
-        if convention.name != "ur_rotvec" and _are_radians(convention, columns):
+        angles = convention.angle_unit is not None and convention.name != "ur_rotvec"
+        if angles and all(column.per_si == ANGLE["rad"] for column in columns):
             require_whole_turn(values)
         return convention.to_matrices(values)
     except InputError as error:
@@ -244,10 +245,6 @@ def rotations(
             where = f"row {body.row_of(int(np.arange(len(body))[rows][error.row]))}, "
         said = str(error).replace(f"orientation {error.row} is", "found", 1)
         raise FileFormatError(f"{body.source}: {where}columns {names}: {said}") from None
-
-
-def _are_radians(convention: Convention, columns: Sequence[Column]) -> bool:
-    return convention.angle_unit is not None and all(column.per_si == ANGLE["rad"] for column in columns)
 
 
 def merged(wrenches: Iterator[Table], poses: Iterator[Table]) -> Iterator[tuple[Table, Table]]:

@@ -18,8 +18,8 @@ from ...errors import InputError
 from ...statistics import meaningful_digits, three_digits, two_digits
 from ...version import __version__
 from . import code, research, robots, ros
-from .losses import ROUNDING, largest_error
 from .target import Parameters, Setup, Target
+from .tool import ROUNDING, largest_error
 
 TARGETS = {target.name: target for target in (*ros.TARGETS, *research.TARGETS, *robots.TARGETS, *code.TARGETS)}
 """Every format of parameters, by its name."""
