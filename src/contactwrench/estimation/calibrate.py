@@ -258,7 +258,8 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         if question.model == "auto" and question.earlier is None:
             steady = replace(kept, wrench=kept.wrench - estimate.change[estimate.kept])
             alternatives = Alternatives(partial(alternatives_to, steady, question))
-    many = len(poses) > MOST_POSES_KEPT
+    many, reasons = len(poses) > MOST_POSES_KEPT, reasons_left_out(estimate)
+    marked = [pose if why is None else replace(pose, rejected=why) for pose, why in zip(poses, reasons, strict=True)]
     calibration = Calibration(
         requested_model=question.model,
         model=model_fitted(question.model),
@@ -285,7 +286,7 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
             *of_prior(estimate, kept, compress(poses, estimate.kept), question),
         ),
         provenance=provenance,
-        poses=() if many else (*map(_marked, poses, reasons_left_out(estimate)), *recorded.found.rejected),
+        poses=() if many else (*marked, *recorded.found.rejected),
         moments=moments_of_poses(R, kept.wrench) if many else None,
         parameter_dof=estimate.dof,
         assumptions=assumptions_in_words(estimate, question),
@@ -296,7 +297,3 @@ def assembled(recorded: Recorded, question: Question, origin: Mapping[str, str])
         gain_covariance=estimate.gain_covariance if isinstance(estimate, RigidEstimate) else None,
     )
     return with_creep(calibration, recorded.found.creep, R)
-
-
-def _marked(pose: Pose, reason: str | None) -> Pose:
-    return pose if reason is None else replace(pose, rejected=reason)
