@@ -235,3 +235,44 @@ def test_a_recording_that_was_not_closed_is_read_with_a_note(tmp_path: Path, mon
     path.write_bytes(content[: len(content) // 2])
     with pytest.raises(FileFormatError, match="found no index at its end, expected a recording that was closed"):
         cw.read(path)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fails", ["add", "write"])
+def test_every_row_is_counted_once_when_a_disk_fails_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, fails: str
+) -> None:
+    """As written if the file has it in the end, else as dropped."""
+    path = tmp_path / f"run{kind}"
+    monkeypatch.setattr(file_sinks, "PORTION", -1.0)
+    monkeypatch.setattr(file_sinks, "EVERY", -1.0)
+    sink = Recorder(path)
+    sink.open()
+    sink.write(turn(0, 100))
+    monkeypatch.setattr(file_sinks, "EVERY", 1e6)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(file_sinks.FORMATS[kind], fails, full)
+        patch.setattr(file_sinks, "EVERY", -1.0)
+        with pytest.raises(FileAccessError):
+            sink.write(turn(100, 50))
+    sink.close()
+    there = len(read_streams(path).wrench)
+    assert (sink.written, sink.dropped) == (there, 150 - there)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_in_silence_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    monkeypatch.setattr(file_sinks, "PORTION", -1.0)
+    monkeypatch.setattr(file_sinks, "EVERY", -1.0)
+    sink = Recorder(tmp_path / f"run{kind}")
+    sink.open()
+    sink.write(turn(0, 100))
+    with monkeypatch.context() as patch:
+        patch.setattr(file_sinks.FORMATS[kind], "write", None)
+        sink.write(turn(100, 0))
+    sink.close()
+    assert sink.written == 100

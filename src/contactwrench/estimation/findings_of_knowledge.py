@@ -10,7 +10,7 @@ import numpy as np
 
 from ..calibration.findings import WEAK_SHARE, Finding, Kind
 from ..geometry.arrays import Array
-from ..model import MOUNT, wrench_jacobian
+from ..model import MOUNT, PARAMETERS, wrench_jacobian
 from ..samples.poses import Pose
 from ..statistics import MisfitTest, counted, percent
 from .estimate import Estimate, RigidEstimate
@@ -18,7 +18,7 @@ from .findings import DOUBTFUL, SIGNIFICANCE, WEAK, Row, largest_force_std, thos
 from .moved_bias import held_against, noise_dof
 from .noise import PoseReadings, variance_of_means
 from .priors import BASE_TILT_SD, MOUNT_TILT_SD, Question, TiltPriors, rows_of, stated_knowledge
-from .rigid import estimated
+from .rigid import estimated, model_fitted
 
 UNLIKELY = 0.01
 """The probability by which less is left of an earlier calibration that holds, from which on that it does is doubted."""
@@ -69,8 +69,8 @@ def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row
 
 
 def of_known(known: Mapping[str, tuple[Any, Any]], readings: PoseReadings, question: Question) -> list[Finding]:
-    """What of the `known`, as `calibrate` takes it, all readings contradict where they are asked without it."""
-    if not known:
+    """What of the `known`, as `calibrate` takes it, the readings contradict, if these are enough to tell without it."""
+    if not known or 6 * len(readings) <= len(PARAMETERS[model_fitted(question.model)]):
         return []
     tilts = TiltPriors(question.priors.mount or MOUNT_TILT_SD, question.priors.base or BASE_TILT_SD)
     question = replace(question, knowledge=(), priors=tilts)
