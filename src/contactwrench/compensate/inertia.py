@@ -138,19 +138,25 @@ def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
     for k in range(3):
         moved += (position[k] - last[k]) ** 2
     for k in range(9):
-        turn += (R[k] - before[k]) ** 2
-    moved, turn = sqrt(moved), sqrt(0.5 * turn)
+        turn += 0.5 * (R[k] - before[k]) ** 2
+    moved, turn = sqrt(moved), sqrt(turn)
     if moved == 0.0 and turn == 0.0 and passed < inf:
-        if not s.resting and passed >= max(SLOWEST_POSES * (s.poses == 0), REPEATED * s.pose_usual):
-            s.unknown = 3 if s.poses > 0 and too_fast_to_stop(s) else 0
-            s.poses, s.resting = 0, True
-            begin_at_rest(s, ring, sample.time)
+        stand_still(s, sample, ring, passed)
         return
     if passed <= 0.0:
         return
+    usual = s.pose_usual
+    if usual == 0.0:
+        usual = sample.passed if sample.passed == sample.passed else s.interval
     if further_than_known(s, moved, turn, passed):
         s.unknown = 3
-    if s.resting or not passed < 2.0 * SLOWEST_POSES:
+    if s.resting and s.unknown == 0 and 0.0 < usual <= SLOWEST_POSES and passed < inf:
+        for k in range(6):
+            s.rate[k] = 0.0
+        s.poses, s.pose_period = 2, usual
+        s.pose_time = max(sample.time - usual, ring[(s.motion_next - 1) % len(ring)][OF_DOWN])
+        differentiate(s, position, usual, 1)
+    elif s.resting or not passed < 2.0 * SLOWEST_POSES:
         s.poses = 0
         begin_at_rest(s, ring, sample.time)
     else:
@@ -161,10 +167,21 @@ def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
     if s.poses > 1:
         keep_terms(s, ring, s.pose_time, fresh=False)
     s.pose_time, s.pose_repeats = sample.time, 0.0
-    for k in range(3):
-        last[k] = position[k]
+    last[0], last[1], last[2] = position[0], position[1], position[2]
     for k in range(9):
         before[k] = R[k]
+
+
+@kernel
+def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
+    """Take a pose that has stood for so many s: until it surely is one that is sent again, it says nothing."""
+    usual = REPEATED * s.pose_usual
+    if s.poses == 0 or usual == 0.0:
+        usual = max(usual, SLOWEST_POSES)
+    if not s.resting and passed >= usual:
+        s.unknown = 3 if s.poses > 0 and too_fast_to_stop(s) else 0
+        s.poses, s.resting = 0, True
+        begin_at_rest(s, ring, sample.time)
 
 
 @kernel

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, of_extra
+from ..errors import InputError, MissingExtraError
 from ..geometry.arrays import Array, Frozen
 from .arm import FLANGE_HEIGHT, arm_xml, numbers
 from .settings import Settings, Three
@@ -169,7 +169,13 @@ def site_at(rig: Rig, data: Any, joints: Array, site: int) -> tuple[Array, Array
 
 def import_mujoco() -> Any:
     """MuJoCo, or the error that says how to install it."""
-    return of_extra("mujoco", "the virtual rig", "sim")
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtraError(
+            "the virtual rig needs mujoco, which is not installed: pip install 'contactwrench[sim]'"
+        ) from None
+    return mujoco
 
 
 def _tool_xml(settings: Settings, load_mass: float, tool_shape: str) -> str:
