@@ -150,7 +150,8 @@ def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
         usual = sample.passed if sample.passed == sample.passed else s.interval
     if further_than_known(s, moved, turn, passed):
         s.unknown = 3
-    if s.resting and s.unknown == 0 and 0.0 < usual <= SLOWEST_POSES and passed < inf:
+    starts = s.resting and s.unknown == 0 and 0.0 < usual <= SLOWEST_POSES and passed < inf
+    if starts and moved <= STOPPING * usual * usual and turn <= BRAKING * usual * usual:
         for k in range(6):
             s.rate[k] = 0.0
         s.poses, s.pose_period = 2, usual
