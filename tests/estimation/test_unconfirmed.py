@@ -102,6 +102,19 @@ def test_few_poses_beside_an_earlier_calibration_do_not_show_that_the_tool_is_th
     assert calibration.verdict == ("doubtful" if poses < 4 else "good")
 
 
+def test_a_bias_that_moves_beside_an_earlier_calibration_takes_what_another_tool_would_show() -> None:
+    rig, R, rng = example(3, 12)
+    rig = replace(rig, weight=20.0)
+    earlier = cw.calibrate(noisy(rig, R, rng))
+    wrench = noisy(rig, R, rng).wrench.copy()
+    wrench[6:, :3] += [2.0, -1.0, 0.5]
+    calibration = cw.calibrate(cw.Samples(wrench, R, 20.0 * np.arange(12.0)), prior=earlier)
+    assert [finding.text for finding in _of(calibration, Kind.RESTS_ON_PRIOR)] == [
+        "doubtful: that tool, mounting and base are those of the earlier calibration is taken for granted: "
+        "12 poses with a moving bias cannot show others; record more, tilted by 30 deg or more"
+    ]
+
+
 @pytest.mark.parametrize("heavier", [1.0, 1.02])
 def test_poses_are_held_against_an_earlier_calibration_as_verify_does(heavier: float) -> None:
     """Of twenty recordings of four poses each."""

@@ -63,7 +63,8 @@ def _rests_on_prior(fit: RigidEstimate, R_base_flange: Array, std: Array) -> Row
     open_by = largest_force_std(replace(fit, covariance=alone, gain_covariance=None))
     text = (
         "that tool, mounting and base are those of the earlier calibration is taken for granted: "
-        f"{counted(len(J), 'pose')} cannot show others; record more, tilted by 30 deg or more"
+        f"{counted(len(J), 'pose')}{' with a moving bias' * fit.bias_moved} cannot show others; record more, tilted by "
+        "30 deg or more"
     )
     return open_by > WEAK_SHARE * fit.weight_scale or fit.bias_moved, DOUBTFUL, Kind.RESTS_ON_PRIOR, text
 
@@ -93,12 +94,11 @@ def _contradicted(name: str, asked: Question, readings: PoseReadings, free: Rigi
         with_it = estimated(readings, asked)
         pull = rows_of(asked.knowledge, with_it.tool, with_it.names).residuals
         worse = np.sum((with_it.errors[free.kept] ** 2 - free.errors[free.kept] ** 2) / free.noise**2) + pull @ pull
-        again = MisfitTest(max(float(worse), 0.0), len(left), dof)
-        test = max(test, again, key=lambda each: each.probability)
-    x, y, z = 1e3 * tool.com
+        test = max(test, MisfitTest(max(float(worse), 0.0), len(left), dof), key=lambda each: each.probability)
+    (x, y, z), of_com = 1e3 * tool.com, 1e3 * std[1:4].max()
     found = {
         "weight": f"{tool.weight:.4g} +- {std[0]:.2g} N",
-        "com": f"({x:.1f}, {y:.1f}, {z:.1f}) mm, +- {1e3 * std[1:4].max():.2g} mm",
+        "com": f"({x:.1f}, {y:.1f}, {z:.1f}) mm, +- {of_com:.2g} mm",
     }
     text = (
         f"the readings contradict the known {name} (probability {percent(test.probability)}): by themselves they give "
