@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import os
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -235,6 +236,51 @@ def test_a_recording_that_was_not_closed_is_read_with_a_note(tmp_path: Path, mon
     path.write_bytes(content[: len(content) // 2])
     with pytest.raises(FileFormatError, match="found no index at its end, expected a recording that was closed"):
         cw.read(path)
+
+
+@pytest.mark.parametrize("upto", [1, 2, 9, 5000, -1])
+def test_a_recording_that_was_killed_within_a_write_is_read_up_to_that(tmp_path: Path, upto: int) -> None:
+    """Until a chunk is whole its first byte is 0; one that was whole and is cut is damage."""
+    path = tmp_path / "run.mcap"
+    sink = Recorder(path)
+    sink.open()
+    sizes = []
+    for begin in (0, 500):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(file_sinks, "PORTION", -1.0)
+            patch.setattr(file_sinks, "EVERY", -1.0)
+            sink.write(turn(begin, 500))
+        sizes.append(path.stat().st_size)
+    read = cw.read(path)
+    content = path.read_bytes()[: sizes[0] + upto if upto > 0 else sizes[1]]
+    path.write_bytes(content[: sizes[0]] + b"\0" + content[sizes[0] + 1 :])
+    assert 480 < len(cw.read(path)) < 510 < 980 < len(read)
+    assert cw.read(path).damage == f"{path} was not closed, as when its program is killed: what it had written was read"
+    path.write_bytes(content[:-1] if upto < 0 else content)
+    with pytest.raises(FileFormatError, match="found no index at its end, expected a recording that was closed"):
+        cw.read(path)
+
+
+def test_a_recording_that_ends_within_a_write_has_what_was_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the system takes part of what is to be written, and no more."""
+    path = tmp_path / "run.mcap"
+    monkeypatch.setattr(file_sinks, "PORTION", -1.0)
+    monkeypatch.setattr(file_sinks, "EVERY", -1.0)
+    sink = Recorder(path)
+    sink.open()
+    sink.write(turn(0, 500))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 5000, limits[1]))
+    try:
+        with pytest.raises(FileAccessError, match="File too large"):
+            sink.write(turn(500, 500))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert 480 < len(cw.read(path)) < 510
+    sink.close()
+    assert (len(cw.read(path)), cw.read(path).damage) == (1000, "")
 
 
 @pytest.mark.parametrize("kind", KINDS)

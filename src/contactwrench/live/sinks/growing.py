@@ -22,7 +22,7 @@ and 3 % of a core. More write more, fewer make more parts to open.
 """
 STRING = "std_msgs/msg/String"
 AT_ONCE = 2**22
-"""Bytes that go to the system in one call, so that a kill finds all of them there or none."""
+"""Bytes of text that go to the system in one call."""
 TYPES = {
     "/wrench": WRENCH_STAMPED,
     "/pose": POSE_STAMPED,
@@ -45,6 +45,36 @@ def text_message(text: str) -> bytes:
 def _on_disk(file: IO[bytes]) -> None:
     file.flush()
     os.fsync(file.fileno())
+
+
+class _WholeOrNot:
+    """A file that has all that was written to it until a flush, or nothing of it, whenever the program is killed: its
+    first byte comes last. Until then there is 0, with which no record of an MCAP begins.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb", buffering=0)
+        self._size, self._held = 0, bytearray()
+
+    def write(self, content: bytes) -> int:
+        self._held += content
+        return len(content)
+
+    def tell(self) -> int:
+        return self._size + len(self._held)
+
+    def flush(self) -> None:
+        for begin, end in ((1, len(self._held)), (0, min(1, len(self._held)))):
+            self._file.seek(self._size + begin)
+            while begin < end:
+                begin += self._file.write(self._held[begin:end])
+        self._size += len(self._held)
+        self._held.clear()
+        _on_disk(self._file)
+
+    def close(self) -> None:
+        with self._file:
+            self.flush()
 
 
 class GrowingText:
@@ -108,7 +138,7 @@ class GrowingMcap:
         require_rosbags()
         from mcap.writer import CompressionType, Writer
 
-        self._file = path.open("wb", buffering=AT_ONCE)
+        self._file = _WholeOrNot(path)
         self._writer: Any = Writer(self._file, compression=CompressionType.NONE)
         self._writer.start("ros2", LIVE.decode())
         self._schemas: dict[str, int] = {}
@@ -122,12 +152,13 @@ class GrowingMcap:
     def write(self) -> None:
         """Write what was added, as a chunk."""
         self._writer.flush()
-        _on_disk(self._file)
 
     def close(self) -> None:
         """Write the index."""
-        self._writer.finish()
-        self._file.close()
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
 
     def _channel(self, topic: str) -> int:
         from ...recording.bags.message_layout import typestore

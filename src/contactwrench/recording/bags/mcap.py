@@ -69,27 +69,30 @@ class Mcap(ChunkedFile):
         code, length, start, _, checksum, magic = self._head(FOOT, foot)
         start = start or foot
         if (code, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= start <= foot:
-            if self._left_open():
+            written = self._written()
+            if written:
                 self.damage.end_missing()
             else:
                 self.damage.found("no index at its end", "a recording that was closed")
-            return self.size
+            return written or self.size
         whole = not checksum or checksum == self._checksum(start, self.size - len(MAGIC) - 4)
         self._require(whole, "another checksum of its index", "the one that it states")
         self._read(start, foot)
         return start
 
-    def _left_open(self) -> bool:
-        """Whether this is a recording of a live session that ends behind a whole chunk: of any other nobody knows what
+    def _written(self) -> int:
+        """Where that ends which a live session had written when it was killed, as the file does there or goes on with
+        a 0, which would have been replaced by a chunk's code once that was whole; 0 for any other: nobody knows what
         it lacks.
         """
-        place, code = len(MAGIC), HEADER
+        place, code, last = len(MAGIC), HEADER, 0
         if LIVE not in self._bytes(place, RECORD.size + 2 * len(LIVE)):
-            return False
+            return 0
         while place < self.size and code in (HEADER, CHUNK, MESSAGE_INDEX):
             code, length = self._head(RECORD, place)
-            place += RECORD.size + length
-        return place == self.size and code in (CHUNK, MESSAGE_INDEX)
+            if code:
+                last, place = code, place + RECORD.size + length
+        return place if last in (CHUNK, MESSAGE_INDEX) and (code == 0 or place == self.size) else 0
 
     def _checksum(self, start: int, end: int) -> int:
         checksum = 0
