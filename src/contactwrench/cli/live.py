@@ -115,6 +115,9 @@ def live(
     hub = Hub()
     hands = None if lab is None else Hands(lab, hub)
     sys.setswitchinterval(SWITCH)
+    compiles = find_spec("numba") is not None
+    if known is not None and compiles:
+        _compiled()  # before anything comes that could not be taken meanwhile
     with ExitStack() as stack:
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
@@ -135,7 +138,7 @@ def live(
         outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
-        if known is None and find_spec("numba"):
+        if known is None and compiles:
             Thread(target=_compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))

@@ -64,13 +64,16 @@ class _WholeOrNot:
         return self._size + len(self._held)
 
     def flush(self) -> None:
-        for begin, end in ((1, len(self._held)), (0, min(1, len(self._held)))):
-            self._file.seek(self._size + begin)
-            while begin < end:
-                begin += self._file.write(self._held[begin:end])
+        self._put(1, len(self._held))
+        self._put(0, min(1, len(self._held)))
         self._size += len(self._held)
         self._held.clear()
         _on_disk(self._file)
+
+    def _put(self, begin: int, end: int) -> None:
+        self._file.seek(self._size + begin)
+        while begin < end:
+            begin += self._file.write(self._held[begin:end])
 
     def close(self) -> None:
         with self._file:
