@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from struct import pack
-from typing import IO, Any, TypeAlias
+from typing import IO, Any, TypeAlias, cast
 
 from ...recording.bags.mcap import LIVE
 from ...recording.bags.open import require_rosbags
@@ -142,7 +142,7 @@ class GrowingMcap:
         from mcap.writer import CompressionType, Writer
 
         self._file = _WholeOrNot(path)
-        self._writer: Any = Writer(self._file, compression=CompressionType.NONE)
+        self._writer: Any = Writer(cast(IO[bytes], self._file), compression=CompressionType.NONE)
         self._writer.start("ros2", LIVE.decode())
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
