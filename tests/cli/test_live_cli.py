@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import socket
 from collections.abc import Iterator
 from dataclasses import replace
@@ -175,6 +176,28 @@ def test_the_calibration_of_another_device(
         capsys, "live", "--sensor", devices[0], "--robot", devices[1], "-c", tmp_path / "other.json", "--no-page"
     )
     assert said == f"{tmp_path / 'other.json'}: found the calibration of another, expected one of {real}: name its own"
+
+
+@pytest.mark.parametrize("may", [True, False])
+def test_a_session_runs_before_other_programs_where_it_may(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, devices: tuple[str, str], calibration: Path, may: bool
+) -> None:
+    policies, seen = [os.SCHED_OTHER], []
+
+    def ask(pid: int, policy: int, parameters: os.sched_param) -> None:
+        if not may:
+            raise PermissionError(1, "Operation not permitted")
+        assert (pid, parameters.sched_priority) == (0, int(policy == os.SCHED_RR))
+        policies.append(policy)
+
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _: policies[-1])
+    monkeypatch.setattr(os, "sched_setscheduler", ask)
+    monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: seen.append(policies[-1]))
+    arguments = ("--sensor", devices[0], "--robot", devices[1], "-c", calibration, "--no-page")
+    with nothing_left():
+        assert run(capsys, "live", *arguments).status == 0
+    assert seen == [os.SCHED_RR if may else os.SCHED_OTHER]
+    assert policies[-1] == os.SCHED_OTHER
 
 
 def test_the_calibration_of_a_larger_sensor() -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -119,6 +120,9 @@ def live(
     if known is not None and compiles:
         _compiled()  # before anything comes that could not be taken meanwhile
     with ExitStack() as stack:
+        if recorded is None:
+            _before_others()
+            stack.callback(_before_others, False)
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
         if known is not None and not at_sensor.replay:
@@ -139,7 +143,9 @@ def live(
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
         if known is None and compiles:
-            Thread(target=_compiled, name="compiles", daemon=True).start()  # while a person is at the wizard
+            Thread(
+                target=_compiled, args=(True,), name="compiles", daemon=True
+            ).start()  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
         if server is not None:
@@ -156,6 +162,16 @@ def _sources(sensor: str | None, robot: str | None, recorded: Path | None, speed
         return {"sensor": Replay(recorded, speed=speed)}
     given = {"sensor": sensor, "robot": robot}
     return {role: source_of(uri) for role, uri in given.items() if uri is not None}
+
+
+def _before_others(first: bool = True) -> None:
+    """Have the system run this thread and those that it starts before other programs, whose turns are most of what a
+    contact wrench waits for, or again as any; where it lets this one: on Linux, as root or with a limit `rtprio`.
+    """
+    with suppress(AttributeError, OSError):
+        now, then = (os.SCHED_OTHER, os.SCHED_RR) if first else (os.SCHED_RR, os.SCHED_OTHER)
+        if os.sched_getscheduler(0) == now:  # another was chosen by whoever started it
+            os.sched_setscheduler(0, then, os.sched_param(int(first)))
 
 
 def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
@@ -233,9 +249,11 @@ def _until_a_signal(pump: Pump, terminal: Hub | None, page: bool) -> None:
             raise pump.failure
 
 
-def _compiled() -> None:
+def _compiled(aside: bool = False) -> None:
     from ..compensate.runner import compiled
 
+    if aside:
+        _before_others(False)
     compiled()
     _settle()
 
