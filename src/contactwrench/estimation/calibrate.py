@@ -24,6 +24,7 @@ from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for
 from ..geometry.ranges import TILT_STD, G
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
+from ..samples.bursts import even_rows
 from ..samples.delay import with_delay_of_rows
 from ..samples.poses import Pose, moments_of_poses
 from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
@@ -198,7 +199,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     other = f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)"
     refuse((not isinstance(samples, Samples), other))
     G.require(g, "g")
-    free, findings = contact_free(samples)
+    free, findings = contact_free(samples := even_rows(samples)[0])
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free

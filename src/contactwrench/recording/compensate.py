@@ -266,7 +266,7 @@ class InOrder:
         rows, known = rows[order], known.select(order)
         count = int(np.argmin(np.r_[rows == self._begin + np.arange(len(rows)), False]))
         self._ahead = rows[count:], replace(known.select(slice(count, None)), contacts=())
-        done = _flagged(known.select(slice(count)), saturated[:count])
+        done = replace(_flagged(known.select(slice(count)), saturated[:count]), t=t[:count])
         self._begin, self._t, self._saturated = self._begin + count, [t[count:]], [saturated[count:]]
         return done
 

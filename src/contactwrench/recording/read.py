@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import FileFormatError, InputError
 from ..files import name_of
+from ..samples.bursts import even_rows
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
 from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
@@ -176,7 +177,9 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell)
     """With an accelerometer's readings, and what is doubtful in how angles were read; `tell` hears of times, and of
     many readings at a limit, which leave too little of what will be asked for.
     """
-    samples = with_accelerations(samples, path, options)
+    samples, notes = even_rows(with_accelerations(samples, path, options))
+    for note in notes:
+        tell(note)
     if samples.saturated is None and samples.t is not None:
         samples = replace(samples, saturated=at_limit(samples.wrench))
     if samples.saturated is not None and samples.saturated.sum() > MANY_AT_A_LIMIT * len(samples):

@@ -12,6 +12,7 @@ from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
 from ..geometry.wrench import unit_direction
 from .buffer import nodes_of, with_batch
+from .bursts import Even
 from .delay_fit import GRID, Fit, Scan, fitted, scans, standard_deviation
 from .motion import ArmMotion, arm_motion
 from .samples import OrientationStream, Samples, Streams, WrenchStream
@@ -193,9 +194,11 @@ def on_one_clock(streams: Streams) -> tuple[Samples, tuple[str, ...]]:
     The samples carry the delay and its std where the motion gives any, applied or not. Raises as `estimate_delay` and
     `synchronize`.
     """
+    even = Even()
+    streams = even.whole(streams)
     delay = _delay_of_free_readings(streams)
     paired = synchronize(streams, delay.value if delay.significant else 0.0)
-    return _with_delay(paired.samples, delay), (delay_in_words(delay), *paired.notes)
+    return _with_delay(paired.samples, delay), (*even.notes, delay_in_words(delay), *paired.notes)
 
 
 def _delay_of_free_readings(streams: Streams) -> Delay:

@@ -18,6 +18,7 @@ from ..geometry.arrays import Array, Frozen
 from ..geometry.rotations import arcs_through
 from ..statistics import counted
 from .buffer import Buffer, Nodes, Readings, nodes_of, with_batch
+from .bursts import Even
 from .samples import ReadAs, Samples, Streams
 from .timestamps import notes_of, require_common_span, require_times
 
@@ -80,7 +81,8 @@ def synchronize(
 ) -> Synchronized:
     """The samples of a recording: every reading with the orientation at its stamp less the delay.
 
-    A pose that is repeated for up to 0.15 s and then changes was held: its first stamp counts.
+    A pose that is repeated for up to 0.15 s and then changes was held: its first stamp counts. A stream that came in
+    bursts is spread evenly (bursts.py).
 
     Args:
         streams: the recording.
@@ -109,14 +111,15 @@ def synchronized(
         raise InputError(f"delay is {delay!r}, expected s")
     if longest_gap is not None and not longest_gap > 0.0:
         raise InputError(f"longest_gap is {longest_gap!r}, expected s above 0")
-    pairing = _Pairing(delay, delay_std, longest_gap)
+    pairing, even = _Pairing(delay, delay_std, longest_gap), Even()
     before: Streams | None = None
-    for batch in batches:
+    for batch in even.batches(batches):
         if before is not None:
             yield pairing.with_batch(before, is_last=False)
         before = batch
     if before is not None:
-        yield pairing.with_batch(before, is_last=True)
+        whole = pairing.with_batch(before, is_last=True)
+        yield replace(whole, notes=(*even.notes, *whole.notes))
 
 
 def default_gap(t: Array) -> float:

@@ -1,0 +1,136 @@
+"""Rows that were handed on many at a time: spread evenly again, and nothing else is taken for such."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import contactwrench as cw
+from contactwrench.samples.bursts import bursts_in, spread
+from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
+from contactwrench.samples.synchronize import synchronize, synchronized
+from tests.support.brands import stop_and_go
+from tests.support.moving import smooth_rotations
+from tests.support.recordings import MATRIX, WRENCH, Array, csv_text, run, written
+from tests.support.rigs import example
+
+
+def handed_on(t: Array, each: float, rng: np.random.Generator, late: float = 0.002, within: float = 5e-5) -> Array:
+    """Stamps of rows taken at t (n,), s, out of a buffer that is emptied `each` s, up to `late` s too late."""
+    burst = np.floor(t / each)
+    first = np.searchsorted(burst, burst)
+    delayed = rng.uniform(0.0, late, int(burst[-1]) + 1)[burst.astype(int)]
+    return np.asarray((burst + 1.0) * each + delayed + (np.arange(len(t)) - first) * within)
+
+
+@pytest.mark.parametrize("rate", [125.0, 500.0, 1000.0, 7000.0])
+@pytest.mark.parametrize("each", [0.0413, 0.2, 0.5, 0.9])
+def test_they_are_as_they_were_taken(rate: float, each: float) -> None:
+    rng = np.random.default_rng(3)
+    t = np.arange(int(12.0 * rate)) / rate
+    stamps = handed_on(t, each, rng, within=1e-5)
+    bursts = bursts_in(stamps)
+    assert bursts is not None
+    assert bursts.rows == pytest.approx(each * rate, abs=1.0)
+    late = spread(stamps, bursts) - t
+    assert np.diff(spread(stamps, bursts)).min() > 0.0
+    whole = (t > each) & (t < 12.0 // each * each)
+    assert np.ptp(late[whole]) < 0.003 + 2.0 / rate  # how late each burst was, and a row that came with the next
+
+
+ORDINARY: dict[str, Callable[[Array, np.random.Generator], Array]] = {
+    "even": lambda t, rng: t,
+    "jitter": lambda t, rng: t + rng.uniform(0.0, 0.4, len(t)) * np.diff(t)[0],
+    "a clock of a ms": lambda t, rng: np.floor(1e3 * t / 4.0) / 1e3,
+    "pairs": lambda t, rng: t[np.arange(len(t)) // 2 * 2] + 1e-5 * (np.arange(len(t)) % 2),
+    "a tenth is lost": lambda t, rng: t[rng.random(len(t)) > 0.1],
+    "gaps": lambda t, rng: t[np.sin(7.0 * t) > -0.3],
+    "stops recorded by themselves": lambda t, rng: t + 4.0 * np.floor(t),
+    "readings of each pose at once": lambda t, rng: 3.0 * np.floor(1e3 * t / 20.0) + t,
+    "irregular": lambda t, rng: np.sort(rng.uniform(0.0, t[-1], len(t))),
+    "few": lambda t, rng: t[:12],
+    "none": lambda t, rng: t[:0],
+    "one time": lambda t, rng: 0.0 * t,
+    "backwards": lambda t, rng: t[::-1],
+    "no time": lambda t, rng: np.where(t > 1.0, np.nan, t),
+}
+
+
+@pytest.mark.parametrize("kind", ORDINARY)
+def test_nothing_else_is_a_burst(kind: str) -> None:
+    t = np.arange(8000) / 1000.0
+    stamps = ORDINARY[kind](t, np.random.default_rng(5))
+    assert bursts_in(stamps) is None
+    assert spread(stamps, None) is stamps
+
+
+@settings(max_examples=25)
+@given(st.lists(st.integers(0, 900), max_size=6), st.booleans(), st.integers(0, 99))
+def test_in_batches_as_in_one(cuts: list[int], of_poses: bool, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t, at = np.arange(900) / 100.0, np.arange(900) / 100.0 - 0.3
+    R = smooth_rotations(at, rng)
+    stamps, poses = handed_on(t, 0.2, rng), handed_on(at + 0.3, 0.1, rng, 0.0) - 0.3 if of_poses else at
+    whole = Streams(WrenchStream(stamps, rng.normal(size=(900, 6))), OrientationStream(poses, R))
+    edges = np.r_[0, np.sort(np.array(cuts, dtype=int)), 900]
+    parts = [
+        Streams(whole.wrench.select(slice(a, b)), whole.orientation.select(slice(a, b))) for a, b in pairwise(edges)
+    ]
+    one, many = synchronize(whole), list(synchronized(parts))
+    rows = np.concatenate([part.rows for part in many])
+    assert (rows == one.rows).all()
+    assert np.concatenate([part.samples.t for part in many if part.samples.t is not None]) == pytest.approx(
+        one.samples.t
+    )
+    assert np.concatenate([part.samples.R_base_flange for part in many]) == pytest.approx(one.samples.R_base_flange)
+    assert many[-1].notes[: 1 + of_poses] == one.notes[: 1 + of_poses]
+    said = ["the wrench came in bursts of 20 rows each 200 ms", "the orientation came in bursts of 10 rows each 100 ms"]
+    for note, begin in zip(one.notes, said[: 1 + of_poses], strict=False):
+        assert note == f"{begin}: spread evenly between them"
+
+
+@pytest.mark.parametrize("each", [0.05, 0.2, 0.5])
+def test_a_recording_is_calibrated_as_if_it_had_come_evenly(tmp_path: Path, each: float) -> None:
+    """Two files; the buffer adds the time in which it is emptied, and half of what it is late, to the delay."""
+    rig, _, rng = example(7)
+    went = stop_and_go(rig, rng, 500.0)
+    poses = np.column_stack([went.t, went.R_base_flange.reshape(-1, 9)])[::5]
+    pose_file = written(tmp_path, csv_text(("t", *MATRIX), poses), "poses.csv")
+    known = {}
+    for name, t in (("even", went.t), ("bursts", handed_on(went.t, each, rng))):
+        path = written(tmp_path, csv_text(("t", *WRENCH), np.column_stack([t, went.wrench])), f"{name}.csv")
+        known[name] = cw.calibrate(cw.read(path, pose_file=pose_file), "mount")
+    even, bursts = known["even"], known["bursts"]
+    assert bursts.verdict == even.verdict
+    assert pytest.approx(even.B, abs=0.003) == bursts.B
+    assert bursts.delay is not None
+    assert even.delay is not None
+    emptied = 5e-5 * (each * 500.0 - 1.0) + 0.001 + 0.001  # the last row of a burst was taken 2 ms before the next
+    assert bursts.delay - even.delay == pytest.approx(emptied, abs=0.0025)
+
+
+def test_a_table_of_rows_that_have_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Calibrated as if it had come evenly; compensated, the stamps stay as they were written."""
+    rig, _, rng = example(8)
+    went = stop_and_go(rig, rng, 250.0)
+    stamps = handed_on(went.t, 0.2, rng)
+    rows = np.column_stack([stamps, went.wrench, went.R_base_flange.reshape(-1, 9)])
+    path, tool = written(tmp_path, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv"), tmp_path / "tool.json"
+    done = run(capsys, "calibrate", path, "-o", tool)
+    assert done.status == 0
+    assert "Note: the recording came in bursts of 50 rows each 200 ms: spread evenly between them" in done.err
+    known = cw.Calibration.load(tool)
+    as_arrays = cw.calibrate(replace(cw.read(path), t=stamps))
+    assert pytest.approx(known.B, abs=1e-9) == as_arrays.B
+    even = cw.calibrate(replace(cw.read(path), t=went.t))
+    assert pytest.approx(known.B, abs=0.01) == even.B
+    out = tmp_path / "out.csv"
+    assert run(capsys, "compensate", path, "-c", tool, "--contact", "-o", out).status == 0
+    assert np.loadtxt(out, delimiter=",", skiprows=1, usecols=0) == pytest.approx(stamps, abs=1e-6)
