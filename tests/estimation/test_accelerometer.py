@@ -269,14 +269,6 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
         InputError,
         "imu.csv: found no accelerations at the times of the wrench, expected both on one clock: record them together",
     ),
-    "positions for a Compensator": (
-        lambda: cw.Compensator(calibrated_by_accelerometer(), fast=False)(
-            np.zeros(6), np.eye(3), 0.0, position=[0.5, 0.0, 0.6]
-        ),
-        InputError,
-        "found a position, and a calibration whose inertia counts from an accelerometer, expected a motion: compensate "
-        "the whole recording with --imu, or calibrate by positions",
-    ),
     "not there when compensating": (
         _compensated,
         InputError,

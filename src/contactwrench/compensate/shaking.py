@@ -49,8 +49,8 @@ def whiten_shaking(s: State) -> None:
 def noise_of_motion(s: State, sample: Sample) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
     most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
-    shakes, what is not known of the inertia, the noise of poses behind the low-pass, and by how much the terms are
-    older than the wrench.
+    shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses behind the low-pass,
+    and by how much the terms are older than the wrench.
     """
     terms, most, in_all = s.seen, 0.0, 0.0
     held, octave = s.pose_period / s.interval, 0
@@ -65,7 +65,7 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     stirred[0] += newest * (pushed - stirred[0])
     stirred[1] += newest * (turning - stirred[1])
     of_tool, of_torque = s.shaking[0], s.shaking[1]
-    s.shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1]
+    s.shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1] + s.felt_off
     torque = of_torque[0] ** 2 * stirred[0] + of_torque[1] ** 2 * stirred[1]
     for k in range(6):
         if sample.motion_variance[k] == sample.motion_variance[k]:
