@@ -4,17 +4,20 @@ sensor's place are known and whether their intervals hold, with poses as robots 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
 from contactwrench.calibration.dynamics import elements, inertial_jacobian
 from contactwrench.compensate.contact_wrenches import ContactWrenches, contact_wrenches
 from contactwrench.compensate.filters import delay_of
 from contactwrench.estimation.in_motion import tool_of
+from contactwrench.samples.accelerometer import Accelerometer
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
 from contactwrench.simulate.trajectory import Push
 from tests.support.in_motion import RAMP, Moving, moving
@@ -252,6 +255,33 @@ def batch(n: int) -> Iterator[Row]:
     yield Row("extra memory", extra_memory(subtract) / MIB, "MiB", most=64.0)
 
 
+def calls() -> Iterator[Row]:
+    """A call of a `Compensator` with inertia, over one without: by positions, and by an accelerometer's readings."""
+    whole = moving(1, stops=8, seconds=8.0, rate=RATE)
+    calibration, arm = cw.calibrate(whole.samples(), "dynamic"), whole.recorded.samples.select(slice(-8000, None))
+    R, still = Rotation.from_matrix(arm.R_base_flange).as_quat(), replace(calibration, dynamics=None)
+    sits = Accelerometer(np.eye(3), np.zeros(3), 0.01, 0.004)
+    by_one = replace(calibration, dynamics=replace(calibration.dynamics, accelerometer=sits))  # type: ignore[type-var]
+
+    def seconds(of: cw.Calibration, fast: bool, *names: str) -> float:
+        compensator = cw.Compensator(of, rate=RATE, lowpass=LOW_PASS, noise=FORCE_NOISE, fast=fast)
+        told = [dict.fromkeys(names, place) for place in np.asarray(arm.position)]
+        spent = []
+        for turn in range(5):
+            t, clock = (turn * len(R) / RATE + np.arange(len(R)) / RATE).tolist(), time.thread_time()
+            for k, now in enumerate(t):
+                compensator(arm.wrench[k], R[k], now, **told[k])
+            spent.append(time.thread_time() - clock)
+        return float(np.median(spent))
+
+    for name, fast in (("with numba", True), ("without numba", False)):
+        static = seconds(still, fast)
+        remark = f"{1e6 * static / len(R):.3g} us without"
+        for what, of in (("position", calibration), ("acceleration", by_one)):
+            most = 2.0 if fast else None
+            yield Row(f"a call, {what}, {name}", seconds(of, fast, what) / static, "x static", most=most, remark=remark)
+
+
 def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     """Every table of model `dynamic`."""
     n, seed = (max(TRIALS // 10, 2), DEVELOPMENT) if quick else (TRIALS, BLIND)
@@ -260,7 +290,8 @@ def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     for cell in CELLS:
         yield f"Dynamic: online, {cell.name}", online(cell, seed)
     yield "Dynamic: identification", identification()
-    yield "Dynamic: batch compensation with a motion, quaternions", batch(SAMPLES)
+    yield "Dynamic: batch compensation with a motion, quaternions", batch(SAMPLES // 10 if quick else SAMPLES)
+    yield "Dynamic: one call", calls()
 
 
 def _judged(pool: Executor, cell: Cell, n: int, seed: Sequence[int]) -> Iterator[Row]:

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
+from ..calibration.dynamics import ACCELERATION
 from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
 from .acceleration import feel, take_reading, use_accelerometer
-from .bias_tracking import dot
 from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
 from .state import OCTAVES_HELD, OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
@@ -75,6 +75,7 @@ def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | Non
     """
     if calibration.dynamics is not None and calibration.mass is not None:
         s.knows_inertia, s.D = True, calibration.dynamics.matrix.tolist()
+        s.shaken_by = np.sum(calibration.dynamics.matrix[:, ACCELERATION] ** 2, axis=1).tolist()
         force, torque = calibration.dynamics.motion_noise
         s.shaking = [(force / calibration.mass).tolist(), torque.tolist()]
         of_units = calibration.covariance_of_terms()
@@ -265,12 +266,21 @@ def jump(s: State, counts: bool) -> None:
     rest the noise of the poses.
     """
     for i in range(6):
-        wrench = dot(s.D[i], s.terms, TERMS)
+        wrench = exerted(s.D[i], s.terms)
         off = wrench - s.inertial[i]
         s.inertial[i] = wrench
         s.trend[i] += CHANGES * (off - s.trend[i])
         if counts:
             s.pose_noise[i] += MEMORY * (OF_JUMPS * off * off - s.pose_noise[i])
+
+
+@kernel
+def exerted(row: Row, t: Row) -> float:
+    """On an axis, N or N m: the row of D times the terms. Written out it takes half the time of a loop in Python."""
+    return (
+        row[0] * t[0] + row[1] * t[1] + row[2] * t[2] + row[3] * t[3] + row[4] * t[4] + row[5] * t[5]
+        + row[6] * t[6] + row[7] * t[7] + row[8] * t[8] + row[9] * t[9] + row[10] * t[10] + row[11] * t[11]
+    )  # fmt: skip
 
 
 @kernel

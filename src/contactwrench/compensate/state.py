@@ -164,6 +164,7 @@ class State:
 
     # What shakes it, as in shaking.py.
     shaking: Matrix = numbers(2, 2)
+    shaken_by: Row = numbers(6)
     stirred: Row = numbers(2)
     shaken: float = 0.0
     of_motion: Row = numbers(6)

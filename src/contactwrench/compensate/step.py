@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, nan, sqrt
 
 from .acceleration import LONGEST_SILENCE
-from .bias_tracking import dot, learn
+from .bias_tracking import learn
 from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
 from .faults import (
@@ -23,9 +23,9 @@ from .faults import (
     unreadable,
 )
 from .filters import as_the_wrench_is_stamped, low_pass
-from .inertia import follow_motion, take_pose, terms_then
+from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
-from .state import INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
+from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
@@ -151,7 +151,7 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
         B = s.B[k]
         left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
         if s.knows_inertia:
-            left -= dot(s.D[k], s.seen, TERMS)
+            left -= exerted(s.D[k], s.seen)
         wrench[k] = s.column[k] = left
         total[k] += left
     s.block_rows += 1.0
