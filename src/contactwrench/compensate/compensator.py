@@ -23,8 +23,8 @@ from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start_
 from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of
-from .filters import LowPass, delay_of, use_low_pass
-from .inertia import gains_of_poses, known_motion, use_inertia
+from .filters import LowPass, delay_of, gains_of_poses, use_low_pass
+from .inertia import known_motion, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
 from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State

@@ -21,7 +21,7 @@ from ..samples.flange_motion import FlangeMotion
 from .acceleration import feel, take_reading, use_accelerometer
 from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
-from .state import OCTAVES_HELD, OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
+from .state import OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
 
 MEMORY = 0.02
 """Of the mean over jumps, the share of the newest: fifty poses."""
@@ -50,23 +50,6 @@ def known_motion(calibration: Calibration, orientation: ArrayLike, motion: Flang
     turns, unshaken = np.asarray(orientation), replace(motion, stirring=np.zeros((len(motion), 2)))
     growth = calibration.wrench_std(turns, unshaken) ** 2 - calibration.wrench_std(turns) ** 2
     return motion.terms, np.maximum(growth, 0.0)
-
-
-def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
-    """What a low-pass leaves of the variance of second differences of white noise, held for 1, 2, 4, ... samples. Most
-    of that noise is fast, and it leaves little.
-    """
-    if low_pass is None or rate is None:
-        return [1.0] * OCTAVES_HELD
-    from scipy.signal import sosfilt
-
-    gains: list[float] = []
-    sections = low_pass.sections(rate)
-    for held in 2 ** np.arange(OCTAVES_HELD):
-        pulse = np.repeat([1.0, -2.0, 1.0], held)
-        rest = np.zeros(4 * low_pass.settles_in(rate))
-        gains.append(float(np.sum(sosfilt(sections, np.r_[pulse, rest]) ** 2)) / (6.0 * held))
-    return gains
 
 
 def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | None) -> None:
