@@ -379,7 +379,7 @@ def test_a_sensor_filter_that_is_stated_does_not_move_its_accelerations() -> Non
     ahead = r"accelerations of an accelerometer in g, 3\.\d ms before the wrench, off by .*"
     assert any(re.fullmatch(ahead, finding.text) for finding in _said(found))
     t = np.asarray(slow.t)
-    free: Array = (t > pushed().begin + 6.0) & (t < pushed().begin + 14.0)
+    free = (t > pushed().begin + 6.0) & (t < pushed().begin + 14.0)
     for given in (
         {"motion": motion_of(found, slow, low_pass.lag)},
         {"acceleration": slow.accelerometer},
