@@ -4,18 +4,21 @@ sensor's place are known and whether their intervals hold, with poses as robots 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
-from contactwrench.calibration.dynamics import elements
+from contactwrench.calibration.dynamics import elements, inertial_jacobian
 from contactwrench.compensate.contact_wrenches import ContactWrenches, contact_wrenches
 from contactwrench.compensate.filters import delay_of
-from contactwrench.samples.flange_motion import FlangeMotion
+from contactwrench.estimation.in_motion import tool_of
+from contactwrench.samples.accelerometer import Accelerometer
+from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
 from contactwrench.simulate.trajectory import Push
 from tests.support.in_motion import RAMP, Moving, moving
 from tests.support.moving_tool import known
@@ -36,26 +39,36 @@ INTERVAL = 1.96
 """Standard deviations, of a 95 % interval."""
 FREE_SECONDS, PUSHES, PUSH = 600.0, 48, 5.0
 """s; and N."""
-SAMPLES = 1_000_000
+THINNED = 10
+"""Of readings, one in so many: the information of all."""
+SAMPLES = 10_000_000
 BYTES_OF_SAMPLE = 64
 
 
 @dataclass(frozen=True)
 class Cell:
-    """How poses come (their rate, Hz, None: with each reading; noise in deg and m), and `arm.vibration`."""
+    """How poses come (their rate, Hz, None: with each reading; noise in deg and m, or of the joint angles that they
+    follow from, deg), and `arm.vibration`.
+    """
 
     name: str
     pose_rate: float | None = None
     noise_deg: float = 0.0
     noise_m: float = 0.0
+    joint_deg: float = 0.0
     vibration: tuple[float, float] = (0.0, 0.0)
+
+    def samples(self, of: Moving, delay: float = 0.0) -> cw.Samples:
+        """What is recorded, paired with the poses of `delay` s before."""
+        return of.samples(self.pose_rate, self.noise_deg, self.noise_m, delay, self.joint_deg)
 
 
 CELLS = (
     Cell("exact poses at 1 kHz"),
     Cell("poses at 100 Hz, 0.01 deg, 0.02 mm", 100.0, 0.01, 2e-5),
     Cell("exact poses at 1 kHz, 12 and 30 Hz vibration", vibration=(0.1, 0.2)),
-    Cell("poses at 100 Hz, 0.01 deg, 0.02 mm, vibration", 100.0, 0.01, 2e-5, (0.1, 0.2)),
+    Cell("poses at 100 Hz, 0.01 deg, 0.02 mm, vibration", 100.0, 0.01, 2e-5, vibration=(0.1, 0.2)),
+    Cell("joint states at 500 Hz, 0.001 deg", 500.0, joint_deg=0.001),
 )
 JUDGED = CELLS[0]
 """The targets are set for this one; the others stand beside it."""
@@ -85,12 +98,11 @@ def trial(cell: Cell, rng: np.random.Generator) -> dict[str, float]:
     true, other = (
         moving(int(rng.integers(2**31)), *settings, stops=stops, seconds=SECONDS, rate=RATE) for stops in (STOPS, 0)
     )
-    poses = cell.pose_rate, cell.noise_deg, cell.noise_m
-    found = cw.calibrate(true.samples(*poses), "dynamic")
+    found = cw.calibrate(cell.samples(true), "dynamic")
     if found.dynamics is None or found.com is None:
         raise cw.InputError("found no dynamics")
     off = np.r_[elements(found.dynamics.inertia - true.settings.inertia), found.dynamics.sensor_offset - true.offset]
-    samples = other.samples(*poses, delay=delay_of(found))
+    samples = cell.samples(other, delay_of(found))
     contact = contact_wrenches(found, samples)
     t = np.asarray(samples.t)
     free = (t > other.begin + RAMP) & (t < t[-1] - RAMP)
@@ -109,7 +121,23 @@ def trial(cell: Cell, rng: np.random.Generator) -> dict[str, float]:
         "offset": 1e3 * float(np.linalg.norm(off[6:])),
         "bandwidth": found.dynamics.bandwidth,
         **{f"off {k}": float(value) for k, value in enumerate(off / found.dynamics.std)},
+        **{f"over bound {k}": float(value) for k, value in enumerate(found.dynamics.std / _bound(found, true))},
     }
+
+
+def _bound(found: cw.Calibration, true: Moving) -> Array:
+    """The least std (9,) that inertia and offset can have (Cramer and Rao): of all that every reading tells of them and
+    of the tool, with the noise as it is.
+    """
+    samples, tool = true.recorded.samples.select(slice(None, None, THINNED)), tool_of(found)
+    terms = flange_motion(true.recorded.samples).terms[::THINNED]
+    inertia, names = true.settings.inertia, found.parameter_names
+    of_terms = inertial_jacobian(tool, float(found.mass or 0.0), inertia, true.offset, names)
+    J = np.einsum("nt,tap->nap", terms, of_terms)
+    J[:, :, : len(names)] += found.free_wrench_jacobian(samples.R_base_flange)
+    J /= np.repeat([FORCE_NOISE, TORQUE_NOISE], 3)[:, None]
+    information = THINNED * np.einsum("nap,naq->pq", J, J)
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information)))[len(names) :])
 
 
 def _low_passed(signal: Array) -> Array:
@@ -149,6 +177,11 @@ def accuracy(cell: Cell, found: Found) -> Iterator[Row]:
         yield share_row(f"{name}, 95 % intervals that hold the truth", inside, *limits)
         value, error = ratio((off**2).mean(axis=0), np.ones(len(found)))
         yield Row(f"{name}, RMS error over std", value, "", standard_error=error)
+    if judged:  # the others' poses are noisy too
+        each = np.array([found.get(f"over bound {k}") for k in range(9)])
+        remark = f"each {each.mean(axis=1).min():.3g} to {each.mean(axis=1).max():.3g}"
+        error = float(each.mean(axis=0).std() / np.sqrt(each.shape[1]))
+        yield Row("inertia and offset, std over the bound", float(each.mean()), "", 0.9, 1.1, remark, error)
     for name in ("force", "torque"):
         value, error = ratio(found.get(f"{name} over std"), np.ones(len(found)))
         yield Row(f"contact {name} in free motion, RMS over std", value, "", standard_error=error)
@@ -159,8 +192,7 @@ def online(cell: Cell, seed: int) -> Iterator[Row]:
     """A `Compensator` behind the low-pass, reading by reading: ten minutes of free motion, and a minute with pushes."""
     shaken = f"arm.vibration={list(cell.vibration)}"
     begun = moving(seed, shaken, stops=STOPS, seconds=SECONDS, rate=RATE)
-    poses = cell.pose_rate, cell.noise_deg, cell.noise_m
-    calibration = cw.calibrate(begun.samples(*poses), "dynamic")
+    calibration = cw.calibrate(cell.samples(begun), "dynamic")
     rng = np.random.default_rng(seed)
     directions = rng.normal(size=(PUSHES, 3))
     forces = PUSH * directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -187,8 +219,7 @@ def _by_compensator(calibration: cw.Calibration, motion: Moving, cell: Cell) -> 
     """Poses are held from one to the next."""
     rec, rng = motion.recorded, np.random.default_rng(9)
     held = (np.arange(len(rec.t)) // round(RATE / (cell.pose_rate or RATE))) * round(RATE / (cell.pose_rate or RATE))
-    turn = Rotation.from_rotvec(np.deg2rad(cell.noise_deg) * rng.normal(size=(len(rec.t), 3))).as_matrix()
-    R, position = rec.R_base_flange @ turn, rec.position + cell.noise_m * rng.normal(size=rec.position.shape)
+    R, position = motion.poses(slice(None), cell.noise_deg, cell.noise_m, cell.joint_deg, rng)
     noise = np.repeat([FORCE_NOISE, TORQUE_NOISE], 3)
     compensator = cw.Compensator(calibration, rate=RATE, lowpass=LOW_PASS, noise=noise)
     return compensator.run(rec.wrench, R[held], rec.t, position=position[held])
@@ -198,7 +229,7 @@ def identification() -> Iterator[Row]:
     """From samples to a calibration."""
     whole = moving(1, stops=8, seconds=30.0, rate=RATE)
     for cell in CELLS[:2]:
-        samples = whole.samples(cell.pose_rate, cell.noise_deg, cell.noise_m)
+        samples = cell.samples(whole)
         seconds = median_seconds(lambda samples=samples: cw.calibrate(samples, "dynamic"), 3)  # type: ignore[misc]
         yield Row(f"identification, {samples.t[-1] - samples.t[0]:.0f} s, {cell.name}", seconds, "s", most=2.0)  # type: ignore[index]
 
@@ -224,6 +255,33 @@ def batch(n: int) -> Iterator[Row]:
     yield Row("extra memory", extra_memory(subtract) / MIB, "MiB", most=64.0)
 
 
+def calls() -> Iterator[Row]:
+    """A call of a `Compensator` with inertia, over one without: by positions, and by an accelerometer's readings."""
+    whole = moving(1, stops=8, seconds=8.0, rate=RATE)
+    calibration, arm = cw.calibrate(whole.samples(), "dynamic"), whole.recorded.samples.select(slice(-8000, None))
+    R, still = Rotation.from_matrix(arm.R_base_flange).as_quat(), replace(calibration, dynamics=None)
+    sits = Accelerometer(np.eye(3), np.zeros(3), 0.01, 0.004)
+    by_one = replace(calibration, dynamics=replace(calibration.dynamics, accelerometer=sits))  # type: ignore[type-var]
+
+    def seconds(of: cw.Calibration, fast: bool, *names: str) -> float:
+        compensator = cw.Compensator(of, rate=RATE, lowpass=LOW_PASS, noise=FORCE_NOISE, fast=fast)
+        told = [dict.fromkeys(names, place) for place in np.asarray(arm.position)]
+        spent = []
+        for turn in range(5):
+            t, clock = (turn * len(R) / RATE + np.arange(len(R)) / RATE).tolist(), time.thread_time()
+            for k, now in enumerate(t):
+                compensator(arm.wrench[k], R[k], now, **told[k])
+            spent.append(time.thread_time() - clock)
+        return float(np.median(spent))
+
+    for name, fast in (("with numba", True), ("without numba", False)):
+        static = seconds(still, fast)
+        remark = f"{1e6 * static / len(R):.3g} us without"
+        for what, of in (("position", calibration), ("acceleration", by_one)):
+            most = 2.0 if fast else None
+            yield Row(f"a call, {what}, {name}", seconds(of, fast, what) / static, "x static", most=most, remark=remark)
+
+
 def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     """Every table of model `dynamic`."""
     n, seed = (max(TRIALS // 10, 2), DEVELOPMENT) if quick else (TRIALS, BLIND)
@@ -232,7 +290,8 @@ def tables(pool: Executor, quick: bool) -> Iterator[tuple[str, Iterable[Row]]]:
     for cell in CELLS:
         yield f"Dynamic: online, {cell.name}", online(cell, seed)
     yield "Dynamic: identification", identification()
-    yield "Dynamic: batch compensation with a motion, quaternions", batch(SAMPLES)
+    yield "Dynamic: batch compensation with a motion, quaternions", batch(SAMPLES // 10 if quick else SAMPLES)
+    yield "Dynamic: one call", calls()
 
 
 def _judged(pool: Executor, cell: Cell, n: int, seed: Sequence[int]) -> Iterator[Row]:

@@ -143,9 +143,11 @@ def test_a_position_that_is_not_known_is_an_arm_at_rest() -> None:
     compensator = running(delay=0.0)
     row = compensator(s.wrench[0], s.R_base_flange[0], 0.0, position=[np.nan, 0.0, 0.0])
     assert row.valid
-    with pytest.raises(InputError, match=r"^position has shape \(2,\), expected \(3,\)$"):
+    with pytest.raises(InputError, match=r"^position or acceleration has shape \(2,\), expected \(3,\)$"):
         compensator(s.wrench[1], s.R_base_flange[1], 0.002, position=[0.0, 0.0])
-    with pytest.raises(InputError, match=r"^position has shape \(4,\), expected \(3750, 3\) for 3750 readings$"):
+    with pytest.raises(
+        InputError, match=r"^position or acceleration has shape \(4,\), expected \(3750, 3\) for 3750 readings$"
+    ):
         compensator.run(s.wrench, s.R_base_flange, s.t, position=np.zeros(4))
 
 
@@ -209,7 +211,7 @@ def test_poses_by_themselves_tell_what_those_beside_readings_do(fast: bool) -> N
             "frozen: poses stood still, jumped or came too rarely while the arm moved: three in a row tell how it moves"
         )
     assert np.linalg.norm(standing.wrench) > np.linalg.norm(expected.wrench[-1])
-    with pytest.raises(InputError, match=r"^position has shape \(2,\), expected \(3,\)$"):
+    with pytest.raises(InputError, match=r"^position or acceleration has shape \(2,\), expected \(3,\)$"):
         alone.pose(s.R_base_flange[0], [0.0, 0.0], 9.0, 0.002)
 
 

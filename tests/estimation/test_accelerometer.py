@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.signal import butter, lfilter, sosfilt, sosfilt_zi
 from scipy.spatial.transform import Rotation
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
@@ -16,7 +17,8 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 import contactwrench as cw
 from contactwrench.calibration.dynamics import elements
 from contactwrench.calibration.findings import Finding, Kind, Severity
-from contactwrench.compensate.contact_wrenches import contact_wrenches
+from contactwrench.compensate.contact_wrenches import contact_wrenches, motion_of
+from contactwrench.compensate.filters import LowPass
 from contactwrench.errors import ContactWrenchError, FileFormatError, InputError
 from contactwrench.samples.accelerometer import (
     AccelerometerStream,
@@ -269,14 +271,6 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] =
         InputError,
         "imu.csv: found no accelerations at the times of the wrench, expected both on one clock: record them together",
     ),
-    "positions for a Compensator": (
-        lambda: cw.Compensator(calibrated_by_accelerometer(), fast=False)(
-            np.zeros(6), np.eye(3), 0.0, position=[0.5, 0.0, 0.6]
-        ),
-        InputError,
-        "found a position, and a calibration whose inertia counts from an accelerometer, expected a motion: compensate "
-        "the whole recording with --imu, or calibrate by positions",
-    ),
     "not there when compensating": (
         _compensated,
         InputError,
@@ -372,3 +366,24 @@ def test_an_arm_that_did_not_tilt_it_is_refused() -> None:
         "run.csv: found gravity turning too little in the accelerometer, expected stops that tilt it by 10 deg and "
         "more, both ways: add some"
     )
+
+
+def test_a_sensor_filter_that_is_stated_does_not_move_its_accelerations() -> None:
+    """Of first order at 20 Hz, 8 ms: then it is ahead of the wrench, and behind what the wrench was of. Four times as
+    much had been left.
+    """
+    share, samples = 1.0 - np.exp(-2.0 * np.pi * 20.0 / 500.0), with_readings(Mounted())
+    bias = np.array(pushed().settings.sensor.bias)
+    slow = replace(samples, wrench=bias + lfilter([share], [1.0, share - 1.0], samples.wrench - bias, axis=0))
+    found, low_pass = cw.calibrate(slow, "dynamic"), LowPass(20.0, 1)
+    ahead = r"accelerations of an accelerometer in g, 3\.\d ms before the wrench, off by .*"
+    assert any(re.fullmatch(ahead, finding.text) for finding in _said(found))
+    t = np.asarray(slow.t)
+    free = (t > pushed().begin + 6.0) & (t < pushed().begin + 14.0)
+    for given in (
+        {"motion": motion_of(found, slow, low_pass.lag)},
+        {"acceleration": slow.accelerometer},
+    ):
+        compensator = cw.Compensator(found, rate=500.0, sensor_filter=low_pass)
+        left = compensator.run(slow.wrench, slow.R_base_flange, t, **given).wrench[free, :3]
+        assert float(np.sqrt(np.mean(left**2))) < 0.045

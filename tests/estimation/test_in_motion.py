@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from contactwrench.calibration.findings import Finding, Kind, Severity
 from contactwrench.errors import ContactWrenchError, InputError, UnobservableError
 from contactwrench.estimation.in_motion import with_motion
 from contactwrench.samples.flange_motion import FlangeMotion, flange_motion
+from contactwrench.samples.samples import at_limit
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import changed
 from contactwrench.simulate.trajectory import Motion, Push
@@ -384,3 +386,16 @@ def test_compensation_in_motion_leaves_the_push_and_its_std_covers_the_rest() ->
     noise = np.r_[np.full(3, 0.05), np.full(3, 0.002)]
     std = np.hypot(noise, found.wrench_std(samples.R_base_flange, motion))
     assert np.sqrt(np.mean((contact[free] / std[free]) ** 2, axis=0)) == pytest.approx(np.ones(6), abs=0.35)
+
+
+def test_saturation_during_the_motion_is_left_out_and_named() -> None:
+    """A channel that stands at its limit in the fastest 1.5 % of it, as a file's reader marks it."""
+    samples, wrench = pushed().samples(), pushed().samples().wrench.copy()
+    wrench[:, 0] = np.minimum(wrench[:, 0], np.quantile(wrench[:, 0], 0.985))
+    clipped = replace(samples, wrench=wrench, saturated=at_limit(wrench))
+    found = cw.calibrate(clipped, "dynamic")
+    (said,) = _of_kind(found, Kind.SATURATED_ROWS)
+    assert re.fullmatch(r"\d{3} of 22250 rows with a saturated channel \(fx\) were left out", said.text)
+    assert np.abs(_off(found, pushed())).max() < OFTEN
+    assert found.dynamics is not None
+    assert found.dynamics.seconds > 30.0

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.assess.robot_arms import flange_pose, known_arm
 from contactwrench.samples.samples import OrientationStream, Streams, WrenchStream
 from contactwrench.samples.synchronize import synchronize
 from contactwrench.simulate.arm import JOINT_RANGE, MAX_SPEED
@@ -49,20 +50,35 @@ class Moving:
         return np.array([0.0, 0.0, self.settings.mounting.height])
 
     def samples(
-        self, pose_rate: float | None = None, noise_deg: float = 0.0, noise_m: float = 0.0, delay: float = 0.0
+        self,
+        pose_rate: float | None = None,
+        noise_deg: float = 0.0,
+        noise_m: float = 0.0,
+        delay: float = 0.0,
+        joint_deg: float = 0.0,
     ) -> cw.Samples:
-        """Readings, `delay` s late, and poses with each of them or at their own rate, Hz, with noise of these std an
-        axis.
-        """
+        """Readings, `delay` s late, and poses with each of them or at their own rate, Hz, as in `poses`."""
         rec = self.recorded
         if pose_rate is None and not delay:
             return rec.samples
         every = slice(None, None, 1 if pose_rate is None else round(rec.settings.recording.rate / pose_rate))
-        rng = np.random.default_rng(len(rec.t))
-        R, position = rec.R_base_flange[every], rec.position[every]
-        turn = Rotation.from_rotvec(np.deg2rad(noise_deg) * rng.normal(size=(len(R), 3))).as_matrix()
-        poses = OrientationStream(rec.t[every], R @ turn, position + noise_m * rng.normal(size=position.shape))
+        R, position = self.poses(every, noise_deg, noise_m, joint_deg, np.random.default_rng(len(rec.t)))
+        poses = OrientationStream(rec.t[every], R, position)
         return synchronize(Streams(WrenchStream(rec.t, rec.wrench), poses), delay).samples
+
+    def poses(
+        self, rows: slice, noise_deg: float, noise_m: float, joint_deg: float, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """With noise of these std an axis, `R_base_flange` (m, 3, 3) and position (m, 3); or of joint angles that have
+        some, by the arm's kinematics.
+        """
+        rec = self.recorded
+        R, position = rec.R_base_flange[rows], rec.position[rows]
+        if joint_deg:
+            joints = rec.joints[rows] + np.deg2rad(joint_deg) * rng.normal(size=(len(R), rec.joints.shape[1]))
+            return flange_pose(known_arm("iiwa7"), joints)
+        turn = Rotation.from_rotvec(np.deg2rad(noise_deg) * rng.normal(size=(len(R), 3))).as_matrix()
+        return R @ turn, position + noise_m * rng.normal(size=position.shape)
 
 
 def fast(seconds: float, rate: float, rng: np.random.Generator) -> Motion:

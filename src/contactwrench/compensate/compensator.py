@@ -18,23 +18,23 @@ from ..geometry.ranges import CAPACITY, DELAY, DURATION, PER_KELVIN, RATE, WALK
 from ..geometry.wrench import wrench_rows
 from ..samples.flange_motion import FlangeMotion
 from ..samples.samples import Samples
+from .acceleration import told
 from .bias_tracking import HOUR, LEVEL_KNOWN, free_mean, poses_differ_by, start_anew, track
 from .contact_detection import LEARN_FIRST, contact_so_far, require_let_go, thresholds
 from .contact_wrenches import NOT_JUDGED, NOT_KNOWN, TOUCHING, Contact, ContactWrench, ContactWrenches, Zero
 from .faults import BACK, SAME, reason_of
-from .filters import LowPass, delay_of, use_low_pass
-from .inertia import gains_of_poses, known_motion, placed, use_inertia
+from .filters import LowPass, delay_of, gains_of_poses, use_low_pass
+from .inertia import known_motion, use_inertia
 from .noise import USUAL_RATE, between_poses, known_noise, of_pairs, six_numbers, stated_noise, with_torques
 from .runner import TAKEN, Compiled, Plain, by_one_thread, given, require_one, results_of
-from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_MOTION, RATE_FOUND, State
+from .state import COVARIANCE, ENDED, INTERVALS, NOISE_LEARNED, OF_DOWN, OF_FELT, OF_MOTION, RATE_FOUND, State
 from .step import ASK, BLOCK_SECONDS, WHOLLY, WRENCH_ALONE
 
 GAP_SECONDS, GAP_SAMPLES = 0.1, 5.0
 """After a longer gap than both the filters start anew."""
-LEAST_LOOK_BACK = 0.02
-"""s: over which the arm's turn is taken that a pose which comes late is carried on with."""
-DENSEST = 10_000.0
-"""Hz: the ring of past orientations has room for this many a second."""
+LEAST_LOOK_BACK, DENSEST = 0.02, 10_000.0
+"""s: over which the arm's turn is taken that a pose which comes late is carried on with; Hz: the ring of past
+orientations and accelerations has room for this many a second."""
 
 
 class Compensator:
@@ -100,7 +100,7 @@ class Compensator:
         s.ranges = six_numbers(ranges, "range", CAPACITY, inf)
         s.per_kelvin = six_numbers(temperature_coefficient, "temperature coefficient", PER_KELVIN)
         s.gravity_direction, s.B = self._calibration.gravity_direction.tolist(), calibration.B.tolist()
-        use_inertia(s, calibration)
+        use_inertia(s, calibration, self._sensor)
         s.fires, s.ends, s.begins = (table.tolist() for table in thresholds(false_alarm_rate))
         s.knows_noise = self._stated is not None or calibration.still_noise is not None
         s.learn_next = inf if s.knows_noise else LEARN_FIRST
@@ -115,8 +115,8 @@ class Compensator:
         s = deepcopy(self._settings)
         self._noise = known_noise(self._calibration, self._stated, self._rate)
         track(s, self._calibration, between_poses(self._calibration, self._noise.of_sample * s.knows_noise))
-        room = 4 + ceil((s.look_back if s.delay else 0.0) * max(DENSEST, 2.0 * (self._rate or 0.0)))
-        self._runner = self._steps(s, np.zeros((room, OF_DOWN + OF_MOTION * s.knows_inertia)))
+        room = 4 + ceil(max(s.look_back * (s.delay != 0.0), -s.felt_late) * max(DENSEST, 2.0 * (self._rate or 0.0)))
+        self._runner = self._steps(s, np.zeros((room, OF_DOWN + OF_MOTION * s.knows_inertia + OF_FELT * s.feels)))
         self._std = NOT_KNOWN
         self._last_contact: Contact | None = None
         self._use_noise(None)
@@ -135,6 +135,7 @@ class Compensator:
         temperature: float | None = None,
         *,
         position: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
     ) -> ContactWrench:
         """The contact wrench of a reading; what is wrong with the sample comes back in `valid` and `reason`.
 
@@ -144,12 +145,13 @@ class Compensator:
             t: s.
             temperature: K or degrees C, where there is one.
             position: (3,) m of the flange, base axes, for a calibration with inertia; None: the arm is at rest.
+            acceleration: (3,) of its accelerometer, own axes and unit, for a calibration by one, in place of that.
 
         Raises:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
         reading, turn = numbers(wrench, "wrench"), numbers(orientation, "orientation")
-        place = NOT_KNOWN[:3] if position is None else placed(self._calibration, position)
+        place = NOT_KNOWN[:3] if position is acceleration is None else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None else number(temperature, "temperature")
@@ -180,7 +182,7 @@ class Compensator:
         Raises:
             InputError: a shape, no numbers, or a call while another runs.
         """
-        turn, place = numbers(orientation, "orientation"), placed(self._calibration, position)
+        turn, place = numbers(orientation, "orientation"), told(self._calibration, position, None)
         require_one(NOT_KNOWN, turn, place)
         self._runner.pose(turn, place, t, inf if isnan(passed) else passed)
 
@@ -193,6 +195,7 @@ class Compensator:
         temperature: ArrayLike | None = None,
         *,
         position: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
         motion: FlangeMotion | None = None,
     ) -> ContactWrenches:
         """The contact wrenches of the next readings. The state goes on from call to call.
@@ -202,14 +205,14 @@ class Compensator:
             orientation: `R_base_flange` (n, 3, 3), or quaternions x, y, z, w (n, 4).
             t: (n,) s.
             temperature: (n,) K or degrees C, where there are some.
-            position: (n, 3) m, as of a single reading.
+            position, acceleration: (n, 3), as of a single reading.
             motion: of the flange, from a whole recording, in place of what follows from position to position.
 
         Raises:
             InputError: shapes that do not pair, else as for a single reading.
         """
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
-        place = None if position is None else placed(self._calibration, position)
+        place = None if position is acceleration is None else told(self._calibration, position, acceleration)
         samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
         contacts: list[Contact] = []
         covariances, taken = [self._covariance()], 0
@@ -242,7 +245,8 @@ class Compensator:
     @property
     def last_contact(self) -> Contact | None:
         """The contact that lasts (`release` None), or else the last one that ended."""
-        return self._contact(None) if self._runner.state.touching else self._last_contact
+        s = self._runner.state
+        return contact_so_far(s, self._noise, None) if s.touching else self._last_contact
 
     @property
     def drift(self) -> Array:
@@ -265,7 +269,7 @@ class Compensator:
         if events & COVARIANCE and not s.knows_inertia:
             self._std = read_only(s.wrench_std)
         if events & ENDED:
-            self._last_contact = self._contact(float(s.release))
+            self._last_contact = contact_so_far(s, self._noise, float(s.release))
         if events & RATE_FOUND:
             s.stamps = 0  # looked for again where no filter takes this rate
             self._use_rate(len(s.intervals) / float(np.sum(s.intervals)))
@@ -294,7 +298,3 @@ class Compensator:
         s.noise_variance[:], s.flicker[:] = noise.of_sample.tolist(), noise.flicker.tolist()
         s.block_noise[:] = noise.of_mean(1.0 if rate is None else max(BLOCK_SECONDS * rate, 1.0)).tolist()
         s.stale = True
-
-    def _contact(self, release: float | None) -> Contact:
-        """The contact so far, or the one that ended with the last sample."""
-        return contact_so_far(self._runner.state, self._noise, release)

@@ -159,9 +159,10 @@ def contact_wrenches(
     return ContactWrenches(wrench, std, samples.t)
 
 
-def motion_of(calibration: Calibration, samples: Samples) -> FlangeMotion | None:
-    """How the flange moves, where the calibration knows what that does; None where it does not, and for poses. Raises
-    `InputError` for a motion without positions, or without the accelerometer that the calibration counts from.
+def motion_of(calibration: Calibration, samples: Samples, lag: float = 0.0) -> FlangeMotion | None:
+    """How the flange moves, where the calibration knows what that does; None where it does not, and for poses. An
+    accelerometer is later by `lag` s, of a sensor's filter that is made up for by itself. Raises `InputError` for a
+    motion without positions, or without the accelerometer that the calibration counts from.
     """
     if calibration.dynamics is None or samples.t is None or len(samples) < 2:
         return None
@@ -170,6 +171,8 @@ def motion_of(calibration: Calibration, samples: Samples) -> FlangeMotion | None
     if not dense and not is_stream(samples):
         return None
     gravity = calibration.g * calibration.gravity_direction
+    if accelerometer is not None:
+        accelerometer = replace(accelerometer, delay=accelerometer.delay + lag)
     return flange_motion(samples, accelerometer=accelerometer, gravity=gravity)
 
 

@@ -15,7 +15,7 @@ from .state import Row, Sample, State, kernel
 # Up to `SAME` nothing is wrong, from `BACK` on the numbers are computed all the same.
 FINE, LEARNING, LEARNED, SAME = range(4)
 NO_TIME, REPEATED, NO_READING, NO_ORIENTATION, NO_ROTATION, BACK, GAP = range(4, 11)
-OVERLOAD, STUCK, STILL, FROZEN, NO_PAST, NO_MOTION = range(11, 17)
+OVERLOAD, STUCK, STILL, FROZEN, NO_PAST, NO_MOTION, SILENT = range(11, 18)
 
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
@@ -48,6 +48,7 @@ REASONS = (
     "frozen: the orientation has not moved for {detail:.3g} s",
     "orientation: that of {detail:.3g} s before, which the delay asks for, is not known yet",
     "frozen: poses stood still, jumped or came too rarely while the arm moved: three in a row tell how it moves",
+    "frozen: the accelerometer has read nothing for {detail:.3g} s",
 )
 
 

@@ -16,7 +16,7 @@ from ..geometry.ranges import CUTOFF
 from ..samples.delay import is_significant
 from ..samples.synchronize import default_gap
 from ..samples.timestamps import SORTED_WITHIN
-from .state import SECTIONS, Matrix, Row, State, kernel
+from .state import OCTAVES_HELD, SECTIONS, Matrix, Row, State, kernel
 
 LAG = (1.0, 1.0, 1.414214, 2.0, 2.613126)
 """Of order 0 to 4, at an angular cut-off of 1 rad/s: the first coefficient of the Butterworth polynomial."""
@@ -139,6 +139,23 @@ def use_low_pass(low_pass: LowPass | None, rate: float, into: Matrix) -> None:
     sections = [] if low_pass is None else low_pass.sections(rate)[:, [0, 1, 2, 4, 5]].tolist()
     for row, section in zip(into, sections, strict=False):
         row[:] = section
+
+
+def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
+    """What a low-pass leaves of the variance of second differences of white noise, held for 1, 2, 4, ... samples. Most
+    of that noise is fast, and it leaves little.
+    """
+    if low_pass is None or rate is None:
+        return [1.0] * OCTAVES_HELD
+    from scipy.signal import sosfilt
+
+    gains: list[float] = []
+    sections = low_pass.sections(rate)
+    for held in 2 ** np.arange(OCTAVES_HELD):
+        pulse = np.repeat([1.0, -2.0, 1.0], held)
+        rest = np.zeros(4 * low_pass.settles_in(rate))
+        gains.append(float(np.sum(sosfilt(sections, np.r_[pulse, rest]) ** 2)) / (6.0 * held))
+    return gains
 
 
 def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> float:

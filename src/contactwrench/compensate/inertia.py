@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
-from ..errors import InputError
-from ..geometry.arrays import Array, numbers
+from ..calibration.dynamics import ACCELERATION
+from ..geometry.arrays import Array
 from ..samples.flange_motion import FlangeMotion
-from .bias_tracking import dot
+from .acceleration import feel, take_reading, use_accelerometer
 from .faults import BRAKING, SQUARED_TOLERANCE, from_matrix, from_quaternion
 from .filters import LowPass, looked_up, low_pass
-from .state import OCTAVES_HELD, OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
+from .state import OF_DOWN, TERMS, Matrix, Row, Sample, State, kernel
 
 MEMORY = 0.02
 """Of the mean over jumps, the share of the newest: fifty poses."""
@@ -52,56 +52,33 @@ def known_motion(calibration: Calibration, orientation: ArrayLike, motion: Flang
     return motion.terms, np.maximum(growth, 0.0)
 
 
-def gains_of_poses(low_pass: LowPass | None, rate: float | None) -> list[float]:
-    """What a low-pass leaves of the variance of second differences of white noise, held for 1, 2, 4, ... samples. Most
-    of that noise is fast, and it leaves little.
-    """
-    if low_pass is None or rate is None:
-        return [1.0] * OCTAVES_HELD
-    from scipy.signal import sosfilt
-
-    gains: list[float] = []
-    sections = low_pass.sections(rate)
-    for held in 2 ** np.arange(OCTAVES_HELD):
-        pulse = np.repeat([1.0, -2.0, 1.0], held)
-        rest = np.zeros(4 * low_pass.settles_in(rate))
-        gains.append(float(np.sum(sosfilt(sections, np.r_[pulse, rest]) ** 2)) / (6.0 * held))
-    return gains
-
-
-def use_inertia(s: State, calibration: Calibration) -> None:
+def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | None) -> None:
     """What the kernel needs of a calibration that knows it. Three times the largest variance of a kind of term is no
     less than what all of them make together (Cauchy and Schwarz).
     """
     if calibration.dynamics is not None and calibration.mass is not None:
         s.knows_inertia, s.D = True, calibration.dynamics.matrix.tolist()
+        s.shaken_by = np.sum(calibration.dynamics.matrix[:, ACCELERATION] ** 2, axis=1).tolist()
         force, torque = calibration.dynamics.motion_noise
         s.shaking = [(force / calibration.mass).tolist(), torque.tolist()]
         of_units = calibration.covariance_of_terms()
         s.uncertain = [[3.0 * float(np.linalg.eigvalsh(C[kind, kind])[-1]) for kind in KINDS] for C in of_units]
-
-
-def placed(calibration: Calibration, position: ArrayLike) -> Array:
-    """Positions of the flange. Raises `InputError` where the calibration's inertia does not count from there."""
-    if calibration.dynamics is not None and calibration.dynamics.accelerometer is not None:
-        raise InputError(
-            "found a position, and a calibration whose inertia counts from an accelerometer, expected a motion: "
-            "compensate the whole recording with --imu, or calibrate by positions"
-        )
-    return numbers(position, "position")
+        use_accelerometer(s, calibration, sensor_filter)
 
 
 @kernel
 def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
-    """Take what a sample says of the motion: its terms where they are known, or a pose. With neither the arm is at
-    rest, unless poses come by themselves.
+    """Take what a sample says of the motion: its terms where they are known, a pose, or what an accelerometer reads
+    beside an orientation. With none of them the arm is at rest, unless poses come by themselves.
     """
     if sample.motion[0] == sample.motion[0]:
         for k in range(TERMS):
             s.terms[k] = sample.motion[k]
+        s.felt_time, s.felt_off = -inf, 0.0
         keep_terms(s, ring, sample.time, fresh)
-    elif placed_anywhere(sample):
-        follow_pose(s, sample, ring, inf if fresh else sample.time - s.pose_time)
+    elif take_reading(s, sample, ring, fresh) if s.feels else placed_anywhere(sample):
+        place = s.last_position if s.feels else sample.told
+        follow_pose(s, sample, place, ring, inf if fresh else sample.time - s.pose_time)
     elif not s.poses_alone:
         s.pose_time, s.pose_period, s.resting, s.unknown = nan, 0.0, True, 0
         begin_at_rest(s, ring, sample.time)
@@ -110,7 +87,7 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
 @kernel
 def placed_anywhere(sample: Sample) -> bool:
     """Whether its position is a place that an arm reaches, at a time."""
-    for part in sample.position:
+    for part in sample.told:
         if not abs(part) < FURTHEST:
             return False
     return abs(sample.time) < inf
@@ -124,16 +101,16 @@ def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     s.pose_repeats += sample.passed
     if abs(squared - 1.0) <= SQUARED_TOLERANCE and placed_anywhere(sample):
         s.poses_alone = True
-        follow_pose(s, sample, ring, s.pose_repeats)
+        follow_pose(s, sample, sample.told, ring, s.pose_repeats)
 
 
 @kernel
-def follow_pose(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
-    """Take a pose, `s.R` and `sample.position`, `passed` s after the last that was another one, and what it says of the
+def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: float) -> None:
+    """Take a pose, `s.R` and a position, `passed` s after the last that was another one, and what it says of the
     terms at that one. Where poses stand still though the arm was too fast to stop, go on from somewhere else, or are
     too rare, what it does is not known until three in a row tell it.
     """
-    position, last, R, before = sample.position, s.last_position, s.R, s.pose_R
+    last, R, before = s.last_position, s.R, s.pose_R
     moved = turn = 0.0
     for k in range(3):
         moved += (position[k] - last[k]) ** 2
@@ -272,7 +249,7 @@ def jump(s: State, counts: bool) -> None:
     rest the noise of the poses.
     """
     for i in range(6):
-        wrench = dot(s.D[i], s.terms, TERMS)
+        wrench = exerted(s.D[i], s.terms)
         off = wrench - s.inertial[i]
         s.inertial[i] = wrench
         s.trend[i] += CHANGES * (off - s.trend[i])
@@ -281,9 +258,18 @@ def jump(s: State, counts: bool) -> None:
 
 
 @kernel
+def exerted(row: Row, t: Row) -> float:
+    """On an axis, N or N m: the row of D times the terms. Written out it takes half the time of a loop in Python."""
+    return (
+        row[0] * t[0] + row[1] * t[1] + row[2] * t[2] + row[3] * t[3] + row[4] * t[4] + row[5] * t[5]
+        + row[6] * t[6] + row[7] * t[7] + row[8] * t[8] + row[9] * t[9] + row[10] * t[10] + row[11] * t[11]
+    )  # fmt: skip
+
+
+@kernel
 def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
     """The terms at the moment of the wrench, behind the sensor's own filter, into `s.seen`: between two poses whose
-    terms are known, else the newest.
+    terms are known, else the newest; the acceleration as an accelerometer has it, where one has read.
     """
     seen, first = s.seen, OF_DOWN + 1
     newest = (s.motion_next - 1) % len(ring)
@@ -292,4 +278,9 @@ def terms_then(s: State, ring: Matrix, now: float, fresh: bool) -> None:
     older, later = ring[at], ring[after]
     for k in range(TERMS):
         seen[k] = older[first + k] + share * (later[first + k] - older[first + k])
+    if s.felt_time > -inf:
+        feel(s, ring, now)
+    elif s.feels:  # of a whole recording, where it was looked up at the wrench's time
+        for k in range(9, TERMS):
+            seen[k] = s.terms[k]
     low_pass(s.sensor, s.motion_memory, seen, TERMS, fresh)

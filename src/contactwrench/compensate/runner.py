@@ -31,7 +31,7 @@ ROWS_AT_ONCE = 128
 NOT_KNOWN, NOT_GROWN = [nan] * TERMS, [nan] * 6
 """Of a motion, and by how much it widens a variance."""
 TOLD = ("events", "fault", "detail", "channel", "contact")
-GIVEN = ("reading", "orientation", "time", "temperature", "position", "passed", "motion", "motion_variance")
+GIVEN = ("reading", "orientation", "time", "temperature", "told", "passed", "motion", "motion_variance")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
 
 
@@ -48,13 +48,13 @@ def by_one_thread(method: Function) -> Function:
 
 
 def require_one(reading: Array, turn: Array, place: Array) -> None:
-    """Raise `InputError` for what is no single reading, orientation and position by its shapes."""
+    """Raise `InputError` for what is no single reading, orientation and position or acceleration by its shapes."""
     if reading.shape != (6,) or turn.shape not in {(4,), (3, 3)}:
         raise InputError(
             f"wrench and orientation have shapes {reading.shape} and {turn.shape}, expected (6,) and (3, 3) or (4,)"
         )
     if place.shape != (3,):
-        raise InputError(f"position has shape {place.shape}, expected (3,)")
+        raise InputError(f"position or acceleration has shape {place.shape}, expected (3,)")
 
 
 def given(
@@ -62,27 +62,27 @@ def given(
     orientation: ArrayLike,
     t: ArrayLike,
     temperature: ArrayLike | None,
-    position: ArrayLike | None,
+    told: Array | None,
     *moving: Array,
 ) -> tuple[NDArray[np.void], int]:
-    """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9. `moving`: terms of a motion (n, 12),
-    and by how much the variance (n, 6) grows in it, where they are known. Raises `InputError` for shapes that do not
-    pair.
+    """Samples (n,) to be taken, and how many numbers an orientation has: 4 or 9. `told` (n, 3) of the motion, or in
+    `moving` its terms (n, 12), and by how much the variance (n, 6) grows in it, where they are known. Raises
+    `InputError` for shapes that do not pair.
     """
     n, turns, times = len(readings), numbers(orientation, "orientation"), seconds(t)
     heats = np.full(n, nan) if temperature is None else numbers(temperature, "temperature")
-    places = np.full((n, 3), nan) if position is None else numbers(position, "position")
+    told = np.full((n, 3), nan) if told is None else told
     if turns.shape not in {(n, 4), (n, 3, 3)} or times.shape != (n,) or heats.shape != (n,):
         raise InputError(
             f"orientation, t and temperature have shapes {turns.shape}, {times.shape} and {heats.shape}, expected "
             f"({n}, 3, 3) or ({n}, 4), ({n},) and ({n},) for {n} readings"
         )
-    if places.shape != (n, 3):
-        raise InputError(f"position has shape {places.shape}, expected ({n}, 3) for {n} readings")
+    if told.shape != (n, 3):
+        raise InputError(f"position or acceleration has shape {told.shape}, expected ({n}, 3) for {n} readings")
     width = 4 if turns.shape[1:] == (4,) else 9
     samples = np.zeros(n, SAMPLE)
     samples["reading"], samples["orientation"][:, :width] = readings, turns.reshape(-1, width)
-    samples["time"], samples["temperature"], samples["position"] = times, heats, places
+    samples["time"], samples["temperature"], samples["told"] = times, heats, told
     samples["passed"], (samples["motion"], samples["motion_variance"]) = nan, moving or (nan, nan)
     return samples, width
 
@@ -118,10 +118,10 @@ class Plain:
         sample = self.sample
         return sample.events, sample.fault, sample.detail, sample.channel, sample.contact
 
-    def step(self, reading: Array, turn: Array, t: float, temperature: float, place: Array) -> tuple[int, Array]:
+    def step(self, reading: Array, turn: Array, t: float, temperature: float, told: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         sample = self.sample
-        sample.position, sample.motion, sample.motion_variance = place.tolist(), NOT_KNOWN, NOT_GROWN
+        sample.told, sample.motion, sample.motion_variance = told.tolist(), NOT_KNOWN, NOT_GROWN
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
         take(self.state, sample, self._ring, turn.size)
@@ -134,7 +134,7 @@ class Plain:
     def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
         """A pose without a reading."""
         sample = self.sample
-        sample.orientation, sample.position = turn.ravel().tolist(), place.tolist()
+        sample.orientation, sample.told = turn.ravel().tolist(), place.tolist()
         sample.time, sample.passed = t, passed
         try:
             take(self.state, sample, self._ring, turn.size)
@@ -146,7 +146,7 @@ class Plain:
         rows, made, sample = slice(begin, begin + ROWS_AT_ONCE), [], self.sample
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
-            sample.position, sample.passed, sample.motion, sample.motion_variance = moved
+            sample.told, sample.passed, sample.motion, sample.motion_variance = moved
             take(self.state, sample, self._ring, width)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
@@ -171,7 +171,7 @@ class Compiled:
         self.state: Any = self._record.view(np.recarray)[0]
         self.sample: Any = self._samples.view(np.recarray)[0]
         self._reading, self._wrench, orientation = self.sample.reading, self.sample.wrench, self.sample.orientation
-        self._position, self._std = self.sample.position, self.sample.wrench_std
+        self._motion_told, self._std = self.sample.told, self.sample.wrench_std
         self._turns = {4: orientation[:4], 9: orientation.reshape(3, 3)}
         self._told = [self._samples[name] for name in TOLD]
         self._time, self._temperature, self._passed, self._said = (
@@ -182,10 +182,10 @@ class Compiled:
         """`TOLD` of the last sample."""
         return tuple(column.item() for column in self._told)
 
-    def step(self, reading: Array, turn: Array, t: float, temperature: float, place: Array) -> tuple[int, Array]:
+    def step(self, reading: Array, turn: Array, t: float, temperature: float, told: Array) -> tuple[int, Array]:
         """What a sample says, and its contact wrench (6,)."""
         width = turn.size
-        self._position[...] = place
+        self._motion_told[...] = told
         self._reading[...] = reading
         self._turns[width][...] = turn
         self._time[0], self._temperature[0] = t, temperature
@@ -199,7 +199,7 @@ class Compiled:
     def pose(self, turn: Array, place: Array, t: float, passed: float) -> None:
         """A pose without a reading."""
         width = turn.size
-        self._position[...] = place
+        self._motion_told[...] = place
         self._turns[width][...] = turn
         self._time[0], self._passed[0] = t, passed
         self._advance(self._record, self._samples, self._ring, width, 0)

@@ -49,10 +49,11 @@ def whiten_shaking(s: State) -> None:
 def noise_of_motion(s: State, sample: Sample) -> float:
     """By what share the variance of a contact wrench grows in motion, but for what shakes, on the axis where it grows
     most; writes the variance of the shaking acceleration, `s.shaken`, and all that motion adds, `s.of_motion`: what
-    shakes, what is not known of the inertia, the noise of poses behind the low-pass, and by how much the terms are
-    older than the wrench.
+    shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses behind the low-pass,
+    and by how much the terms are older than the wrench.
     """
     terms, most, in_all = s.seen, 0.0, 0.0
+    given, of_motion, trend, noise, shaken_by = sample.motion_variance, s.of_motion, s.trend, s.pose_noise, s.shaken_by
     held, octave = s.pose_period / s.interval, 0
     while octave < len(s.pose_gain) - 1 and held > 1.5:
         held, octave = 0.5 * held, octave + 1
@@ -65,21 +66,21 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     stirred[0] += newest * (pushed - stirred[0])
     stirred[1] += newest * (turning - stirred[1])
     of_tool, of_torque = s.shaking[0], s.shaking[1]
-    s.shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1]
-    torque = of_torque[0] ** 2 * stirred[0] + of_torque[1] ** 2 * stirred[1]
+    shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1] + s.felt_off
+    torque, gain = of_torque[0] ** 2 * stirred[0] + of_torque[1] ** 2 * stirred[1], s.pose_gain[octave]
+    s.shaken = shaken
     for k in range(6):
-        if sample.motion_variance[k] == sample.motion_variance[k]:
-            variance = sample.motion_variance[k]
+        if given[k] == given[k]:
+            variance = given[k]
         else:
             known = s.uncertain[k]
-            variance = s.pose_gain[octave] * s.pose_noise[k] + (poses_old * s.trend[k]) ** 2
+            variance = gain * noise[k] + (poses_old * trend[k]) ** 2
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:
             variance += torque
-        x, y, z = s.D[k][LINEAR], s.D[k][LINEAR + 1], s.D[k][LINEAR + 2]
-        s.of_motion[k] = variance + s.shaken * (x * x + y * y + z * z)
+        of_motion[k] = variance + shaken * shaken_by[k]
         at_rest = s.systematic[k][k] + s.noise_left[k]
-        most, in_all = max(most, variance / at_rest), max(in_all, s.of_motion[k] / at_rest)
+        most, in_all = max(most, variance / at_rest), max(in_all, of_motion[k] / at_rest)
     if in_all > 1.0:
         s.spoiled = True
     return most

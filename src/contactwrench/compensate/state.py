@@ -27,8 +27,8 @@ INTERVALS = 24
 """Between stamps, from which the rate is taken."""
 TERMS = 12
 """Of a motion, that a moving tool's wrench is linear in."""
-OF_DOWN, OF_MOTION = 4, 1 + TERMS
-"""Numbers that a ring has of the direction of down, and behind those of a motion: the time first."""
+OF_DOWN, OF_MOTION, OF_FELT = 4, 1 + TERMS, 4
+"""Numbers of the direction of down, of a motion and of an accelerometer, side by side in a ring, the time first."""
 OCTAVES_HELD = 7
 """Of numbers of samples for which a pose is held."""
 SECTIONS = 2
@@ -55,15 +55,15 @@ def numbers(*shape: int, fill: float = 0.0) -> Any:
 
 @dataclass(slots=True)
 class Sample:
-    """A sample: what is given, and what the step makes of it. Where `passed` is no NaN it is a pose without a reading,
-    so many s after the pose before.
+    """A sample: what is given, and what the step makes of it. `told` of the motion is the flange's position, or what an
+    accelerometer reads. Where `passed` is no NaN it is a pose without a reading, so many s after the pose before.
     """
 
     reading: Row = numbers(6)
     orientation: Row = numbers(9)
     time: float = nan
     temperature: float = nan
-    position: Row = numbers(3, fill=nan)
+    told: Row = numbers(3, fill=nan)
     passed: float = nan
     motion: Row = numbers(TERMS, fill=nan)
     motion_variance: Row = numbers(6, fill=nan)
@@ -150,8 +150,21 @@ class State:
     motion_next: int = 0
     motion_at: int = 0
 
+    # What an accelerometer says of that, as in acceleration.py.
+    feels: bool = False
+    felt_by: Matrix = numbers(3, 4)
+    felt_late: float = 0.0
+    felt_variance: float = 0.0
+    g: float = 0.0
+    felt_time: float = -inf
+    felt_next: int = 0
+    felt_at: int = 0
+    felt_mean: Row = numbers(3)
+    felt_off: float = 0.0
+
     # What shakes it, as in shaking.py.
     shaking: Matrix = numbers(2, 2)
+    shaken_by: Row = numbers(6)
     stirred: Row = numbers(2)
     shaken: float = 0.0
     of_motion: Row = numbers(6)

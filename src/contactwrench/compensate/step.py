@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from math import nan, sqrt
+from math import inf, nan, sqrt
 
-from .bias_tracking import dot, learn
+from .acceleration import LONGEST_SILENCE
+from .bias_tracking import learn
 from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
-from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, STUCK, standing_still, turned, unreadable
+from .faults import (
+    BACK,
+    FINE,
+    FROZEN,
+    GAP,
+    NO_MOTION,
+    NO_PAST,
+    OVERLOAD,
+    SILENT,
+    STUCK,
+    standing_still,
+    turned,
+    unreadable,
+)
 from .filters import as_the_wrench_is_stamped, low_pass
-from .inertia import follow_motion, take_pose, terms_then
+from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
-from .state import INTERVALS, RATE_FOUND, TERMS, Matrix, Sample, State, kernel
+from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
@@ -28,7 +42,7 @@ ASK = 2
 def take(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take one sample, with an orientation of `width` 4 or 9 numbers.
 
-    `ring` (k, 4 or 17): times and directions of down, for a delay; times and terms of the motion.
+    `ring` (k, 4 or 21): times and directions of down, for a delay; times and terms of the motion, and what is felt.
     """
     sample.events, sample.contact = 0, NOT_JUDGED
     if sample.passed == sample.passed:
@@ -71,6 +85,8 @@ def follow(s: State, sample: Sample, ring: Matrix) -> tuple[int, float, int]:
     compensate(s, sample, ring, restart or recovers, fresh_pose)
     if fault == FINE and s.unknown > 0:
         fault = NO_MOTION
+    if fault == FINE and -inf < s.felt_time < sample.time - LONGEST_SILENCE:
+        fault, detail = SILENT, sample.time - s.felt_time
     weigh(s, sample)
     if recovers:
         s.since_fresh, s.stale, s.spoiled = 0, True, True
@@ -124,18 +140,18 @@ def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: 
     if s.delay != 0.0:
         x, y, z = as_the_wrench_is_stamped(s, ring, fresh_pose, sample.time, x, y, z)
     down[0], down[1], down[2] = x, y, z
+    if s.knows_inertia:
+        follow_motion(s, sample, ring, fresh_pose)
+        terms_then(s, ring, sample.time, fresh_pose)
     low_pass(s.sensor, s.sensor_memory, down, 3, fresh_pose)
     x, y, z = down[0], down[1], down[2]
     warmer = warmed_by(s, sample.temperature)
     reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
-    if s.knows_inertia:
-        follow_motion(s, sample, ring, fresh_pose)
-        terms_then(s, ring, sample.time, fresh_pose)
     for k in range(6):
         B = s.B[k]
         left = reading[k] - (B[0] * x + B[1] * y + B[2] * z + (B[3] + offset[k]) + per_kelvin[k] * warmer)
         if s.knows_inertia:
-            left -= dot(s.D[k], s.seen, TERMS)
+            left -= exerted(s.D[k], s.seen)
         wrench[k] = s.column[k] = left
         total[k] += left
     s.block_rows += 1.0

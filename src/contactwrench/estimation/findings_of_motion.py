@@ -184,9 +184,10 @@ def _of_accelerometer(accelerometer: Accelerometer, read: float) -> Iterator[Fin
     if accelerometer.mirrors:
         text = "the accelerometer mirrors: two axes are exchanged, or one or all reversed; taken as gravity turns in it"
         yield Finding(Kind.ACCELEROMETER, Severity.WARNING, text)
-    late = f"{1e3 * accelerometer.delay:.2g} ms after the wrench" if accelerometer.delay else "with the wrench"
+    late, side = 1e3 * accelerometer.delay, "after" if accelerometer.delay > 0.0 else "before"
+    when = f"{abs(late):.2g} ms {side} the wrench" if late else "with the wrench"
     text = (
-        f"accelerations of an accelerometer in {accelerometer.unit or 'its own unit'}, {late}, off by "
+        f"accelerations of an accelerometer in {accelerometer.unit or 'its own unit'}, {when}, off by "
         f"{accelerometer.noise:.2g} m/s^2 at rest; the sensor's offset counts from it"
     )
     yield Finding(Kind.ACCELEROMETER, Severity.NOTE, text)

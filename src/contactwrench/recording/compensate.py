@@ -213,7 +213,7 @@ def _of_samples(
     if compensator is None or samples.t is None:
         return replace(_plain(calibration, samples, treatment), judged=True)
     there = calibration.with_gravity(treatment.gravity)
-    motion = motion_of(there, samples)
+    motion = motion_of(there, samples, 0.0 if treatment.sensor_filter is None else treatment.sensor_filter.lag)
     rows = compensator.run(samples.wrench, samples.R_base_flange, spread_evenly(samples.t), motion=motion)
     wrench, std, frame, point = rows.wrench, rows.std, treatment.output_frame, treatment.point
     if frame != "sensor" or point is not None:

@@ -181,6 +181,8 @@ def left_in_motion(calibration: Calibration, samples: Samples) -> str:
         "with inertia": calibration.compensate(samples.wrench, samples.R_base_flange, motion=motion),
     }
     with drawing(3, (WIDTH, 3.2)) as (figure, axes):
+        from matplotlib.ticker import LogLocator
+
         for (name, wrench), colour in zip(left.items(), (WITHOUT, WITH), strict=True):
             norms = [scale * np.linalg.norm(wrench[:, part : part + 3], axis=1) for part, _, scale in PARTS]
             most = envelope(t[known], np.stack(norms, axis=1)[known])
@@ -197,7 +199,9 @@ def left_in_motion(calibration: Calibration, samples: Samples) -> str:
         axes[2].set_xlabel("frequency, Hz")
         axes[2].set_ylabel("force left, N/√Hz")
         for ax in axes:
+            ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             ax.yaxis.set_major_formatter("{x:g}")
+            ax.yaxis.set_minor_formatter("")
         axes[2].xaxis.set_major_formatter("{x:g}")
         axes[0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), handletextpad=0.3, columnspacing=1.2)
         return svg_text(figure)
