@@ -56,19 +56,19 @@ check: lint types test-quick  ## one's own loop
 
 $(RUN)/ready: requirements.lock $(WHAT_IS_BUILT)
 	$(PYTHON) -m venv --clear $(RUN)
-	$(RUN)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(RUN)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements.lock
 	$(RUN)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
 $(DEV)/ready: requirements-dev.lock $(WHAT_IS_BUILT)
 	$(PYTHON) -m venv --clear $(DEV)
-	$(DEV)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	$(DEV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements-dev.lock
 	$(DEV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
 $(ROS)/packages: requirements-ros.lock $(WHAT_IS_BUILT)
 	$(PYTHON) -m venv --clear $(ROS)
-	$(ROS)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-ros.lock
+	$(ROS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements-ros.lock
 	$(ROS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 

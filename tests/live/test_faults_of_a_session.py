@@ -91,6 +91,8 @@ def faults(device: Device) -> Iterator[Fault]:
     """All that a device can have."""
     if device.counts:
         yield Fault("half the rate", _slower, ("rate",), 1.0, _usual)
+    else:
+        yield Fault("answers held up", lambda fake: fake.late(0.3), ("late",), 1.0, lambda fake: fake.late(0.0))
     yield Fault("silence", lambda fake: fake.silence(0.6), GONE, 0.6)
     yield Fault("half-open", lambda fake: fake.silence(2.2), GONE, 2.2)
     yield Fault("refused", lambda fake: fake.refuse(1.2), GONE, 1.2)

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import pytest
 
+from contactwrench.live.clock import LATE
 from contactwrench.live.intake import Intake
 from contactwrench.live.snapshot import Event
 from contactwrench.live.source import About, Batch, Sample
@@ -25,7 +26,7 @@ def said(asked: float, *spans: tuple[float, float], burst: float = 0.0) -> list[
     came = [-(-each // burst) * burst if burst else each for each in due]
     for before, t in pairwise(0.02 * look for look in range(round(begin / 0.02) + 1)):
         new = came[bisect_right(came, before) : bisect_right(came, t)]
-        intake.take(Batch([Sample(each, wrench=(0.0,) * 6) for each in new]))
+        intake.take(Batch([Sample(each, each, wrench=(0.0,) * 6) for each in new]))
         events += intake.look(t)
     return events
 
@@ -83,3 +84,26 @@ def test_a_recording_is_asked_for_no_rate_as_it_is_played_at_any(replay: bool) -
     intake = Intake("run.csv", "sensor")
     intake.opened(About("run.csv", wrench=True, orientation=True, rate=500.0, replay=replay), 0.0)
     assert intake.shown(1.0).asked == (None if replay else 500.0)
+
+
+@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("rate", [100.0, 20.0])
+def test_behind_a_gap_what_has_no_time_of_its_own_may_be_old(rate: float, anew: bool) -> None:
+    """Six are held up, by a network or in a device that is connected to again, and come at once."""
+    intake, about = Intake("ft300://sensor", "sensor"), About("a sensor", wrench=True, orientation=False, rate=rate)
+    intake.opened(about, 0.0)
+    true = [k / rate for k in range(int(2.0 * rate))]
+    old = true[-6:]
+    flaws = dict[float, str]()
+    for begin, came in ((0.0, true[:-6]), (2.0, [2.0] * 6), (2.0, [2.0 + t for t in true])):
+        if begin and anew:
+            intake.down("gone", 1.9)
+            intake.opened(about, 1.95)
+        for t in came:
+            flaws |= {t: sample.flaw for t, sample in intake.take(Batch([Sample(t, wrench=(0.0,) * 6)]))}
+            intake.look(t)
+        anew = False
+    late = [t for t, flaw in flaws.items() if flaw]
+    assert len(old) < len(late)
+    assert 2.0 <= min(late) <= max(late) < 2.01 + LATE
+    assert {flaw.partition(" s ")[2] for t, flaw in flaws.items() if flaw} == {"before it, and no time of its own"}

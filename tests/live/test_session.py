@@ -130,6 +130,20 @@ def test_a_pose_that_is_pushed_while_it_is_taken_is_refused_by_name(at_poses: di
     assert len(drive.shown().poses.taken) == 6  # type: ignore[union-attr]
 
 
+def test_a_touch_while_a_pose_is_under_way_is_said_by_its_number(at_poses: dict[int, Driver]) -> None:
+    drive = deepcopy(at_poses[2])
+    drive.play(drive.world.move(Rotation.from_quat(drive.shown().poses.targets[0]), 1.5))  # type: ignore[union-attr]
+    drive.play(drive.world.hold(0.8, np.zeros(3)))
+    assert drive.shown().poses.progress > 0.3  # type: ignore[union-attr]
+    drive.play(drive.world.hold(0.5, np.array([9.0, 0.0, 0.0])))
+    (said,) = drive.said("pose_refused")
+    assert said.startswith("pose 3, under way: the reading moves by ")
+    assert said.endswith(": keep hands off the tool; it begins anew")
+    assert "e+" not in said
+    drive.play(drive.world.hold(2.5, np.zeros(3)))
+    assert len(drive.shown().poses.taken) == 3  # type: ignore[union-attr]
+
+
 def test_a_hand_that_lets_go_after_the_pose_voids_it(at_poses: dict[int, Driver]) -> None:
     """Before the fifth pose nothing predicts the reading: the jump while the arm stands tells."""
     drive = deepcopy(at_poses[2])

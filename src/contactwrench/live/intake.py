@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import pairwise
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 
 from ..samples.samples import LARGEST_READING
 from .clock import LATE, Clock
@@ -20,6 +20,10 @@ BACKLOG = 0.5
 """s after a device is there in which it may send what it had kept."""
 NOTES_EVERY = 0.25
 """s: what a device notes in between is said together."""
+GAP = 3.0
+"""Periods without a sample, and `LATE` at the least, behind which, for `LATE`, one that has no time of its own may have
+been taken before the gap, and waited: its arrival is no time then.
+"""
 LEAST_STEP = 1e-6
 """s from one sample to the next: time goes on."""
 SURELY, SOON = (0.5, 0.1), (0.12, 0.3)
@@ -42,7 +46,8 @@ class Intake:
         self.clock = Clock()
         self._rate = Rate(None, -inf)
         self.samples = self.lost = self.repeated = self.wrong = 0
-        self._newest = self._arrived = -inf
+        self._newest = self._arrived = self._resumed = -inf
+        self._usual, self._gap = inf, 0.0
         needed = {"sensor": ("wrench",), "robot": ("orientation",)}.get(role, ("wrench", "orientation"))
         self._last = dict.fromkeys(needed, -inf)
         self._notes: dict[str, tuple[int, str]] = {}
@@ -77,7 +82,7 @@ class Intake:
         taken = []
         for t, sample in zip(times, batch.samples, strict=True):
             self._newest = max(t, self._newest + LEAST_STEP)
-            taken.append((self._newest, _judged(t, sample)))
+            taken.append((self._newest, self._judged(t, sample)))
         for _, sample in taken:
             if sample.flaw:
                 self.wrong += 1
@@ -85,14 +90,30 @@ class Intake:
             for what in self._last:
                 if sample.flaw or getattr(sample, what) is not None:
                     self._last[what] = sample.arrival
-            self._arrived = sample.arrival
         self.samples += len(taken)
         return taken
+
+    def _judged(self, t: float, sample: Sample) -> Sample:
+        """A sample, taken at `t` s, with its flaw: numbers that are none, or a time that is not to be believed."""
+        gap, self._arrived = sample.arrival - self._arrived, sample.arrival
+        if max(LATE, GAP * self._usual) < gap < inf:
+            self._resumed, self._gap = sample.arrival, gap
+        late = sample.arrival - t
+        if sample.flaw:
+            return sample
+        if sample.wrench is not None and not all(abs(each) <= LARGEST_READING for each in sample.wrench):
+            return sample._replace(flaw="broken: no number")
+        if sample.orientation is not None and not isfinite(sum(sample.orientation)):
+            return sample._replace(flaw="broken: no number")
+        if isnan(sample.device) and sample.arrival - self._resumed < LATE:
+            return sample._replace(flaw=f"late: nothing for {self._gap:.2f} s before it, and no time of its own")
+        return sample._replace(flaw=f"late: came {late:.2f} s after it was taken") if late > LATE else sample
 
     def look(self, t: float) -> list[Event]:
         """What there is to say at `t` s: silence and its end, a rate that was not asked for, what was noted."""
         events = []
         rate = self._rate.hz or (self.about and self.about.rate)
+        self._usual = 1.0 / rate if rate else self._usual
         usual = max(SILENT, PERIODS / rate) if rate else SILENT
         what, last = min(self._last.items(), key=lambda item: item[1])
         if self.state == STREAMING and t - last > usual:
@@ -141,18 +162,6 @@ class Intake:
             age,
             max(self.clock.lateness, 0.0) if self.samples else None,
         )
-
-
-def _judged(t: float, sample: Sample) -> Sample:
-    """A sample, taken at `t` s, with its flaw: numbers that are none, or too late to believe its time."""
-    late = sample.arrival - t
-    if sample.flaw:
-        return sample
-    if sample.wrench is not None and not all(abs(each) <= LARGEST_READING for each in sample.wrench):
-        return sample._replace(flaw="broken: no number")
-    if sample.orientation is not None and not isfinite(sum(sample.orientation)):
-        return sample._replace(flaw="broken: no number")
-    return sample._replace(flaw=f"late: came {late:.2f} s after it was taken") if late > LATE else sample
 
 
 class Windows:

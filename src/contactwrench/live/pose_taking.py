@@ -16,6 +16,7 @@ from ..geometry.orientation import from_quat_xyzw
 from ..geometry.quaternions import angle_between
 from ..samples.creep import change_within
 from ..samples.samples import Samples
+from ..statistics import two_digits
 from .history import History
 from .source import Four
 from .standing import Stand
@@ -85,7 +86,7 @@ class PoseTaking:
         texts. `calibration`: from the poses so far, for readings times `sign`.
         """
         times, wrench, orientation = history.last(HOLD)
-        self.progress = 0.0
+        under_way, self.progress = self.progress > 0.0, 0.0
         if not len(times) or not np.isfinite(orientation).all():
             self.waiting = stand.moves or "the robot's orientation was missing for a moment"
             return "", ""
@@ -100,6 +101,8 @@ class PoseTaking:
             self.waiting = f"this is {near} again: turn on"
         elif not stand.still:
             self._refused, self.waiting = None if not stand.arm else self._refused, stand.moves
+            if under_way and not stand.arm:
+                return "pose_refused", f"pose {len(self.taken) + 1}, under way: {stand.moves}; it begins anew"
         elif (stood := t - stand.since) < SETTLED + HOLD:
             self.progress, self.waiting = stood / (SETTLED + HOLD), "hold still"
         elif self._refused is None:
@@ -203,4 +206,4 @@ def _beside_prediction(calibration: Calibration, pose: Taken, sign: float) -> st
     if not (np.abs(left) > limit).any():
         return ""
     force, torque = float(np.linalg.norm(left[:3])), float(np.linalg.norm(left[3:]))
-    return f"{force:.2g} N" if (np.abs(left[:3]) > limit[:3]).any() else f"{1e3 * torque:.2g} mN m"
+    return f"{force:.2g} N" if (np.abs(left[:3]) > limit[:3]).any() else f"{two_digits(1e3 * torque)} mN m"

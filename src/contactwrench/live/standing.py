@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from ..geometry.arrays import Array
+from ..statistics import two_digits
 from .history import History
 
 EVERY, WINDOW = 0.1, 0.5
@@ -88,5 +89,6 @@ class Standing:
         if (spread > limit).any():
             axis = int(np.argmax(spread / limit))
             unit, scale = ("N", 1.0) if axis < 3 else ("mN m", 1e3)
-            return f"the reading moves by {scale * np.ptp(wrench[:, axis]):.2g} {unit}: keep hands off the tool", False
+            by = two_digits(scale * float(np.ptp(wrench[:, axis])))
+            return f"the reading moves by {by} {unit}: keep hands off the tool", False
         return "", False
