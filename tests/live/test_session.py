@@ -181,6 +181,19 @@ def test_an_old_orientation_never_makes_a_valid_contact_wrench(calibration: cw.C
     assert drive.said("back") == ["samples come again"]
 
 
+@pytest.mark.parametrize(("seconds", "said"), [(0.8, []), (1.5, ["stale: no orientation has come"])])
+def test_a_robot_is_asked_a_moment_after_the_sensor(
+    calibration: cw.Calibration, seconds: float, said: list[str]
+) -> None:
+    """What that has sent by then has no orientation, as anybody expects; one that does not come is said."""
+    drive = Driver(world(13), calibration)
+    turns = drive.play((sensor, None) for sensor, _ in drive.world.stand(seconds))
+    assert not any(turn.contact.valid.any() for turn in turns if turn.contact is not None)
+    drive.play(drive.world.stand(1.5))
+    assert drive.shown().contact.valid  # type: ignore[union-attr]
+    assert drive.said("stale") == said
+
+
 def test_a_sensor_that_says_nothing_shows_no_contact_wrench(calibration: cw.Calibration) -> None:
     drive = Driver(world(12), calibration)
     drive.play(drive.world.stand(1.0))

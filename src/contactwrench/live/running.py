@@ -73,6 +73,7 @@ class Runner:
         self._contacts: deque[tuple[float, float, float]] = deque(maxlen=CONTACTS_SHOWN)
         self._invalid, self._touching = 0, False
         self._seen: dict[str, float] = {}
+        self._begun = inf
         self._said = [("no_motion", OF_ACCELEROMETER)] if dynamics is not None and not of_positions else []
         self._ended: list[ContactEnded] = []
 
@@ -90,6 +91,7 @@ class Runner:
         """The contact wrench of a reading; `why` there is no valid one: its flaw, or that the orientation is old, as a
         pose is from `longest` s on.
         """
+        self._begun = min(self._begun, reading.t)
         if self._feed is not None and (doubt := self._feed.doubt(reading.t - self.delay, reading.t, longest)):
             orientation, why = UNKNOWN, why or doubt
         wrench = np.full(6, nan) if reading.flaw else self.sign * np.array(reading.wrench)
@@ -104,12 +106,14 @@ class Runner:
         return made
 
     def _fault(self, made: ContactWrench) -> None:
-        """Say a fault that was not there a moment ago."""
+        """Say a fault that was not there a moment ago. A robot's first pose may come a moment late."""
         kind = "" if made.reason is None else made.reason.kind
         if kind in (*OF_SENSOR, *OF_ROBOT):
-            if made.t - self._seen.get(kind, -inf) > SAID_AGAIN:
+            is_new = made.t - self._seen.get(kind, self._begun if kind == "stale" else -inf) > SAID_AGAIN
+            if is_new:
                 self._said.append((kind, str(made.reason)))
-            self._seen[kind] = made.t
+            if is_new or kind in self._seen:
+                self._seen[kind] = made.t
 
     def _follow(self, made: ContactWrench) -> None:
         """Say that a contact began, or ended."""
