@@ -30,7 +30,7 @@ def handed_on(t: Array, each: float, rng: np.random.Generator, late: float = 0.0
     return np.asarray((burst + 1.0) * each + delayed + (np.arange(len(t)) - first) * within)
 
 
-@pytest.mark.parametrize("rate", [125.0, 500.0, 1000.0, 7000.0])
+@pytest.mark.parametrize("rate", [50.0, 125.0, 500.0, 1000.0, 7000.0])
 @pytest.mark.parametrize("each", [0.0413, 0.2, 0.5, 0.9])
 def test_they_are_as_they_were_taken(rate: float, each: float) -> None:
     rng = np.random.default_rng(3)

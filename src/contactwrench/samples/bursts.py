@@ -20,9 +20,11 @@ JUDGED_BY = 8.0
 """s at the begin of a stream, by which it is judged."""
 LEAST, MOST = 0.005, 1.0
 """s from one burst to the next: less is a clock that counts coarsely, more are stops, each recorded by itself."""
-FEWEST_BURSTS, FEWEST_ROWS = 5, 3
-OUTSIDE = 10.0
-"""Times the median step from row to row is the one in which half of the time passes; of an even stream it is that."""
+FEWEST_BURSTS, FEWEST_ROWS = 5, 2
+INSIDE, OUTSIDE = 0.4, 10.0
+"""Of the steps from row to row at least so many lie in bursts, and are as many times shorter than the step in which
+half of the time passes; of an even stream all are that.
+"""
 IN_BURSTS = 0.2
 """Of the time: bursts hold no more."""
 REGULAR = 0.25
@@ -57,7 +59,7 @@ def bursts_in(t: Array) -> Bursts | None:
     by_length = np.sort(steps)
     passed = np.cumsum(by_length)
     usual = float(by_length[np.searchsorted(passed, 0.5 * passed[-1])])
-    if not LEAST <= usual <= MOST or usual < OUTSIDE * float(np.median(steps)):
+    if not LEAST <= usual <= MOST or usual < OUTSIDE * float(np.quantile(steps, INSIDE)):
         return None
     last = np.flatnonzero(steps > 0.5 * usual)
     if len(last) < FEWEST_BURSTS or steps[steps <= 0.5 * usual].sum() > IN_BURSTS * passed[-1]:

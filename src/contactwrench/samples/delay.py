@@ -86,7 +86,7 @@ def estimate_delay(streams: Streams, gravity: ArrayLike = DOWN, within: float = 
     stated = unit_direction(gravity)
     if not 0.0 < within < np.inf:
         raise InputError(f"within is {within!r}, expected s above 0")
-    buffer = with_batch(None, streams)
+    buffer = with_batch(None, Even().whole(streams))
     for stamps in (buffer.wrench_stamps, buffer.orientation_stamps):
         require_times(stamps)
     require_common_span(buffer.wrench_stamps, buffer.orientation_stamps, 0.0)
