@@ -21,6 +21,7 @@ JUDGED_BY = 8.0
 LEAST, MOST = 0.005, 1.0
 """s from one burst to the next: less is a clock that counts coarsely, more are stops, each recorded by itself."""
 FEWEST_BURSTS, FEWEST_ROWS = 5, 2
+"""Two rows with the very same stamp are one that came twice."""
 INSIDE, OUTSIDE = 0.4, 10.0
 """Of the steps from row to row at least so many lie in bursts, and are as many times shorter than the step in which
 half of the time passes; of an even stream all are that.
@@ -59,7 +60,8 @@ def bursts_in(t: Array) -> Bursts | None:
     by_length = np.sort(steps)
     passed = np.cumsum(by_length)
     usual = float(by_length[np.searchsorted(passed, 0.5 * passed[-1])])
-    if not LEAST <= usual <= MOST or usual < OUTSIDE * float(np.quantile(steps, INSIDE)):
+    short = float(np.quantile(steps, INSIDE))
+    if not LEAST <= usual <= MOST or usual < OUTSIDE * short:
         return None
     last = np.flatnonzero(steps > 0.5 * usual)
     if len(last) < FEWEST_BURSTS or steps[steps <= 0.5 * usual].sum() > IN_BURSTS * passed[-1]:
@@ -68,7 +70,7 @@ def bursts_in(t: Array) -> Bursts | None:
     period = float(np.median(time / rows))
     regular = float(np.median(np.abs(rows * period / time - 1.0))) <= REGULAR
     count = int(np.median(rows))
-    return Bursts(0.5 * usual, period, count) if regular and count >= FEWEST_ROWS else None
+    return Bursts(0.5 * usual, period, count) if regular and count >= FEWEST_ROWS + (short == 0.0) else None
 
 
 def spread(t: Array, bursts: Bursts | None, before: float = np.nan) -> Array:
