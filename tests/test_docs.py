@@ -23,6 +23,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -229,7 +230,15 @@ def folder(path: Path) -> Iterator[None]:
         os.chdir(before)
 
 
+@pytest.fixture
+def only_words(undrawn: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages show what the program says; what its reports look like is in report/test_report.py."""
+    for name in ("contacts", "signals"):
+        monkeypatch.setattr(import_module(f"contactwrench.report.{name}"), "svg_text", lambda _: "<svg></svg>")
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("only_words")
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
 def test_blocks_run_and_show_their_output(page: Path, tmp_path: Path) -> None:
     with folder(tmp_path):

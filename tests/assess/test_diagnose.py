@@ -187,11 +187,6 @@ def test_right_files_of_few_poses_are_left_alone(seed: int, tmp_path: Path) -> N
     assert few_left_alone(seed, tmp_path)
 
 
-@pytest.mark.parametrize("path", [PANDA, PAPER], ids=["panda", "paper"])
-def test_measured_sets_are_left_alone(path: Path) -> None:
-    assert diagnose(interpretations(path)).read_rightly
-
-
 def test_stated_flags_that_are_right_are_left_alone(tmp_path: Path) -> None:
     rig, R, rng = example(9)
     ceiling = replace(rig, down=np.array([0.0, 0.0, 1.0]))

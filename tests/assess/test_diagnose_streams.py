@@ -61,7 +61,7 @@ def test_a_stream_read_wrongly_is_mended_by_the_flags(
     assert found["n"] == STOPS
     assert " ".join(found["best"]["flags"]) == flags
     assert found["best"]["mends"] == []
-    calibration = json.loads(program(capsys, "calibrate", path, *shlex.split(flags), "--json").out)
+    calibration = json.loads(program(capsys, "calibrate", path, "--model", "mount", *shlex.split(flags), "--json").out)
     assert calibration["verdict"] == "good"
     assert calibration["weight"] == pytest.approx(TOOL_WEIGHT, abs=0.1)
 
@@ -78,7 +78,7 @@ def test_columns_times_and_units_that_options_state_are_kept(
     flags = ["--orientation fanuc_wpr:a,b,c", "--units force=kn,torque=Nmm"]
     assert (found["n"], found["best"]["flags"], found["best"]["mends"]) == (STOPS, flags, [])
     mended = shlex.split(" ".join(flags))
-    calibration = json.loads(program(capsys, "calibrate", path, *stated, *mended, "--json").out)
+    calibration = json.loads(program(capsys, "calibrate", path, "--model", "mount", *stated, *mended, "--json").out)
     assert calibration["verdict"] == "good"
     assert calibration["weight"] == pytest.approx(TOOL_WEIGHT, abs=0.1)
 

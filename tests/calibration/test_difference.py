@@ -262,7 +262,7 @@ def test_what_changed_and_nothing_else(rig: Rig, model: str, changes: dict[str, 
 
 @pytest.mark.slow
 def test_a_tool_change_is_not_read_as_drift_nor_drift_as_a_tool() -> None:
-    for seed in range(25):
+    for seed in range(12):
         tool = {g.name for g in _measured(RIG, seed, weight=14.0).groups if g.significant}
         drift = {g.name for g in _measured(RIG, seed, bias=DRIFTED).groups if g.significant}
         assert tool == {"tool", "all"}

@@ -108,7 +108,7 @@ def test_a_number_states_its_range_where_it_is_declared() -> None:
     assert [(verb, option.name) for verb, option in numeric if option.callback is None] == []
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(arguments=commands())
 def test_no_option_takes_the_program_down(
     arguments: list[str], folder: Path, capfd: pytest.CaptureFixture[str]
@@ -228,7 +228,7 @@ def _live(calibration: cw.Calibration, samples: cw.Samples, **stated: Any) -> An
     return done.wrench[done.valid]
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     numbers=st.lists(st.tuples(st.integers(0, 10), st.sampled_from([*INTO_DATA, 2.0**64])), min_size=1, max_size=3),
     row=st.integers(0, 39),

@@ -178,6 +178,8 @@ def test_a_report_needs_no_window_whatever_the_environment_wishes(tmp_path: Path
         "contactwrench",
         "calibrate",
         str(PANDA),
+        "--model",
+        "mount",
         "-o",
         "tool.json",
         "--report",

@@ -63,7 +63,7 @@ def test_before_anything_is_learned_the_covariance_is_the_calibrations(model: st
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=10)
 @given(seed=seeds)
 def test_there_and_back_nothing_is_lost(seed: int) -> None:
     """What was learned at an orientation counts there again, if nothing was learned elsewhere."""

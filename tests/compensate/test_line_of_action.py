@@ -72,8 +72,9 @@ def test_covariances_are_the_scatter_under_noise(seed: int) -> None:
     covariance = mix @ COVARIANCE @ mix.T
     drawn = rng.multivariate_normal(wrench, covariance, 1500)
     along, slant = np.cross(force, [0.1, 1.0, 0.3]), np.array([1.0, 0.0, 2.0])
+    line, lines = line_of_action(wrench, covariance), [line_of_action(w, covariance) for w in drawn]
     for name, found, each in (
-        ("line", line_of_action(wrench, covariance), [line_of_action(w, covariance) for w in drawn]),
+        ("line", line, lines),
         (
             "plane",
             point_on_plane(wrench, covariance, point, force + slant),
@@ -88,8 +89,6 @@ def test_covariances_are_the_scatter_under_noise(seed: int) -> None:
         scatter = np.cov(np.array([one.point for one in each]).T)
         stated = found.point_covariance if isinstance(found, LineOfAction) else found.covariance
         assert np.abs(scatter - stated).max() < 0.15 * np.abs(stated).max(), name
-    lines = [line_of_action(w, covariance) for w in drawn]
-    line = line_of_action(wrench, covariance)
     directions = np.cov(np.array([one.direction for one in lines]).T)
     assert np.abs(directions - line.direction_covariance).max() < 0.15 * np.abs(line.direction_covariance).max()
     assert np.std([one.moment_along for one in lines]) == pytest.approx(line.moment_along_std, rel=0.1)

@@ -46,7 +46,7 @@ def _pieces(tool: RigidTool, rng: np.random.Generator) -> dict[str, Knowledge]:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=13)
 @given(seed=seeds)
 def test_derivatives_are_those_of_the_rows(seed: int) -> None:
     rng = np.random.default_rng(seed)

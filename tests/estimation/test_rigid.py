@@ -52,7 +52,7 @@ def _for_model(rig: Rig, model: str, rng: np.random.Generator) -> Rig:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=13)
 @given(seed=seeds, model=st.sampled_from(RIGID), poses=st.integers(8, 30))
 def test_noise_free_readings_return_the_tool_at_any_mounting(seed: int, model: str, poses: int) -> None:
     rig, R, rng = example(seed, poses)
@@ -70,7 +70,7 @@ def test_special_mountings_are_no_harder(axis: str, degrees: float) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=13)
 @given(seed=seeds, given_noise=st.booleans())
 def test_no_random_mounting_is_missed(seed: int, given_noise: bool) -> None:
     rig, R, rng = example(seed, poses=12)

@@ -35,6 +35,12 @@ def clean(seed: int = 7) -> cw.Samples:
     return arm(seed).samples()
 
 
+@lru_cache
+def calibrated() -> cw.Calibration:
+    """Of the clean recording, inertia and all."""
+    return cw.calibrate(clean(), "dynamic")
+
+
 def doubts(samples: cw.Samples) -> dict[Kind, str]:
     calibration = cw.calibrate(samples, "dynamic")
     found = {f.kind: f.text for f in calibration.findings if f.severity is Severity.DOUBTFUL}
@@ -129,7 +135,7 @@ def test_what_swings_on_the_tool_is_in_doubt() -> None:
 @pytest.mark.parametrize("late", [0.006, -0.01])
 def test_a_wrench_that_is_late_by_little_is_aligned_by_the_motion(late: float) -> None:
     """Beside the sensor's own filter, which is one too."""
-    samples, of_sensor = clean(), cw.calibrate(clean(), "dynamic").delay
+    samples, of_sensor = clean(), calibrated().delay
     assert samples.t is not None
     assert of_sensor is not None
     behind = np.stack([np.interp(samples.t - late, samples.t, values) for values in samples.wrench.T], axis=1)
@@ -155,7 +161,7 @@ def test_a_few_positions_that_are_missing_are_bridged() -> None:
     missing = rng.random(len(whole)) < 0.01
     found = cw.calibrate(placed(lambda position: np.where(missing[:, None], np.nan, position)), "dynamic")
     assert found.verdict == "good"
-    assert found.inertia == pytest.approx(cw.calibrate(clean(), "dynamic").inertia, abs=2e-5)
+    assert found.inertia == pytest.approx(calibrated().inertia, abs=2e-5)
 
 
 def test_a_delay_that_the_motion_tells_is_applied_and_said() -> None:

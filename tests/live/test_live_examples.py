@@ -15,7 +15,7 @@ pytest.importorskip("mujoco")
 
 import contactwrench as cw
 from contactwrench.lab.control import Control
-from contactwrench.lab.rig import Lab
+from contactwrench.lab.rig import WORKPIECE, Lab
 from contactwrench.lab.sri import Sri
 from contactwrench.lab.ur import Ur
 from contactwrench.simulate.kinematics import paper_joints
@@ -59,11 +59,18 @@ def test_the_loop_prints_the_contact_force(lab: tuple[Lab, list[str]], calibrati
 
 
 @pytest.mark.slow
-def test_the_guarded_move_stops_at_contact(lab: tuple[Lab, list[str]], calibration: Path) -> None:
+def test_the_guarded_move_stops_at_contact(
+    lab: tuple[Lab, list[str]], calibration: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a few of its steps, of half a second each: the workpiece lies 2 cm higher."""
+    monkeypatch.setattr("contactwrench.lab.rig.WORKPIECE", WORKPIECE + 0.02)
     out = _run("live_guarded_move.py", *lab[1], calibration)
     assert out.startswith("contact at ")
+    assert 0.19 < float(out.split()[2]) < 0.21
     assert 0.1 < float(out.split()[-2]) < 30.0
-    time.sleep(1.0)  # in which it brakes
+    until = time.monotonic() + 1.0  # in which it brakes
+    while lab[0].moving and time.monotonic() < until:
+        time.sleep(0.02)
     assert not lab[0].moving
 
 

@@ -177,7 +177,7 @@ HEALTH = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 
 
 @given(data=st.data())
-@settings(max_examples=150, suppress_health_check=HEALTH)
+@settings(max_examples=75, suppress_health_check=HEALTH)
 def test_any_header_is_read_as_it_was_written_or_refused_in_one_line(tmp_path: Path, data: st.DataObject) -> None:
     mixed = data.draw(st.booleans())
     columns = [
@@ -199,7 +199,7 @@ def test_any_header_is_read_as_it_was_written_or_refused_in_one_line(tmp_path: P
 
 
 @given(data=st.data())
-@settings(max_examples=100, suppress_health_check=HEALTH)
+@settings(max_examples=50, suppress_health_check=HEALTH)
 def test_a_header_in_one_style_with_nothing_beside_is_read(tmp_path: Path, data: st.DataObject) -> None:
     words = data.draw(st.sampled_from([("F", "M"), ("F", "T"), ("Force", "Torque"), ("wrench.force", "wrench.torque")]))
     force = data.draw(st.sampled_from([unit for unit in FORCE if unit and unit != "MN"]))

@@ -85,7 +85,7 @@ def _refuse(row: int, error: InputError) -> None:
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(data=st.data(), msgtype=st.sampled_from(TYPES))
 def test_every_number_and_text_is_where_rosbags_finds_it(encoding: str, data: st.DataObject, msgtype: str) -> None:
     store = ROS1 if encoding == "ros1" else ROS2
@@ -128,7 +128,7 @@ def test_what_fills_the_gaps_of_cdr_does_not_matter() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("encoding", ENCODINGS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(data=st.data())
 def test_any_bytes_are_a_message_or_one_clear_error(encoding: str, data: st.DataObject) -> None:
     msgtype = data.draw(st.sampled_from(TYPES))

@@ -85,7 +85,7 @@ def test_frames_of_two_branches_meet_at_their_ancestor(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.lists(st.integers(1, 300), min_size=2, max_size=12, unique=True),
     st.lists(st.integers(1, 300), min_size=2, max_size=12, unique=True),

@@ -106,7 +106,7 @@ def _rows_of(read: Array) -> list[int]:
 WITH_CHECKSUM = ("checksums",)
 
 
-@settings(max_examples=70, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(data=st.data())
 def test_damage_anywhere_is_refused_or_said(
     originals: dict[str, tuple[str, bytes]], tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

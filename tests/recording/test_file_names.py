@@ -83,7 +83,7 @@ def _misread(name: str) -> set[str]:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=8)
+@settings(max_examples=4)
 @example("run%42")
 @example("a#b")
 @example("a?mode=memory")

@@ -124,7 +124,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return write_bag(tmp_path_factory.mktemp("whole") / "run.db3", READINGS).read_bytes()
 
 
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(data=st.data())
 def test_no_message_is_lost_in_silence(
     tmp_path_factory: pytest.TempPathFactory, whole: bytes, data: st.DataObject

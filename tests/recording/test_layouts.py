@@ -27,7 +27,7 @@ def with_decimal_comma(text: str) -> str:
 
 
 @given(data=st.data())
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:
     form, separator = data.draw(st.sampled_from(NUMBERS)), data.draw(st.sampled_from(SEPARATORS))
     comma = data.draw(st.booleans())

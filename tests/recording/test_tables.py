@@ -295,7 +295,7 @@ def test_a_batch_of_two_files_is_of_one_moment(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @given(n=st.integers(1, 9), shift=st.floats(-0.1, 0.1), spike=st.integers(0, 59))
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_two_clocks_that_run_apart_or_jump_lose_no_row(tmp_path: Path, n: int, shift: float, spike: int) -> None:
     t = Motion.t + shift
     t[spike] += 7.0
@@ -450,7 +450,7 @@ JUNK = ["", "nan", "inf", "1e999", "abc", "1,5", '"', "#", "\0", "1_0", "1e200",
 
 @pytest.mark.slow
 @given(data=st.data())
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_recordings_with_junk_are_streams_or_one_line(tmp_path: Path, data: st.DataObject) -> None:
     table = [line.split(",") for line in with_gaps().splitlines()[: data.draw(st.integers(1, 8))]]
     for _ in range(data.draw(st.integers(1, 4))):

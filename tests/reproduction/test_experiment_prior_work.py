@@ -13,7 +13,7 @@ from reproduction import prior_work
 from reproduction.methods import Learn, calibrated
 from reproduction.prior_work import known_mounting, opposite_joints, opposite_poses
 from reproduction.trials import DEFAULT, free_readings, joints_of_paper, unseen_joints
-from tests.support.experiments import PRECISE, cell, figures, noise_free, one_thread, recorded
+from tests.support.experiments import PRECISE, cell, figures, noise_free, one_thread, recorded, undrawn
 
 pytest.importorskip("mujoco")
 
@@ -88,7 +88,7 @@ def test_the_part_prints_every_idea_and_repeats_itself(monkeypatch: pytest.Monke
     monkeypatch.setattr(
         prior_work, "ESTIMATORS", {**quick, "upright base (mount)": quick["paper"], "ours": quick["paper"]}
     )
-    with one_thread() as pool:
+    with one_thread() as pool, undrawn():
         first, again, other = (prior_work.part(pool, 0.01, seed) for seed in (1, 1, 2))
     assert figures(first) == figures(again) != figures(other)
     assert first.paragraphs == again.paragraphs

@@ -13,7 +13,7 @@ from reproduction.methods import calibrated, tare
 from reproduction.trials import DEFAULT, joints_of_paper, unseen_joints
 from reproduction.weighing import GAIN, PRINTED, line, prediction_interval
 from reproduction.weighing_trials import LOADS, ORIENTATIONS, SCALES, in_range, masses
-from tests.support.experiments import cell, figures, noise_free, one_thread, recorded
+from tests.support.experiments import cell, figures, noise_free, one_thread, recorded, undrawn
 
 pytest.importorskip("mujoco")
 
@@ -89,7 +89,7 @@ def test_each_data_set_is_weighed_in_orientations_of_its_own(monkeypatch: pytest
 
 @pytest.mark.slow
 def test_the_part_has_both_sensors_and_repeats_itself() -> None:
-    with one_thread() as pool:
+    with one_thread() as pool, undrawn():
         first, again = (weighing.part(pool, 0.01, 3) for _ in range(2))
     assert figures(first) == figures(again)
     slopes = [cell(first, "gain", f"{gain}: yaw", "slope").value for gain in ("gain 1", f"gain {GAIN}")]

@@ -16,7 +16,7 @@ from contactwrench_ros.session import Session
 from contactwrench_ros.track import Track
 from tests.support.accelerometer import calibrated_by_accelerometer
 from tests.support.live_motion import T0, dynamic, swung
-from tests.support.ros_motion import MOVES, Arm, at_rest, felt, in_a_batch, session_of
+from tests.support.ros_motion import MOVES, Arm, at_rest, felt, felt_once, in_a_batch, session_of
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +71,8 @@ def test_links_that_are_stamped_apart_tell_a_motion_where_both_are_heard_anew(fo
     """At 100 Hz, 4 ms apart, so that a pose is known 6 ms later; in between one of them would be on a straight line,
     whose ends are accelerations.
     """
-    found = felt(Arm(100, apart=4), folder)
-    assert found.rms() < 1.7 * felt(Arm(100), folder).rms()
+    found = felt_once(Arm(100, apart=4), folder)
+    assert found.rms() < 1.7 * felt_once(Arm(100), folder).rms()
     assert np.isfinite(found.wrench[found.between(0.1)]).all()
     assert not found.contact.any()
 
@@ -80,7 +80,7 @@ def test_links_that_are_stamped_apart_tell_a_motion_where_both_are_heard_anew(fo
 @pytest.mark.parametrize("rate", [500, 100])
 def test_readings_that_are_stamped_late_are_of_a_motion_that_is_known(rate: int, folder: Path) -> None:
     """Nothing more is left of them than of a whole recording."""
-    assert felt(Arm(rate, late=0.03), folder).rms() == pytest.approx(in_a_batch(), rel=0.03)
+    assert felt_once(Arm(rate, late=0.03), folder).rms() == pytest.approx(in_a_batch(), rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_poses_that_are_too_slow_are_said(folder: Path) -> None:
     assert not np.isfinite(found.wrench[found.between(MOVES)]).any()
     assert np.isfinite(found.wrench[found.between(0.5, 1.4)]).all()
     assert "\n" not in found.session.lacking
-    assert felt(Arm(100), folder).session.lacking == ""
+    assert felt_once(Arm(100), folder).session.lacking == ""
 
 
 def test_a_calibration_without_inertia_is_as_before(folder: Path) -> None:
@@ -194,7 +194,7 @@ def test_a_calibration_without_inertia_is_as_before(folder: Path) -> None:
 def test_faults_that_are_planted_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A delay that is counted twice, and a pose between the stamps of its links that counts as one of the arm's."""
     late, apart = Arm(late=0.03), Arm(100, apart=4)
-    once, anew = felt(late, folder).rms(), felt(apart, folder).rms()
+    once, anew = felt_once(late, folder).rms(), felt_once(apart, folder).rms()
     with monkeypatch.context() as patch:
         patch.setattr("contactwrench_ros.motion.PoseFeed", lambda compensator, _: PoseFeed(compensator, 0.03))
         assert felt(late, folder).rms() > 3.0 * once

@@ -110,6 +110,7 @@ def test_a_run_calibrates_as_its_true_poses_do() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_the_program_calibrates_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = recorded(pushed=True)
     s = made.samples.select(slice(None, None, 10))

@@ -297,7 +297,7 @@ def test_samples_without_times_are_refused() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=seeds, unit=st.sampled_from([1e-3, 1.0, 50.0]), since=st.sampled_from([0.0, 1.7e9]))
 def test_what_is_still_depends_on_no_frame_no_unit_of_force_and_no_clock(seed: int, unit: float, since: float) -> None:
     made, found = recorded("100 Hz")

@@ -301,7 +301,7 @@ def _joined(parts: list[Synchronized]) -> tuple[Array, Array, Array, dict[int, s
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     cuts=st.lists(st.floats(0.0, 1.0), max_size=7),

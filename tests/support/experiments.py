@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import contactwrench as cw
 from contactwrench.geometry.arrays import Array
 from contactwrench.simulate.settings import Noise, Settings
+from reproduction import charts, force_chart, joint_torque_figure
 from reproduction.part import Measured, Part
 from reproduction.trials import DEFAULT, recordings
 
@@ -28,6 +32,15 @@ def recorded(settings: Settings, joints: Array, seed: int = 1) -> cw.Samples:
 
 def one_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1)
+
+
+@contextmanager
+def undrawn() -> Iterator[None]:
+    """A part's charts are made and not drawn: where only figures and words are looked at."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (charts, force_chart, joint_torque_figure):
+            patch.setattr(module, "svg_text", lambda _: "<svg></svg>")
+        yield
 
 
 def figures(part: Part) -> list[float]:

@@ -67,8 +67,7 @@ class Arm:
         """What tells the pose at a row, if it is one that the arm tells."""
         rec, every = arm.recorded, round(1000 / self.rate)
         scatter = self.scatter * np.random.default_rng(0).normal(size=len(rec.t))
-        flange = np.tile(np.eye(4), (len(rec.t), 1, 1))
-        flange[:, :3, :3], flange[:, :3, 3] = rec.R_base_flange, rec.position
+        flange, elbow, wrist = placements(arm)
 
         def send(row: int) -> None:
             t = float(rec.t[row])
@@ -76,34 +75,44 @@ class Arm:
             if self.lost[0] <= t < self.lost[1]:
                 return
             if self.tf:
-                elbow = HELD[1] @ swinging(t)
-                wrist = np.linalg.inv(elbow) @ HELD[0] @ flange[row] @ np.linalg.inv(HELD[2])
                 links = [("world", "elbow", elbow, 0), ("elbow", "wrist", wrist, self.apart)]
-                for parent, child, T, apart in links:
+                for parent, child, placed, apart in links:
                     if (row - apart) % every == 0:
-                        session.transforms([Transform(parent, child, stamp, *taken_apart(T))], False)
+                        session.transforms([Transform(parent, child, stamp, *placed[row])], False)
             elif row % every == 0:
-                q, place = taken_apart(flange[row])
+                q, place = flange[row]
                 has = self.placed and not self.position_lost[0] <= t < self.position_lost[1]
                 session.pose(Pose(stamp, q, place if has else None))
 
         if self.tf:
-            held = [Transform("world", "base_link", 0.0, *taken_apart(HELD[0]))]
-            session.transforms([*held, Transform("wrist", "tool0", 0.0, *taken_apart(HELD[2]))], True)
+            world, _, tool = taken_apart(HELD)
+            held = [Transform("world", "base_link", 0.0, *world), Transform("wrist", "tool0", 0.0, *tool)]
+            session.transforms(held, True)
         return send
 
 
-def taken_apart(T: Array) -> tuple[Quat, Three]:
-    """The quaternion and the place of a matrix (4, 4)."""
-    (x, y, z, w), (a, b, c) = Rotation.from_matrix(T[:3, :3]).as_quat().tolist(), T[:3, 3].tolist()
-    return (x, y, z, w), (a, b, c)
+def taken_apart(T: Array) -> list[tuple[Quat, Three]]:
+    """The quaternion and the place of each of the matrices (n, 4, 4)."""
+    quaternions, places = Rotation.from_matrix(T[:, :3, :3]).as_quat().tolist(), T[:, :3, 3].tolist()
+    return [((x, y, z, w), (a, b, c)) for (x, y, z, w), (a, b, c) in zip(quaternions, places, strict=True)]
 
 
-def swinging(t: float) -> Array:
-    """An elbow's swing (4, 4) to and fro."""
-    T = np.eye(4)
-    T[:3, :3] = Rotation.from_rotvec(0.8 * np.sin(2.0 * t) * np.array([0.3, -0.5, 0.8])).as_matrix()
-    T[:3, 3] = 0.2 * np.cos(3.0 * t) * np.array([0.5, 0.4, -0.7])
+@lru_cache
+def placements(arm: Moving) -> tuple[list[tuple[Quat, Three]], ...]:
+    """At each row the flange in the base, the elbow in the world and the wrist in the elbow."""
+    rec = arm.recorded
+    flange = np.tile(np.eye(4), (len(rec.t), 1, 1))
+    flange[:, :3, :3], flange[:, :3, 3] = rec.R_base_flange, rec.position
+    elbow = HELD[1] @ swinging(rec.t)
+    wrist = np.linalg.inv(elbow) @ HELD[0] @ flange @ np.linalg.inv(HELD[2])
+    return taken_apart(flange), taken_apart(elbow), taken_apart(wrist)
+
+
+def swinging(t: Array) -> Array:
+    """An elbow's swing (n, 4, 4) to and fro."""
+    T = np.tile(np.eye(4), (len(t), 1, 1))
+    T[:, :3, :3] = Rotation.from_rotvec(np.outer(0.8 * np.sin(2.0 * t), [0.3, -0.5, 0.8])).as_matrix()
+    T[:, :3, 3] = np.outer(0.2 * np.cos(3.0 * t), [0.5, 0.4, -0.7])
     return T
 
 
@@ -152,11 +161,18 @@ def felt(tells: Arm, folder: Path, arm: Moving | None = None) -> Felt:
 
 
 @lru_cache
+def felt_once(tells: Arm, folder: Path) -> Felt:
+    """`felt`, the same for each test that asks no more of it than what was felt, and what the session lacks."""
+    return felt(tells, folder)
+
+
+@lru_cache
 def at_rest(folder: Path) -> Felt:
     """What it is where nothing tells the motion."""
     return felt(Arm(125, tf=False, placed=False), folder)
 
 
+@lru_cache
 def in_a_batch() -> float:
     """N RMS of the force that compensating the whole recording leaves, behind the same low-pass."""
     samples = swung().samples(1000.0, delay=dynamic().delay or 0.0)
