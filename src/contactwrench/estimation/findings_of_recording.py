@@ -94,7 +94,7 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
     if share > MOST_CREEP:
         text = (
             f"within stops the reading changes by {100.0 * share:.2g} % of what it does from stop to stop, "
-            f"{force:.2g} N, as no sensor creeps: the clocks of sensor and robot part (lost rows, a clock that stepped), "
+            f"{force:.2g} N, as no sensor creeps: the clocks of sensor and robot part (rows lost, a clock stepped), "
             "the sensor was zeroed at a stop, or a filter is slower than the stops"
         )
     return replace(honest, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))
