@@ -182,11 +182,13 @@ def _require_seconds(samples: Samples, count: int) -> None:
     """Raise `InputError` where rows follow an arm that by their times turns faster than any does."""
     if samples.t is None or count <= MANY_IN_NO_TIME or not _follows_the_arm(samples.R_base_flange):
         return
-    turned = float(angles_between(samples.R_base_flange[:-1], samples.R_base_flange[1:]).sum())
-    if turned > FASTEST_TURN * (took := float(np.ptp(samples.t))):
+    turn, step = angles_between(samples.R_base_flange[:-1], samples.R_base_flange[1:]), np.abs(np.diff(samples.t))
+    too_fast = turn > FASTEST_TURN * step
+    if (turned := float(turn[too_fast].sum())) > 0.5 * float(turn.sum()):
+        took = float(step[too_fast].sum())
         raise InputError(
             f"{samples.source}: found an arm that turns by {np.rad2deg(turned):.0f} deg in {took:.3g} s, expected "
-            "times in s, with their decimals: write them so, or name another column with --time-column"
+            "times in s, with their decimals: write them so, or name another column, of poses none, with --time-column"
         )
 
 
