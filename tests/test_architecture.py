@@ -27,7 +27,7 @@ PACKAGE = Path(cw.__file__).parent
 REPOSITORY = Path(__file__).resolve().parents[1]
 EDGES = imports(PACKAGE)
 
-MOST_FILES, MOST_LINES = 264, 42_880
+MOST_FILES, MOST_LINES = 264, 42_980
 """A ratchet: lowered when the package shrinks; raised from 125 and 21,050, from 168 and 27,000, and from 175 and 28,900
 for live/ and lab/, from 244 and 37,300 for creep in recordings, the rig as a source, and what a pose that is off may
 be, from 247 and 37,752 for what a page and a chunk unpack to, and for arms that move, from 266 and 40,411 for live
@@ -36,8 +36,8 @@ filter, drift and what is not known of it, and for a table that stays where it i
 messages of two arms, sensors or definitions on one topic, and what nothing in a recording confirms, and from 42,261 for
 hashes and types that are of another definition, pipes without a reader, and owners, what is known held against the
 readings, poses that stand still or leap while an arm moves, and what a recorder has written, and from 262 and 42,485
-for an accelerometer sample by sample, rows that come in bursts, recordings that are killed within a write, and what
-comes without a time behind a gap (changelog).
+for an accelerometer sample by sample, rows that come in bursts, times that begin anew or are no seconds, recordings
+that are killed within a write, and what comes without a time behind a gap (changelog).
 """
 MOST_AT_ROOT, MOST_FOLDERS = 8, 13
 MOST_LINES_OF_FILE = 300

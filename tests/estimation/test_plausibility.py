@@ -304,3 +304,15 @@ def test_a_dead_channel_is_named(model: str) -> None:
     assert (finding.kind, finding.severity, finding.text) == (Kind.DEAD_CHANNEL, Severity.DOUBTFUL, text)
     wrench[0, 5] = 0.2501
     assert found(wrench, model) == []
+
+
+@pytest.mark.parametrize("per_n", [1.0, 100.0, 3000.0])
+def test_a_converters_counts_are_doubtful_and_whole_newtons_are_not(per_n: float) -> None:
+    rng = np.random.default_rng(3)
+    R = Rotation.random(14, random_state=rng).as_matrix()
+    force = -20.0 * R[:, 2]
+    wrench = per_n * np.hstack([force, 20.0 * np.cross([0.0, 0.01, 0.06], force)])
+    said = cw.calibrate(cw.Samples(np.rint(wrench + rng.normal(size=(14, 6))), R)).warnings
+    assert any("a converter's counts, not N and N m?" in text for text in said) == (per_n > 1.0)
+    said = cw.calibrate(cw.Samples(wrench + rng.normal(size=(14, 6)), R)).warnings
+    assert not any("counts" in text for text in said)

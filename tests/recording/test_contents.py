@@ -196,8 +196,8 @@ def test_dates_do_not_keep_a_table_from_being_described(tmp_path: Path, capsys: 
     told = run(capsys, "info", path).out
     assert "Table, 1 rows of 11 columns\n" in told
     complaint = (
-        "row 2, column Timestamp: found '2024-05-01 12:00:00', expected a number: correct it or leave the times out "
-        "with --time-column none"
+        "row 2, column Timestamp: found '2024-05-01 12:00:00', a date or time of day, expected seconds since the first "
+        "row: write those, or leave the times out, if the rows are poses, with --time-column none"
     )
     assert f"  times: {complaint}\n" in told
     assert f"{path}: {complaint}" in run(capsys, "calibrate", path).err

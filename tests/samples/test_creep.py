@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 import contactwrench as cw
 from contactwrench.calibration.findings import Kind
 from contactwrench.errors import InputError
+from contactwrench.estimation.findings_of_recording import with_creep
 from contactwrench.samples.creep import Creep, Stop, creep_of
 from contactwrench.samples.recorded_poses import recorded_poses
 
@@ -125,6 +126,19 @@ def test_a_recording_of_a_creeping_sensor_is_doubtful(share: float, tau: float, 
     (text,) = [each.text for each in calibration.findings if each.kind is Kind.CREEP]
     assert text.startswith("doubtful: the sensor creeps after each change of its load: ")
     assert len(text) < 300
+
+
+def test_what_changes_within_stops_as_from_stop_to_stop_is_no_creep() -> None:
+    calibration = cw.calibrate(recording(2, 0.0, 5.0, 3.0))
+    R = np.array([pose.R_base_flange for pose in calibration.poses])
+    texts = [
+        with_creep(calibration, Creep(share, 0.01, True, 5.0), R).findings[-1].text.partition(":")[2]
+        for share in (0.1, 0.8)
+    ]
+    assert texts[0].startswith(" the sensor creeps after each change of its load: 10 % ")
+    assert texts[1].startswith(
+        " within stops the reading changes by 80 % of what it does from stop to stop, 4 N, as no"
+    )
 
 
 @pytest.mark.parametrize("model", ["paper", "yaw", "mount+base", "affine"])

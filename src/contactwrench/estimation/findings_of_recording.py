@@ -31,6 +31,8 @@ ALLOWED, NEGLIGIBLE = 3.0, 0.002
 """Standard deviations of the weight, and part of it: creep that makes it wrong by less than either is not said. No data
 sheet promises a better gain.
 """
+MOST_CREEP = 0.5
+"""Share of a change of load: of sensors 0.2 is much; lost rows and clocks that stepped read as 0.6 to 1.8."""
 
 
 def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
@@ -89,6 +91,12 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
         f"the sensor creeps after each change of its load: {100.0 * share:.2g} % of it or more was perhaps still to "
         f"come when the poses were taken, {force:.2g} N: stops that last longer would weigh the tool otherwise"
     )
+    if share > MOST_CREEP:
+        text = (
+            f"within stops the reading changes by {100.0 * share:.2g} % of what it does from stop to stop, "
+            f"{force:.2g} N, as no sensor creeps: the clocks of sensor and robot part (rows lost, a clock stepped), "
+            "the sensor was zeroed at a stop, or a filter is slower than the stops"
+        )
     return replace(honest, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))
 
 

@@ -82,6 +82,8 @@ LIKELIEST_CAUSE = (
 )
 
 REVERSED = "tx, ty and tz reversed"
+LEAST_COUNT = 300.0
+"""N m, beyond what wrist sensors measure, and whole numbers at that."""
 USUAL = 1.5
 """Of the logarithm of a centre of mass: by so much torques in N mm are forgiven, as they are commoner than the rest."""
 
@@ -236,12 +238,26 @@ def require_alive(wrench: Array, source: str) -> None:
     )
 
 
+def _counts(samples: Samples) -> tuple[Finding, ...]:
+    """That all readings are whole numbers and torques large: a converter's counts, which a rigid tool fits as well."""
+    most = float(np.abs(samples.wrench[:, 3:]).max(initial=0.0))
+    if most < LEAST_COUNT or (samples.wrench != np.rint(samples.wrench)).any():
+        return ()
+    text = (
+        f"all readings are whole numbers, of torque up to {most:.0f}: a converter's counts, not N and N m? divide them "
+        "by the sensor's counts per N and per N m"
+    )
+    return (Finding.doubtful(Kind.IMPLAUSIBLE_TOOL, text),)
+
+
 def dead_channels(samples: Samples, gravity_direction: Array) -> tuple[Finding, ...]:
-    """That channels read one value in all rows, though these tilt the tool. Raises `InputError` where none is alive."""
+    """That channels read one value in all rows, though these tilt the tool, or that all are a converter's counts.
+    Raises `InputError` where none is alive.
+    """
     require_alive(samples.wrench, samples.source)
     dead = np.ptp(samples.wrench, axis=0) == 0.0
     if not dead.any() or not tilts_widely(samples.R_base_flange, gravity_direction):
-        return ()
+        return _counts(samples)
     named = ", ".join(f"{axis} = {samples.wrench[0, k]:g}" for k, axis in enumerate(AXES) if dead[k])
     text = f"{named} in all {len(samples)} rows, though these tilt the tool"
     frozen = f"{samples.source}: found {text}, expected readings that change: check the sensor's cable and driver"

@@ -14,7 +14,9 @@ import numpy as np
 from ..errors import FileFormatError, InputError
 from ..files import name_of
 from ..samples.bursts import even_rows
+from ..samples.recorded_poses import is_stream
 from ..samples.samples import OrientationStream, Samples, Streams, WrenchStream, at_limit
+from ..samples.timestamps import begins_anew, counted_on
 from .accelerations import with_accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag
 from .options import AS_USUAL, IN_BASE_AXES, Options
@@ -178,6 +180,9 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell)
     many readings at a limit, which leave too little of what will be asked for.
     """
     samples, notes = even_rows(with_accelerations(samples, path, options))
+    if begins_anew(samples) and is_stream(samples):
+        samples, anew = counted_on(samples)
+        notes += anew
     for note in notes:
         tell(note)
     if samples.saturated is None and samples.t is not None:

@@ -21,6 +21,7 @@ from .samples import SLOWEST, Samples
 from .slow_motion import poses_on_the_way
 from .still_noise import StillNoise, still_noise_of
 from .still_segments import StillSegment, StillSegments, still_segments
+from .timestamps import counted_on
 
 FASTEST_TURN = np.deg2rad(360.0)
 HOLD = 0.05
@@ -45,6 +46,9 @@ CLOSE = np.deg2rad(3.0)
 LONGEST_STEP = np.deg2rad(20.0)
 ROW_SCALES = (1.0, 3.0, 10.0, 30.0)
 """Steps and looks at rows without times."""
+
+MANY_IN_NO_TIME = 50
+"""Orientations; fewer may be a table by hand, whose times say little."""
 
 FEW_STOPS = 6
 """Orientations: with fewer, what the sensor reads on the way between them is used too."""
@@ -113,6 +117,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         first = np.unique(label, return_index=True)[1]
         if len(first) > MOST_POSES or (len(first) > MOST_ON_THE_WAY and _lie_close(samples.R_base_flange[first])):
             raise _too_many(samples, len(first))
+        _require_seconds(samples, len(first))
         poses, visit = averaged(samples, label), visits(label, most_visits)
         again = None if visit is None else averaged(samples, visit)
         if samples.t is None:
@@ -120,6 +125,7 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         rows, period = _even_rows(samples.t, label)
         noise = still_noise_of([samples.wrench[each] for each in rows], period)
         return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=_creep_of_rows(samples, samples.t, label))
+    samples = counted_on(samples)[0]
     still = still_segments(samples)
     stood = still.accepted + still.rejected
     label = label_orientations(np.array([segment.R_base_flange for segment in still.accepted]).reshape(-1, 3, 3))
@@ -170,6 +176,20 @@ def _too_many(samples: Samples, count: int) -> InputError:
         f"{samples.source}: found about {count} orientations in {len(samples)} rows, expected poses at rest: {still}, "
         "or give only rows at rest"
     )
+
+
+def _require_seconds(samples: Samples, count: int) -> None:
+    """Raise `InputError` where rows follow an arm that by their times turns faster than any does."""
+    if samples.t is None or count <= MANY_IN_NO_TIME or not _follows_the_arm(samples.R_base_flange):
+        return
+    turn, step = angles_between(samples.R_base_flange[:-1], samples.R_base_flange[1:]), np.abs(np.diff(samples.t))
+    too_fast = turn > FASTEST_TURN * step
+    if (turned := float(turn[too_fast].sum())) > 0.5 * float(turn.sum()):
+        took = float(step[too_fast].sum())
+        raise InputError(
+            f"{samples.source}: found an arm that turns by {np.rad2deg(turned):.0f} deg in {took:.3g} s, expected "
+            "times in s, with their decimals: write them so, or name another column, of poses none, with --time-column"
+        )
 
 
 def _lie_close(R: Array) -> bool:

@@ -10,6 +10,7 @@ from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import TIME
 from ..statistics import counted
+from .samples import Samples
 
 SORTED_WITHIN = 0.1
 """s: messages are delivered late by less, and are sorted. Clocks are set back by more: those that follow a server step
@@ -17,6 +18,11 @@ only where they are further off (ntpd: 0.128 s), and are slowed down until then.
 """
 FINEST = 1e-9
 """s from row to row: no recorder counts less."""
+APART = 1.0
+"""s by which what follows is put behind what came before: a gap, of nobody knows which length."""
+
+FEWEST_AGAIN = 50
+"""Rows in a row, stamp and reading alike to the last digit, as no two recordings have them: one written twice."""
 
 
 @dataclass(frozen=True)
@@ -178,3 +184,45 @@ def _remedy(wrench: Stamps, orientation: Stamps) -> str:
     if (wrench.first > UNIX) != (orientation.first > UNIX):
         return "one clock counts from 1970 and one from the start, record both with one"
     return "record both with one clock, or correct the stamps of one"
+
+
+def begins_anew(samples: Samples) -> bool:
+    """Whether the times jump back anywhere, by more than late rows do."""
+    return samples.t is not None and bool((np.diff(samples.t) < -SORTED_WITHIN).any())
+
+
+def counted_on(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
+    """A stream in the order of its rows where its times begin anew, as of recordings in one file or a clock that was
+    set back: they go on there, and rows that only repeat earlier ones are left out; notes say both.
+    """
+    t = samples.t
+    if t is None or not begins_anew(samples):
+        return samples, ()
+    back = np.flatnonzero(np.diff(t) < -SORTED_WITHIN) + 1
+    seen = _seen_before(np.column_stack([t, samples.wrench]))
+    keep = np.ones(len(t), dtype=bool)
+    for begin, end in zip(back, [*back[1:], len(t)], strict=True):
+        news = np.flatnonzero(seen[begin:end] == 0)
+        again = int(news[0]) if len(news) else end - begin
+        keep[begin : begin + again] = again < FEWEST_AGAIN
+    on, latest = t.copy(), -np.inf
+    for part in np.split(np.arange(len(t)), back):
+        if len(rows := part[keep[part]]):
+            on[rows] += max(latest + APART - float(t[rows[0]]), 0.0) if np.isfinite(latest) else 0.0
+            latest = float(on[rows].max())
+    more = f", and {counted(len(back) - 1, 'more time')}" if len(back) > 1 else ""
+    notes = [
+        f"the times jump back at row {back[0] + 1}, by {t[back[0] - 1] - t[back[0]]:.3g} s{more}, as where recordings "
+        "stand one after the other: counted on from there; of two tools cut the file there"
+    ]
+    if not keep.all():
+        notes.append(f"{counted(int(np.sum(keep == 0)), 'row')} that repeat earlier ones to the last digit left out")
+    return replace(samples, t=on).select(keep), tuple(notes)
+
+
+def _seen_before(rows: Array) -> Array:
+    """Whether each of (n, k) rows stands further above as well: (n,)."""
+    first = np.unique(rows, axis=0, return_index=True)[1]
+    seen = np.ones(len(rows), dtype=bool)
+    seen[first] = False
+    return seen

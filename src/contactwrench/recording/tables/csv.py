@@ -21,15 +21,12 @@ from ...files import blocks_of_lines, name_of
 from ...geometry.arrays import Array
 from .columns import FLAW, SATURATED, WRENCH_COLUMNS, Column, OpenTable, places_of, shown
 from .layout import (
-    DECIMAL_COMMA,
     PERHAPS_DOTTED,
-    PERHAPS_THOUSANDS,
-    THOUSANDS,
     Layout,
     cells,
-    is_number,
     is_row,
     layout_of,
+    no_number,
     split,
     value,
 )
@@ -260,7 +257,8 @@ class Lines:
             number = value(cell.translate(POINT_FOR_COMMA) if comma else cell) if cell else np.nan
         except ValueError:
             where = f"{self.source}: row {row}, column {column.name}"
-            raise FileFormatError(f"{where}: {_no_number(cell, comma=comma, of_times=column.role == 't')}") from None
+            wrong = no_number(cell, column.name, comma=comma, of_times=column.role == "t")
+            raise FileFormatError(f"{where}: {wrong}") from None
         if not (np.isfinite(number) or (may_lack and np.isnan(number))):
             raise self._lack(cell, column, row)
         return number
@@ -281,17 +279,3 @@ def _may_be_thousands(values: Array) -> bool:
     if whole.all() or not (whole & (size > 0.0)).any() or (size >= 1000.0).any():
         return False
     return bool((size[~whole] >= 1.0).all() and np.allclose(1e3 * size, np.round(1e3 * size), rtol=0.0, atol=1e-6))
-
-
-def _no_number(cell: str, *, comma: bool, of_times: bool) -> str:
-    """What is wrong with a cell that is no number in a file whose decimal mark is a comma, or a point."""
-    if PERHAPS_THOUSANDS.fullmatch(cell):
-        return f"found {cell!r}, which may be a decimal comma or thousands, expected a point: write it so"
-    if DECIMAL_COMMA.fullmatch(cell):
-        return f"found the decimal comma {cell!r}, expected a point: write it so"
-    if THOUSANDS.fullmatch(cell) and not is_number(cell):
-        return f"found thousands set apart in {cell[:40]!r}, expected digits and one decimal mark: write it so"
-    if comma and is_number(cell):
-        return f"found the decimal point {cell[:40]!r} in a file with decimal commas, expected one mark: write it so"
-    mend = "leave the times out with --time-column none" if of_times else "leave the row out"
-    return f"found {cell[:40]!r}, expected a number: correct it or {mend}"

@@ -29,6 +29,7 @@ NO_UNIT = ("", "-", "1")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 PERHAPS_DOTTED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+CLOCK = re.compile(r"\d[-/.:]\d+[-/.:]\d")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[., '\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?")
 
 
@@ -179,3 +180,21 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def no_number(cell: str, name: str, *, comma: bool, of_times: bool) -> str:
+    """What is wrong with a cell below a `name`, no number in a file whose decimal mark is a comma, or a point."""
+    if PERHAPS_THOUSANDS.fullmatch(cell):
+        return f"found {cell!r}, which may be a decimal comma or thousands, expected a point: write it so"
+    if DECIMAL_COMMA.fullmatch(cell):
+        return f"found the decimal comma {cell!r}, expected a point: write it so"
+    if THOUSANDS.fullmatch(cell) and not is_number(cell):
+        return f"found thousands set apart in {cell[:40]!r}, expected digits and one decimal mark: write it so"
+    if comma and is_number(cell):
+        return f"found the decimal point {cell[:40]!r} in a file with decimal commas, expected one mark: write it so"
+    mend = "leave the times out, if the rows are poses, with --time-column none" if of_times else "leave the row out"
+    if of_times and CLOCK.search(cell):
+        mend = f"write those, or {mend}"
+        return f"found {cell[:40]!r}, a date or time of day, expected seconds since the first row: {mend}"
+    again = "found the header again, expected one recording: cut the file there"
+    return again if cell == name else f"found {cell[:40]!r}, expected a number: correct it or {mend}"
