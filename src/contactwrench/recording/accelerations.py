@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from ..errors import FileFormatError, InputError
 from ..geometry.arrays import Array
 from ..samples.accelerometer import AccelerometerStream, with_accelerometer
+from ..samples.bursts import bursts_in, spread
 from ..samples.samples import Samples
 from .bags.messages import accelerations
 from .bags.open import SUFFIXES_OF_BAGS, is_bag, messages, opened_bag
@@ -37,10 +39,12 @@ def with_accelerations(samples: Samples, path: str | Path, options: Options) -> 
     suffix = Path(options.imu).suffix.lower()
     names_a_table = suffix and suffix in SUFFIXES_OF_TABLES
     if names_a_table or os.path.exists(options.imu):
-        return with_accelerometer(samples, _of_table(options.imu, None, AS_NAMED))
-    if Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
-        return with_accelerometer(samples, _of_bag(path, options))
-    return with_accelerometer(samples, _of_table(path, options.imu, options))
+        stream = _of_table(options.imu, None, AS_NAMED)
+    elif Path(path).suffix.lower() in SUFFIXES_OF_BAGS or is_bag(path):
+        stream = _of_bag(path, options)
+    else:
+        stream = _of_table(path, options.imu, options)
+    return with_accelerometer(samples, replace(stream, t=spread(stream.t, bursts_in(stream.t))))
 
 
 def _of_bag(path: str | Path, options: Options) -> AccelerometerStream:

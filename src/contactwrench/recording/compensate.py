@@ -25,6 +25,7 @@ from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
 from ..geometry.arrays import Array
 from ..geometry.ranges import DELAY
+from ..samples.bursts import bursts_in, even_rows, spread
 from ..samples.recorded_poses import is_stream
 from ..samples.samples import Samples, Streams
 from ..samples.synchronize import Synchronized, synchronized
@@ -106,7 +107,9 @@ def compensated(
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
     late = treatment.applied_delay(calibration) != 0.0
-    if pairs is None or first is None or (late and (treatment.delay is not None or is_stream(first))):
+    evenly, bursts = (first, ()) if first is None else even_rows(first)
+    late = late and (treatment.delay is not None or (evenly is not None and is_stream(evenly)))
+    if pairs is None or first is None or late or (bursts and calibration.dynamics is not None):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
     told = _telling(chain([first], pairs), path, options, note)
     every = (with_accelerations(samples, path, options) for samples in told)
@@ -233,7 +236,8 @@ def _smoothed(recording: Iterator[ContactWrenches], treatment: Treatment) -> Ite
     whole = ContactWrenches.concatenate(list(recording))
     if whole.t is None or len(whole) < 2:
         raise InputError("found no times to filter by, expected a column t: add it, or leave the low-pass out")
-    yield replace(whole, wrench=smoothed(whole.t, whole.wrench, treatment.low_pass))
+    evenly = spread(whole.t, bursts_in(whole.t))
+    yield replace(whole, wrench=smoothed(evenly, whole.wrench, treatment.low_pass))
 
 
 class InOrder:

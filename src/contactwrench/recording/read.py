@@ -179,7 +179,8 @@ def _completed(samples: Samples, path: str | Path, options: Options, tell: Tell)
     """With an accelerometer's readings, and what is doubtful in how angles were read; `tell` hears of times, and of
     many readings at a limit, which leave too little of what will be asked for.
     """
-    samples, notes = even_rows(with_accelerations(samples, path, options))
+    samples, notes = even_rows(samples)
+    samples = with_accelerations(samples, path, options)
     if begins_anew(samples) and is_stream(samples):
         samples, anew = counted_on(samples)
         notes += anew

@@ -15,21 +15,24 @@ import numpy as np
 
 from ..geometry.arrays import Array
 from .samples import OrientationStream, Samples, Streams, WrenchStream
+from .timestamps import Stamps, stamps_after
 
-JUDGED_BY = 8.0
-"""s at the begin of a stream, by which it is judged."""
+JUDGED_BY, LOOKED_AHEAD = 8.0, 24.0
+"""s at the begin of a stream, by which it is judged; where the other lasts so long, what has come has to do."""
 LEAST, MOST = 0.005, 1.0
 """s from one burst to the next: less is a clock that counts coarsely, more are stops, each recorded by itself."""
-FEWEST_BURSTS, FEWEST_ROWS = 5, 2
-"""Two rows with the very same stamp are one that came twice."""
+FEWEST_BURSTS, FEWEST_ROWS = 5, 3
+"""Of two rows with nearly the same stamp, one is a message that came twice, as a rule."""
 INSIDE, OUTSIDE = 0.4, 10.0
 """Of the steps from row to row at least so many lie in bursts, and are as many times shorter than the step in which
 half of the time passes; of an even stream all are that.
 """
-IN_BURSTS = 0.2
-"""Of the time: bursts hold no more."""
+WITHIN = 0.2
+"""Of the time passes within bursts, at most."""
 REGULAR = 0.25
-"""Of the time of a burst, that half of them are off by at most: as many rows as the time since the last would hold."""
+"""Part by which the rows of half of the bursts are off, at most, those that the time since the last would hold."""
+ON_A_GRID = 0.05
+"""Of a tick, that all stamps are off a whole number of ticks, at most, where a clock counts so coarsely."""
 LONGEST = 1.5
 """Times the period of its rows, that a burst is spread over: before it is a gap."""
 
@@ -64,24 +67,36 @@ def bursts_in(t: Array) -> Bursts | None:
     if not LEAST <= usual <= MOST or usual < OUTSIDE * short:
         return None
     last = np.flatnonzero(steps > 0.5 * usual)
-    if len(last) < FEWEST_BURSTS or steps[steps <= 0.5 * usual].sum() > IN_BURSTS * passed[-1]:
+    if len(last) < FEWEST_BURSTS or steps[steps <= 0.5 * usual].sum() > WITHIN * passed[-1]:
+        return None
+    ticks = steps[steps > 0.0] / steps[steps > 0.0].min()
+    if short == 0.0 and float(np.abs(ticks - np.rint(ticks)).max()) < ON_A_GRID:
         return None
     rows, time = np.diff(last), np.diff(t[last])
     period = float(np.median(time / rows))
     regular = float(np.median(np.abs(rows * period / time - 1.0))) <= REGULAR
     count = int(np.median(rows))
-    return Bursts(0.5 * usual, period, count) if regular and count >= FEWEST_ROWS + (short == 0.0) else None
+    return Bursts(0.5 * usual, period, count) if regular and count >= FEWEST_ROWS else None
 
 
-def spread(t: Array, bursts: Bursts | None, before: float = np.nan) -> Array:
-    """Stamps (n,), s, of whole bursts, each spread over the time since the burst `before` it."""
+def spread(t: Array, bursts: Bursts | None, before: float = np.nan, begun: float = np.nan) -> Array:
+    """Stamps (n,), s, each burst spread over the time since the one that ended at `before`; rows that come evenly, or
+    out of order, stay. `begun`: when the first rows began to come, where others of them are done with.
+    """
     if bursts is None or not len(t):
         return t
-    last = np.r_[np.flatnonzero(np.diff(t) > bursts.pause), len(t) - 1]
-    rows, end = np.diff(np.r_[-1, last]), t[last]
-    step = np.fmin(np.diff(np.r_[before, end]) / rows, LONGEST * bursts.period)
-    step[np.isnan(step)] = bursts.period
-    return np.asarray(np.repeat(end, rows) - (np.repeat(last, rows) - np.arange(len(t))) * np.repeat(step, rows))
+    steps = np.diff(t)
+    last = np.r_[np.flatnonzero(steps > bursts.pause), len(t) - 1]
+    first = np.r_[0, last[:-1] + 1]
+    rows, end, start = last - first + 1, t[last], t[first]
+    start[0] = np.fmin(start[0], begun)
+    inner = np.r_[0.0, steps]
+    inner[first] = 0.0
+    handed_on = (np.minimum.reduceat(inner, first) >= 0.0) & (end - start <= bursts.pause)
+    step = np.diff(np.r_[before, end]) / rows
+    step[~(step <= LONGEST * bursts.period)] = bursts.period
+    evenly = np.repeat(end, rows) - (np.repeat(last, rows) - np.arange(len(t))) * np.repeat(step, rows)
+    return np.where(np.repeat(handed_on, rows), evenly, t)
 
 
 def even_rows(samples: Samples) -> tuple[Samples, tuple[str, ...]]:
@@ -103,14 +118,17 @@ class Even:
         return next(self.batches([streams]))
 
     def batches(self, batches: Iterable[Streams]) -> Iterator[Streams]:
-        """The same rows in as many batches; a burst that is not whole yet comes with the next."""
+        """The same rows; a burst that is not whole yet comes with the next batch. Raises `InputError` for the stamps of
+        a stream that came in bursts, where these cannot be put in order.
+        """
         coming, first = iter(batches), list[Streams]()
         for batch in coming:
             first.append(batch)
-            if all(_is_long(t) for t in _stamps_of(first)):
+            last = [_lasts(t) for t in _stamps_of(first)]
+            if min(last) > JUDGED_BY or max(last) > LOOKED_AHEAD:
                 break
-        wrench, orientation = (_Handed(t) for t in _stamps_of(first))
-        self.notes = (*wrench.notes("wrench"), *orientation.notes("orientation"))
+        wrench, orientation = map(_Handed, ("wrench", "orientation"), _stamps_of(first))
+        self.notes = (*wrench.notes, *orientation.notes)
         rest = chain(first, coming)
         if not self.notes:
             yield from rest
@@ -135,29 +153,35 @@ def _stamps_of(batches: list[Streams]) -> tuple[Array, Array]:
     )
 
 
-def _is_long(t: Array) -> bool:
-    return len(t) > 0 and t[-1] - t[0] > JUDGED_BY
+def _lasts(t: Array) -> float:
+    return float(t[-1] - t[0]) if len(t) else 0.0
 
 
 class _Handed:
-    """A stream as it is handed on, judged by the stamps (n,) of its begin: the rows that wait for the end of their
-    burst, and when the burst before ended.
+    """The stream `name` as it is handed on, judged by the stamps (n,) of its begin: the rows that wait for the end of
+    their burst, when these began to come, and when the burst before ended.
     """
 
-    def __init__(self, begin: Array) -> None:
-        self._bursts, self._waits, self._end = bursts_in(begin), list[Any](), np.nan
-
-    def notes(self, stream: str) -> list[str]:
-        """What there is to say of it."""
-        return [] if self._bursts is None else [self._bursts.in_words(stream)]
+    def __init__(self, name: str, begin: Array) -> None:
+        self._name, self._bursts, self._waits = name, bursts_in(begin), list[Any]()
+        self._end = self._begun = np.nan
+        self._stamps: Stamps | None = None
+        self.notes = [] if self._bursts is None else [self._bursts.in_words(name)]
 
     def spread(self, come: Stream, is_last: bool) -> Stream:
-        """The rows whose bursts are whole."""
-        if self._bursts is None:
+        """The rows whose bursts are whole, and those that come evenly meanwhile."""
+        if self._bursts is None or not len(come) + len(self._waits):
             return come
+        before = self._stamps or Stamps(self._name, come.source)
+        self._stamps = stamps_after(before, come.t, min(before.first, float(come.t.min(initial=np.inf))))
         rows = type(come).concatenate([*self._waits, come])
-        begins = np.flatnonzero(np.diff(rows.t) > self._bursts.pause) + 1
-        whole = len(rows) if is_last else int(begins[-1]) if len(begins) else 0
-        self._waits, done = [rows.select(slice(whole, None))], rows.select(slice(whole))
-        end, self._end = self._end, float(done.t[-1]) if whole else self._end
-        return replace(done, t=spread(done.t, self._bursts, end))
+        t, begin = rows.t, 0
+        if len(later := np.flatnonzero(np.diff(t) > self._bursts.pause)):
+            begin = int(later[-1]) + 1
+        since = float(t[begin]) if begin else float(np.fmin(t[:1].min(initial=np.inf), self._begun))
+        is_even = len(t) > 0 and t[-1] - since > self._bursts.pause
+        whole = len(t) if is_last or is_even else begin
+        done, end, begun = rows.select(slice(whole)), self._end, self._begun
+        self._waits, self._begun = [rows.select(slice(whole, None))], since if is_even else np.nan
+        self._end = float(done.t[-1]) if whole else end
+        return replace(done, t=spread(done.t, self._bursts, end, begun))
