@@ -178,11 +178,24 @@ def test_the_calibration_of_another_device(
     assert said == f"{tmp_path / 'other.json'}: found the calibration of another, expected one of {real}: name its own"
 
 
-@pytest.mark.parametrize("may", [True, False])
+@pytest.mark.parametrize(("may", "policy", "nice", "then"), [
+    (True, os.SCHED_OTHER, 0, os.SCHED_RR),
+    (False, os.SCHED_OTHER, 0, os.SCHED_OTHER),
+    (True, os.SCHED_OTHER, 10, os.SCHED_OTHER),
+    (True, os.SCHED_FIFO, 0, os.SCHED_FIFO),
+])  # fmt: skip
 def test_a_session_runs_before_other_programs_where_it_may(
-    monkeypatch: pytest.MonkeyPatch, capsys: Capture, devices: tuple[str, str], calibration: Path, may: bool
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
+    devices: tuple[str, str],
+    calibration: Path,
+    may: bool,
+    policy: int,
+    nice: int,
+    then: int,
 ) -> None:
-    policies, seen = [os.SCHED_OTHER], []
+    """And where whoever started it has not chosen otherwise; afterwards all is as it was."""
+    policies, seen = [policy], []
 
     def ask(pid: int, policy: int, parameters: os.sched_param) -> None:
         if not may:
@@ -191,13 +204,14 @@ def test_a_session_runs_before_other_programs_where_it_may(
         policies.append(policy)
 
     monkeypatch.setattr(os, "sched_getscheduler", lambda _: policies[-1])
+    monkeypatch.setattr(os, "getpriority", lambda *_: nice)
     monkeypatch.setattr(os, "sched_setscheduler", ask)
     monkeypatch.setattr("contactwrench.cli.live._until_a_signal", lambda *_: seen.append(policies[-1]))
     arguments = ("--sensor", devices[0], "--robot", devices[1], "-c", calibration, "--no-page")
     with nothing_left():
         assert run(capsys, "live", *arguments).status == 0
-    assert seen == [os.SCHED_RR if may else os.SCHED_OTHER]
-    assert policies[-1] == os.SCHED_OTHER
+    assert seen == [then]
+    assert policies[-1] == policy
 
 
 def test_the_calibration_of_a_larger_sensor() -> None:

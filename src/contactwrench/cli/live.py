@@ -120,9 +120,9 @@ def live(
     if known is not None and compiles:
         _compiled()  # before anything comes that could not be taken meanwhile
     with ExitStack() as stack:
-        if recorded is None:
-            _before_others()
-            stack.callback(_before_others, False)
+        first = recorded is None and _before_others()
+        if first:
+            stack.callback(_as_others)
         readers = {role: _read(source, role, len(sources) == 1, stack) for role, source in sources.items()}
         at_sensor, at_arm = readers["sensor"].about, readers["robot" if "robot" in readers else "sensor"].about
         if known is not None and not at_sensor.replay:
@@ -144,7 +144,7 @@ def live(
         session.recording = None if record is None else True
         if known is None and compiles:
             Thread(
-                target=_compiled, args=(True,), name="compiles", daemon=True
+                target=_compiled, args=(first,), name="compiles", daemon=True
             ).start()  # while a person is at the wizard
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
@@ -164,14 +164,21 @@ def _sources(sensor: str | None, robot: str | None, recorded: Path | None, speed
     return {role: source_of(uri) for role, uri in given.items() if uri is not None}
 
 
-def _before_others(first: bool = True) -> None:
-    """Have the system run this thread and those that it starts before other programs, whose turns are most of what a
-    contact wrench waits for, or again as any; where it lets this one: on Linux, as root or with a limit `rtprio`.
+def _before_others() -> bool:
+    """Whether the system runs this thread and those that it starts before other programs, whose turns are most of what a
+    contact wrench waits for: on Linux it lets root, and whoever has a limit `rtprio`.
     """
-    with suppress(AttributeError, OSError):
-        now, then = (os.SCHED_OTHER, os.SCHED_RR) if first else (os.SCHED_RR, os.SCHED_OTHER)
-        if os.sched_getscheduler(0) == now:  # another was chosen by whoever started it
-            os.sched_setscheduler(0, then, os.sched_param(int(first)))
+    try:
+        if os.sched_getscheduler(0) != os.SCHED_OTHER or os.getpriority(os.PRIO_PROCESS, 0) > 0:
+            return False  # whoever started it has chosen
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def _as_others() -> None:
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _read(source: Source, role: str, alone: bool, stack: ExitStack) -> Reader:
@@ -253,7 +260,7 @@ def _compiled(aside: bool = False) -> None:
     from ..compensate.runner import compiled
 
     if aside:
-        _before_others(False)
+        _as_others()
     compiled()
     _settle()
 
