@@ -6,7 +6,7 @@ import gc
 import os
 import sys
 import time
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Thread
@@ -165,8 +165,8 @@ def _sources(sensor: str | None, robot: str | None, recorded: Path | None, speed
 
 
 def _before_others() -> bool:
-    """Whether the system runs this thread and those that it starts before other programs, whose turns are most of what a
-    contact wrench waits for: on Linux it lets root, and whoever has a limit `rtprio`.
+    """Whether the system runs this thread and those that it starts before other programs, whose turns are most of what
+    a contact wrench waits for: on Linux it lets root, and whoever has a limit `rtprio`.
     """
     try:
         if os.sched_getscheduler(0) != os.SCHED_OTHER or os.getpriority(os.PRIO_PROCESS, 0) > 0:
