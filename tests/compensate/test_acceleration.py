@@ -146,6 +146,73 @@ def test_one_that_falls_silent_leaves_nothing_valid_until_it_reads_again(fast: b
     assert found.wrench[605:] == pytest.approx(exact.wrench[605:], abs=1e-9)
 
 
+@BOTH
+def test_one_that_fell_silent_is_not_believed_behind_a_gap_of_the_wrench(fast: bool) -> None:
+    """Nor where the times begin anew, until it reads again."""
+    felt, kept = swing().felt.copy(), np.r_[0:510, 660:1000]
+    felt[500:900] = np.nan
+    one, R = swing().compensator(fast), _orientations(T).as_quat()
+    found = one.run(swing().wrench[kept], R[kept], T[kept], acceleration=felt[kept])
+    assert not found.valid[510:750].any()
+    assert found.valid[750:].all()
+    again = one.run(swing().wrench[:200], R[:200], T[:200], acceleration=np.full((200, 3), np.nan))
+    assert not again.valid.any()
+
+
+@BOTH
+def test_one_that_is_stuck_while_the_arm_turns_has_fallen_silent(fast: bool) -> None:
+    """What is the same once more is not read anew."""
+    felt = swing().felt.copy()
+    felt[500:600] = felt[499]
+    found = swing().run(fast, felt)
+    assert found.valid[4:534].all()
+    assert not found.valid[538:600].any()
+    assert found.valid[600:].all()
+    assert not (found.contact == 1).any()
+
+
+@BOTH
+@pytest.mark.parametrize("held", [True, False], ids=["held", "none between"])
+@pytest.mark.parametrize("every", [10, 30])
+def test_one_that_is_slower_than_the_wrench_leaves_what_its_std_says(fast: bool, held: bool, every: int) -> None:
+    """100 and 33 Hz, as a loop gives the latest value, or none: what it tells ages, and the std grows with it."""
+    rows = np.arange(len(T))
+    felt = swing().felt[rows // every * every]
+    felt[rows % every > 0] = felt[rows % every > 0] if held else np.nan
+    found = swing().run(fast, felt)
+    off = np.abs(found.wrench[50:, :3]) / np.hypot(found.std[50:, :3], 1e-3)
+    assert 0.2 < float(np.sqrt(np.mean(off**2))) < 1.0
+    assert found.valid[4:].all()
+    assert not (found.contact == 1).any()
+
+
+@BOTH
+def test_one_that_repeats_itself_at_rest_reads_until_the_arm_turns(fast: bool) -> None:
+    """As coarse ones do. Where the arm has begun to turn, it has been stuck for as long as it has repeated itself; when
+    that stops, what it says is not how it stands.
+    """
+    moved, rest, R = swing(), np.zeros(300, np.int_), _orientations(T).as_quat()
+    rows, t = np.concatenate([rest, np.arange(500), rest + 499]), np.arange(1100) / RATE
+    standing = _orientations(T[rest] - DELAY).as_matrix()
+    noise = np.random.default_rng(4).normal(size=(300, 6)) * NOISE
+    felt_at_rest = _felt_standing(moved.calibration, standing[:1])[0]
+    wrench = moved.wrench[rows]
+    wrench[:300] = moved.calibration.predict(standing) + noise
+    found = moved.compensator(fast).run(wrench, R[rows], t, acceleration=np.tile(felt_at_rest, (1100, 1)))
+    assert found.valid[4:300].all()
+    assert not (found.contact == 1).any()
+    assert not found.valid[306:].any()
+    assert str(found.reason[310]).startswith("frozen: the accelerometer has read nothing for 0.3")
+
+
+def _felt_standing(calibration: cw.Calibration, R: Array) -> Array:
+    """What an accelerometer of the tool reads (n, 3) where it stands at R_base_flange (n, 3, 3)."""
+    assert calibration.dynamics is not None
+    sits = calibration.dynamics.accelerometer
+    assert sits is not None
+    return -calibration.g * calibration.gravity_direction @ R @ sits.matrix.T + sits.bias
+
+
 def test_a_motion_of_a_recording_comes_before_what_was_felt() -> None:
     """And nothing that was felt stays behind it."""
     moved, R = swing(), _orientations(T).as_quat()
@@ -161,13 +228,13 @@ REFUSED: tuple[tuple[bool, dict[str, Any], str], ...] = (
         True,
         {"position": [0.5, 0.0, 0.6]},
         "found position, and a calibration whose inertia counts from an accelerometer, expected acceleration: give "
-        "that, or calibrate by the other",
+        "that with the reading, `acceleration=`, or calibrate by the other",
     ),
     (
         False,
         {"acceleration": [0.0, 0.0, 1.0]},
-        "found acceleration, and a calibration whose inertia counts from positions, expected position: give that, or "
-        "calibrate by the other",
+        "found acceleration, and a calibration whose inertia counts from positions, expected position: give that "
+        "with the reading, `position=`, or calibrate by the other",
     ),
     (
         True,

@@ -151,7 +151,8 @@ class Compensator:
             InputError: a shape, no numbers, a rate that is too low for a cut-off, or a call while another runs.
         """
         reading, turn = numbers(wrench, "wrench"), numbers(orientation, "orientation")
-        place = NOT_KNOWN[:3] if position is acceleration is None else told(self._calibration, position, acceleration)
+        at_rest = position is None and acceleration is None
+        place = NOT_KNOWN[:3] if at_rest else told(self._calibration, position, acceleration)
         require_one(reading, turn, place)
         t = t if isinstance(t, float) else number(seconds(t), "t")
         heat = nan if temperature is None else number(temperature, "temperature")
@@ -212,7 +213,7 @@ class Compensator:
             InputError: shapes that do not pair, else as for a single reading.
         """
         moving = () if motion is None else known_motion(self._calibration, orientation, motion)
-        place = None if position is acceleration is None else told(self._calibration, position, acceleration)
+        place = None if position is None and acceleration is None else told(self._calibration, position, acceleration)
         samples, width = given(wrench_rows(wrench)[0], orientation, t, temperature, place, *moving)
         contacts: list[Contact] = []
         covariances, taken = [self._covariance()], 0
@@ -259,9 +260,8 @@ class Compensator:
         return self._settings.delay
 
     def _covariance(self) -> Array:
-        covariance = np.array(self._runner.state.systematic)
-        covariance.flat[::7] += self._runner.state.noise_left
-        return covariance
+        s = self._runner.state
+        return np.array(s.systematic) + np.diag(s.noise_left)
 
     def _attend(self, events: int) -> None:
         """Do what a sample leaves to be done."""

@@ -159,7 +159,13 @@ class State:
     felt_time: float = -inf
     felt_next: int = 0
     felt_at: int = 0
-    felt_mean: Row = numbers(3)
+    felt_anew: bool = True
+    felt_news: float = -inf
+    felt_told: Row = numbers(3, fill=nan)
+    specific_force: Row = numbers(3)
+    felt_passed: float = inf
+    felt: Row = numbers(3)
+    felt_rate: Row = numbers(3)
     felt_off: float = 0.0
 
     # What shakes it, as in shaking.py.
