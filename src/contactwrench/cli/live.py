@@ -142,10 +142,8 @@ def live(
         outlets = tuple(open_sink(sink_of(each), patient=patient) for each in out or ())
         recorder = None if record is None else open_sink(Recorder(record), patient=patient)
         session.recording = None if record is None else True
-        if known is None and compiles:
-            Thread(
-                target=_compiled, args=(first,), name="compiles", daemon=True
-            ).start()  # while a person is at the wizard
+        if known is None and compiles:  # while a person is at the wizard
+            Thread(target=_compiled, args=(first,), name="compiles", daemon=True).start()
         publish, say = hub.publish if page or wizard else None, _say_json if events else _say_line
         pump = Pump(session, readers, Ways(publish, say, hub.commands, outlets, recorder))
         if server is not None:

@@ -106,10 +106,11 @@ def compensated(
         note("--imu is not used: the calibration has no inertia that counts from an accelerometer")
     pairs = None if treatment.judged else pairs_in_batches(path, options, advance=advance, **_at_once(calibration))
     first = None if pairs is None else next(pairs)
-    late = treatment.applied_delay(calibration) != 0.0
-    evenly, bursts = (first, ()) if first is None else even_rows(first)
-    late = late and (treatment.delay is not None or (evenly is not None and is_stream(evenly)))
-    if pairs is None or first is None or late or (bursts and calibration.dynamics is not None):
+    evenly, of_bursts = (None, ()) if first is None else even_rows(first)
+    late = treatment.applied_delay(calibration) != 0.0 and (
+        treatment.delay is not None or (evenly is not None and is_stream(evenly))
+    )
+    if pairs is None or first is None or late or (of_bursts and calibration.dynamics is not None):
         return _smoothed(_paired(path, options, calibration, treatment, advance, note), treatment)
     told = _telling(chain([first], pairs), path, options, note)
     every = (with_accelerations(samples, path, options) for samples in told)
