@@ -123,11 +123,10 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
     rivals = [pair for pair in rivals if pair != (mounting, base)]
     near = near_kernels(best[:1]) if best[0].kernels is problem.kernels else None
-    found = best
+    found, anywhere = best, _start(problem, Search(True, True), best[0].kept)
     for k, (any_mounting, any_base) in enumerate(rivals):
         hypotheses = hypotheses_of(question, any_mounting, any_base)
-        start = _start(problem, Search(any_mounting, any_base), best[0].kept)
-        rival = settled(problem, start, best[0].kept, hypotheses, near)
+        rival = settled(problem, anywhere, best[0].kept, hypotheses, near)
         if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
             tables = look(problem, rival.tool, hypotheses)
             if tables[0].log_evidence > found[0].log_evidence:
