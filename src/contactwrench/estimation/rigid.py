@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, response, response_jacobian
 from .bias_drift import kernels_of, possible_drifts
 from .estimate import RigidEstimate
-from .hypotheses import Hypothesis, hypotheses_of, priors_at
+from .hypotheses import WIDTHS, Hypothesis, hypotheses_of, known_at, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
 from .orientation_errors import ODDS, orientation_errors
@@ -31,11 +31,6 @@ RIGID_MODELS = ("auto", *SEARCH_OF_MODEL)
 MODEL_OF_AUTO = "mount+base"
 CLOSE_RIVAL = 6.0
 """Natural logarithm of the odds, up to which another place to begin is looked at closely."""
-
-SURELY_WORSE = 25.0
-"""Natural logarithm of the odds, from which on mounting and base anywhere are so much worse than nominal that neither
-is tried alone: more than an exactly level base is worth, which a mounting that points anywhere may stand on.
-"""
 
 MOST_JUDGED = 2_000
 """Poses: of more, rows taken on the way most often, none is left out, and the bias is taken to be steady."""
@@ -122,18 +117,24 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
     best = look(problem, _start(problem, Search(mounting, base)), nominal)
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
     rivals = [pair for pair in rivals if pair != (mounting, base)]
+    anywhere = _start(problem, Search(True, True), best[0].kept)
+    if _is_near_nominal(problem, anywhere):
+        return best
     near = near_kernels(best[:1]) if best[0].kernels is problem.kernels else None
-    found, anywhere = best, _start(problem, Search(True, True), best[0].kept)
-    for k, (any_mounting, any_base) in enumerate(rivals):
+    found = [best]
+    for any_mounting, any_base in rivals:
         hypotheses = hypotheses_of(question, any_mounting, any_base)
         rival = settled(problem, anywhere, best[0].kept, hypotheses, near)
         if rival.log_evidence > best[0].log_evidence - CLOSE_RIVAL:
-            tables = look(problem, rival.tool, hypotheses)
-            if tables[0].log_evidence > found[0].log_evidence:
-                found = tables
-        elif k == 0 and rival.log_evidence < best[0].log_evidence - SURELY_WORSE:
-            break
-    return found
+            found.append(look(problem, rival.tool, hypotheses))
+    return max(found, key=lambda tables: tables[0].log_evidence)
+
+
+def _is_near_nominal(problem: Problem, tool: RigidTool) -> bool:
+    """Whether the tilts are such that those near nominal are likelier beforehand than ones that may be anything."""
+    tilts, priors = known_at(tool, problem.names, problem.question).residuals[-4:], problem.question.priors
+    widths = np.repeat([np.inf if sd is None else max(WIDTHS) * sd for sd in (priors.mount, priors.base)], 2)
+    return bool(np.all(np.abs(tilts) < widths))
 
 
 def _settled_only(problem: Problem, tool: RigidTool, hypotheses: tuple[Hypothesis, ...]) -> list[Table]:
