@@ -41,7 +41,12 @@ FAR_MORE = 3.0
 """Times what all poses leave."""
 
 FEWEST_IN_A_ROW = 12
-SIGNIFICANCE = 0.001
+SIGNIFICANCE, SIGNIFICANCE_OF_GAIN = 0.001, 0.01
+"""Of a force matrix of its own; of an axis' gain, which in a cone shows little and is wrong all the more beyond."""
+
+DAMAGED = 0.05
+"""Share of the load by which an axis' own gain is off that no sensor leaves the factory with."""
+
 FEWEST_POSES_FOR_MATRIX = 5
 AFFINE_PARAMETERS, RIGID_PARAMETERS = 24.0, 13.0
 WELL_SPREAD = 0.1
@@ -72,7 +77,7 @@ def doubts(
     rows = _uncertain_noise(estimate, stated)
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
         of_payload = _subtracted_payload(estimate, readings)
-        rows.append(_cross_talk(estimate, readings))
+        rows += [_cross_talk(estimate, readings), _gain_of_axis(estimate, readings)]
     if question.earlier is None and not (stated and estimate.reduced_chi2 < STATED_NOISE_RATIO):
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate))
@@ -250,3 +255,26 @@ def _cross_talk(fit: RigidEstimate, readings: PoseReadings) -> Row:
         "--model affine"
     )
     return shows, DOUBTFUL, Kind.CROSS_TALK, text
+
+
+def _gain_of_axis(fit: RigidEstimate, readings: PoseReadings) -> Row:
+    """What a rigid tool leaves of an axis goes as its load does (F test, against what else is left of that axis alone):
+    that the axis reads a share of it only would pass for its noise.
+    """
+    from scipy.special import fdtrc
+
+    n, least = len(readings), 1e-300
+    load = gravity_in_flange(readings.R_base_flange, fit.gravity_direction) @ fit.B[:, :3].T
+    load, left = load - load.mean(axis=0), fit.residuals - fit.residuals.mean(axis=0)
+    share = np.sum(left * load, axis=0) / np.maximum(np.sum(load**2, axis=0), least)
+    explained, rest = np.sum((share * load) ** 2, axis=0), np.sum((left - share * load) ** 2, axis=0)
+    std = np.sqrt(rest / np.maximum((n - 2.0) * np.sum(load**2, axis=0), least))
+    chances = 6.0 * fdtrc(1.0, n - 2.0, (n - 2.0) * explained / np.maximum(rest, least))
+    axis = int(np.argmin(np.where(np.abs(share) > DAMAGED, chances, 1.0)))
+    shows = n >= FEWEST_POSES_FOR_MATRIX and abs(share[axis]) > DAMAGED and chances[axis] <= SIGNIFICANCE_OF_GAIN
+    text = (
+        f"{AXES[axis]} reads {1.0 + share[axis]:.2f} +- {std[axis]:.1g} of the load that the other axes tell (chance "
+        "under 1 %), and beyond these orientations the error grows: a dead or damaged channel, a wrong gain, or "
+        "something that holds the tool: check that axis"
+    )
+    return bool(shows), DOUBTFUL, Kind.CROSS_TALK, text
