@@ -25,6 +25,8 @@ from tests.support.world import DOWN, noisy_readings
 SAID = {
     Kind.GAIN: "gain or cross-talk of the sensor shows (probability 80 %): it is counted in every std; a calibrated "
     "sensor matrix would mend it",
+    Kind.CREEP: "a part of the load of the pose before shows (probability 80 %): it is counted in every std, as of a "
+    "sensor that creeps; rest for longer",
     Kind.CABLE: "a pull that goes with the orientation shows, as of a cable (probability 80 %): it is counted in every "
     "std; fasten or free the cable",
     Kind.ROBOT: "errors of the robot's orientation show (probability 80 %): they are counted in every std; a "

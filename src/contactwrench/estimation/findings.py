@@ -263,13 +263,14 @@ def _gain_of_axis(fit: RigidEstimate, readings: PoseReadings) -> Row:
     """
     from scipy.special import fdtrc
 
-    n, least = len(readings), 1e-300
+    n = len(readings)
     load = gravity_in_flange(readings.R_base_flange, fit.gravity_direction) @ fit.B[:, :3].T
     load, left = load - load.mean(axis=0), fit.residuals - fit.residuals.mean(axis=0)
-    share = np.sum(left * load, axis=0) / np.maximum(np.sum(load**2, axis=0), least)
-    explained, rest = np.sum((share * load) ** 2, axis=0), np.sum((left - share * load) ** 2, axis=0)
-    std = np.sqrt(rest / np.maximum((n - 2.0) * np.sum(load**2, axis=0), least))
-    chances = 6.0 * fdtrc(1.0, n - 2.0, (n - 2.0) * explained / np.maximum(rest, least))
+    size = np.maximum(np.sum(load**2, axis=0), 1e-300)
+    share = np.sum(left * load, axis=0) / size
+    rest = np.sum((left - share * load) ** 2, axis=0) / max(n - 2.0, 1.0)
+    std = np.sqrt(np.maximum(rest, readings.least_variance) / size)
+    chances = 6.0 * fdtrc(1.0, n - 2.0, (share / std) ** 2)
     axis = int(np.argmin(np.where(np.abs(share) > DAMAGED, chances, 1.0)))
     shows = n >= FEWEST_POSES_FOR_MATRIX and abs(share[axis]) > DAMAGED and chances[axis] <= SIGNIFICANCE_OF_GAIN
     text = (

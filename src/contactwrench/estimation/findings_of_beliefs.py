@@ -35,6 +35,7 @@ SURELY, LONG_LEVER = 3.0, 0.15
 COUNTED = "(probability {}): it is counted in every std"
 WITH_ORIENTATION = {
     Kind.GAIN: f"gain or cross-talk of the sensor shows {COUNTED}; a calibrated sensor matrix would mend it",
+    Kind.CREEP: f"a part of the load of the pose before shows {COUNTED}, as of a sensor that creeps; rest for longer",
     Kind.CABLE: f"a pull that goes with the orientation shows, as of a cable {COUNTED}; fasten or free the cable",
     Kind.ROBOT: "errors of the robot's orientation show (probability {}): they are counted in every std; a calibrated "
     "robot, or more poses, would mend it",

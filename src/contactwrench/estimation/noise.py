@@ -26,6 +26,12 @@ from ..samples.samples import Samples
 ROUNDING = 1e-10
 """Of the largest reading: what noise-free data carry."""
 
+STEPS = np.outer(10.0 ** np.arange(0.0, -6.0, -1.0), [5.0, 2.5, 2.0, 1.25, 1.0]).ravel()
+"""That tables are rounded to, and converters resolve, in powers of ten; the coarsest that fits is it."""
+
+FEWEST_TO_TELL, OFF_GRID = 6, 1e-3
+"""Readings of different size, of which every second one is even by chance; and a part of a step."""
+
 ALIKE, APART = 0.12, 2.0
 """Standard deviation of the logarithm of an axis' variance about that of its group: of axes of one make, and where one
 is plainly worse or better.
@@ -102,7 +108,7 @@ class PoseReadings:
     def least_variance(self) -> Array:
         """The least variance (6,) that is taken seriously: what the stops show on average, and rounding."""
         scale = np.abs(self.wrench).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
-        rounding = np.repeat((ROUNDING * scale + 1e-14) ** 2, 3)
+        rounding = np.repeat((ROUNDING * scale + 1e-14) ** 2, 3) + variance_of_digits(self.wrench)
         return np.asarray(np.maximum(rounding, self.variance.mean(axis=0)))
 
     @property
@@ -112,6 +118,25 @@ class PoseReadings:
         if not (mean > 0.0).any():
             return np.ones(len(self))
         return np.asarray(np.mean(self.variance[:, mean > 0.0] / mean[mean > 0.0], axis=1))
+
+
+def variance_of_digits(wrench: Array) -> Array:
+    """Variance (6,) of readings (n, 6) by the digits that they are rounded to, 0 where none shows. Readings of an axis
+    that are equal are off alike, and tell no more together than one of them.
+    """
+    steps = np.repeat([_step_of(np.unique(np.abs(wrench[:, group]))) for group in (slice(0, 3), slice(3, 6))], 3)
+    alike = [np.sum(np.unique(axis, return_counts=True)[1] ** 2) / len(axis) for axis in wrench.T]
+    return np.asarray(steps**2 / 12.0 * alike)
+
+
+def _step_of(sizes: Array) -> float:
+    """The coarsest step that all `sizes` (k,) of readings, N or N m, are multiples of."""
+    if np.count_nonzero(sizes) < FEWEST_TO_TELL:
+        return 0.0
+    for step in STEPS * 10.0 ** np.floor(np.log10(sizes[-1])):
+        if np.all(np.abs(sizes / step - np.rint(sizes / step)) < OFF_GRID):
+            return float(step)
+    return 0.0
 
 
 def readings_of(poses: tuple[Pose, ...], order_tells: bool) -> PoseReadings:

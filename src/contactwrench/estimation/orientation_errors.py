@@ -22,8 +22,11 @@ from .bias_drift import Drift
 from .moments import precision_times
 from .tables import Problem, Table
 
-ODDS = {Kind.GAIN: 0.4, Kind.CABLE: 0.2, Kind.ROBOT: 2.5}
+ODDS = {Kind.GAIN: 0.4, Kind.CREEP: 0.2, Kind.CABLE: 0.2, Kind.ROBOT: 2.5}
 """Before the readings, against independent errors: robots err in orientation, sensors and cables less often."""
+
+IN_ORDER = (Kind.CREEP, Kind.ROBOT)
+"""What goes on from one pose to the next shows where their order is known."""
 
 FIELD_LENGTH = 0.5
 """rad over which the pull of a cable changes."""
@@ -42,9 +45,9 @@ def orientation_errors(R_base_flange: Array, gravity_direction: Array) -> dict[K
     """
     n = len(R_base_flange)
     r = gravity_in_flange(R_base_flange, gravity_direction)
-    gain = Drift(Kind.GAIN, r)
+    of_sensor = {Kind.GAIN: Drift(Kind.GAIN, r), Kind.CREEP: Drift(Kind.CREEP, np.diff(-r, axis=0, prepend=-r[:1]))}
     if n > MOST_POSES:
-        return {Kind.GAIN: gain}
+        return of_sensor
     flat = R_base_flange.reshape(n, 9)
     chord = np.maximum(6.0 - 2.0 * flat @ flat.T, 0.0)  # ||R_i - R_j||^2, about twice the squared angle
     cable = np.exp(-chord / (4.0 * FIELD_LENGTH**2))
@@ -53,7 +56,7 @@ def orientation_errors(R_base_flange: Array, gravity_direction: Array) -> dict[K
     varying = alike - alike.mean(axis=0) - alike.mean(axis=1)[:, None] + alike.mean()
     robot = varying * (r @ r.T)
     return {
-        Kind.GAIN: gain,
+        **of_sensor,
         Kind.CABLE: Drift(Kind.CABLE, _root(cable)),
         Kind.ROBOT: Drift(Kind.ROBOT, _root(robot)),
     }

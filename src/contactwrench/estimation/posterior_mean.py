@@ -36,8 +36,11 @@ NOT_EXCLUDED = 1.96**-2.0
 OF_TOOL = slice(0, 10)
 """Of the parameters: weight, com, bias."""
 
-DIFFER_ANEW = (Kind.CABLE, Kind.ROBOT)
-"""Errors that a new orientation has anew."""
+FOUND_AT_POSES, DIFFER_ANEW = (Kind.TWO_LEVELS, Kind.CREEP), (Kind.CABLE, Kind.ROBOT)
+"""Errors that a new orientation has anew: as large as those of the poses are found to be, or as their strength says."""
+
+NOT_LEFT = (*BIAS_MOVED, Kind.CREEP)
+"""What is found of these is known of each pose, and is no part of what is left there."""
 
 
 def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain: bool) -> RigidEstimate:
@@ -79,7 +82,7 @@ def mean_of(problem: Problem, tables: list[Table], readings: PoseReadings, plain
     from_parameters = matrix_jacobian(moved, names)
     best = first.best
     left_by, known_of_bias = explained(problem, first, best)
-    errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in BIAS_MOVED else left_by
+    errors = left_by - known_of_bias if first.kernel_of(best)[0].kind in NOT_LEFT else left_by
     covariance[bias, bias] += _of_other_causes(problem, tables, weight)
     left = first.members.dof[best].reshape(2, 3).sum(axis=1)
     known = rows_of(problem.question.knowledge, moved, names).jacobian
@@ -163,14 +166,14 @@ def _nearest_positive(covariance: Array, added: Array) -> Array:
 
 
 def _of_levels(problem: Problem, tables: list[Table], weight: Array) -> Array:
-    """What a field over orientations, or two levels of the bias, adds to the variance (6,) of a pose's reading: at a
-    new orientation it is there anew.
+    """What a field over orientations, two levels of the bias, or creep adds to the variance (6,) of a pose's reading:
+    at a new orientation it is there anew.
     """
     added = np.zeros(6)
     for table, here in _members(tables):
         for member, share in enumerate(weight[here]):
             drift, strength = table.kernel_of(member)
-            if drift.kind is Kind.TWO_LEVELS:
+            if drift.kind in FOUND_AT_POSES:
                 added += share * np.mean(explained(problem, table, member)[1] ** 2, axis=0)
             elif drift.kind in DIFFER_ANEW:
                 added += share * strength**2 * table.members.variance[member]

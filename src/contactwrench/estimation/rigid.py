@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration.findings import Kind
 from ..geometry.arrays import Array
 from ..model import PARAMETERS, RigidTool, response, response_jacobian
 from .bias_drift import kernels_of, possible_drifts
@@ -19,7 +18,7 @@ from .estimate import RigidEstimate
 from .hypotheses import WIDTHS, Hypothesis, hypotheses_of, known_at, priors_at
 from .initial_guess import SEARCH_OF_MODEL, Search, initial_guesses
 from .noise import NoiseModel, PoseReadings, relative_variances
-from .orientation_errors import ODDS, orientation_errors
+from .orientation_errors import IN_ORDER, ODDS, orientation_errors
 from .posterior import explored
 from .posterior_mean import mean_of
 from .priors import Question, tool_of
@@ -90,7 +89,7 @@ def _problem(readings: PoseReadings, question: Question, plain: bool) -> Problem
     drifts, log_prior = ([], []) if plain else possible_drifts(readings.time, n)
     if not plain and n > FEWEST_FOR_ORIENTATION and question.earlier is None:
         for kind, drift in orientation_errors(readings.R_base_flange, question.gravity_direction).items():
-            if kind is not Kind.ROBOT or readings.time is not None:  # what follows from pose to pose needs an order
+            if kind not in IN_ORDER or readings.time is not None:
                 drifts.append(drift)
                 log_prior.append(float(np.log(ODDS[kind])))
     return Problem(
@@ -114,12 +113,16 @@ def _tables(problem: Problem, plain: bool, begin: RigidTool | None) -> list[Tabl
         return look(problem, begin, hypotheses_of(question, False, False))
     mounting, base = question.priors.mount is None, question.priors.base is None
     nominal = hypotheses_of(question, False, False)
-    best = look(problem, _start(problem, Search(mounting, base)), nominal)
+    anywhere = _start(problem, Search(True, True))
+    near_nominal = _is_near_nominal(problem, anywhere)
+    best = look(problem, anywhere if near_nominal else _start(problem, Search(mounting, base)), nominal)
+    if not best[0].kept.all():
+        anywhere = _start(problem, Search(True, True), best[0].kept)
+        near_nominal = _is_near_nominal(problem, anywhere)
+    if near_nominal:
+        return best
     rivals = [(m, b) for m, b in ((True, True), (False, True), (True, False)) if m >= mounting and b >= base]
     rivals = [pair for pair in rivals if pair != (mounting, base)]
-    anywhere = _start(problem, Search(True, True), best[0].kept)
-    if _is_near_nominal(problem, anywhere):
-        return best
     near = near_kernels(best[:1]) if best[0].kernels is problem.kernels else None
     found = [best]
     for any_mounting, any_base in rivals:

@@ -61,6 +61,7 @@ BEYOND_WALL = 0.2
 
 SHARE_OF_WEIGHT: dict[Kind | None, float] = {
     Kind.GAIN: 0.01,
+    Kind.CREEP: 0.01,
     Kind.ROBOT: 0.01,
     Kind.CABLE: 0.05,
     Kind.TWO_LEVELS: LEVEL_SHARE,
