@@ -97,7 +97,8 @@ def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Arr
             f"{force:.2g} N, as no sensor creeps: the clocks of sensor and robot part (rows lost, a clock stepped), "
             "the sensor was zeroed at a stop, or a filter is slower than the stops"
         )
-    return replace(honest, findings=(*calibration.findings, DOUBTFUL(Kind.CREEP, text)))
+    others = (each for each in calibration.findings if each.kind is not Kind.CREEP)  # from stop to stop it is the same
+    return replace(honest, findings=(*others, DOUBTFUL(Kind.CREEP, text)))
 
 
 def usable(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
