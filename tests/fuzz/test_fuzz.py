@@ -17,7 +17,7 @@ from tests.fuzz.runs import Run
 ROOT = Path(__file__).parents[2]
 GROUPS = (("ROS 1", "JSON", "URDF"), ("MCAP", "sqlite3", "folder"), ("CSV", "Parquet", "HDF5"))
 MUTATIONS = 12
-"""Of each kind, so that each of its two, three or four variants is damaged as often: half a minute in all. Hostile files
+"""Of each kind, so that each of its three or four variants is damaged as often: half a minute in all. Hostile files
 have tests of their own.
 """
 

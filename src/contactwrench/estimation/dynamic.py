@@ -168,12 +168,12 @@ def moved(
         power = np.sum((left @ moments.products) * left, axis=3).transpose(0, 2, 1)
         variance = np.einsum("wa,wab->ab", weight, power) / np.maximum(of_all - spent, LEAST_LEFT * of_all)
         weight = (usual + of_window) / (usual + 2.0 * np.sum(power / variance, axis=2))
-        summed = np.einsum("wa,wbij->abij", weight, moments.products)[:, :, :LATER] / variance[:, :, None, None]
+        summed = np.tensordot(weight, moments.products, (0, 0))[:, :, :LATER] / variance[:, :, None, None]
         each = J.transpose(0, 2, 1)[:, None] @ summed[..., :LATER] @ J[:, None]
         of_sought = each[:, :, sought][..., sought]
         inverse = _inverse(prior + of_sought.sum(axis=(0, 1)))
         spent = np.einsum("pq,abqp->ab", inverse, of_sought)
-        step = inverse @ (np.einsum("aip,abij,aj->p", J[:, :, sought], summed, left) - prior @ off)
+        step = inverse @ (np.einsum("aip,ai->p", J[:, :, sought], np.einsum("abij,aj->ai", summed, left)) - prior @ off)
         off, whole = off + step, np.zeros(p + SLOW + 1)
         whole[sought] = step
         at = at.stepped(whole, names)

@@ -61,7 +61,7 @@ def beyond_rigid(left: Array, weight: Array, variance: Array, moments: MotionMom
     gain, of_any, of_rigid = 0.0, np.zeros(2), np.zeros(2)
     felt = moments.products.sum(axis=(0, 1))[MOTION, MOTION]
     for axis, (own, combination) in enumerate(zip(weight.T, left, strict=True)):
-        seen = np.einsum("w,b,wbij->ij", own, 1.0 / variance[axis], moments.products)
+        seen = np.tensordot(np.outer(own, 1.0 / variance[axis]), moments.products, 2)
         normal, right = seen[np.ix_(columns, columns)], seen[columns] @ combination
         unit = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
         scaled, pull = normal * np.outer(unit, unit) + RIDGE * np.eye(len(unit)), unit * right

@@ -206,7 +206,7 @@ def _step(
     scale, across = root / np.sqrt(variance), np.linalg.svd(down[None])[2][1:]
     change = _columns(-motion.change_at(tau), down, 0.0)
     slopes = [scale * _times(change, coefficients)]
-    slopes += [scale * _times(state[:, :9], np.kron(turn[:, None], coefficients[1:4])) for turn in across]
+    slopes += [scale * _times(state[:, :9], np.outer(turn, coefficients[1:4]).reshape(9, 6)) for turn in across]
     free = np.array([_beside(slope, basis) for slope in slopes])
     left = scale * residual
     H = np.einsum("ani,bni->ab", free, free)
