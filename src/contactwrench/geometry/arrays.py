@@ -105,8 +105,8 @@ class Frozen(Sealed):
     """A base of frozen results in which every field is `frozen`."""
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            object.__setattr__(self, each.name, frozen(getattr(self, each.name)))
+        for name in self.__dataclass_fields__:
+            object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 def column(*row: int, kind: DTypeLike = np.float64) -> dict[str, Any]:

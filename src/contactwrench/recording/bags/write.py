@@ -61,9 +61,9 @@ def write_streams_bag(path: str | Path, streams: Streams) -> None:
             writer.add_connection(topic, msgtype, typestore=typestore(ros1))
             for topic, msgtype in (("/wrench", WRENCH_STAMPED), ("/pose", POSE_STAMPED))
         ]
-        every = np.concatenate(stamps)
+        every, first = np.concatenate(stamps), len(wrench)
         for k in np.argsort(every, kind="stable").tolist():
-            which, row = (0, k) if k < len(wrench) else (1, k - len(wrench))
+            which, row = (0, k) if k < first else (1, k - first)
             writer.write(connections[which], int(every[k]), payloads[which][row])
 
 
