@@ -122,11 +122,11 @@ def test_half_of_its_readings_tell_its_delay_too() -> None:
     stream = accelerometer(pushed(), Mounted())
     later = stream.t > 0.5 * pushed().begin
     half = with_accelerometer(without_positions(), stream.select(later))
-    found = cw.calibrate(half, "dynamic").dynamics
-    assert found is not None
-    assert found.accelerometer is not None
-    assert found.accelerometer.delay == pytest.approx(LATE - 0.0015, abs=1e-3)
-    (said, _) = _said(cw.calibrate(half, "dynamic"))
+    found = cw.calibrate(half, "dynamic")
+    assert found.dynamics is not None
+    assert found.dynamics.accelerometer is not None
+    assert found.dynamics.accelerometer.delay == pytest.approx(LATE - 0.0015, abs=1e-3)
+    (said, _) = _said(found)
     assert said.severity is Severity.DOUBTFUL
     assert said.text == (
         "doubtful: the accelerometer read in 67% of the recording, so that fewer stops tell how it sits than the std "
@@ -239,10 +239,9 @@ def test_it_is_saved_and_an_edited_one_refused(tmp_path: Path) -> None:
     )
 
 
-def _of(reading: Callable[[AccelerometerStream], Array]) -> Callable[[], object]:
+def _read(change: Callable[[AccelerometerStream], Array]) -> cw.Calibration:
     stream = accelerometer(pushed(), Mounted())
-    changed = replace(stream, reading=reading(stream))
-    return lambda: cw.calibrate(with_accelerometer(without_positions(), changed), "dynamic")
+    return cw.calibrate(with_accelerometer(without_positions(), replace(stream, reading=change(stream))), "dynamic")
 
 
 def _later() -> AccelerometerStream:
@@ -257,12 +256,12 @@ def _compensated() -> object:
 
 REFUSED: dict[str, tuple[Callable[[], object], type[ContactWrenchError], str]] = {
     "of something else": (
-        _of(lambda stream: np.random.default_rng(1).normal(size=stream.reading.shape)),
+        lambda: _read(lambda stream: np.random.default_rng(1).normal(size=stream.reading.shape)),
         InputError,
         "run.csv: found accelerations that do not turn with gravity",
     ),
     "dead": (
-        _of(lambda stream: np.full(stream.reading.shape, np.nan)),
+        lambda: _read(lambda stream: np.full(stream.reading.shape, np.nan)),
         InputError,
         "imu.csv: found no accelerations at the times of the wrench, expected both on one clock: record them together",
     ),
@@ -290,11 +289,6 @@ def test_what_tells_no_acceleration_is_refused(what: str) -> None:
 
 def _warned(calibration: cw.Calibration) -> list[str]:
     return [said.text for said in _said(calibration) if said.severity is Severity.WARNING]
-
-
-def _read(change: Callable[[AccelerometerStream], Array]) -> cw.Calibration:
-    stream = accelerometer(pushed(), Mounted())
-    return cw.calibrate(with_accelerometer(without_positions(), replace(stream, reading=change(stream))), "dynamic")
 
 
 def _behind(order: int, corner: float) -> Callable[[AccelerometerStream], Array]:

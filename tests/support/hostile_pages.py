@@ -8,6 +8,7 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -144,6 +145,7 @@ def packed(content: bytes) -> bytes:
     return deflate.compress(content) + deflate.flush()
 
 
+@cache
 def zeros(count: int) -> bytes:
     """So many bytes 0, by gzip, without having them all at once."""
     deflate, block = zlib.compressobj(9, zlib.DEFLATED, 31), bytes(2**24)
