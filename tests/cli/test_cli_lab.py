@@ -25,7 +25,14 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has
 def test_it_runs_until_it_is_interrupted() -> None:
     command = [sys.executable, "-m", "contactwrench", "lab", "--auto", "--set", "tool.mass=0.5"]
     with ExitStack() as ending:
-        program = ending.enter_context(subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True))
+        started = subprocess.Popen(
+            command,
+            stdout=PIPE,
+            stderr=PIPE,
+            text=True,
+            preexec_fn=heard,  # noqa: PLW1509 - it locks nothing
+        )
+        program = ending.enter_context(started)
         ending.callback(program.kill)
         assert program.stdout is not None
         said = [program.stdout.readline().split() for _ in range(4)]
