@@ -402,6 +402,7 @@ def test_a_current_folder_that_was_deleted_is_no_fault_of_a_file(
     assert run(capsys, "info", "run.csv").complaint.startswith("run.csv: there is no such file")
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("option", ["-o {}", "--output={}", "--report {}"])
 def test_a_name_with_a_slash_at_its_end_is_no_file(tmp_path: Path, capsys: Capture, option: str) -> None:
     name = f"{tmp_path}/newd/"
@@ -411,8 +412,8 @@ def test_a_name_with_a_slash_at_its_end_is_no_file(tmp_path: Path, capsys: Captu
     assert run(capsys, "calibrate", PANDA, *option.format(name.rstrip("/")).split(), "--model", "mount").status == 0
 
 
-def test_a_folder_s_name_may_end_with_a_slash(tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactwrench.report.figures.svg_text", lambda _: "<svg></svg>")
+@pytest.mark.usefixtures("undrawn")
+def test_a_folder_s_name_may_end_with_a_slash(tmp_path: Path, capsys: Capture) -> None:
     file = written(tmp_path, "1", "file")
     assert run(capsys, "demo", "--out", f"{file}//demo/").status != 0  # no folder in a file
     assert run(capsys, "demo", "--out", f"{tmp_path}/demo/").status == 0

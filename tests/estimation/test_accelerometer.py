@@ -34,6 +34,7 @@ from tests.support.accelerometer import (
     Mounted,
     accelerometer,
     calibrated_by_accelerometer,
+    calibrated_with,
     with_readings,
     without_positions,
 )
@@ -58,6 +59,16 @@ def _off(calibration: cw.Calibration) -> Array:
     return np.asarray(off / d.std)
 
 
+def test_the_stops_are_those_of_any_accelerometer() -> None:
+    """What the tests below rest on, where they calibrate them once."""
+    once, whole = calibrated_with(with_readings(Mounted())), calibrated_by_accelerometer()
+    assert once.dynamics is not None
+    assert whole.dynamics is not None
+    np.testing.assert_array_equal(once.dynamics.covariance, whole.dynamics.covariance)
+    np.testing.assert_array_equal(once.covariance, whole.covariance)
+    assert once.findings == whole.findings
+
+
 def test_inertia_and_offset_are_found_and_how_it_sits() -> None:
     found = calibrated_by_accelerometer()
     assert np.abs(_off(found)).max() < OFTEN
@@ -78,7 +89,7 @@ def test_inertia_and_offset_are_found_and_how_it_sits() -> None:
 
 @pytest.mark.parametrize(("unit", "name"), [(1.0, "m/s^2"), (1e3 / 9.80665, "mg")])
 def test_its_unit_shows(unit: float, name: str) -> None:
-    found = cw.calibrate(with_readings(Mounted(unit=unit)), "dynamic")
+    found = calibrated_with(with_readings(Mounted(unit=unit)))
     assert found.dynamics is not None
     assert found.dynamics.accelerometer is not None
     assert found.dynamics.accelerometer.unit == name
@@ -86,7 +97,7 @@ def test_its_unit_shows(unit: float, name: str) -> None:
 
 
 def test_a_unit_that_is_none_is_said() -> None:
-    found = cw.calibrate(with_readings(Mounted(unit=0.3)), "dynamic")
+    found = calibrated_with(with_readings(Mounted(unit=0.3)))
     (said, _) = _said(found)
     assert said.severity is Severity.DOUBTFUL
     assert said.text == (
@@ -98,7 +109,7 @@ def test_a_unit_that_is_none_is_said() -> None:
 
 @pytest.mark.parametrize("axes", [[1, 0, 2], [0, 2, 1]])
 def test_exchanged_axes_are_said_and_change_nothing(axes: list[int]) -> None:
-    found = cw.calibrate(with_readings(Mounted(axes=Mounted().axes[axes])), "dynamic")
+    found = calibrated_with(with_readings(Mounted(axes=Mounted().axes[axes])))
     (said, _) = _said(found)
     assert said.severity is Severity.WARNING
     assert said.text == (
@@ -122,7 +133,7 @@ def test_half_of_its_readings_tell_its_delay_too() -> None:
     stream = accelerometer(pushed(), Mounted())
     later = stream.t > 0.5 * pushed().begin
     half = with_accelerometer(without_positions(), stream.select(later))
-    found = cw.calibrate(half, "dynamic")
+    found = calibrated_with(half)
     assert found.dynamics is not None
     assert found.dynamics.accelerometer is not None
     assert found.dynamics.accelerometer.delay == pytest.approx(LATE - 0.0015, abs=1e-3)
@@ -193,7 +204,7 @@ def test_another_base_that_is_stated_changes_no_contact(capsys: pytest.CaptureFi
 def test_readings_too_slow_for_the_motion_are_in_doubt() -> None:
     every = round(pushed().settings.recording.rate / 10.0)
     stream = accelerometer(pushed(), Mounted(), every=every)
-    found = cw.calibrate(with_accelerometer(without_positions(), stream), "dynamic")
+    found = calibrated_with(with_accelerometer(without_positions(), stream))
     (said,) = (finding.text for finding in found.findings if finding.kind is Kind.SLOW_POSES)
     assert said.startswith("doubtful: the accelerometer's readings came at 10 Hz, and the arm moved at up to ")
     known = calibrated_by_accelerometer().findings
@@ -203,7 +214,7 @@ def test_readings_too_slow_for_the_motion_are_in_doubt() -> None:
 def test_its_own_noise_is_in_the_std_at_rest_too() -> None:
     """Readings that scatter by 0.2 m/s^2 shake a contact force of 1 kg by 0.2 N, four times the sensor's noise."""
     samples = with_readings(Mounted(noise=0.2))
-    found = cw.calibrate(samples, "dynamic")
+    found = calibrated_with(samples)
     contact = contact_wrenches(found, samples)
     still = np.asarray(samples.t) < 1.0
     off = contact.wrench[still, :3] / np.hypot(contact.std[still, :3], 0.05)
@@ -241,7 +252,7 @@ def test_it_is_saved_and_an_edited_one_refused(tmp_path: Path) -> None:
 
 def _read(change: Callable[[AccelerometerStream], Array]) -> cw.Calibration:
     stream = accelerometer(pushed(), Mounted())
-    return cw.calibrate(with_accelerometer(without_positions(), replace(stream, reading=change(stream))), "dynamic")
+    return calibrated_with(with_accelerometer(without_positions(), replace(stream, reading=change(stream))))
 
 
 def _later() -> AccelerometerStream:
@@ -346,7 +357,7 @@ def test_what_is_not_known_of_how_it_sits_is_its_scatter(noise: float) -> None:
 def test_its_noise_is_in_what_the_motion_tells(seed: int) -> None:
     """In all six axes at once; and it is no motion, up to whose frequencies readings are used."""
     stream = accelerometer(pushed(), Mounted(noise=0.2), seed)
-    found = cw.calibrate(with_accelerometer(without_positions(), stream), "dynamic")
+    found = calibrated_with(with_accelerometer(without_positions(), stream))
     assert np.abs(_off(found)).max() < OFTEN
     assert found.verdict == "good"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from contactwrench.samples.samples import at_limit
 from contactwrench.simulate.recording import record_motion
 from contactwrench.simulate.settings import changed
 from contactwrench.simulate.trajectory import Motion, Push
-from tests.support.in_motion import Moving, calibrated, fast, moving, pushed
+from tests.support.in_motion import Moving, at_stops, calibrated, fast, moving, pushed
 from tests.support.rigs import example, noisy
 from tests.support.world import Array
 
@@ -42,8 +43,13 @@ def _off(calibration: cw.Calibration, truth: Moving) -> Array:
     return np.asarray(off / d.std)
 
 
+@cache
+def _of_exact_poses() -> cw.Calibration:
+    return cw.calibrate(pushed().samples(), "dynamic")
+
+
 def test_inertia_and_offset_are_found_within_their_std_in_spite_of_a_push() -> None:
-    found, truth = cw.calibrate(pushed().samples(), "dynamic"), pushed()
+    found, truth = _of_exact_poses(), pushed()
     assert np.abs(_off(found, truth)).max() < OFTEN
     assert found.dynamics is not None
     largest = float(np.linalg.eigvalsh(truth.settings.inertia)[2])
@@ -60,7 +66,7 @@ def test_single_readings_that_jump_are_left_out_and_said() -> None:
     wrench[250::500] += 60.0
     found = cw.calibrate(replace(clean, wrench=wrench), "dynamic")
     assert np.abs(_off(found, pushed())).max() < OFTEN
-    assert found.verdict == cw.calibrate(clean, "dynamic").verdict
+    assert found.verdict == _of_exact_poses().verdict
     (said,) = _of_kind(found, Kind.SPIKES)
     assert said.severity is Severity.REFUSED
     assert said.text == (
@@ -117,7 +123,7 @@ def test_how_much_motion_was_used_is_noted() -> None:
     (noted,) = _of_kind(calibrated(), Kind.MOTION_USED)
     assert noted.severity is Severity.NOTE
     assert noted.text == "42 s of motion used, up to 2.5 Hz, where nearly all of its acceleration is"
-    assert not _of_kind(cw.calibrate(pushed().samples()), Kind.MOTION_USED)
+    assert not _of_kind(at_stops(), Kind.MOTION_USED)
 
 
 def test_a_short_push_is_no_finding_and_a_shaking_arm_is() -> None:
@@ -157,7 +163,7 @@ def _leaning(free: Array, t: Array) -> Array:
 
 
 def test_contact_through_all_of_the_motion_is_said_and_counts_in_the_std() -> None:
-    found = with_motion(cw.calibrate(pushed().samples()), _reading(_leaning), None)
+    found = with_motion(at_stops(), _reading(_leaning), None)
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
     assert said.severity is Severity.WARNING
     assert said.text == (
@@ -174,7 +180,7 @@ def test_contact_through_all_of_the_motion_is_said_and_counts_in_the_std() -> No
 
 
 def test_something_picked_up_after_the_stops_is_said_and_counts_little() -> None:
-    found = with_motion(cw.calibrate(pushed().samples()), _reading(lambda free, _: 1.1 * free), None)
+    found = with_motion(at_stops(), _reading(lambda free, _: 1.1 * free), None)
     (said,) = _of_kind(found, Kind.CONTACT_IN_MOTION)
     assert said.text == (
         "35% of the motion is far noisier than the rest and counts little: contact, cables, shaking, or another "
@@ -189,7 +195,7 @@ def test_a_slow_filter_in_the_sensor_is_said_and_moves_little() -> None:
 
     share = 1.0 - np.exp(-2.0 * np.pi * 8.0 / 500.0)
     slow = _reading(lambda free, _: lfilter([share], [1.0, share - 1.0], free, axis=0), 1.0 / (2.0 * np.pi * 8.0))
-    found = with_motion(cw.calibrate(pushed().samples()), slow, None)
+    found = with_motion(at_stops(), slow, None)
     (said,) = _of_kind(found, Kind.SLOW_SENSOR)
     assert said.severity is Severity.WARNING
     assert said.text == (
@@ -306,7 +312,7 @@ def _about_one_joint(joint: int) -> cw.Samples:
 
 
 def test_a_turn_about_one_axis_leaves_parameters_untold_and_names_them() -> None:
-    found = with_motion(cw.calibrate(pushed().samples()), _about_one_joint(6), None)
+    found = with_motion(at_stops(), _about_one_joint(6), None)
     (said,) = _of_kind(found, Kind.UNTOLD_BY_MOTION)
     assert said.severity is Severity.WEAK
     untold = "inertia_xx, inertia_xy, inertia_yy, offset_z"

@@ -41,6 +41,11 @@ def calibrated() -> cw.Calibration:
     return cw.calibrate(clean(), "dynamic")
 
 
+@lru_cache
+def at_stops() -> cw.Calibration:
+    return cw.calibrate(clean())
+
+
 def doubts(samples: cw.Samples) -> dict[Kind, str]:
     calibration = cw.calibrate(samples, "dynamic")
     found = {f.kind: f.text for f in calibration.findings if f.severity is Severity.DOUBTFUL}
@@ -83,8 +88,7 @@ def test_any_matrix_between_given_and_true_positions_is_found(seed: int) -> None
     """Of the stops' calibration: no inertia has been fitted to the wrong positions yet."""
     matrix = np.eye(3) + 0.4 * np.random.default_rng(seed).normal(size=(3, 3))
     samples = as_stamped(placed(lambda position: position @ np.linalg.inv(matrix).T))
-    calibration = cw.calibrate(clean())
-    read = positions_read(calibration, samples, flange_motion(samples))
+    read = positions_read(at_stops(), samples, flange_motion(samples))
     assert read.matrix == pytest.approx(matrix, abs=0.05)
 
 

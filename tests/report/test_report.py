@@ -80,10 +80,18 @@ def _page(path: Path) -> tuple[_Page, str]:
     return page, " ".join(" ".join(page.words).split())
 
 
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[_Page, str]:
+    """A page with all of its figures, of a recording whose name would be markup, and its words."""
+    samples, path = cw.read(PANDA), tmp_path_factory.mktemp("drawn") / "r.html"
+    strange = cw.Samples(samples.wrench, samples.R_base_flange, source="<script>alert(1)</script> & more.csv")
+    write_calibration_report(path, cw.calibrate(strange, "mount"))
+    return _page(path)
+
+
 @pytest.mark.slow
-def test_the_report_is_one_file_without_network_or_script(tmp_path: Path) -> None:
-    write_calibration_report(tmp_path / "r.html", panda("mount"))
-    page, _ = _page(tmp_path / "r.html")
+def test_the_report_is_one_file_without_network_or_script(drawn: tuple[_Page, str]) -> None:
+    page, _ = drawn
     assert "script" not in page.tags
     assert "link" not in page.tags
     assert all(reference.startswith(("#", "data:image/png;base64,")) for reference in page.references)
@@ -114,11 +122,8 @@ def test_it_says_what_was_found_how_good_it_is_and_what_is_weak(tmp_path: Path, 
 
 
 @pytest.mark.slow
-def test_names_from_outside_cannot_become_markup(tmp_path: Path) -> None:
-    samples = cw.read(PANDA)
-    strange = cw.Samples(samples.wrench, samples.R_base_flange, source="<script>alert(1)</script> & more.csv")
-    write_calibration_report(tmp_path / "r.html", cw.calibrate(strange, "mount"))
-    page, words = _page(tmp_path / "r.html")
+def test_names_from_outside_cannot_become_markup(drawn: tuple[_Page, str]) -> None:
+    page, words = drawn
     assert "script" not in page.tags
     assert "<script>alert(1)</script> & more.csv" in words
 

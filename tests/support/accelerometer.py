@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import contactwrench as cw
+from contactwrench.estimation.in_motion import with_motion
 from contactwrench.samples.accelerometer import AccelerometerStream, with_accelerometer
 from tests.support.in_motion import Moving, pushed
 from tests.support.world import Array
@@ -57,6 +58,19 @@ def without_positions() -> cw.Samples:
 def with_readings(mounted: Mounted) -> cw.Samples:
     """Those samples, and what an accelerometer read."""
     return with_accelerometer(without_positions(), accelerometer(pushed(), mounted))
+
+
+@lru_cache
+def _of_stops() -> cw.Calibration:
+    return cw.calibrate(without_positions())
+
+
+def calibrated_with(samples: cw.Samples) -> cw.Calibration:
+    """What `cw.calibrate` makes of samples that differ from `without_positions` in their accelerometer alone, to the
+    last bit: of the stops, which are the same, once, and of the motion.
+    """
+    stops = _of_stops()
+    return with_motion(stops, replace(samples, delay=stops.delay, delay_std=stops.delay_std), None)
 
 
 @lru_cache
