@@ -37,7 +37,7 @@ def taken(share: float, seconds: float, seed: int, walk: float = 0.0) -> tuple[T
 def doubted(poses: tuple[Taken, ...]) -> bool:
     found = fitted(poses, (), Stated(), "test")
     assert found.calibration is not None
-    return any(each.kind is Kind.CREEP for each in found.calibration.findings)
+    return "doubtful" in [each.severity for each in found.calibration.findings if each.kind is Kind.CREEP]
 
 
 @pytest.mark.parametrize(("share", "seconds"), [(0.05, 2.0), (0.02, 1.5)])
@@ -46,7 +46,7 @@ def test_a_creeping_sensor_is_doubtful(share: float, seconds: float) -> None:
     found = fitted(poses, (), Stated(), "test").calibration
     assert found is not None
     assert found.weight is not None
-    assert 9.0 - 3.0 * found.std["weight"] < found.weight < 0.99 * 9.0
+    assert 9.0 - 3.0 * found.std["weight"] < found.weight < 9.0
     assert doubted(poses)
 
 
