@@ -77,7 +77,9 @@ def doubts(
     rows = _uncertain_noise(estimate, stated)
     if isinstance(estimate, RigidEstimate) and question.earlier is None:
         of_payload = _subtracted_payload(estimate, readings)
-        rows += [_cross_talk(estimate, readings), _gain_of_axis(estimate, readings)]
+        rows.append(_cross_talk(estimate, readings))
+        if question.model != "paper":  # which takes one axis' weight for all
+            rows.append(_gain_of_axis(estimate, readings))
     if question.earlier is None and not (stated and estimate.reduced_chi2 < STATED_NOISE_RATIO):
         rows.append(_poor_fit(estimate))
     rows.append(_correlated_poses(estimate))
