@@ -22,7 +22,7 @@ from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
 from .state import COVARIANCE, KERNEL, SAMPLE, STATE, TERMS, Function, Sample, State
-from .step import take
+from .step import taking
 
 MOMENT = 1.0
 """s: what takes longer is said."""
@@ -33,6 +33,9 @@ NOT_KNOWN, NOT_GROWN = [nan] * TERMS, [nan] * 6
 TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature", "told", "passed", "motion", "motion_variance")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
+
+take = taking("")
+"""In plain Python."""
 
 
 def by_one_thread(method: Function) -> Function:
@@ -111,7 +114,7 @@ class Plain:
     def __init__(self, state: State, ring: Array) -> None:
         self.state: Any = state
         self.sample: Any = Sample()
-        self._ring = ring.tolist()
+        self._given = [state], [self.sample], ring.tolist()
 
     def told(self) -> tuple[Any, ...]:
         """`TOLD` of the last sample."""
@@ -124,7 +127,7 @@ class Plain:
         sample.told, sample.motion, sample.motion_variance = told.tolist(), NOT_KNOWN, NOT_GROWN
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
-        take(self.state, sample, self._ring, turn.size)
+        take(*self._given, turn.size, 0)
         return sample.said, read_only(sample.wrench)
 
     def std(self) -> Array:
@@ -137,7 +140,7 @@ class Plain:
         sample.orientation, sample.told = turn.ravel().tolist(), place.tolist()
         sample.time, sample.passed = t, passed
         try:
-            take(self.state, sample, self._ring, turn.size)
+            take(*self._given, turn.size, 0)
         finally:
             sample.passed = nan
 
@@ -147,7 +150,7 @@ class Plain:
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
             sample.told, sample.passed, sample.motion, sample.motion_variance = moved
-            take(self.state, sample, self._ring, width)
+            take(*self._given, width, 0)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break
@@ -212,7 +215,7 @@ class Compiled:
 
 @cache
 def compiled() -> Callable[..., int]:
-    """`take` in a loop, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
+    """`take` of the step, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
     try:
         import numba
         from numba import types
@@ -222,29 +225,13 @@ def compiled() -> Callable[..., int]:
             "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
         ) from None
     for function in KERNEL:
-        register_jitable(error_model="numpy")(function)
+        register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
     arguments = (state[::1], sample[::1], rows, types.int64, types.int64)
     sources = [getsource(sys.modules[name]) for name in sorted({function.__module__ for function in KERNEL})]
     digest = sha256("".join(sources).encode()).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        return compiled_by_numba(_keyed(digest), arguments, nogil=True, error_model="numpy")
-
-
-def _keyed(digest: str) -> Callable[..., int]:
-    """Samples from `begin` on, to the first with an event; how many are taken. With `digest`, of all files that are
-    compiled, in its closure: by itself numba's cache would not see that another file than this one has changed.
-    """
-
-    def advance(state, samples, ring, width, begin):  # type: ignore[no-untyped-def]
-        digest  # noqa: B018
-        for i in range(begin, len(samples)):
-            take(state[0], samples[i], ring, width)
-            if samples[i].events != 0:
-                return i + 1
-        return len(samples)
-
-    return advance
+        return compiled_by_numba(taking(digest), arguments, nogil=True, error_model="numpy")
 
 
 @contextmanager
