@@ -161,7 +161,8 @@ def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
                 first[k] = mean[k]
             break
         for k in range(6):
-            squares[k] += (mean[k] - first[k]) ** 2
+            apart = mean[k] - first[k]
+            squares[k] += apart * apart
             mean[k] = 0.5 * (mean[k] + first[k])
     seconds = s.means[0] * s.interval
     if s.means[0] < LEARN_SAMPLES or seconds < s.learn_next:
@@ -177,7 +178,10 @@ def detect(s: State, sample: Sample) -> None:
     first of a run below another, raised by what is left of the contact when it is over; a run lasts the minimum
     duration, and two samples.
     """
-    end = (sqrt(s.end) + REMNANT * sqrt(s.peak_statistic)) ** 2 if s.touching else s.fire
+    end = s.fire
+    if s.touching:
+        root = sqrt(s.end) + REMNANT * sqrt(s.peak_statistic)
+        end = root * root
     now, above = sample.time, sample.statistic > end
     if not s.touching and not above:
         s.run = 0
@@ -255,9 +259,11 @@ def stays_the_same(s: State, mean: Row) -> None:
     """Note since when a contact has not changed by more than noise, its mean (6,) over a block, nor the arm turned."""
     moved = turned = 0.0
     for k in range(6):
-        moved += (mean[k] - s.same_mean[k]) ** 2 / (2.0 * s.block_noise[k])
+        apart = mean[k] - s.same_mean[k]
+        moved += apart * apart / (2.0 * s.block_noise[k])
     for k in range(9):
-        turned += (s.R[k] - s.same_R[k]) ** 2
+        apart = s.R[k] - s.same_R[k]
+        turned += apart * apart
     if s.same_since == s.same_since and moved < s.begin and turned < SAME_POSE:
         return
     s.same_since = s.block_time

@@ -66,15 +66,15 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     stirred[0] += newest * (pushed - stirred[0])
     stirred[1] += newest * (turning - stirred[1])
     of_tool, of_torque = s.shaking[0], s.shaking[1]
-    shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1] + s.felt_off
-    torque, gain = of_torque[0] ** 2 * stirred[0] + of_torque[1] ** 2 * stirred[1], s.pose_gain[octave]
+    shaken = of_tool[0] * stirred[0] + of_tool[1] * stirred[1] + s.felt_off
+    torque, gain = of_torque[0] * stirred[0] + of_torque[1] * stirred[1], s.pose_gain[octave]
     s.shaken = shaken
     for k in range(6):
         if given[k] == given[k]:
             variance = given[k]
         else:
-            known = s.uncertain[k]
-            variance = gain * noise[k] + (poses_old * trend[k]) ** 2
+            known, old = s.uncertain[k], poses_old * trend[k]
+            variance = gain * noise[k] + old * old
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:
             variance += torque

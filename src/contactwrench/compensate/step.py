@@ -172,7 +172,8 @@ def weigh(s: State, sample: Sample) -> None:
     if s.knows_inertia:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
         for k in range(6):
-            sample.wrench_std[k] = sqrt(s.wrench_std[k] ** 2 + s.of_motion[k])
+            at_rest = s.wrench_std[k]
+            sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k])
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)
         for k in range(6):
