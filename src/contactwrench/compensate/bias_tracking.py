@@ -147,10 +147,11 @@ def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
     for i in range(6):
         total, of_eta, found, column = C[i][i] + variance[i], s.of_eta, mean[i] - s.offset[i], s.column
         s.with_pose[i] = (s.with_pose[i] + lost * (s.between[i] - s.with_pose[i])) * variance[i] / total
+        here, eta_here = C[i], moved[i]
         for k in range(6):
-            column[k] = C[i][k]
+            column[k] = here[k]
         for k in range(n):
-            of_eta[k] = moved[i][k]
+            of_eta[k] = eta_here[k]
         for k in range(6):
             gain, row, to_eta = column[k] / total, C[k], moved[k]
             s.offset[k] += gain * found

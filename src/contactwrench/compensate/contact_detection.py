@@ -93,9 +93,11 @@ def far(s: State) -> bool:
 
 @kernel
 def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
-    """The covariance of the contact wrench at the orientation and time of the sample that comes."""
+    """The covariance of the contact wrench where and when the sample comes; one with which all starts anew ends it."""
     if restart:
         s.since_fresh = 0
+        if s.touching:
+            end_contact(s, sample, s.time)
     if s.since_fresh == 0:
         s.clean_blocks = 0
     if s.offset_time != s.offset_time:
@@ -178,11 +180,8 @@ def detect(s: State, sample: Sample) -> None:
     first of a run below another, raised by what is left of the contact when it is over; a run lasts the minimum
     duration, and two samples.
     """
-    end = s.fire
-    if s.touching:
-        root = sqrt(s.end) + REMNANT * sqrt(s.peak_statistic)
-        end = root * root
-    now, above = sample.time, sample.statistic > end
+    end = sqrt(s.end) + REMNANT * sqrt(s.peak_statistic) if s.touching else 0.0
+    now, above = sample.time, sample.statistic > (end * end if s.touching else s.fire)
     if not s.touching and not above:
         s.run = 0
         if s.free_time != s.free_time:
@@ -245,8 +244,8 @@ def end_contact(s: State, sample: Sample, now: float) -> None:
         x, y, z = s.peak[group], s.peak[group + 1], s.peak[group + 2]
         left = REMNANT * REMNANT * (x * x + y * y + z * z)
         for k in range(group, group + 3):
-            s.remnant[k] = left + kept * s.remnant[k]
-            if s.remnant[k] > s.block_noise[k]:
+            remnant = s.remnant[k] = left + kept * s.remnant[k]
+            if remnant > s.block_noise[k]:
                 s.follow_until = now + RECOVERY
     sample.events |= ENDED
     for i in range(6):

@@ -169,7 +169,7 @@ def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> 
 
 
 @kernel
-def as_the_wrench_is_stamped(s: State, ring: Matrix, fresh: bool, now: float) -> None:
+def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) -> None:
     """Down in the flange, into `s.down`, as it was when the wrench was measured.
 
     A wrench that lags belongs to an orientation of before, between two that are kept. For one that leads, the pose
@@ -188,11 +188,15 @@ def as_the_wrench_is_stamped(s: State, ring: Matrix, fresh: bool, now: float) ->
     at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
     s.ring_at = at
     older, later = ring[at], ring[after]
-    past = min(s.look_back, now - older[0])
-    ahead = -s.delay / past if past > 0.0 else 0.0
-    for k in range(3):
-        then = older[1 + k] + share * (later[1 + k] - older[1 + k])
-        down[k] = then if s.delay > 0.0 else down[k] + ahead * (down[k] - then)
+    x = older[1] + share * (later[1] - older[1])
+    y = older[2] + share * (later[2] - older[2])
+    z = older[3] + share * (later[3] - older[3])
+    if s.delay < 0.0:
+        past = min(s.look_back, now - older[0])
+        ahead = -s.delay / past if past > 0.0 else 0.0
+        a, b, c = down[0], down[1], down[2]
+        x, y, z = a + ahead * (a - x), b + ahead * (b - y), c + ahead * (c - z)
+    down[0], down[1], down[2] = x, y, z
 
 
 @kernel

@@ -96,6 +96,8 @@ def placed_anywhere(sample: Sample) -> bool:
 @kernel
 def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take a pose that comes by itself, `sample.passed` s after the one before."""
+    if not s.knows_inertia:
+        return
     R = s.R
     squared = from_quaternion(sample.orientation, R) if width == 4 else from_matrix(sample.orientation, R)
     s.pose_repeats += sample.passed
@@ -154,24 +156,22 @@ def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: f
 
 @kernel
 def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
-    """Take a pose that has stood for so many s: until it surely is one that is sent again, it says nothing."""
+    """Take a pose that has stood for so many s: until it surely is one that is sent again, it says nothing. Where the
+    arm was too fast to stop from one pose to the next, what it does is not known.
+    """
     usual = REPEATED * s.pose_usual
     if s.poses == 0 or usual == 0.0:
         usual = max(usual, SLOWEST_POSES)
-    if not s.resting and passed >= usual:
-        s.unknown = 3 if s.poses > 0 and too_fast_to_stop(s) else 0
-        s.poses, s.resting = 0, True
-        begin_at_rest(s, ring, sample.time)
-
-
-@kernel
-def too_fast_to_stop(s: State) -> bool:
-    """Whether the arm was, from one pose to the next."""
+    if s.resting or passed < usual:
+        return
     rate, turning, moving = s.rate, 0.0, 0.0
     for k in range(3):
         turning += rate[k] * rate[k]
         moving += rate[3 + k] * rate[3 + k]
-    return sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
+    fast = sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
+    s.unknown = 3 if s.poses > 0 and fast else 0
+    s.poses, s.resting = 0, True
+    begin_at_rest(s, ring, sample.time)
 
 
 @kernel

@@ -52,7 +52,7 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses behind the low-pass,
     and by how much the terms are older than the wrench.
     """
-    terms, most, in_all = s.seen, 0.0, 0.0
+    terms, most = s.seen, 0.0
     given, of_motion, trend, noise, shaken_by = sample.motion_variance, s.of_motion, s.trend, s.pose_noise, s.shaken_by
     held, octave = s.pose_period / s.interval, 0
     while octave < len(s.pose_gain) - 1 and held > 1.5:
@@ -80,9 +80,9 @@ def noise_of_motion(s: State, sample: Sample) -> float:
             variance += torque
         of_motion[k] = variance + shaken * shaken_by[k]
         at_rest = s.systematic[k][k] + s.noise_left[k]
-        most, in_all = max(most, variance / at_rest), max(in_all, of_motion[k] / at_rest)
-    if in_all > 1.0:
-        s.spoiled = True
+        most = max(most, variance / at_rest)
+        if of_motion[k] > at_rest:
+            s.spoiled = True
     return most
 
 

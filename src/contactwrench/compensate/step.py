@@ -7,22 +7,9 @@ from math import inf, nan, sqrt
 
 from .acceleration import LONGEST_SILENCE
 from .bias_tracking import learn
-from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
+from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
-from .faults import (
-    BACK,
-    FINE,
-    FROZEN,
-    GAP,
-    NO_MOTION,
-    NO_PAST,
-    OVERLOAD,
-    SILENT,
-    STUCK,
-    standing_still,
-    turned,
-    unreadable,
-)
+from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILENT, STUCK, standing_still, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
@@ -30,7 +17,7 @@ from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
-"""K or degrees C: a sensor that says more says nothing."""
+"""K or degrees C: a sensor that says more says nothing, and the last temperature counts."""
 RENEW_SECONDS = 5.0
 """After which the covariance counts again what the bias may have moved."""
 WRENCH_ALONE, WHOLLY = 1, 2
@@ -57,26 +44,33 @@ def taking(digest: str) -> Callable[..., int]:
             sample = samples[i]
             sample.events, sample.contact = 0, NOT_JUDGED
             if sample.passed == sample.passed:
-                if s.knows_inertia:
-                    take_pose(s, sample, ring, width)
+                take_pose(s, sample, ring, width)
                 continue
             fault, detail, channel = unreadable(s, sample, width)
             if fault == FINE:
-                restart, fault, detail, channel = arrive(s, sample)
+                now, passed, changed = sample.time, sample.time - s.time, turned(s)
+                interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
+                restart = interruption != FINE or s.time != s.time
+                if restart or s.stale or (changed and far(s)):
+                    renew_covariance(s, sample, restart)
+                arrive(s, sample, restart)
+                fault, detail, channel = standing_still(s, sample, changed)
+                if interruption != FINE:
+                    fault, detail, channel = interruption, abs(passed), -1
                 fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
                 if fresh_pose:
-                    s.poses_from, s.fresh = sample.time, min(s.fresh, WRENCH_ALONE)
-                if fault == FINE and s.delay != 0.0 and sample.time - s.look_back < s.poses_from:
+                    s.poses_from, s.fresh = now, min(s.fresh, WRENCH_ALONE)
+                if fault == FINE and s.delay != 0.0 and now - s.look_back < s.poses_from:
                     fault, detail = NO_PAST, s.look_back
                 recovers = s.fresh != 0 and fault < STUCK
-                look_down(s, ring, sample.time, fresh_pose)
+                look_down(s, ring, now, fresh_pose)
                 if s.knows_inertia:
                     follow_motion(s, sample, ring, fresh_pose)
-                    terms_then(s, ring, sample.time, fresh_pose)
+                    terms_then(s, ring, now, fresh_pose)
                 compensate(s, sample, restart or recovers, fresh_pose)
                 weigh(s, sample)
                 fault, detail = conclude(s, sample, fault, detail, recovers)
-                if s.time - s.block_time >= BLOCK_SECONDS:
+                if now - s.block_time >= BLOCK_SECONDS:
                     end_block(s)
             else:
                 s.spoiled, sample.statistic = True, nan
@@ -92,32 +86,28 @@ def taking(digest: str) -> Callable[..., int]:
 
 
 @kernel
-def arrive(s: State, sample: Sample) -> tuple[bool, int, float, int]:
-    """A sample that can be computed: whether all starts anew; what is wrong with it, with a figure and the channel."""
-    now, passed = sample.time, sample.time - s.time
-    interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
-    restart, changed = interruption != FINE or s.time != s.time, turned(s)
-    if restart and s.touching:
-        end_contact(s, sample, s.time)
-    if restart or s.stale or (changed and far(s)):
-        renew_covariance(s, sample, restart)
-    if restart:
-        begin_anew(s, sample)
-    elif s.stamps < INTERVALS:
-        s.intervals[s.stamps] = passed
-        s.stamps += 1
-        if s.stamps == INTERVALS:
-            sample.events |= RATE_FOUND
-    s.time = now
-    fault, detail, channel = standing_still(s, sample, changed)
-    if interruption != FINE:
-        fault, detail, channel = interruption, abs(passed), -1
-    return restart, fault, detail, channel
+def turned(s: State) -> bool:
+    """Whether the orientation differs from the last one, in any digit."""
+    R, last = s.R, s.last_R
+    for k in range(9):  # noqa: SIM110, a generator is not compiled
+        if R[k] != last[k]:
+            return True
+    return False
 
 
 @kernel
-def begin_anew(s: State, sample: Sample) -> None:
-    """Nothing of before is compared with what comes."""
+def arrive(s: State, sample: Sample, restart: bool) -> None:
+    """The sample is taken: count the time since the last, or begin anew, so that nothing of before is compared with
+    what comes.
+    """
+    if not restart and s.stamps < INTERVALS:
+        s.intervals[s.stamps] = sample.time - s.time
+        s.stamps += 1
+        if s.stamps == INTERVALS:
+            sample.events |= RATE_FOUND
+    s.time = sample.time
+    if not restart:
+        return
     s.run = 0
     s.free_time = nan
     s.block_time = s.new_time = s.turn_time = sample.time
@@ -142,7 +132,7 @@ def look_down(s: State, ring: Matrix, now: float, fresh: bool) -> None:
     scale = 1.0 / sqrt(x * x + y * y + z * z)
     down[0], down[1], down[2] = x * scale, y * scale, z * scale
     if s.delay != 0.0:
-        as_the_wrench_is_stamped(s, ring, fresh, now)
+        as_the_wrench_is_stamped(s, ring, now, fresh)
 
 
 @kernel
@@ -153,7 +143,11 @@ def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
     down = s.down
     low_pass(s.sensor, s.sensor_memory, down, 3, fresh_pose)
     x, y, z = down[0], down[1], down[2]
-    warmer = warmed_by(s, sample.temperature)
+    if abs(sample.temperature) <= HOTTEST:
+        s.temperature = sample.temperature
+        if s.first_temperature != s.first_temperature:
+            s.first_temperature = s.temperature
+    warmer = s.temperature - s.first_temperature if s.first_temperature == s.first_temperature else 0.0
     reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
     for k in range(6):
         B = s.B[k]
@@ -199,16 +193,6 @@ def conclude(s: State, sample: Sample, fault: int, detail: float, recovers: bool
     else:
         s.spoiled = True
     return fault, detail
-
-
-@kernel
-def warmed_by(s: State, temperature: float) -> float:
-    """By how much it is warmer than at first; the last temperature counts where there is none."""
-    if abs(temperature) <= HOTTEST:
-        s.temperature = temperature
-        if s.first_temperature != s.first_temperature:
-            s.first_temperature = temperature
-    return s.temperature - s.first_temperature if s.first_temperature == s.first_temperature else 0.0
 
 
 @kernel
