@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -236,12 +237,18 @@ def compiled() -> Callable[..., int]:
 
 @contextmanager
 def said_while_it_lasts(what: str) -> Iterator[None]:
-    """A line on stderr, where that is a terminal, if it lasts longer than a moment."""
+    """A line on stderr, where that is a terminal, if it lasts longer than a moment. Meanwhile no garbage is looked
+    for: a compiler makes much that stays, and each look goes through all of it again.
+    """
     timer = Timer(MOMENT, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
     timer.daemon = True
     if sys.stderr is not None and sys.stderr.isatty():
         timer.start()
+    collects = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
         timer.cancel()
+        if collects:
+            gc.enable()
