@@ -118,7 +118,8 @@ def predict(s: State, R: Row, now: float) -> float:
     g, h, i = R[6] - there[6], R[7] - there[7], R[8] - there[8]
     squared = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     lost, n = 1.0 - exp(-2.0 / ALIKE * asin(min(1.0, sqrt(squared / 8.0)))), s.parameters
-    wandered = log(1.0 + ((passed + s.age) / LEVEL_KNOWN) ** 2)
+    ages = (passed + s.age) / LEVEL_KNOWN
+    wandered = log(1.0 + ages * ages)
     crept_on = max(crept(s, now) - crept(s, s.offset_time), 0.0)
     for row in range(6):
         moved, slopes, before = s.moved[row], s.H_slope[row], s.with_calibration[row]
@@ -146,10 +147,11 @@ def learn(s: State, R: Row, now: float, mean: Row, variance: Row) -> None:
     for i in range(6):
         total, of_eta, found, column = C[i][i] + variance[i], s.of_eta, mean[i] - s.offset[i], s.column
         s.with_pose[i] = (s.with_pose[i] + lost * (s.between[i] - s.with_pose[i])) * variance[i] / total
+        here, eta_here = C[i], moved[i]
         for k in range(6):
-            column[k] = C[i][k]
+            column[k] = here[k]
         for k in range(n):
-            of_eta[k] = moved[i][k]
+            of_eta[k] = eta_here[k]
         for k in range(6):
             gain, row, to_eta = column[k] / total, C[k], moved[k]
             s.offset[k] += gain * found

@@ -93,9 +93,11 @@ def far(s: State) -> bool:
 
 @kernel
 def renew_covariance(s: State, sample: Sample, restart: bool) -> None:
-    """The covariance of the contact wrench at the orientation and time of the sample that comes."""
+    """The covariance of the contact wrench where and when the sample comes; one with which all starts anew ends it."""
     if restart:
         s.since_fresh = 0
+        if s.touching:
+            end_contact(s, sample, s.time)
     if s.since_fresh == 0:
         s.clean_blocks = 0
     if s.offset_time != s.offset_time:
@@ -161,7 +163,8 @@ def learn_noise(s: State, sample: Sample) -> tuple[int, float]:
                 first[k] = mean[k]
             break
         for k in range(6):
-            squares[k] += (mean[k] - first[k]) ** 2
+            apart = mean[k] - first[k]
+            squares[k] += apart * apart
             mean[k] = 0.5 * (mean[k] + first[k])
     seconds = s.means[0] * s.interval
     if s.means[0] < LEARN_SAMPLES or seconds < s.learn_next:
@@ -177,8 +180,8 @@ def detect(s: State, sample: Sample) -> None:
     first of a run below another, raised by what is left of the contact when it is over; a run lasts the minimum
     duration, and two samples.
     """
-    end = (sqrt(s.end) + REMNANT * sqrt(s.peak_statistic)) ** 2 if s.touching else s.fire
-    now, above = sample.time, sample.statistic > end
+    end = sqrt(s.end) + REMNANT * sqrt(s.peak_statistic) if s.touching else 0.0
+    now, above = sample.time, sample.statistic > (end * end if s.touching else s.fire)
     if not s.touching and not above:
         s.run = 0
         if s.free_time != s.free_time:
@@ -241,8 +244,8 @@ def end_contact(s: State, sample: Sample, now: float) -> None:
         x, y, z = s.peak[group], s.peak[group + 1], s.peak[group + 2]
         left = REMNANT * REMNANT * (x * x + y * y + z * z)
         for k in range(group, group + 3):
-            s.remnant[k] = left + kept * s.remnant[k]
-            if s.remnant[k] > s.block_noise[k]:
+            remnant = s.remnant[k] = left + kept * s.remnant[k]
+            if remnant > s.block_noise[k]:
                 s.follow_until = now + RECOVERY
     sample.events |= ENDED
     for i in range(6):
@@ -255,9 +258,11 @@ def stays_the_same(s: State, mean: Row) -> None:
     """Note since when a contact has not changed by more than noise, its mean (6,) over a block, nor the arm turned."""
     moved = turned = 0.0
     for k in range(6):
-        moved += (mean[k] - s.same_mean[k]) ** 2 / (2.0 * s.block_noise[k])
+        apart = mean[k] - s.same_mean[k]
+        moved += apart * apart / (2.0 * s.block_noise[k])
     for k in range(9):
-        turned += (s.R[k] - s.same_R[k]) ** 2
+        apart = s.R[k] - s.same_R[k]
+        turned += apart * apart
     if s.same_since == s.same_since and moved < s.begin and turned < SAME_POSE:
         return
     s.same_since = s.block_time

@@ -151,16 +151,6 @@ def from_matrix(given: Row, R: Row) -> float:
 
 
 @kernel
-def turned(s: State) -> bool:
-    """Whether the orientation differs from the last one, in any digit."""
-    R, last = s.R, s.last_R
-    for k in range(9):  # noqa: SIM110, a generator is not compiled
-        if R[k] != last[k]:
-            return True
-    return False
-
-
-@kernel
 def standing_still(s: State, sample: Sample, changed: bool) -> tuple[int, float, int]:
     """What else is wrong with a sample that can be computed, with a figure and the channel; notes what moved."""
     frozen, stuck = frozen_for(s, changed, sample.time), stuck_channel(s, sample.reading, sample.time)

@@ -169,35 +169,34 @@ def delay_of(calibration: Calibration, sensor_filter: LowPass | None = None) -> 
 
 
 @kernel
-def as_the_wrench_is_stamped(
-    s: State, ring: Matrix, fresh: bool, now: float, x: float, y: float, z: float
-) -> tuple[float, float, float]:
-    """Down in the flange as it was when the wrench was measured.
+def as_the_wrench_is_stamped(s: State, ring: Matrix, now: float, fresh: bool) -> None:
+    """Down in the flange, into `s.down`, as it was when the wrench was measured.
 
     A wrench that lags belongs to an orientation of before, between two that are kept. For one that leads, the pose
     being late, the turn of the last moments is carried on; that is wrong by half the angular acceleration times
     delay times (delay + the time looked back).
     """
-    size = len(ring)
+    size, down = len(ring), s.down
     if fresh:
         s.ring_next = s.ring_at = 0
     newest, at = s.ring_next, s.ring_at
     entry = ring[newest]
-    entry[0], entry[1], entry[2], entry[3] = now, x, y, z
+    entry[0], entry[1], entry[2], entry[3] = now, down[0], down[1], down[2]
     s.ring_next = (newest + 1) % size
     if at == newest and not fresh:
         at = (newest + 1) % size
     at, after, share = looked_up(ring, 0, at, newest, now - s.look_back)
     s.ring_at = at
     older, later = ring[at], ring[after]
-    xb = older[1] + share * (later[1] - older[1])
-    yb = older[2] + share * (later[2] - older[2])
-    zb = older[3] + share * (later[3] - older[3])
-    if s.delay > 0.0:
-        return xb, yb, zb
-    past = min(s.look_back, now - older[0])
-    ahead = -s.delay / past if past > 0.0 else 0.0
-    return x + ahead * (x - xb), y + ahead * (y - yb), z + ahead * (z - zb)
+    x = older[1] + share * (later[1] - older[1])
+    y = older[2] + share * (later[2] - older[2])
+    z = older[3] + share * (later[3] - older[3])
+    if s.delay < 0.0:
+        past = min(s.look_back, now - older[0])
+        ahead = -s.delay / past if past > 0.0 else 0.0
+        a, b, c = down[0], down[1], down[2]
+        x, y, z = a + ahead * (a - x), b + ahead * (b - y), c + ahead * (c - z)
+    down[0], down[1], down[2] = x, y, z
 
 
 @kernel

@@ -60,7 +60,7 @@ def use_inertia(s: State, calibration: Calibration, sensor_filter: LowPass | Non
         s.knows_inertia, s.D = True, calibration.dynamics.matrix.tolist()
         s.shaken_by = np.sum(calibration.dynamics.matrix[:, ACCELERATION] ** 2, axis=1).tolist()
         force, torque = calibration.dynamics.motion_noise
-        s.shaking = [(force / calibration.mass).tolist(), torque.tolist()]
+        s.shaking = np.square([force / calibration.mass, torque]).tolist()
         of_units = calibration.covariance_of_terms()
         s.uncertain = [[3.0 * float(np.linalg.eigvalsh(C[kind, kind])[-1]) for kind in KINDS] for C in of_units]
         use_accelerometer(s, calibration, sensor_filter)
@@ -75,7 +75,7 @@ def follow_motion(s: State, sample: Sample, ring: Matrix, fresh: bool) -> None:
         for k in range(TERMS):
             s.terms[k] = sample.motion[k]
         s.felt_time, s.felt_off = -inf, 0.0
-        keep_terms(s, ring, sample.time, fresh)
+        keep_terms(s, ring, sample.time, fresh=fresh)
     elif take_reading(s, sample, ring, fresh) if s.feels else placed_anywhere(sample):
         place = s.last_position if s.feels else sample.told
         follow_pose(s, sample, place, ring, inf if fresh else sample.time - s.pose_time)
@@ -96,6 +96,8 @@ def placed_anywhere(sample: Sample) -> bool:
 @kernel
 def take_pose(s: State, sample: Sample, ring: Matrix, width: int) -> None:
     """Take a pose that comes by itself, `sample.passed` s after the one before."""
+    if not s.knows_inertia:
+        return
     R = s.R
     squared = from_quaternion(sample.orientation, R) if width == 4 else from_matrix(sample.orientation, R)
     s.pose_repeats += sample.passed
@@ -113,9 +115,11 @@ def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: f
     last, R, before = s.last_position, s.R, s.pose_R
     moved = turn = 0.0
     for k in range(3):
-        moved += (position[k] - last[k]) ** 2
+        step = position[k] - last[k]
+        moved += step * step
     for k in range(9):
-        turn += 0.5 * (R[k] - before[k]) ** 2
+        step = R[k] - before[k]
+        turn += 0.5 * (step * step)
     moved, turn = sqrt(moved), sqrt(turn)
     if moved == 0.0 and turn == 0.0 and passed < inf:
         stand_still(s, sample, ring, passed)
@@ -152,24 +156,22 @@ def follow_pose(s: State, sample: Sample, position: Row, ring: Matrix, passed: f
 
 @kernel
 def stand_still(s: State, sample: Sample, ring: Matrix, passed: float) -> None:
-    """Take a pose that has stood for so many s: until it surely is one that is sent again, it says nothing."""
+    """Take a pose that has stood for so many s: until it surely is one that is sent again, it says nothing. Where the
+    arm was too fast to stop from one pose to the next, what it does is not known.
+    """
     usual = REPEATED * s.pose_usual
     if s.poses == 0 or usual == 0.0:
         usual = max(usual, SLOWEST_POSES)
-    if not s.resting and passed >= usual:
-        s.unknown = 3 if s.poses > 0 and too_fast_to_stop(s) else 0
-        s.poses, s.resting = 0, True
-        begin_at_rest(s, ring, sample.time)
-
-
-@kernel
-def too_fast_to_stop(s: State) -> bool:
-    """Whether the arm was, from one pose to the next."""
+    if s.resting or passed < usual:
+        return
     rate, turning, moving = s.rate, 0.0, 0.0
     for k in range(3):
         turning += rate[k] * rate[k]
         moving += rate[3 + k] * rate[3 + k]
-    return sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
+    fast = sqrt(turning) > max(BRAKING * s.pose_usual, SLOW) or sqrt(moving) > max(STOPPING * s.pose_usual, SLOW)
+    s.unknown = 3 if s.poses > 0 and fast else 0
+    s.poses, s.resting = 0, True
+    begin_at_rest(s, ring, sample.time)
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from ..subtract import compiled_by_numba
 from .contact_wrenches import Contact, ContactWrenches
 from .faults import SAME, reasons_of
 from .state import COVARIANCE, KERNEL, SAMPLE, STATE, TERMS, Function, Sample, State
-from .step import take
+from .step import taking
 
 MOMENT = 1.0
 """s: what takes longer is said."""
@@ -33,6 +34,9 @@ NOT_KNOWN, NOT_GROWN = [nan] * TERMS, [nan] * 6
 TOLD = ("events", "fault", "detail", "channel", "contact")
 GIVEN = ("reading", "orientation", "time", "temperature", "told", "passed", "motion", "motion_variance")
 MADE = tuple(name for name in SAMPLE.names or () if name not in GIVEN)
+
+take = taking("")
+"""In plain Python."""
 
 
 def by_one_thread(method: Function) -> Function:
@@ -111,7 +115,7 @@ class Plain:
     def __init__(self, state: State, ring: Array) -> None:
         self.state: Any = state
         self.sample: Any = Sample()
-        self._ring = ring.tolist()
+        self._given = [state], [self.sample], ring.tolist()
 
     def told(self) -> tuple[Any, ...]:
         """`TOLD` of the last sample."""
@@ -124,7 +128,7 @@ class Plain:
         sample.told, sample.motion, sample.motion_variance = told.tolist(), NOT_KNOWN, NOT_GROWN
         sample.reading, sample.orientation = reading.tolist(), turn.ravel().tolist()
         sample.time, sample.temperature = t, temperature
-        take(self.state, sample, self._ring, turn.size)
+        take(*self._given, turn.size, 0)
         return sample.said, read_only(sample.wrench)
 
     def std(self) -> Array:
@@ -137,7 +141,7 @@ class Plain:
         sample.orientation, sample.told = turn.ravel().tolist(), place.tolist()
         sample.time, sample.passed = t, passed
         try:
-            take(self.state, sample, self._ring, turn.size)
+            take(*self._given, turn.size, 0)
         finally:
             sample.passed = nan
 
@@ -147,7 +151,7 @@ class Plain:
         for given in zip(*(samples[name][rows].tolist() for name in GIVEN), strict=True):
             sample.reading, sample.orientation, sample.time, sample.temperature, *moved = given
             sample.told, sample.passed, sample.motion, sample.motion_variance = moved
-            take(self.state, sample, self._ring, width)
+            take(*self._given, width, 0)
             made.append([sample.wrench[:], sample.wrench_std[:], *(getattr(sample, name) for name in MADE[2:])])
             if sample.events:
                 break
@@ -212,7 +216,7 @@ class Compiled:
 
 @cache
 def compiled() -> Callable[..., int]:
-    """`take` in a loop, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
+    """`take` of the step, compiled by numba over records and arrays. Raises `MissingExtraError` without it."""
     try:
         import numba
         from numba import types
@@ -222,39 +226,29 @@ def compiled() -> Callable[..., int]:
             "numba is not installed, expected for a compiled step: pip install 'contactwrench[fast]'"
         ) from None
     for function in KERNEL:
-        register_jitable(error_model="numpy")(function)
+        register_jitable(error_model="numpy", no_cfunc_wrapper=True)(function)
     state, sample, rows = numba.from_dtype(STATE), numba.from_dtype(SAMPLE), types.float64[:, ::1]
     arguments = (state[::1], sample[::1], rows, types.int64, types.int64)
     sources = [getsource(sys.modules[name]) for name in sorted({function.__module__ for function in KERNEL})]
     digest = sha256("".join(sources).encode()).hexdigest()
     with said_while_it_lasts("compiling the step for one sample at a time, once on this machine"):
-        return compiled_by_numba(_keyed(digest), arguments, nogil=True, error_model="numpy")
-
-
-def _keyed(digest: str) -> Callable[..., int]:
-    """Samples from `begin` on, to the first with an event; how many are taken. With `digest`, of all files that are
-    compiled, in its closure: by itself numba's cache would not see that another file than this one has changed.
-    """
-
-    def advance(state, samples, ring, width, begin):  # type: ignore[no-untyped-def]
-        digest  # noqa: B018
-        for i in range(begin, len(samples)):
-            take(state[0], samples[i], ring, width)
-            if samples[i].events != 0:
-                return i + 1
-        return len(samples)
-
-    return advance
+        return compiled_by_numba(taking(digest), arguments, nogil=True, error_model="numpy")
 
 
 @contextmanager
 def said_while_it_lasts(what: str) -> Iterator[None]:
-    """A line on stderr, where that is a terminal, if it lasts longer than a moment."""
+    """A line on stderr, where that is a terminal, if it lasts longer than a moment. Meanwhile no garbage is looked
+    for: a compiler makes much that stays, and each look goes through all of it again.
+    """
     timer = Timer(MOMENT, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
     timer.daemon = True
     if sys.stderr is not None and sys.stderr.isatty():
         timer.start()
+    collects = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
         timer.cancel()
+        if collects:
+            gc.enable()

@@ -52,7 +52,7 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     shakes, by what an accelerometer is off, what is not known of the inertia, the noise of poses behind the low-pass,
     and by how much the terms are older than the wrench.
     """
-    terms, most, in_all = s.seen, 0.0, 0.0
+    terms, most = s.seen, 0.0
     given, of_motion, trend, noise, shaken_by = sample.motion_variance, s.of_motion, s.trend, s.pose_noise, s.shaken_by
     held, octave = s.pose_period / s.interval, 0
     while octave < len(s.pose_gain) - 1 and held > 1.5:
@@ -66,23 +66,23 @@ def noise_of_motion(s: State, sample: Sample) -> float:
     stirred[0] += newest * (pushed - stirred[0])
     stirred[1] += newest * (turning - stirred[1])
     of_tool, of_torque = s.shaking[0], s.shaking[1]
-    shaken = of_tool[0] ** 2 * stirred[0] + of_tool[1] ** 2 * stirred[1] + s.felt_off
-    torque, gain = of_torque[0] ** 2 * stirred[0] + of_torque[1] ** 2 * stirred[1], s.pose_gain[octave]
+    shaken = of_tool[0] * stirred[0] + of_tool[1] * stirred[1] + s.felt_off
+    torque, gain = of_torque[0] * stirred[0] + of_torque[1] * stirred[1], s.pose_gain[octave]
     s.shaken = shaken
     for k in range(6):
         if given[k] == given[k]:
             variance = given[k]
         else:
-            known = s.uncertain[k]
-            variance = gain * noise[k] + (poses_old * trend[k]) ** 2
+            known, old = s.uncertain[k], poses_old * trend[k]
+            variance = gain * noise[k] + old * old
             variance += known[0] * spun + known[1] * turning * turning + known[2] * pushed
         if k > 2:
             variance += torque
         of_motion[k] = variance + shaken * shaken_by[k]
         at_rest = s.systematic[k][k] + s.noise_left[k]
-        most, in_all = max(most, variance / at_rest), max(in_all, of_motion[k] / at_rest)
-    if in_all > 1.0:
-        s.spoiled = True
+        most = max(most, variance / at_rest)
+        if of_motion[k] > at_rest:
+            s.spoiled = True
     return most
 
 

@@ -120,7 +120,8 @@ class State:
 
     # Filters and the delay.
     lowpass_memory: Matrix = numbers(2 * SECTIONS, 6)
-    sensor_memory: Matrix = numbers(2 * SECTIONS, 6)
+    sensor_memory: Matrix = numbers(2 * SECTIONS, TERMS)
+    down: Row = numbers(TERMS)  # of which three count: as long as `seen`, so that one filter is compiled for both
     ring_next: int = 0
     ring_at: int = 0
     poses_from: float = 0.0
@@ -213,7 +214,6 @@ class State:
     moved: Matrix = numbers(6, PARAMETERS)
     of_eta: Row = numbers(PARAMETERS)
     column: Row = numbers(6)
-    down: Row = numbers(3)
 
     # The block of samples of the last 0.1 s, and the one before.
     block_time: float = 0.0

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from math import inf, nan, sqrt
 
 from .acceleration import LONGEST_SILENCE
 from .bias_tracking import learn
-from .contact_detection import end_contact, far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
+from .contact_detection import far, judge, readings_held, renew_covariance, statistic_of, stays_the_same
 from .contact_wrenches import NOT_JUDGED
-from .faults import (
-    BACK,
-    FINE,
-    FROZEN,
-    GAP,
-    NO_MOTION,
-    NO_PAST,
-    OVERLOAD,
-    SILENT,
-    STUCK,
-    standing_still,
-    turned,
-    unreadable,
-)
+from .faults import BACK, FINE, FROZEN, GAP, NO_MOTION, NO_PAST, OVERLOAD, SILENT, STUCK, standing_still, unreadable
 from .filters import as_the_wrench_is_stamped, low_pass
 from .inertia import exerted, follow_motion, take_pose, terms_then
 from .shaking import noise_of_motion, statistic_in_motion
@@ -29,7 +17,7 @@ from .state import INTERVALS, RATE_FOUND, Matrix, Sample, State, kernel
 
 BLOCK_SECONDS = 0.1
 HOTTEST = 1e4
-"""K or degrees C: a sensor that says more says nothing."""
+"""K or degrees C: a sensor that says more says nothing, and the last temperature counts."""
 RENEW_SECONDS = 5.0
 """After which the covariance counts again what the bias may have moved."""
 WRENCH_ALONE, WHOLLY = 1, 2
@@ -38,70 +26,73 @@ ASK = 2
 """What a sample says that is not just fine, `FREE` or `TOUCHING`."""
 
 
-@kernel
-def take(s: State, sample: Sample, ring: Matrix, width: int) -> None:
-    """Take one sample, with an orientation of `width` 4 or 9 numbers.
-
-    `ring` (k, 4 or 21): times and directions of down, for a delay; times and terms of the motion, and what is felt.
+def taking(digest: str) -> Callable[..., int]:
+    """`take`, compiled or not, with the digest of all its files in its closure: by itself numba's cache would not see
+    that another file than this one has changed. What it calls it calls itself, as numba optimises a function anew in
+    each that is above it.
     """
-    sample.events, sample.contact = 0, NOT_JUDGED
-    if sample.passed == sample.passed:
-        if s.knows_inertia:
-            take_pose(s, sample, ring, width)
-        return
-    fault, detail, channel = unreadable(s, sample, width)
-    if fault == FINE:
-        fault, detail, channel = follow(s, sample, ring)
-    else:
-        s.spoiled, sample.statistic = True, nan
-        for k in range(6):
-            sample.wrench[k] = sample.wrench_std[k] = nan
-    sample.fault, sample.detail, sample.channel, sample.threshold = fault, detail, channel, s.fire
-    sample.said = sample.contact if fault == FINE and sample.events == 0 else ASK
+
+    def take(states: Sequence[State], samples: Sequence[Sample], ring: Matrix, width: int, begin: int) -> int:
+        """Take samples from `begin` on, to the first with an event, with orientations of `width` 4 or 9 numbers; how
+        many are taken.
+
+        `ring` (k, 4 or 21): times and directions of down, for a delay; times and terms of the motion, and what is felt.
+        """
+        digest  # noqa: B018
+        s = states[0]
+        for i in range(begin, len(samples)):
+            sample = samples[i]
+            sample.events, sample.contact = 0, NOT_JUDGED
+            if sample.passed == sample.passed:
+                take_pose(s, sample, ring, width)
+                continue
+            fault, detail, channel = unreadable(s, sample, width)
+            if fault == FINE:
+                now, passed, changed = sample.time, sample.time - s.time, turned(s)
+                interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
+                restart = interruption != FINE or s.time != s.time
+                if restart or s.stale or (changed and far(s)):
+                    renew_covariance(s, sample, restart)
+                arrive(s, sample, restart)
+                fault, detail, channel = standing_still(s, sample, changed)
+                if interruption != FINE:
+                    fault, detail, channel = interruption, abs(passed), -1
+                fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
+                if fresh_pose:
+                    s.poses_from, s.fresh = now, min(s.fresh, WRENCH_ALONE)
+                if fault == FINE and s.delay != 0.0 and now - s.look_back < s.poses_from:
+                    fault, detail = NO_PAST, s.look_back
+                recovers = s.fresh != 0 and fault < STUCK
+                look_down(s, ring, now, fresh_pose)
+                if s.knows_inertia:
+                    follow_motion(s, sample, ring, fresh_pose)
+                    terms_then(s, ring, now, fresh_pose)
+                compensate(s, sample, restart or recovers, fresh_pose)
+                weigh(s, sample)
+                fault, detail = conclude(s, sample, fault, detail, recovers)
+                if now - s.block_time >= BLOCK_SECONDS:
+                    end_block(s)
+            else:
+                s.spoiled, sample.statistic = True, nan
+                for k in range(6):
+                    sample.wrench[k] = sample.wrench_std[k] = nan
+            sample.fault, sample.detail, sample.channel, sample.threshold = fault, detail, channel, s.fire
+            sample.said = sample.contact if fault == FINE and sample.events == 0 else ASK
+            if sample.events != 0:
+                return i + 1
+        return len(samples)
+
+    return take
 
 
 @kernel
-def follow(s: State, sample: Sample, ring: Matrix) -> tuple[int, float, int]:
-    """A sample that can be computed; what is wrong with it, with a figure and the channel."""
-    passed = sample.time - s.time
-    interruption = BACK if passed < 0.0 else GAP if passed > s.longest_gap else FINE
-    restart = interruption != FINE or s.time != s.time
-    changed = turned(s)
-    if restart and s.touching:
-        end_contact(s, sample, s.time)
-    if restart or s.stale or (changed and far(s)):
-        renew_covariance(s, sample, restart)
-    arrive(s, sample, restart)
-    fault, detail, channel = standing_still(s, sample, changed)
-    if interruption != FINE:
-        fault, detail, channel = interruption, abs(passed), -1
-    fresh_pose = restart or (s.fresh == WHOLLY and fault < STUCK)
-    if fresh_pose:
-        s.poses_from = sample.time
-        s.fresh = min(s.fresh, WRENCH_ALONE)
-    if fault == FINE and s.delay != 0.0 and sample.time - s.look_back < s.poses_from:
-        fault, detail = NO_PAST, s.look_back
-    recovers = s.fresh != 0 and fault < STUCK
-    compensate(s, sample, ring, restart or recovers, fresh_pose)
-    if fault == FINE and s.unknown > 0:
-        fault = NO_MOTION
-    if fault == FINE and -inf < s.felt_time < sample.time - LONGEST_SILENCE:
-        fault, detail = SILENT, sample.time - s.felt_time
-    weigh(s, sample)
-    if recovers:
-        s.since_fresh, s.stale, s.spoiled = 0, True, True
-        s.run = s.quiet = 0
-    s.since_fresh += 1
-    s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
-    if fault == FINE:
-        fault, detail = judge(s, sample, recovers)
-    elif fault == OVERLOAD and s.knows_noise:
-        judge(s, sample, recovers)
-    else:
-        s.spoiled = True
-    if s.time - s.block_time >= BLOCK_SECONDS:
-        end_block(s)
-    return fault, detail, channel
+def turned(s: State) -> bool:
+    """Whether the orientation differs from the last one, in any digit."""
+    R, last = s.R, s.last_R
+    for k in range(9):  # noqa: SIM110, a generator is not compiled
+        if R[k] != last[k]:
+            return True
+    return False
 
 
 @kernel
@@ -131,21 +122,32 @@ def arrive(s: State, sample: Sample, restart: bool) -> None:
 
 
 @kernel
-def compensate(s: State, sample: Sample, ring: Matrix, fresh: bool, fresh_pose: bool) -> None:
+def look_down(s: State, ring: Matrix, now: float, fresh: bool) -> None:
+    """Write `R_base_flange^T d` of the wrench's moment, of length 1 also where the matrix was rounded."""
+    d, R, down = s.gravity_direction, s.R, s.down
+    a, b, c = d[0], d[1], d[2]
+    x = a * R[0] + b * R[3] + c * R[6]
+    y = a * R[1] + b * R[4] + c * R[7]
+    z = a * R[2] + b * R[5] + c * R[8]
+    scale = 1.0 / sqrt(x * x + y * y + z * z)
+    down[0], down[1], down[2] = x * scale, y * scale, z * scale
+    if s.delay != 0.0:
+        as_the_wrench_is_stamped(s, ring, now, fresh)
+
+
+@kernel
+def compensate(s: State, sample: Sample, fresh: bool, fresh_pose: bool) -> None:
     """The contact wrench, filtered: the reading less what the model gives at the wrench's moment, behind the sensor's
     own filter. The model is linear in down as the flange sees it, so three numbers are filtered and not six.
     """
     down = s.down
-    x, y, z = down_in_flange(s)
-    if s.delay != 0.0:
-        x, y, z = as_the_wrench_is_stamped(s, ring, fresh_pose, sample.time, x, y, z)
-    down[0], down[1], down[2] = x, y, z
-    if s.knows_inertia:
-        follow_motion(s, sample, ring, fresh_pose)
-        terms_then(s, ring, sample.time, fresh_pose)
     low_pass(s.sensor, s.sensor_memory, down, 3, fresh_pose)
     x, y, z = down[0], down[1], down[2]
-    warmer = warmed_by(s, sample.temperature)
+    if abs(sample.temperature) <= HOTTEST:
+        s.temperature = sample.temperature
+        if s.first_temperature != s.first_temperature:
+            s.first_temperature = s.temperature
+    warmer = s.temperature - s.first_temperature if s.first_temperature == s.first_temperature else 0.0
     reading, wrench, total, offset, per_kelvin = sample.reading, sample.wrench, s.block_sum, s.offset, s.per_kelvin
     for k in range(6):
         B = s.B[k]
@@ -164,7 +166,8 @@ def weigh(s: State, sample: Sample) -> None:
     if s.knows_inertia:
         sample.statistic = statistic_in_motion(s, sample, noise_of_motion(s, sample))
         for k in range(6):
-            sample.wrench_std[k] = sqrt(s.wrench_std[k] ** 2 + s.of_motion[k])
+            at_rest = s.wrench_std[k]
+            sample.wrench_std[k] = sqrt(at_rest * at_rest + s.of_motion[k])
     else:
         sample.statistic = statistic_of(sample.wrench, s.whitening)
         for k in range(6):
@@ -172,25 +175,24 @@ def weigh(s: State, sample: Sample) -> None:
 
 
 @kernel
-def down_in_flange(s: State) -> tuple[float, float, float]:
-    """`R_base_flange^T d`, of length 1 also where the matrix was rounded."""
-    d, R = s.gravity_direction, s.R
-    a, b, c = d[0], d[1], d[2]
-    x = a * R[0] + b * R[3] + c * R[6]
-    y = a * R[1] + b * R[4] + c * R[7]
-    z = a * R[2] + b * R[5] + c * R[8]
-    scale = 1.0 / sqrt(x * x + y * y + z * z)
-    return x * scale, y * scale, z * scale
-
-
-@kernel
-def warmed_by(s: State, temperature: float) -> float:
-    """By how much it is warmer than at first; the last temperature counts where there is none."""
-    if abs(temperature) <= HOTTEST:
-        s.temperature = temperature
-        if s.first_temperature != s.first_temperature:
-            s.first_temperature = temperature
-    return s.temperature - s.first_temperature if s.first_temperature == s.first_temperature else 0.0
+def conclude(s: State, sample: Sample, fault: int, detail: float, recovers: bool) -> tuple[int, float]:
+    """Whether something touches, where nothing is wrong; what is to be said of the sample, with a figure."""
+    if fault == FINE and s.unknown > 0:
+        fault = NO_MOTION
+    if fault == FINE and -inf < s.felt_time < sample.time - LONGEST_SILENCE:
+        fault, detail = SILENT, sample.time - s.felt_time
+    if recovers:
+        s.since_fresh, s.stale, s.spoiled = 0, True, True
+        s.run = s.quiet = 0
+    s.since_fresh += 1
+    s.fresh = 0 if fault < STUCK else WHOLLY if fault == FROZEN else max(s.fresh, WRENCH_ALONE)
+    if fault == FINE:
+        return judge(s, sample, recovers)
+    if fault == OVERLOAD and s.knows_noise:
+        judge(s, sample, recovers)
+    else:
+        s.spoiled = True
+    return fault, detail
 
 
 @kernel
