@@ -114,3 +114,9 @@ def three_digits(value: float) -> str:
         return f"{value:g}"
     digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
     return f"{value:.{min(digits, 6)}f}"
+
+
+def force_and_torque(wrench: Array) -> str:
+    """The norms of a wrench (6,) in words, N and mN m."""
+    force, torque = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
+    return f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m"

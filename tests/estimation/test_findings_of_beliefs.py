@@ -45,9 +45,11 @@ def fitted() -> tuple[RigidEstimate, PoseReadings, tuple[Pose, ...]]:
     return estimated(readings, Question("mount", DOWN)), readings, poses
 
 
-def said(probability: float, kind: Kind) -> list[Finding]:
+def said(probability: float, kind: Kind, low: tuple[int, ...] = (1, 4), timed: bool = False) -> list[Finding]:
     estimate, _, poses = fitted()
-    levels = np.outer(np.where(np.isin(np.arange(12), (1, 4)), 1.0, -1.0), [0.15, 0.0, 0.0, 0.0, 0.02, 0.0])
+    if timed:
+        poses = tuple(replace(pose, t_start=10.0 * k, t_end=10.0 * k + 1.0) for k, pose in enumerate(poses))
+    levels = np.outer(np.where(np.isin(np.arange(12), low), 1.0, -1.0), [0.15, 0.0, 0.0, 0.0, 0.02, 0.0])
     assert isinstance(estimate.beliefs, Beliefs)
     beliefs = replace(estimate.beliefs, with_orientation={kind: probability}, levels=levels)
     return of_beliefs(replace(estimate, beliefs=beliefs), poses, 0.0)
@@ -57,6 +59,17 @@ def said(probability: float, kind: Kind) -> list[Finding]:
 def test_what_goes_with_the_orientation_is_said_where_it_is_likely_and_only_then(kind: Kind) -> None:
     assert said(0.8, kind) == [Finding(kind, Severity.WARNING, SAID[kind])]
     assert said(0.4, kind) == []
+
+
+def test_two_levels_that_are_two_parts_of_the_rows_are_said_to_be_where_no_times_tell() -> None:
+    parts = "; split in the order of the rows, as by a new zero before {}: give their times (a column t)"
+    for low, first in (((0, 1, 2, 3, 4), "pose 6"), ((0, 1), "pose 3"), ((10, 11), "pose 11")):
+        (found,) = said(0.8, Kind.TWO_LEVELS, low)
+        assert found.text.endswith(parts.format(first))
+        assert "split in the order" not in said(0.8, Kind.TWO_LEVELS, low, timed=True)[0].text
+    other: tuple[tuple[int, ...], ...] = ((0,), (11,), (0, 1, 2, 3, 5), (4, 5, 6), (0, 11))
+    for few in other:
+        assert "split in the order" not in said(0.8, Kind.TWO_LEVELS, few)[0].text
 
 
 def test_a_contact_force_hardly_known_somewhere_is_weak_where_no_parameter_says_so() -> None:

@@ -19,10 +19,10 @@ from ..calibration.findings import BIAS_MOVED, Finding, WithFindings
 from ..compensate.noise import reading_variance
 from ..errors import InputError
 from ..estimation.findings_of_recording import usable
-from ..estimation.moved_bias import BiasShift, held_against, noise_dof
+from ..estimation.moved_bias import BiasShift, apart, held_against, noise_dof
 from ..geometry.arrays import Array, Frozen
 from ..geometry.ranges import LEFT_FORCE, LEFT_TORQUE, G
-from ..samples.poses import Pose
+from ..samples.poses import Pose, names_of
 from ..samples.recorded_poses import is_stream, resting_poses
 from ..samples.samples import Samples
 from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
@@ -57,7 +57,7 @@ class Verification(Frozen, WithFindings):
     norms; `chi2` per reading (1 expected) and the `probability` of one as large or larger if the calibration holds, of
     the residuals or of the weighings, whichever is the less probable; the limits asked for, N and N m; `weighings`, one
     a load; `passed`, and the `reason` in words. `bias`: what of the residuals a moved bias explains, None for a single
-    pose. `findings`: what was left out, and a bias that moved.
+    pose. `findings`: what was left out, a bias that moved, poses that are off.
     """
 
     residuals: Array
@@ -147,7 +147,11 @@ def verify(
         residuals = calibration.compensate(np.array([pose.wrench for pose in poses]), R)
         noise = reading_variance(calibration, poses)
         whole, bias = held_against(calibration, residuals, R, noise, noise_dof(calibration))
-        findings += [] if bias is None or bias.finding is None else [bias.finding]
+        named: tuple[Finding, ...] = ()
+        if bias is not None and max(whole.probability, bias.rest_probability) < SIGNIFICANCE and not bias.with_other:
+            names = names_of(poses, 0.0 if samples.t is None else samples.t[0])
+            named = apart(calibration, residuals, R, noise, whole.dof, names)
+        findings += named or ([] if bias is None or bias.finding is None else [bias.finding])
         if bias is not None and _moves_so(calibration, bias):
             rest = MisfitTest(bias.rest_chi2, whole.readings - 6, whole.dof)
             tests["residual less a bias that moves, as seen while calibrating,"] = rest

@@ -34,6 +34,7 @@ class Kind(StrEnum):
     POSES_ON_THE_WAY = "poses_on_the_way"
     POSE_LEFT_OUT = "pose_left_out"
     POSE_IN_DOUBT = "pose_in_doubt"
+    POSE_OFF = "pose_off"
     TILT_IN_DOUBT = "tilt_in_doubt"
     BIAS_STEPPED = "bias_stepped"
     BIAS_DRIFTED = "bias_drifted"

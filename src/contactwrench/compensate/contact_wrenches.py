@@ -31,6 +31,8 @@ NOT_GIVEN: Any = None
 """Of a column: left out, or filled in."""
 NOT_JUDGED, FREE, TOUCHING = -1, 0, 1
 """Of the column `contact`."""
+LONG, STEADY, MARGIN, MOST_OF_TIME = 10.0, 0.05, 1.2, 0.75
+"""s, part of the force and of its variance, by which no hand keeps so even for so long; and of the time."""
 BLANK: dict[str, Callable[[int], Any]] = {
     "valid": lambda n: np.ones(n, np.bool_),
     "reason": lambda n: (None,) * n,
@@ -115,6 +117,46 @@ class ContactWrenches(Rows):
         plain: dict[str, Any] = {"covariance_of": None, "covariance": None}
         contacts = tuple(contact for part in parts for contact in part.contacts)
         return replace(super().concatenate(parts), contacts=contacts, **plain)
+
+
+class InDoubt:
+    """Whether contact, batch by batch, may be another tool or a zero that moved: it lasts, by a force that a weight, a
+    bias and a steady drift explain, as they do no hand's, or there is one for most of the time.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration, self.rows, self.touching = calibration, 0, 0
+        self.start, self.lasts = np.nan, np.empty((0, 8))
+
+    def add(self, samples: Samples, batch: ContactWrenches) -> None:
+        """The next n > 0 samples, which have times; ten a second of a contact that lasts are kept."""
+        t, touching = np.asarray(samples.t), batch.contact == TOUCHING
+        self.start, self.rows = np.fmin(self.start, t[0]), self.rows + len(t)
+        self.touching += int(np.sum(touching))
+        if (free := np.flatnonzero(batch.contact == FREE)).size:
+            self.lasts, touching[: free[-1]] = self.lasts[:0], False
+        read = self.calibration.predict(samples.R_base_flange)[:, :3]
+        variance = np.sum(batch.std[:, :3] ** 2, axis=1)
+        known = (t - self.start, read - self.calibration.bias[:3], samples.wrench[:, :3] - read, variance)
+        kept = touching & np.isfinite(variance) & (np.diff(np.floor(10.0 * t), prepend=np.nan) != 0.0)
+        self.lasts = np.vstack([self.lasts, np.column_stack(known)[kept]])
+
+    def __str__(self) -> str:
+        """A sentence; empty where nothing is in doubt."""
+        t, load, force, variance = np.split(self.lasts, (1, 4, 7), axis=1)
+        of_axis = np.tile(np.eye(3), (len(t), 1, 1))
+        known = np.concatenate([load[..., None], of_axis, t[..., None] * of_axis], axis=2).reshape(-1, 7)
+        left = force.ravel() - known @ np.linalg.lstsq(known, force.ravel(), rcond=None)[0]
+        even = left @ left <= MARGIN * np.sum(variance) + STEADY**2 * np.sum(force**2)
+        found = f"in contact for {self.touching / max(self.rows, 1):.0%} of the time"
+        if even and len(t) and t[-1, 0] - t[0, 0] >= LONG:
+            found += f", from {t[0, 0]:.4g} s on to the end by a force as of a weight or a bias"
+        elif self.touching <= MOST_OF_TIME * self.rows:
+            return ""
+        return (
+            f"{found}: if nothing touches, another tool was mounted (calibrate it), the zero was set anew (calibrate "
+            "--prior), or it drifted (--drift)"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..calibration.calibration import Calibration
 from ..errors import InputError
-from ..estimation.noise import variance_of_means
+from ..estimation.noise import variance_of_digits, variance_of_means
 from ..geometry.arrays import Array, numbers
 from ..geometry.ranges import NOISE_OR_NONE, READING, Range
 from ..samples.poses import Pose
@@ -168,7 +168,10 @@ def six_numbers(values: ArrayLike | None, what: str, within: Range, default: flo
 
 def reading_variance(calibration: Calibration, poses: tuple[Pose, ...]) -> Array:
     """Variance (n, 6) of the poses' mean readings: what poses of the calibration differed by, and the scatter of a
-    sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both).
+    sample over the rows that each of these has (where the calibration saw no repeated rows, its noise has both); and
+    the digits that these are rounded to, by as much as they are coarser.
     """
     rows = np.array([pose.n for pose in poses], dtype=np.float64)
-    return variance_of_means(calibration.noise, calibration.fitted_poses, rows)
+    readings = (np.array([pose.wrench for pose in each]).reshape(-1, 6) for each in (poses, calibration.fitted_poses))
+    coarse, fine = map(variance_of_digits, readings)
+    return variance_of_means(calibration.noise, calibration.fitted_poses, rows) + np.maximum(coarse - fine, 0.0)

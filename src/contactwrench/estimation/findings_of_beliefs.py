@@ -8,8 +8,8 @@ import numpy as np
 
 from ..calibration.findings import Finding, Kind
 from ..geometry.arrays import Array
-from ..samples.poses import Pose
-from ..statistics import counted, two_digits
+from ..samples.poses import Pose, names_of
+from ..statistics import counted, force_and_torque
 from .bias_drift import in_words
 from .estimate import IN_DOUBT, Beliefs, Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, WARNING, WEAK
@@ -52,7 +52,7 @@ def reasons_left_out(estimate: Estimate) -> tuple[str | None, ...]:
 
 def _reason(error: Array, noise: Array) -> str:
     return (
-        f"{_force_and_torque(error)} off what the other poses explain, "
+        f"{force_and_torque(error)} off what the other poses explain, "
         f"{float(np.linalg.norm(error / noise)):.0f} std: in contact, bumped, or read before the arm was still"
     )
 
@@ -63,11 +63,6 @@ def _in_torque_alone(error: Array, noise: Array) -> bool:
     return force < SURELY * of_noise and torque > LONG_LEVER * (force + SURELY * of_noise)
 
 
-def _force_and_torque(wrench: Array) -> str:
-    force, torque = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
-    return f"{two_digits(force)} N and {two_digits(1e3 * torque)} mN m"
-
-
 def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> list[Finding]:
     """Poses left out, up to `MOST_NAMED` by name, those in doubt, how the bias moved, and what goes with the
     orientation; times count from `since`.
@@ -75,15 +70,12 @@ def of_beliefs(estimate: Estimate, poses: tuple[Pose, ...], since: float) -> lis
     beliefs = estimate.beliefs if isinstance(estimate, RigidEstimate) else None
     if beliefs is None:
         return []
-    names = [
-        f"pose {k + 1}" + ("" if pose.t_start is None else f" (t = {pose.t_start - since:.6g} s)")
-        for k, pose in enumerate(poses)
-    ]
+    names = names_of(poses, since)
     return [
         *_poses_left_out(estimate, names),
         *_poses_in_doubt(estimate, beliefs, names),
         *_bias_moved(beliefs, names, poses),
-        *_with_orientation(beliefs, names),
+        *_with_orientation(beliefs, names, poses),
         *_anywhere(estimate, beliefs),
         *_tilt_in_doubt(beliefs),
     ]
@@ -135,7 +127,7 @@ def _poses_left_out(estimate: Estimate, names: list[str]) -> list[Finding]:
         far = len(names) - out <= FEW_POSES and np.sqrt(np.mean(force**2)) > FAR_OFF * estimate.weight_scale
         found.append(WEAK(Kind.POSE_LEFT_OUT, read_wrongly) if far else DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     elif out > 1 and alike(estimate.errors[~estimate.kept] / estimate.noise):
-        off = _force_and_torque(estimate.errors[~estimate.kept].mean(axis=0))
+        off = force_and_torque(estimate.errors[~estimate.kept].mean(axis=0))
         text = f"the {out} poses left out are all off by the same, {off}: if that is backlash, the bias lies between"
         found.append(DOUBTFUL(Kind.POSE_LEFT_OUT, text))
     errors = zip(names, estimate.errors, estimate.kept, strict=True)
@@ -187,7 +179,7 @@ def _bias_moved(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> 
     return [(WARNING if moved >= 1.0 - IN_DOUBT else DOUBTFUL)(drift.kind, text)]
 
 
-def _with_orientation(beliefs: Beliefs, names: list[str]) -> list[Finding]:
+def _with_orientation(beliefs: Beliefs, names: list[str], poses: tuple[Pose, ...]) -> list[Finding]:
     """Errors that come back with the orientation; of a bias in two levels, which poses are on the smaller side."""
     found = []
     for kind, probability in beliefs.with_orientation.items():
@@ -200,9 +192,15 @@ def _with_orientation(beliefs: Beliefs, names: list[str]) -> list[Finding]:
             named = [name for name, on_it in zip(names, few, strict=True) if on_it]
             more = f" and {counted(len(named) - MOST_NAMED, 'more pose')}" if len(named) > MOST_NAMED else ""
             text = (
-                f"the bias comes back in two levels, {_force_and_torque(2.0 * beliefs.levels[0])} apart, as backlash "
+                f"the bias comes back in two levels, {force_and_torque(2.0 * beliefs.levels[0])} apart, as backlash "
                 f"makes them {COUNTED.format(chance)}; on the smaller side: {', '.join(named[:MOST_NAMED])}{more}"
             )
+            (changes,) = np.nonzero(few[1:] != few[:-1])
+            if poses[0].t_start is None and len(changes) == 1 and 0 < changes[0] < len(few) - 2:  # no backlash is so
+                first = names[changes[0] + 1]
+                text += (
+                    f"; split in the order of the rows, as by a new zero before {first}: give their times (a column t)"
+                )
             found.append(WARNING(kind, text))
     return found
 

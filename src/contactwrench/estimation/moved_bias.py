@@ -1,15 +1,25 @@
-"""Readings held against a calibration, and what of their misfit a bias explains that moved since."""
+"""Readings held against a calibration: what of their misfit a bias explains that moved since, or on the way, or a few
+poses that are off.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
 from ..geometry.arrays import Array, Frozen
-from ..statistics import SIGNIFICANCE, MisfitTest, percent, products_of_readings
+from ..statistics import SIGNIFICANCE, MisfitTest, force_and_torque, percent, products_of_readings
+from .outliers import MOST_SHARE
+
+NEW_ZERO = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
+OF_PART, FEWEST_IF_MOVED, MOST_OFF = 2, 6, 12
+"""Poses on each side of a change of the bias, as one may be in contact; where it may have moved before; and off."""
+LEAST_LEFT, NOTHING = 6, 1e200
+"""Readings that another tool, mounting and matrix leave, or these explain any; variance of what tells nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +28,8 @@ class BiasShift(Frozen):
 
     `shift` (6,), N and N m, the same in all poses, with its `std` (6,); `chi2` of it, its share of the whole, and the
     `probability` of as much by chance; `rest_chi2` and `rest_probability` of what it leaves; `alone`: whether that is
-    what the calibration explains, and no other tool or mounting would do as well.
+    what the calibration explains, and no other tool or mounting would do as well; `with_other`: whether with one
+    of these it explains all.
     """
 
     shift: Array
@@ -28,6 +39,7 @@ class BiasShift(Frozen):
     rest_chi2: float
     rest_probability: float
     alone: bool
+    with_other: bool
 
     @property
     def finding(self) -> Finding | None:
@@ -36,11 +48,10 @@ class BiasShift(Frozen):
             return None
         remedy = "another tool or mounting would do as well: tilt the tool further"
         if self.alone:
-            remedy = "one pose gives the new zero: contactwrench calibrate FILE --prior CAL.json"
+            remedy = NEW_ZERO
         elif self.rest_probability < SIGNIFICANCE:
             remedy = "more than the bias changed: calibrate anew"
-        force, torque = (float(np.linalg.norm(part)) for part in (self.shift[:3], self.shift[3:]))
-        far = f"moved by {force:.2g} N and {1e3 * torque:.2g} mN m"
+        far = f"moved by {force_and_torque(self.shift)}"
         text = (
             f"{f'the bias {far}, which' if self.alone else f'a bias that {far}'} explains {self.chi2:.3g} of the "
             f"chi-square of {self.chi2 + self.rest_chi2:.3g}; the rest has a probability of "
@@ -68,9 +79,11 @@ def held_against(
     shift = inverse @ products[1:7, 0]
     of_shift = MisfitTest(float(shift @ products[1:7, 0]), 6, dof)
     rest = MisfitTest(whole.misfit - of_shift.misfit, 6 * n - 6, dof)
-    by_others = np.linalg.lstsq(products[7:, 7:], products[7:, 0], rcond=None)[0] @ products[7:, 0]
-    left = 6 * n - len(products) + 7
-    otherwise = left <= 0 or MisfitTest(whole.misfit - float(by_others), left, dof).probability >= SIGNIFICANCE
+    others, left = [], 6 * n - len(products) + 7
+    for first, known in ((7, 0), (1, 6)):
+        by_others = np.linalg.lstsq(products[first:, first:], products[first:, 0], rcond=None)[0] @ products[first:, 0]
+        test = MisfitTest(whole.misfit - float(by_others), max(left - known, 1), dof)
+        others.append(test.probability >= SIGNIFICANCE)
     return whole, BiasShift(
         shift=shift,
         std=np.sqrt(np.diag(inverse)),
@@ -78,8 +91,51 @@ def held_against(
         probability=of_shift.probability,
         rest_chi2=rest.misfit,
         rest_probability=rest.probability,
-        alone=rest.probability >= SIGNIFICANCE and not otherwise,
+        alone=rest.probability >= SIGNIFICANCE and left > 0 and not others[0],
+        with_other=left - 6 >= LEAST_LEFT and others[1],
     )
+
+
+def apart(
+    calibration: Calibration, residuals: Array, R_base_flange: Array, variance: Array, dof: float, names: list[str]
+) -> tuple[Finding, ...]:
+    """Where `held_against` finds that poses with these `names` contradict the calibration, whatever the bias is: that a
+    few are off, or that the bias changed between two of them, if the calibration explains all else.
+    """
+    n = len(names)
+    if n < 2 * OF_PART:
+        return ()
+    off = residuals - np.median(residuals, axis=0)
+    distance, before = np.sum(off**2 / variance, axis=1), np.arange(1, n)
+    far = np.argsort(-distance)[: int(MOST_SHARE * n)].tolist()
+    far = [k for k in far if n * MisfitTest(float(distance[k]), 6, dof).probability < SIGNIFICANCE]
+    # the bias changed where the means of the poses before and after lie furthest apart, for their number
+    sums = np.cumsum((residuals - residuals.mean(axis=0)) / np.sqrt(variance), axis=0)[:-1]
+    of_parts = np.sum(sums**2, axis=1) / (before * (n - before))
+    first = OF_PART + int(np.argmax(of_parts[OF_PART - 1 : n - OF_PART]))
+    change = residuals[first:].mean(axis=0) - residuals[:first].mean(axis=0)
+    ways = (far[:1], [], *(far[:k] for k in range(2, min(len(far), MOST_OFF) + 1)))
+    for moved, out in product((False, True) if n >= FEWEST_IF_MOVED else (False,), ways):
+        told = np.where(np.isin(np.arange(n), out)[:, None], NOTHING, variance)
+        later = (np.arange(n) >= (n if out else first))[:, None]
+        whole, bias = held_against(calibration, residuals - later * change, R_base_flange, told, dof)
+        left, bias_too = 6 * (n - max(len(out), 1)), ""
+        test = MisfitTest(whole.misfit, left, dof)
+        if moved and bias is not None:
+            test = MisfitTest(bias.rest_chi2, left - 6, dof)
+            bias_too = f" with a bias that moved by {force_and_torque(bias.shift)}"
+        if test.probability < SIGNIFICANCE:
+            continue
+        agree = f"agree with the calibration{bias_too} (probability {percent(test.probability)})"
+        if out:
+            each = ", ".join(f"{names[k]} is off by {force_and_torque(off[k])}" for k in sorted(out))
+            remedy = f"take {'it' if len(out) == 1 else 'them'} anew"
+            text = f"{each}: in contact, bumped, or in the wrong row; the other {n - len(out)} {agree}; {remedy}"
+            return (Finding(Kind.POSE_OFF, Severity.WARNING, text),)
+        between = f"between {names[first - 1]} and {names[first]}, by a new zero or a drift"
+        text = f"the bias changed by {force_and_torque(change)} {between}; but for that all {agree}; {NEW_ZERO}"
+        return (Finding(Kind.BIAS_STEPPED, Severity.WARNING, text),)
+    return ()
 
 
 def noise_dof(calibration: Calibration) -> float:

@@ -125,7 +125,7 @@ def variance_of_digits(wrench: Array) -> Array:
     that are equal are off alike, and tell no more together than one of them.
     """
     steps = np.repeat([_step_of(np.unique(np.abs(wrench[:, group]))) for group in (slice(0, 3), slice(3, 6))], 3)
-    alike = [np.sum(np.unique(axis, return_counts=True)[1] ** 2) / len(axis) for axis in wrench.T]
+    alike = [np.sum(np.unique(axis, return_counts=True)[1] ** 2) / max(len(axis), 1) for axis in wrench.T]
     return np.asarray(steps**2 / 12.0 * alike)
 
 

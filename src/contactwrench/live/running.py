@@ -19,7 +19,7 @@ from ..compensate.filters import delay_of
 from ..errors import InputError
 from ..geometry.orientation import from_quat_xyzw
 from ..samples.samples import Samples
-from ..statistics import two_digits
+from ..statistics import force_and_torque
 from .history import History
 from .pose_feed import NEEDED, PoseFeed
 from .pose_track import UNKNOWN
@@ -144,8 +144,7 @@ class Runner:
         if not len(t) or not np.isfinite(orientation).all():
             raise InputError("no new zero: the robot's orientation is missing, expected both streams: wait for them")
         zero = self._compensator.zero(Samples(self.sign * wrench, from_quat_xyzw(orientation), t.copy()))
-        force, torque = float(np.linalg.norm(zero.shift[:3])), 1e3 * float(np.linalg.norm(zero.shift[3:]))
-        return f"the zero moved by {force:.2g} N and {two_digits(torque)} mN m since the calibration"
+        return f"the zero moved by {force_and_torque(zero.shift)} since the calibration"
 
     def shown(self, saved: str) -> Running:
         """For a person; `saved`: the calibration's file, where it was written."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..calibration.calibration import Calibration
 from ..calibration.text import NOISE_IS_LEARNED
 from ..compensate.compensator import Compensator
-from ..compensate.contact_wrenches import ContactWrenches, contact_wrenches, in_axes, motion_of, require_frame
+from ..compensate.contact_wrenches import ContactWrenches, InDoubt, contact_wrenches, in_axes, motion_of, require_frame
 from ..compensate.faults import Reason
 from ..compensate.filters import LowPass, delay_of, smoothed
 from ..errors import InputError
@@ -188,7 +188,7 @@ def _paired(
     recording = _telling(batches(path, options, advance=advance, **_at_once(calibration)), path, options, note)
     parts = synchronized(order.listening(recording), delay)
     begun = list(islice(parts, 2))
-    compensator = None
+    compensator, in_doubt = None, InDoubt(calibration.with_gravity(treatment.gravity))
     if treatment.judged:
         if treatment.noise is None and calibration.still_noise is None:
             note(f"{NOISE_IS_LEARNED}; --noise states it")
@@ -203,9 +203,14 @@ def _paired(
         )
     for part in chain(begun, parts):
         samples = with_accelerations(part.samples, path, options)
-        yield order.whole(_of_samples(calibration, compensator, samples, treatment), part)
+        wrenches = _of_samples(calibration, compensator, samples, treatment)
+        if compensator is not None and samples.t is not None and len(samples):
+            in_doubt.add(samples, wrenches)
+        yield order.whole(wrenches, part)
         for sentence in part.notes:
             note(sentence)
+    if doubt := str(in_doubt):
+        note(doubt)
     if compensator is not None and (last := compensator.last_contact) is not None and last.release is None:
         yield replace(NOTHING, contacts=(last,))
 

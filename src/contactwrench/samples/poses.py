@@ -43,6 +43,12 @@ class Pose(Frozen):
     rejected: str | None
 
 
+def names_of(poses: Sequence[Pose], since: float) -> list[str]:
+    """By number, from 1, and the time of each where it is known, counted from `since` (s)."""
+    times = ["" if pose.t_start is None else f" (t = {pose.t_start - since:.6g} s)" for pose in poses]
+    return [f"pose {k}{time}" for k, time in enumerate(times, start=1)]
+
+
 def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
     """A label for each visit of rows (n,) whose orientations have these; None where no orientation is visited twice, or
     where there are more than `most` visits.

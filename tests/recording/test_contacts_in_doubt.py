@@ -1,0 +1,123 @@
+"""A note where a contact is none that a hand makes: another tool, a zero that was set anew or drifted. Hands, whatever
+they do, raise none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from contactwrench.compensate.contact_wrenches import ContactWrenches, InDoubt
+from contactwrench.recording.compensate import Treatment, compensated
+from contactwrench.recording.options import Options
+from contactwrench.samples.samples import Samples
+from tests.support.live import calibrated, free
+from tests.support.recordings import MATRIX, WRENCH, csv_text, run, written
+from tests.support.world import Array, readings
+
+Capture = pytest.CaptureFixture[str]
+
+N, RATE = 6000, 100.0
+CAUSES = (
+    "if nothing touches, another tool was mounted (calibrate it), the zero was set anew (calibrate --prior), or it "
+    "drifted (--drift)"
+)
+FROM_HALF = f"in contact for 50% of the time, from 30.1 s on to the end by a force as of a weight or a bias: {CAUSES}"
+
+
+def turning(n: int, rng: np.random.Generator) -> Array:
+    """Orientations (n, 3, 3) of an arm that turns about all axes."""
+    t = np.arange(n)[:, None] / RATE
+    turns = np.sin(t * [0.31, 0.23, 0.17] + rng.uniform(0.0, 6.0, 3)) * [1.2, 1.0, 0.8]
+    R: Array = (Rotation.random(random_state=rng) * Rotation.from_rotvec(turns)).as_matrix()
+    return R
+
+
+def recorded(folder: Path, seed: int, change: str) -> Path:
+    """A minute of a free tool, from half of it on with a `change`, or with a hand on it now and then."""
+    _, rig, _ = calibrated(3)
+    rng = np.random.default_rng(seed)
+    R, half = turning(N, rng), np.arange(N)[:, None] >= N // 2
+    wrench = free(rig, R, rng)
+    if change == "another tool":
+        other = replace(rig, weight=rig.weight + 3.0, com=rig.com + np.array([0.0, 0.0, 0.02]))
+        wrench += half * (readings(other, R) - readings(rig, R))
+    elif change == "new zero":
+        wrench -= half * readings(rig, R)[N // 2]
+    elif change == "drift":
+        wrench += np.linspace(0.0, 1.0, N)[:, None] * [1.5, -1.0, 2.0, 0.05, 0.0, 0.0]
+    elif change != "free":
+        wrench += hand(rng, change)
+    rows = np.column_stack([np.arange(N) / RATE, wrench, R.reshape(N, 9)])
+    return written(folder, csv_text(("t", *WRENCH, *MATRIX), rows), "run.csv")
+
+
+def hand(rng: np.random.Generator, change: str) -> Array:
+    """Pushes (N, 6) that take `60 %` of the time in several, the last of them to the end, or one `at the end`."""
+    count = int(rng.integers(3, 7)) if change == "60 %" else 1
+    each = N // count
+    ends = [(k * each + round(0.4 * each), (k + 1) * each) for k in range(count)]
+    wrench = np.zeros((N, 6))
+    for start, end in ends if change == "60 %" else [(N - 500, N)]:
+        t = np.arange(end - start) / RATE
+        ramp = np.minimum(t, t[-1] - t if end < N else 1.0).clip(0.0, 0.3) / 0.3
+        wobble = 1.0 + rng.uniform(0.1, 0.4) * np.sin(2.0 * np.pi * rng.uniform(0.2, 1.0) * t + rng.uniform(0.0, 6.0))
+        force = (ramp * wobble)[:, None] * rng.normal(size=3) * 5.0
+        wrench[start:end] = np.hstack([force, np.cross([0.02, 0.01, 0.15], force)])
+    return wrench
+
+
+def notes_of(folder: Path, seed: int, change: str, drift: bool = False) -> list[str]:
+    """What is said of contacts."""
+    path = recorded(folder, seed, change)
+    notes: list[str] = []
+    treatment = Treatment(judged=True, drift=np.array([0.5] * 3 + [0.025] * 3) if drift else None)
+    for _ in compensated(path, Options(), calibrated(3)[0], treatment, note=notes.append):
+        pass
+    return [note for note in notes if note.startswith("in contact")]
+
+
+@pytest.mark.parametrize("change", ["another tool", "new zero"])
+def test_another_tool_and_a_new_zero_half_way_are_asked_about(change: str, tmp_path: Path) -> None:
+    for seed in range(4):
+        assert notes_of(tmp_path, seed, change) == [FROM_HALF]
+
+
+def test_a_drift_is_asked_about_and_followed_it_is_none(tmp_path: Path) -> None:
+    for seed in range(2):
+        (note,) = notes_of(tmp_path, seed, "drift")
+        assert note.startswith("in contact for 9")
+        assert note.endswith(f"s on to the end by a force as of a weight or a bias: {CAUSES}")
+        assert notes_of(tmp_path, seed, "drift", drift=True) == []
+
+
+@pytest.mark.parametrize(("change", "seeds"), [("free", 4), ("60 %", 25), ("at the end", 8)])
+def test_hands_are_not(change: str, seeds: int, tmp_path: Path) -> None:
+    for seed in range(seeds):
+        assert notes_of(tmp_path, seed, change) == [], seed
+
+
+def test_most_of_the_time_is_asked_about_whatever_the_force() -> None:
+    calibration, rig, rng = calibrated(3)
+    for share, asked in ((70, False), (80, True)):
+        doubt = InDoubt(calibration)
+        for start in range(10):
+            R, t = turning(100, rng), start + np.arange(100) / 100.0
+            contact = (np.arange(100) < share).astype(np.int8)
+            wrench, std = rng.normal(size=(100, 6)), np.ones((100, 6))
+            doubt.add(Samples(free(rig, R, rng), R, t), ContactWrenches(wrench, std, t, True, contact=contact))
+        assert str(doubt) == (f"in contact for 80% of the time: {CAUSES}" if asked else "")
+
+
+def test_the_command_says_it_in_one_line(tmp_path: Path, capsys: Capture) -> None:
+    calibrated(3)[0].save(tmp_path / "tool.json")
+    for change, said in (("new zero", [f"Note: {FROM_HALF}"]), ("60 %", [])):
+        path = recorded(tmp_path, 5, change)
+        into = ("-c", tmp_path / "tool.json", "-o", tmp_path / "o.csv", "--force")
+        done = run(capsys, "compensate", path, *into, "--contact")
+        assert done.status == 0
+        assert [line for line in done.err.splitlines() if "in contact" in line] == said
