@@ -24,9 +24,10 @@ from ..errors import AmbiguityError, UnobservableError, refuse, with_room_for
 from ..geometry.ranges import TILT_STD, G
 from ..geometry.wrench import STANDARD_GRAVITY, unit_direction
 from ..model import parameters_of, yaw_of_mounting
+from ..samples.agreement import agreed, few_repeats
 from ..samples.bursts import even_rows
 from ..samples.delay import with_delay_of_rows
-from ..samples.poses import Pose, moments_of_poses
+from ..samples.poses import Pose, averaged, moments_of_poses
 from ..samples.recorded_poses import RecordedPoses, is_stream, recorded_poses, resting_poses
 from ..samples.samples import Samples
 from ..version import __version__
@@ -36,7 +37,7 @@ from .estimate import Estimate, RigidEstimate
 from .findings import doubts
 from .findings_of_beliefs import assumptions_in_words, of_beliefs, reasons_left_out
 from .findings_of_knowledge import of_known, of_prior
-from .findings_of_recording import contact_free, of_recording, weight_changed, with_creep
+from .findings_of_recording import contact_free, of_recording, rows_apart, weight_changed, with_creep
 from .in_motion import with_earlier_inertia, with_motion
 from .noise import NoiseLike, PoseReadings, in_time, readings_of, stated_noise
 from .paper import fit_paper
@@ -51,11 +52,8 @@ OF_TOOL = ("weight", "mass", "com", "R_flange_sensor", "yaw", "weight_xy", "weig
 """Fields that only a rigid tool has; None of the others."""
 
 MOST_POSES_KEPT = 10_000
-REVISITED = 1.2
-"""Visits to each pose of a table without times, from which on the order of its rows says something."""
-
-MOST_VISITS = 1_000
-"""With more, rows alternate between orientations, and the order of the visits says little."""
+REVISITED, MOST_VISITS = 1.2, 1_000
+"""Visits to each pose of a table without times, from which on the order of rows tells; of so many, it tells little."""
 
 
 def calibrate(
@@ -193,9 +191,7 @@ def _with_prior(question: Question, prior: Calibration, gravity_stated: bool, sa
 
 
 def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
-    """Poses and the estimate from them, robust and not yet checked; every visit to an orientation is a pose of its own
-    where the bias moved. Raises `InputError`.
-    """
+    """Poses and the estimate from them, robust, not yet checked: visits where the bias moved. Raises `InputError`."""
     other = f"found {type(samples).__name__}, expected Samples: cw.read(path) or cw.Samples(wrench=, ...)"
     refuse((not isinstance(samples, Samples), other))
     G.require(g, "g")
@@ -203,16 +199,19 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     refuse((not len(free), f"{free.source}: found no contact-free samples, expected poses without a load"))
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free
-    recorded = recorded_poses(free, MOST_VISITS, stream)
-    findings += (*of_recording(recorded, _first_time(free)), *dead_channels(free, question.gravity_direction))
-    visits = recorded.visits or ()
-    ordered = stream or len(visits) > REVISITED * len(recorded.poses)
-    for each in [recorded.poses] if recorded.visits is None else [recorded.visits, recorded.poses]:
-        poses = in_time(each)
-        readings = readings_of(poses, ordered)
+    recorded, known = recorded_poses(free, MOST_VISITS, stream), None
+    ordered, few = stream or len(recorded.visits or ()) > REVISITED * len(recorded.poses), few_repeats(recorded)
+    first = averaged(free, np.arange(len(free))) if few else recorded.visits
+    for each in (first, None) if first else (None,):
+        recorded = recorded if each else agreed(free, recorded, known)
+        poses = in_time(each or recorded.poses)
+        readings = readings_of(poses, ordered and not recorded.apart)
         estimate = fitted(readings, question)
-        if estimate.bias_moved:
+        if recorded.visits and estimate.bias_moved:
             break
+        known = (estimate.noise, float(estimate.dof.min())) if few else None
+    findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench))
+    findings += tuple(dead_channels(free, question.gravity_direction))
     return Recorded(free, poses, readings, estimate, findings, g, recorded)
 
 

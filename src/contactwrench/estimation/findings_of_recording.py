@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..calibration.calibration import Calibration
 from ..calibration.findings import Finding, Kind, Severity
@@ -16,12 +17,13 @@ from ..samples.creep import Creep
 from ..samples.poses import SAME_POSE_ANGLE, Pose
 from ..samples.recorded_poses import RecordedPoses
 from ..samples.samples import Samples, spikes
+from ..statistics import force_and_torque
 from .estimate import Estimate, RigidEstimate
 from .findings import DOUBTFUL, REFUSED, SIGNIFICANCE, WARNING, WEAK, those_that_hold
 from .noise import PoseReadings, in_time, readings_of
 from .priors import Question
 
-MOST_SEGMENTS_NAMED = 3
+MOST_NAMED = 3
 MOST_MOVED = 1.0 / 3.0
 """Of the segments in which the arm stood: where the reading moves in more of them, the recording is in doubt."""
 LEAST_OF_PART, CHANGED = 3, 0.01
@@ -40,7 +42,7 @@ def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
     that the arm stopped at too few orientations.
     """
     rejected, stood = recorded.rejected, len(recorded.rejected) + recorded.segments
-    longest = sorted(rejected, key=lambda pose: -pose.n)[:MOST_SEGMENTS_NAMED]
+    longest = sorted(rejected, key=lambda pose: -pose.n)[:MOST_NAMED]
     starts = sorted((pose.t_start or 0.0, str(pose.rejected)) for pose in longest)
     named = "; ".join(f"t = {start - since:.6g} s, {reason}" for start, reason in starts)
     more = f"; {len(rejected) - len(longest)} more" if len(rejected) > len(longest) else ""
@@ -58,6 +60,30 @@ def of_recording(recorded: RecordedPoses, since: float) -> list[Finding]:
             (recorded.on_the_way > 0, WARNING, Kind.POSES_ON_THE_WAY, slow),
         )
     )
+
+
+def rows_apart(recorded: RecordedPoses, wrench: Array) -> list[Finding]:
+    """Rows of a table, with these readings (n, 6), that contradict others at their orientation; they count from 1,
+    without those left out before.
+    """
+    found, left, in_order = [], len(recorded.apart) - MOST_NAMED, in_time(recorded.poses)
+    for these, others, left_out in recorded.apart[:MOST_NAMED]:
+        off = force_and_torque(wrench[these].mean(axis=0) - wrench[others].mean(axis=0))
+        one, two = sorted((these, others), key=lambda rows: int(rows[0]))
+        so = f"{_named(these)} left out as in contact, bumped, or lost on the way"
+        if not left_out and recorded.label is not None:
+            poses = [in_order.index(recorded.poses[recorded.label[rows[0]]]) + 1 for rows in (one, two)]
+            so = f"they are poses {poses[0]} and {poses[1]}, one in contact, misread, or of another orientation"
+        text = f"{_named(one)} and {_named(two)} have one orientation and are {off} apart: {so}"
+        found.append((REFUSED if left_out else WARNING)(Kind.ROWS_APART, text))
+    more = WARNING(Kind.ROWS_APART, f"rows at one orientation are apart {left} times more")
+    return [*found, more] if left > 0 else found
+
+
+def _named(rows: NDArray[np.intp]) -> str:
+    first, last = int(rows[0]) + 1, int(rows[-1]) + 1
+    some = "" if last - first < len(rows) else f" ({len(rows)} of them)"
+    return f"row {first}" if first == last else f"rows {first} to {last}{some}"
 
 
 def with_creep(calibration: Calibration, creep: Creep | None, R_base_flange: Array) -> Calibration:

@@ -59,14 +59,17 @@ def visits(label: NDArray[np.intp], most: int) -> NDArray[np.intp] | None:
 
 
 def averaged(samples: Samples, label: NDArray[np.intp]) -> tuple[Pose, ...]:
-    """The mean of the rows of each label (0, 1, ...), in that order."""
-    if not len(label):
-        return ()
+    """The mean of the rows of each label (0, 1, ...), in that order; a negative one is left out."""
+    return mean_poses(samples, rows_of(label)) if len(label) else ()
+
+
+def rows_of(label: NDArray[np.intp]) -> Sequence[slice | NDArray[np.intp]]:
+    """The rows of each label (0, 1, ...), in that order."""
     in_order = bool((label[1:] >= label[:-1]).all())
     order = np.arange(len(label)) if in_order else np.argsort(label, kind="stable")
     edges = np.flatnonzero(np.r_[True, np.diff(label[order]) != 0, True])
-    ends = list(pairwise(edges.tolist()))
-    return mean_poses(samples, [slice(a, b) for a, b in ends] if in_order else [order[a:b] for a, b in ends])
+    ends = list(pairwise(edges[int(label[order[0]] < 0) :].tolist()))
+    return [slice(a, b) for a, b in ends] if in_order else [order[a:b] for a, b in ends]
 
 
 def mean_poses(samples: Samples, rows: Sequence[slice | NDArray[np.intp]]) -> tuple[Pose, ...]:

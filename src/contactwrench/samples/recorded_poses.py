@@ -93,7 +93,9 @@ class RecordedPoses:
     """`poses`; `visits`, where an orientation that the arm comes back to counts each time, None where it comes back to
     none or too often; the segments of a stream that are no pose, `rejected`, as poses with the reason, in how many of
     them the reading `moved`, and how many `segments` made the poses (0: the rows of a table did); how many poses were
-    taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments, and the `creep` that they show.
+    taken `on_the_way` of an arm that turns slowly; the `still_noise` of the segments, and the `creep` that they show;
+    of a table the `label` (n,) of each row's pose, negative of none, and rows that are `apart` from others at their
+    orientation, and whether they were left out (agreement.py).
     """
 
     poses: tuple[Pose, ...]
@@ -104,6 +106,8 @@ class RecordedPoses:
     on_the_way: int = 0
     still_noise: StillNoise | None = None
     creep: Creep | None = None
+    label: NDArray[np.intp] | None = None
+    apart: tuple[tuple[NDArray[np.intp], NDArray[np.intp], bool], ...] = ()
 
 
 def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = None) -> RecordedPoses:
@@ -120,11 +124,8 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         _require_seconds(samples, len(first))
         poses, visit = averaged(samples, label), visits(label, most_visits)
         again = None if visit is None else averaged(samples, visit)
-        if samples.t is None:
-            return RecordedPoses(poses, again, (), 0, 0)
-        rows, period = _even_rows(samples.t, label)
-        noise = still_noise_of([samples.wrench[each] for each in rows], period)
-        return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=_creep_of_rows(samples, samples.t, label))
+        noise, creep = told_by_times(samples, label)
+        return RecordedPoses(poses, again, (), 0, 0, still_noise=noise, creep=creep, label=label)
     samples = counted_on(samples)[0]
     still = still_segments(samples)
     stood = still.accepted + still.rejected
@@ -144,6 +145,14 @@ def recorded_poses(samples: Samples, most_visits: int, stream: bool | None = Non
         still.noise,
         _creep_of(samples, still),
     )
+
+
+def told_by_times(samples: Samples, label: NDArray[np.intp]) -> tuple[StillNoise | None, Creep | None]:
+    """The noise, and the creep, that rows of a table show whose orientations have these labels."""
+    if samples.t is None:
+        return None, None
+    rows, period = _even_rows(samples.t, label)
+    return still_noise_of([samples.wrench[k] for k in rows], period), _creep_of_rows(samples, samples.t, label)
 
 
 def _even_rows(t: Array, label: NDArray[np.intp]) -> tuple[list[NDArray[np.intp]], float]:

@@ -1,0 +1,134 @@
+"""Rows at one orientation belong together as long as they agree: one in contact, or lost, does not spoil the table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import contactwrench as cw
+from contactwrench.calibration.findings import Finding, Kind, Severity
+from tests.support.rigs import NOISE, example
+from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
+
+CONTACT = np.array([0.0, 0.0, -4.0, 0.2, 0.0, 0.0])
+POSES = 12
+ROUNDS = np.tile(np.arange(POSES), 2)
+"""Every orientation twice, as the guide advises."""
+
+
+def _table(seed: int, of_row: NDArray[np.intp], noise: Array = NOISE) -> tuple[Rig, cw.Samples]:
+    """Rows at random orientations, which have these numbers, on an upright sensor."""
+    rig, R, rng = example(seed, POSES)
+    rig = replace(rig, weight=15.0, com=np.array([0.004, 0.01, 0.05]), R_flange_sensor=np.eye(3))
+    R = R[of_row]
+    return rig, cw.Samples(noisy_readings(rig, R, noise, rng), R)
+
+
+def _moved(samples: cw.Samples, rows: list[int], by: Array = CONTACT) -> cw.Samples:
+    wrench = samples.wrench.copy()
+    wrench[rows] += by
+    return replace(samples, wrench=wrench)
+
+
+def _apart(calibration: cw.Calibration) -> list[Finding]:
+    return [finding for finding in calibration.findings if finding.kind is Kind.ROWS_APART]
+
+
+def _off(calibration: cw.Calibration, rig: Rig) -> float:
+    unseen = random_rotations(60, np.random.default_rng(5))
+    return float(np.sqrt(np.mean((calibration.predict(unseen) - readings(rig, unseen))[:, :3] ** 2)))
+
+
+@pytest.mark.parametrize(
+    ("of_row", "bad"),
+    [
+        (np.r_[0:POSES, 3], [3]),
+        (np.r_[0:POSES, 3, 5], [3]),
+        (ROUNDS, [5]),
+        (ROUNDS, [17]),
+        (np.repeat(np.arange(POSES), 3), [13]),
+        (np.repeat(np.arange(POSES), 10), [44]),
+        (np.repeat(np.arange(POSES), 10), list(range(40, 44))),
+    ],
+)
+@pytest.mark.parametrize("size", [0.25, 1.0, 10.0])
+def test_a_row_in_contact_costs_no_more_than_its_pose(of_row: NDArray[np.intp], bad: list[int], size: float) -> None:
+    rig, samples = _table(1, of_row)
+    clean, calibration = cw.calibrate(samples), cw.calibrate(_moved(samples, bad, size * CONTACT))
+    assert calibration.verdict == clean.verdict == "good"
+    assert len(_apart(calibration)) == 1
+    assert calibration.noise == pytest.approx(clean.noise, rel=0.5)
+    assert calibration.expected_error[0] < 1.5 * clean.expected_error[0]
+    assert _off(calibration, rig) < 1.5 * _off(clean, rig) + 0.01
+
+
+def test_which_rows_are_apart_is_said() -> None:
+    (said,) = _apart(cw.calibrate(_moved(_table(2, ROUNDS)[1], [5])))
+    assert said.severity is Severity.WARNING
+    assert said.text == (
+        "row 6 and row 18 have one orientation and are 4 N and 200 mN m apart: they are poses 1 and 7, one in "
+        "contact, misread, or of another orientation"
+    )
+
+
+def test_a_row_outvoted_is_left_out_by_name() -> None:
+    samples = _table(3, np.repeat(np.arange(POSES), 10))[1]
+    lost = samples.wrench.copy()
+    lost[16] = 0.0
+    calibration = cw.calibrate(replace(samples, wrench=lost))
+    (said,) = _apart(calibration)
+    assert said.severity is Severity.REFUSED
+    assert said.text.startswith("rows 11 to 20 (9 of them) and row 17 have one orientation and are ")
+    assert said.text.endswith(" apart: row 17 left out as in contact, bumped, or lost on the way")
+    kept = np.delete(np.arange(len(samples)), 16)
+    without = cw.calibrate(samples.select(kept))
+    assert pytest.approx(without.B) == calibration.B
+
+
+def test_only_the_first_are_named() -> None:
+    said = _apart(cw.calibrate(_moved(_table(4, np.repeat(np.arange(POSES), 10))[1], [5, 25, 45, 65, 85])))
+    assert [finding.severity for finding in said] == 3 * [Severity.REFUSED] + [Severity.WARNING]
+    assert said[-1].text == "rows at one orientation are apart 2 times more"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "of_row", [np.r_[0:POSES, 3], ROUNDS, np.repeat(np.arange(POSES), 3), np.repeat(np.arange(POSES), 10)]
+)
+@pytest.mark.parametrize("noise", [NOISE, NOISE * np.array([1.0, 1.0, 4.0, 1.0, 1.0, 4.0])])
+def test_rows_that_agree_stay_together(of_row: NDArray[np.intp], noise: Array) -> None:
+    for seed in range(12):
+        calibration = cw.calibrate(_table(seed, of_row, noise)[1])
+        assert not _apart(calibration)
+        assert len(calibration.poses) == POSES
+
+
+@pytest.mark.slow
+def test_coarse_digits_and_an_arm_that_shakes_at_one_pose_part_nothing() -> None:
+    for seed in range(12):
+        _, samples = _table(seed, np.repeat(np.arange(POSES), 10))
+        coarse = replace(samples, wrench=np.round(samples.wrench / (4.0 * NOISE)) * (4.0 * NOISE))
+        shaking = np.random.default_rng(seed).normal(size=(10, 6)) * 2.0 * NOISE
+        for each in (coarse, replace(samples, wrench=samples.wrench + np.pad(shaking, ((30, 80), (0, 0))))):
+            assert not _apart(cw.calibrate(each))
+
+
+def test_a_bias_that_moved_between_rounds_parts_nothing() -> None:
+    """All rows of the second round are off those of the first."""
+    calibration = cw.calibrate(_moved(_table(6, ROUNDS)[1], list(range(POSES, 2 * POSES))))
+    assert not _apart(calibration)
+    assert any(finding.kind is Kind.BIAS_STEPPED for finding in calibration.findings)
+
+
+def test_rows_left_out_are_no_creep_and_no_noise() -> None:
+    of_row = np.repeat(np.arange(POSES), 40)
+    _, samples = _table(7, of_row)
+    timed = replace(samples, t=0.02 * np.arange(len(of_row)) + 20.0 * of_row)
+    clean, calibration = cw.calibrate(timed), cw.calibrate(_moved(timed, [47, 205], 10.0 * CONTACT))
+    assert clean.still_noise is not None
+    assert calibration.still_noise is not None
+    assert calibration.still_noise.std == pytest.approx(clean.still_noise.std, rel=0.1)
+    assert calibration.expected_error[0] == pytest.approx(clean.expected_error[0], rel=0.2)
