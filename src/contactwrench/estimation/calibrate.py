@@ -200,6 +200,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
     stream = is_stream(samples)
     free = with_delay_of_rows(free) if stream else free
     recorded, known = recorded_poses(free, MOST_VISITS, stream), None
+    dead = dead_channels(free, question.gravity_direction)
     ordered, few = stream or len(recorded.visits or ()) > REVISITED * len(recorded.poses), few_repeats(recorded)
     first = averaged(free, np.arange(len(free))) if few else recorded.visits
     for each in (first, None) if first else (None,):
@@ -210,8 +211,7 @@ def from_recording(samples: Samples, question: Question, g: float) -> Recorded:
         if recorded.visits and estimate.bias_moved:
             break
         known = (estimate.noise, float(estimate.dof.min())) if few else None
-    findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench))
-    findings += tuple(dead_channels(free, question.gravity_direction))
+    findings += (*of_recording(recorded, _first_time(free)), *rows_apart(recorded, free.wrench), *dead)
     return Recorded(free, poses, readings, estimate, findings, g, recorded)
 
 
