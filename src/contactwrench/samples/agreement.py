@@ -73,7 +73,7 @@ def agreed(samples: Samples, recorded: RecordedPoses, known: tuple[Array, float]
 
 
 def _scatter(readings: list[Array], known: tuple[Array, float] | None) -> tuple[Array, float]:
-    """The std (6,) of a row, and how many times it a row may be off, of readings (n, 6), at one orientation each."""
+    """The std (6,) of a row, and how many of these it may be off, of readings (n, 6), at one orientation each."""
     from scipy.special import stdtrit
 
     rows = sum(map(len, readings))
