@@ -28,7 +28,7 @@ SETTLED = 1e-2
 STILL_MOVING = 0.25
 """Of a stack: when no more are, these go on alone, as a pass costs what its stack is large (a fifth of `auto`)."""
 
-RIDGE = 1e-13
+RIDGE = 1e-12
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 

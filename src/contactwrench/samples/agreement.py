@@ -18,6 +18,8 @@ from .samples import Samples
 
 ENOUGH = 12
 """Rows beyond the first one of each orientation, from which on they tell by themselves what rows scatter by."""
+FEWEST_TO_FIT = 4
+"""Orientations, from which on a fit to all rows may tell what they scatter by."""
 BY_CHANCE, OF_MEDIAN = 1e-4, 0.37
 """Probability that rows of a table are parted without a cause; and what a number in a median is worth, in a mean."""
 NOISIER, FEWEST, LOOKED_AT = 3.0, 5, 200
@@ -34,7 +36,8 @@ back one at a time.
 
 def few_repeats(recorded: RecordedPoses) -> bool:
     """Whether rows of a table repeat orientations, but too few to tell what rows scatter by."""
-    return recorded.label is not None and 0 < len(recorded.label) - len(recorded.poses) < ENOUGH
+    n = len(recorded.poses)
+    return recorded.label is not None and n >= FEWEST_TO_FIT and 0 < len(recorded.label) - n < ENOUGH
 
 
 def agreed(samples: Samples, recorded: RecordedPoses, known: tuple[Array, float] | None = None) -> RecordedPoses:
