@@ -52,6 +52,8 @@ def test_digits_show_as_the_coarsest_step_and_in_readings_that_are_alike() -> No
         wrench = step * np.rint(rng.normal(size=(24, 6)) * 20.0)
         alike = [np.sum(np.unique(axis, return_counts=True)[1] ** 2) / 24.0 for axis in wrench.T]
         np.testing.assert_allclose(variance_of_digits(wrench), step**2 / 12.0 * np.array(alike))
+        many = variance_of_digits(step * np.rint(rng.normal(size=(5_000, 6)) * 20.0))
+        assert (many < 6.1 * step**2 / 12.0).all()  # that thousands are equal is no sign that they are off alike
 
 
 def test_readings_with_all_their_digits_or_next_to_none_show_no_step() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import contactwrench as cw
 from contactwrench.calibration.findings import Finding, Kind, Severity
 from tests.support.rigs import NOISE, example
-from tests.support.world import Array, Rig, noisy_readings, random_rotations, readings
+from tests.support.world import Array, Rig, noisy_readings, random_rig, random_rotations, readings
 
 CONTACT = np.array([0.0, 0.0, -4.0, 0.2, 0.0, 0.0])
 POSES = 12
@@ -132,3 +132,15 @@ def test_rows_left_out_are_no_creep_and_no_noise() -> None:
     assert calibration.still_noise is not None
     assert calibration.still_noise.std == pytest.approx(clean.still_noise.std, rel=0.1)
     assert calibration.expected_error[0] == pytest.approx(clean.expected_error[0], rel=0.2)
+
+
+@pytest.mark.parametrize("model", ["auto", "affine"])
+def test_a_new_zero_at_the_end_is_no_accident_of_every_orientation(model: str) -> None:
+    """Of the last of eight loops: its rows are not outvoted by those of the old zero."""
+    rng = np.random.default_rng(2)
+    rig, R = random_rig(rng), np.concatenate([random_rotations(12, rng)] * 8)
+    wrench = noisy_readings(rig, R, np.array([0.05] * 3 + [0.003] * 3), rng)
+    wrench[84:] += [2.0, 0.0, 1.0, 0.0, 0.0, 0.05]
+    calibration = cw.calibrate(cw.Samples(wrench, R), model)
+    off = np.abs(calibration.bias - rig.bias - [2.0, 0.0, 1.0, 0.0, 0.0, 0.05])
+    assert calibration.verdict != "good" or (off < 5.0 * calibration.std["bias"]).all()

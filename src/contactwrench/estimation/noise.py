@@ -29,6 +29,10 @@ ROUNDING = 1e-10
 STEPS = np.outer(10.0 ** np.arange(0.0, -6.0, -1.0), [5.0, 2.5, 2.0, 1.25, 1.0]).ravel()
 """That tables are rounded to, and converters resolve, in powers of ten; the coarsest that fits is it."""
 
+FEW_STEPS, MOST_ALIKE = 3.5, 6.0
+"""Steps that an axis stays within, whose readings are off alike; of one that sweeps more, as many are as poses along
+the axes read the same, while of thousands most are equal by chance.
+"""
 FEWEST_TO_TELL, OFF_GRID = 6, 1e-3
 """Readings of different size, of which every second one is even by chance; and a part of a step."""
 
@@ -125,8 +129,9 @@ def variance_of_digits(wrench: Array) -> Array:
     that are equal are off alike, and tell no more together than one of them.
     """
     steps = np.repeat([_step_of(np.unique(np.abs(wrench[:, group]))) for group in (slice(0, 3), slice(3, 6))], 3)
-    alike = [np.sum(np.unique(axis, return_counts=True)[1] ** 2) / max(len(axis), 1) for axis in wrench.T]
-    return np.asarray(steps**2 / 12.0 * alike)
+    alike = np.array([np.sum(np.unique(axis, return_counts=True)[1] ** 2) / max(len(axis), 1) for axis in wrench.T])
+    sweeps = np.ptp(wrench, axis=0) > FEW_STEPS * steps if len(wrench) else np.zeros(6, dtype=np.bool_)
+    return np.asarray(steps**2 / 12.0 * np.where(sweeps, np.minimum(alike, MOST_ALIKE), alike))
 
 
 def _step_of(sizes: Array) -> float:

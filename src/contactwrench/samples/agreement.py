@@ -18,6 +18,8 @@ from .samples import Samples
 
 ENOUGH = 12
 """Rows beyond the first one of each orientation, from which on they tell by themselves what rows scatter by."""
+COMMON = 0.5
+"""Of the orientations: where rows are apart at more, it is no accident, as where the zero moved, and all rows count."""
 FEWEST_TO_FIT = 4
 """Orientations, from which on a fit to all rows may tell what they scatter by."""
 BY_CHANCE, OF_MEDIAN = 1e-4, 0.37
@@ -61,11 +63,13 @@ def agreed(samples: Samples, recorded: RecordedPoses, known: tuple[Array, float]
             off, others = row[rows][part == other], row[rows][part == main]
             come, of_visits = len(set(visit[off].tolist())), int(np.isin(visit[rows], visit[off]).sum())
             share = len(off) / (len(part) if come == of_visits else of_visits)
-            outvoted = bool(share < LEAST_SHARE or other == MOST_READINGS)
-            finer[off] = -1 if outvoted else finer.max() + 1
-            apart.append((off, others, outvoted))
+            apart.append((off, others, bool(share < LEAST_SHARE or other == MOST_READINGS)))
     if not apart:
         return recorded
+    everywhere = len({int(label[others[0]]) for _, others, _ in apart}) > max(1.0, COMMON * len(together))
+    apart = [(off, others, outvoted and not everywhere) for off, others, outvoted in apart]
+    for off, _, outvoted in apart:
+        finer[off] = -1 if outvoted else finer.max() + 1
     last = len(label) - 1 - np.unique(finer[::-1], return_index=True)[1][int(finer.min() < 0) :]
     rank = np.full(finer.max() + 2, -1)  # in the order in which they were seen last; the last entry is of -1
     rank[np.unique(finer[finer >= 0])] = np.argsort(np.argsort(last))
