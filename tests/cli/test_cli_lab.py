@@ -22,18 +22,24 @@ from tests.support.signals import heard
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 
 
+def _started(command: list[str], ending: ExitStack) -> subprocess.Popen[str]:
+    """A program that hears signals, also where the tests ignore them, and is killed in the end."""
+    program = subprocess.Popen(
+        command,
+        stdout=PIPE,
+        stderr=PIPE,
+        text=True,
+        preexec_fn=heard,  # noqa: PLW1509 - it locks nothing
+    )
+    ending.enter_context(program)
+    ending.callback(program.kill)
+    return program
+
+
 def test_it_runs_until_it_is_interrupted() -> None:
     command = [sys.executable, "-m", "contactwrench", "lab", "--auto", "--set", "tool.mass=0.5"]
     with ExitStack() as ending:
-        started = subprocess.Popen(
-            command,
-            stdout=PIPE,
-            stderr=PIPE,
-            text=True,
-            preexec_fn=heard,  # noqa: PLW1509 - it locks nothing
-        )
-        program = ending.enter_context(started)
-        ending.callback(program.kill)
+        program = _started(command, ending)
         assert program.stdout is not None
         said = [program.stdout.readline().split() for _ in range(4)]
         sensor, robot, control = (int(words[1].rsplit(":", 1)[1]) for words in said[:3])
@@ -86,15 +92,7 @@ def test_a_live_session_beside_it_ends_with_it(number: str, status: int, said: s
     pytest.importorskip("uvicorn")
     command = [sys.executable, "-m", "contactwrench", "lab", "--live"]
     with ExitStack() as ending:
-        started = subprocess.Popen(
-            command,
-            stdout=PIPE,
-            stderr=PIPE,
-            text=True,
-            preexec_fn=heard,  # noqa: PLW1509 - it locks nothing
-        )
-        program = ending.enter_context(started)
-        ending.callback(program.kill)
+        program = _started(command, ending)
         assert program.stdout is not None
         assert program.stderr is not None
         words = [program.stdout.readline().split() for _ in range(4)]
